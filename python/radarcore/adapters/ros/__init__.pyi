@@ -3,6 +3,17 @@ from radarcore.adapters.ros.images import from_camera_info as from_camera_info
 from radarcore.adapters.ros.images import from_ros_image as from_ros_image
 from radarcore.adapters.ros.messages import DEFINITIONS as DEFINITIONS
 from radarcore.adapters.ros.messages import installed as installed
+from radarcore.adapters.ros.samples import from_map_image as from_map_image
+from radarcore.adapters.ros.samples import from_samples_message as from_samples_message
+from radarcore.adapters.ros.samples import from_settings_message as from_settings_message
+from radarcore.adapters.ros.samples import to_frame as to_frame
+from radarcore.adapters.ros.samples import to_map_image as to_map_image
+from radarcore.adapters.ros.samples import to_samples_message as to_samples_message
+from radarcore.adapters.ros.samples import to_settings_message as to_settings_message
+from radarcore.adapters.ros.scans import from_point_cloud as from_point_cloud
+from radarcore.adapters.ros.scans import from_radar_scan as from_radar_scan
+from radarcore.adapters.ros.scans import to_point_cloud as to_point_cloud
+from radarcore.adapters.ros.scans import to_radar_scan as to_radar_scan
 from radarcore.adapters.ros.stamps import header_nanoseconds as header_nanoseconds
 from radarcore.adapters.ros.stamps import nanoseconds as nanoseconds
 from radarcore.adapters.ros.stamps import nearest_nanoseconds as nearest_nanoseconds
