@@ -3,6 +3,14 @@ from radarcore.adapters.ros.images import from_camera_info as from_camera_info
 from radarcore.adapters.ros.images import from_ros_image as from_ros_image
 from radarcore.adapters.ros.messages import DEFINITIONS as DEFINITIONS
 from radarcore.adapters.ros.messages import installed as installed
+from radarcore.adapters.ros.poses import JointSeries as JointSeries
+from radarcore.adapters.ros.poses import PoseSeries as PoseSeries
+from radarcore.adapters.ros.poses import from_pose as from_pose
+from radarcore.adapters.ros.poses import joint_series as joint_series
+from radarcore.adapters.ros.poses import pose_series as pose_series
+from radarcore.adapters.ros.poses import rigid_body_series as rigid_body_series
+from radarcore.adapters.ros.poses import to_pose_stamped as to_pose_stamped
+from radarcore.adapters.ros.poses import to_transforms as to_transforms
 from radarcore.adapters.ros.samples import from_map_image as from_map_image
 from radarcore.adapters.ros.samples import from_samples_message as from_samples_message
 from radarcore.adapters.ros.samples import from_settings_message as from_settings_message
@@ -18,3 +26,4 @@ from radarcore.adapters.ros.stamps import header_nanoseconds as header_nanosecon
 from radarcore.adapters.ros.stamps import nanoseconds as nanoseconds
 from radarcore.adapters.ros.stamps import nearest_nanoseconds as nearest_nanoseconds
 from radarcore.adapters.ros.stamps import seconds as seconds
+from radarcore.adapters.ros.transforms import TransformTree as TransformTree
