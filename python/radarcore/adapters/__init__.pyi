@@ -1,1 +1,2 @@
+from radarcore.adapters import coppeliasim as coppeliasim
 from radarcore.adapters import images as images
