@@ -96,6 +96,12 @@ def _parser() -> argparse.ArgumentParser:
     source.add_config(plot)
     plot.set_defaults(run=_plot)
 
+    view = commands.add_parser("view", help="show a scene file or a recording in the viewer Rerun (extra `rerun`)")
+    view.add_argument("source", type=Path, help="recording, or scene file (TOML), which is simulated")
+    view.add_argument("-o", "--output", type=Path, metavar="FILE", help="write an .rrd file in place of opening it")
+    source.add_config(view)
+    view.set_defaults(run=_view)
+
     info = commands.add_parser("info", help="summarise a recording or a scene file, or report the quality of a mesh")
     info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
     source.add_config(info)
@@ -185,6 +191,12 @@ def _plot(options: argparse.Namespace) -> int:
     )
     print(options.output)
     return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    from radarcore.cli import view
+
+    return view.run(options)
 
 
 def _info(options: argparse.Namespace) -> int:
