@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from coppelia_stub import ANGLE, BALL, FAR, GREYS, HEIGHT, PLATE_AT, PLATE_VELOCITY, RADIUS, TIME_STEP, Stub
 
 import radarcore as rc
+from coppelia_stub import ANGLE, BALL, FAR, GREYS, HEIGHT, PLATE_AT, PLATE_VELOCITY, RADIUS, TIME_STEP, Stub
 from radarcore.adapters import coppeliasim
 
 RADAR = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=64, chirp_interval=300e-6)
@@ -252,6 +255,29 @@ def test_everything_else_is_the_api_of_the_client(simulator: coppeliasim.Coppeli
     assert stub.first["lang"] == "python"
 
 
+def example(*arguments: str) -> str:
+    """What the example prints, in a fresh interpreter."""
+    root = Path(__file__).resolve().parents[2]
+    path = os.pathsep.join([str(Path(rc.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-W", "error", str(root / "examples" / "coppeliasim_scene.py"), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": path})
+    return done.stdout
+
+
+def test_example_finds_the_plate_on_both_routes(stub: Stub) -> None:
+    lines = example(f"127.0.0.1:{stub.port}").splitlines()
+    assert len(lines) == 20
+    assert not stub.is_running
+    for number, line in enumerate(lines, 1):
+        found = re.fullmatch(r"(.*) s: meshes (.*) m (.*) m/s, depth image (.*) m (.*) m/s", line)
+        assert found, line
+        time, *values = map(float, found.groups())
+        assert time == pytest.approx(number * TIME_STEP)
+        if number > 1:  # velocities are differences
+            assert values[1::2] == pytest.approx([PLATE_VELOCITY] * 2, abs=RADAR.waveform.velocity_resolution)
+        assert values[::2] == pytest.approx([stub.plate_at(time)] * 2, abs=RADAR.waveform.range_resolution)
+
+
 # Errors
 
 
@@ -272,6 +298,12 @@ def test_no_server_is_one_error_with_address_and_hint_within_the_timeout() -> No
     assert message.startswith(f"tcp://127.0.0.1:{port}: expected an answer to zmqRemoteApi.require within 0.3 s")
     assert "is CoppeliaSim running, with its ZMQ remote API server on this port?" in message
     assert "\n" not in message
+
+
+def test_example_without_a_server_prints_the_hint() -> None:
+    printed = example(f"127.0.0.1:{free_port()}", "/radar", "0.3")
+    assert "is CoppeliaSim running" in printed
+    assert printed.count("\n") == 1
 
 
 def test_server_that_falls_silent_is_one_error_and_the_connection_closed() -> None:

@@ -87,12 +87,15 @@ def test_every_arm_has_its_joints(name: str, count: int) -> None:
     assert len(arm(name, None).joint_names) == count
 
 
-@pytest.mark.parametrize("name", ["ur5", "ur10", "panda", "xarm7"])  # the others have large files
-def test_arms_have_closed_shapes_that_face_outwards(name: str) -> None:
+@pytest.mark.parametrize(  # the others have large files
+    ("name", "count"), [("ur5", 5328), ("ur10", 5862), ("panda", 2396), ("xarm7", 41096)]
+)
+def test_arms_have_closed_shapes_that_face_outwards(name: str, count: int) -> None:
     found = arm(name, "collision")
     assert found.name == name
     meshes = [mesh for mesh in found.links.values() if mesh is not None]
     assert len(meshes) >= 5
+    assert sum(len(mesh.triangles) for mesh in meshes) == count
     assert min(mesh.volume for mesh in meshes) > 1e-5  # 10 ml: a finger
     assert len(found.moving(np.zeros(len(found.joint_names))).bodies()) == len(meshes)
 

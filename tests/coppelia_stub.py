@@ -1,8 +1,8 @@
 """A server that speaks the protocol of CoppeliaSim's ZeroMQ remote API, with a small scene that really moves.
 
 The scene is made of formulas of its own: a vision sensor at a height of 0.5 m looks along the world's x axis at a plate
-that moves, a ball up on the left, and the empty distance. Depth is found ray by ray in the sensor's axes (x to the
-left of the image, y up, z forward), and packed as CoppeliaSim packs it.
+that moves, a ball up on the left, and the empty distance. Depth is found in the sensor's axes (x to the left of the
+image, y up, z forward), and packed as CoppeliaSim packs it.
 """
 
 from __future__ import annotations
@@ -244,18 +244,18 @@ class Stub(threading.Thread):
     def seen(self, time: float) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
         """Depth [m] and grey image at a time, row 0 on top."""
         focal = 0.5 * max(self.columns, self.rows) / np.tan(0.5 * ANGLE)
+        # To the left of the image is x, up is y, forward z.
+        left = (self.columns / 2 - np.arange(self.columns) - 0.5) / focal
+        up = (self.rows / 2 - np.arange(self.rows) - 0.5)[:, None] / focal
         depth, grey = np.full((self.rows, self.columns), FAR), np.zeros((self.rows, self.columns), np.uint8)
-        center = SENSOR_AXES.T @ (BALL - [0.0, 0.0, HEIGHT])  # in the sensor's axes
-        for i in range(self.rows):
-            for j in range(self.columns):
-                # To the left of the image is x, up is y.
-                ray = np.array([(self.columns / 2 - j - 0.5) / focal, (self.rows / 2 - i - 0.5) / focal, 1.0])
-                plate = self.plate_at(time)
-                if (np.abs(plate * ray[:2]) < PLATE_SIZE / 2).all():
-                    depth[i, j], grey[i, j] = plate, GREYS["plate"]
-                a, b, c = ray @ ray, ray @ center, center @ center - RADIUS**2
-                if b * b > a * c and (nearest := (b - np.sqrt(b * b - a * c)) / a) < depth[i, j]:
-                    depth[i, j], grey[i, j] = nearest, GREYS["ball"]
+        plate = self.plate_at(time)
+        is_plate = (np.abs(plate * left) < PLATE_SIZE / 2) & (np.abs(plate * up) < PLATE_SIZE / 2)
+        depth[is_plate], grey[is_plate] = plate, GREYS["plate"]
+        x, y, z = SENSOR_AXES.T @ (BALL - [0.0, 0.0, HEIGHT])  # of the ball, in the sensor's axes
+        a, b, c = left**2 + up**2 + 1.0, left * x + up * y + z, x * x + y * y + z * z - RADIUS**2
+        nearest = (b - np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
+        is_ball = (b * b > a * c) & (nearest < depth)
+        depth[is_ball], grey[is_ball] = nearest[is_ball], GREYS["ball"]
         return depth, grey
 
     def _depth(self, handle: int, options: int = 0) -> list[Any]:
