@@ -190,7 +190,8 @@ def test_map_detections_and_truth_show_the_target(tmp_path: Path) -> None:
     ((time, data),) = content.at("/radar/range_velocity", "Tensor:data")
     assert time == pytest.approx(MIDDLE, abs=1e-9)
     tensor = data[0]
-    assert tensor["names"] == ["velocity", "range"]
+    cells = f"{waveform.velocity_resolution:.3g} m/s", f"{waveform.range_resolution:.3g} m"
+    assert tensor["names"] == [f"velocity, {cells[0]} per cell, 0 in the middle", f"range, {cells[1]} per cell"]
     levels = np.array(tensor["buffer"]).reshape(tensor["shape"])
     row, column = np.unravel_index(levels.argmax(), levels.shape)
     assert (column, row - levels.shape[0] // 2) == (10, -3)

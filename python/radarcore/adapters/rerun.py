@@ -159,7 +159,10 @@ class Viewer:
         rr, waveform = self._rerun, frame.radar.waveform
         self._at(frame.time + 0.5 * waveform.duration)
         power = (np.abs(range_doppler(frame, window="hann")) ** 2).sum(axis=0)  # of all channels
-        self._log(_MAP, rr.Tensor(_levels_db(power).astype(np.float32), dim_names=("velocity", "range")))
+        # A tensor has no axes but names: they say what a cell is.
+        cell = waveform.range_axis(waveform.num_samples)[1], waveform.velocity_resolution
+        names = f"velocity, {cell[1]:.3g} m/s per cell, 0 in the middle", f"range, {cell[0]:.3g} m per cell"
+        self._log(_MAP, rr.Tensor(_levels_db(power).astype(np.float32), dim_names=names))
         if frame.truth is not None:
             self._show_truth(frame.truth)
 

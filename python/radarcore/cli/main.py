@@ -16,7 +16,7 @@ from typing import Any
 from radarcore._core import __version__
 from radarcore.cli import sensor, source
 
-_WRITERS = ("demo", "simulate", "process")
+_WRITERS = ("demo", "simulate", "process", "view")
 """Commands whose results are written as they come."""
 
 
@@ -30,9 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
             return status
     except KeyboardInterrupt:
-        is_recording = (
-            options.command in ("demo", "simulate", "process") or getattr(options, "action", None) == "record"
-        )
+        is_recording = options.command in _WRITERS or getattr(options, "action", None) == "record"
         hint = "; what was written so far is readable" if is_recording else ""
         print(f"radarcore: interrupted{hint}", file=sys.stderr)
         return 130
