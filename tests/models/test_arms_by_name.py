@@ -7,6 +7,8 @@ import importlib.util
 import re
 from functools import cache
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -80,6 +82,30 @@ def test_flange_of_the_panda_is_where_its_parameters_put_it() -> None:
             expected = expected @ turn("x", quarters * np.pi / 2) @ move(a, 0) @ turn("z", q) @ move(0, d)
         found = panda.link_pose("panda_link8", angles)
         np.testing.assert_allclose(matrix_of(found), expected @ move(0, 0.107), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["panda", "kinova", "xarm7", "so100", "so101"])
+def test_links_are_where_mujoco_puts_them(name: str) -> None:
+    mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
+    root = ET.parse(data.data_file(ARMS[name].file)).getroot()
+    for link in root.iterfind("link"):
+        for element in [*link.iterfind("visual"), *link.iterfind("collision")]:
+            link.remove(element)  # shapes do not matter, and MuJoCo does not read all of them
+    compiler = ET.SubElement(ET.SubElement(root, "mujoco"), "compiler")
+    compiler.attrib |= {"fusestatic": "false", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
+    model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    state = mujoco.MjData(model)
+    known = arm(name, None)
+    angles = np.random.default_rng(7).uniform(-1.0, 1.0, len(known.joint_names))
+    for joint, angle in zip(known.joint_names, angles, strict=True):
+        state.joint(joint).qpos[0] = angle
+    mujoco.mj_kinematics(model, state)
+    bodies = {model.body(number).name for number in range(model.nbody)} & set(known.links)
+    assert len(bodies) >= len(known.joint_names)
+    for link in bodies:
+        ours = known.link_pose(link, angles)
+        np.testing.assert_allclose(ours.position, state.body(link).xpos, atol=1e-9)
+        np.testing.assert_allclose(ours.rotation, state.body(link).xmat.reshape(3, 3), atol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "count"), [(n, 7 if n in ("panda", "xarm7") else 6) for n in ARMS])
