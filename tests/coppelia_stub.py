@@ -88,6 +88,7 @@ class Stub(threading.Thread):
             "startSimulation": self._start,
             "stopSimulation": self._stop_simulation,
             "getSimulationTime": lambda: [self.time],
+            "getSimulationTimeStep": lambda: [TIME_STEP],
             "getSimulationState": lambda: [17 if self.is_running else 0],
             "getObject": self._object,
             "getObjectAlias": lambda handle, options=-1: [{h: p for p, h in PATHS.items()}[handle]],

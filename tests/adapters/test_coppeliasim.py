@@ -117,6 +117,7 @@ def test_a_step_advances_the_time_by_the_time_step(simulator: coppeliasim.Coppel
         assert simulator.time == 0.0
         assert [simulator.step() for _ in range(3)] == pytest.approx([TIME_STEP, 2 * TIME_STEP, 3 * TIME_STEP])
         assert simulator.time == pytest.approx(3 * TIME_STEP)
+        assert simulator.time_step == TIME_STEP
 
 
 def test_stepping_is_set_before_the_start_and_the_simulation_stopped_at_the_end(

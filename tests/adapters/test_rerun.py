@@ -258,6 +258,17 @@ def test_command_shows_a_scene_and_a_recording(tmp_path: Path, capsys: pytest.Ca
     assert not any(entity.startswith("/world/bodies") for entity in recorded.entities)
 
 
+def test_without_a_path_the_viewer_is_opened_and_told_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    import rerun
+
+    opened: list[Any] = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(rerun.RecordingStream, "spawn", lambda _, **options: opened.append(options))
+    with Viewer() as viewer:
+        viewer.show_poses(rc.Scene([rc.Body(BOX)]), 0.0)
+    assert [list(options) for options in opened] == [["default_blueprint"]]
+
+
 def test_no_display_says_how_to_save(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -109,6 +109,18 @@ def test_scale_of_the_call_comes_on_top(tmp_path: Path) -> None:
     check_box(rc.load_mesh(tmp_path / "box.dae", scale=0.5), [0, 0, 0], 0.5 * SIZES)
 
 
+def test_visual_of_a_urdf_file_is_scaled_and_put_at_its_origin(tmp_path: Path) -> None:
+    load(tmp_path, asset='<unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis>')
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="base"><visual><origin xyz="5 0 0" rpy="0 0 1.5707963267948966"/>'
+        '<geometry><mesh filename="box.dae" scale="10 10 10"/></geometry></visual></link></robot>'
+    )
+    mesh = rc.models.RobotArm.from_urdf(tmp_path / "arm.urdf", meshes="visual").links["base"]
+    # 1 x 4 x 2 cm with z up, from y = -4 cm to 0; ten times as large; turned from y to -x; moved by 5 m.
+    assert mesh is not None
+    check_box(mesh, [5.0, 0.0, 0.0], [5.4, 0.1, 0.2])
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -79,6 +79,11 @@ class CoppeliaSim:
         """Time of the simulation [s]."""
         return check.number("time", self.sim.getSimulationTime(), "s")
 
+    @property
+    def time_step(self) -> float:
+        """Time of a step [s]."""
+        return check.positive("time_step", self.sim.getSimulationTimeStep(), "s")
+
     def handle(self, path: str) -> int:
         """Handle of an object by its path, such as ``"/arm/tool"``; a CoppeliaSimError that names near ones."""
         try:
