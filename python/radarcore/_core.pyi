@@ -144,8 +144,8 @@ def gated_pairs(
     periods: Sequence[float],
     limits: Sequence[float],
     velocity_known: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Tracks, detections and costs (pair,) of all pairs that are within their gates, by track.
+) -> tuple[list[tuple[int, int]], NDArray[np.float64]]:
+    """Pairs of a track and a detection that are within their gates, by track, and their costs (pair,).
 
     `measured` (detection, d + 1), NaN for what was not measured, and its covariance `noise`; `periods` of the four
     coordinates; `limits` of the squared Mahalanobis distance of 0 to 4 measured values; `velocity_known` the largest

@@ -23,18 +23,17 @@ pub struct Known<'a, const N: usize> {
     pub covariance: &'a [Matrix<N, N>],
 }
 
-/// Pairs of tracks and detections within their gates, by track, and what each costs.
-#[derive(Default)]
-pub struct Pairs {
-    pub tracks: Vec<i64>,
-    pub detections: Vec<i64>,
-    /// Minus twice the log likelihood: `v' S^-1 v + log(det(S))`.
-    pub costs: Vec<f64>,
-}
+/// A track and a detection.
+pub type Pair = (usize, usize);
 
-/// Pairs of tracks and detections within their gates.
-pub fn gated_pairs<const N: usize, const M: usize>(tracks: Known<N>, detections: Known<M>, gate: &Gate) -> Pairs {
-    let mut pairs = Pairs::default();
+/// Pairs of tracks and detections within their gates, by track, and what each costs: minus twice the log likelihood,
+/// `v' S^-1 v + log(det(S))`.
+pub fn gated_pairs<const N: usize, const M: usize>(
+    tracks: Known<N>,
+    detections: Known<M>,
+    gate: &Gate,
+) -> (Vec<Pair>, Vec<f64>) {
+    let (mut pairs, mut costs) = (Vec::new(), Vec::new());
     for (track, (state, covariance)) in tracks.value.iter().zip(tracks.covariance).enumerate() {
         let expected: Expected<N, M> = expect(state, covariance);
         let spread = sum(&expected.covariance, &expected.curvature);
@@ -48,13 +47,12 @@ pub fn gated_pairs<const N: usize, const M: usize>(tracks: Known<N>, detections:
             let innovation = Innovation::new(&between, &sum(&spread, noise));
             let (square, number) = (innovation.square(), innovation.num_measured());
             if number > 0 && square <= gate.limits[number] {
-                pairs.tracks.push(track as i64);
-                pairs.detections.push(detection as i64);
-                pairs.costs.push(square + innovation.determinant.ln());
+                pairs.push((track, detection));
+                costs.push(square + innovation.determinant.ln());
             }
         }
     }
-    pairs
+    (pairs, costs)
 }
 
 /// Take detections into tracks, pair by pair.
@@ -62,7 +60,7 @@ pub fn update_pairs<const N: usize, const M: usize>(
     states: &mut [[f64; N]],
     covariances: &mut [Matrix<N, N>],
     detections: Known<M>,
-    pairs: &[(usize, usize)],
+    pairs: &[Pair],
     gate: &Gate,
 ) {
     for &(track, detection) in pairs {
@@ -112,10 +110,10 @@ mod tests {
             value: &[[3.0, 0.0], [5.0, -1.9], [20.0, 0.0]],
             covariance: &[[[0.5, 0.0], [0.0, 0.5]]; 3],
         };
-        let pairs = gated_pairs(TRACKS, detections, &GATE);
-        assert_eq!((pairs.tracks, pairs.detections), (vec![0, 1, 1], vec![0, 0, 1]));
+        let (pairs, costs) = gated_pairs(TRACKS, detections, &GATE);
+        assert_eq!(pairs, [(0, 0), (1, 0), (1, 1)]);
         // Of unit covariances: 1 m; 2 m and 1.9 m/s; 0.2 m/s.
-        for (cost, expected) in pairs.costs.iter().zip([1.0, 4.0 + 3.61, 0.04]) {
+        for (cost, expected) in costs.iter().zip([1.0, 4.0 + 3.61, 0.04]) {
             assert!((cost - expected).abs() < 1e-12, "{cost} {expected}");
         }
     }

@@ -5,7 +5,7 @@
 
 use std::array::from_fn;
 
-use super::matrix::{Matrix, inverse, product, product_transposed, sum, times, unit};
+use super::matrix::{Matrix, dot, inverse, product, product_transposed, sum, times, unit};
 use super::state_space::Expected;
 
 /// Move a target on by a time [s] at a constant velocity, which white acceleration of a power spectral density
@@ -50,9 +50,7 @@ impl<const M: usize> Innovation<M> {
 
     /// Squared Mahalanobis distance.
     pub fn square(&self) -> f64 {
-        (0..M)
-            .map(|i| self.value[i] * times(&self.inverse, &self.value)[i])
-            .sum()
+        dot(&self.value, &times(&self.inverse, &self.value))
     }
 
     pub fn num_measured(&self) -> usize {

@@ -1,6 +1,6 @@
 //! Steps of a tracker, all targets at once, for states of any length.
 
-use super::assignment::{self, Gate, Known, Pairs};
+use super::assignment::{self, Gate, Known, Pair};
 use super::kalman::predict;
 use super::matrix::{Matrix, sum};
 use super::state_space::{Expected, begin, expect};
@@ -57,19 +57,23 @@ pub fn expected(tracks: &Targets) -> Result<OwnTargets> {
 }
 
 /// See [`assignment::gated_pairs`]; detections have the numbers that tracks measure.
-pub fn gated_pairs(tracks: &Targets, detections: &Targets, gate: &Gate) -> Result<Pairs> {
-    fn all<const N: usize, const M: usize>(tracks: &Targets, detections: &Targets, gate: &Gate) -> Pairs {
+pub fn gated_pairs(tracks: &Targets, detections: &Targets, gate: &Gate) -> Result<(Vec<Pair>, Vec<f64>)> {
+    fn all<const N: usize, const M: usize>(
+        tracks: &Targets,
+        detections: &Targets,
+        gate: &Gate,
+    ) -> (Vec<Pair>, Vec<f64>) {
         assignment::gated_pairs::<N, M>(tracks.known(), detections.known(), gate)
     }
     by_length!(tracks, all(tracks, detections, gate))
 }
 
 /// Tracks that take in detections, pair by pair; see [`gated_pairs`].
-pub fn updated(tracks: &Targets, detections: &Targets, pairs: &[(usize, usize)], gate: &Gate) -> Result<OwnTargets> {
+pub fn updated(tracks: &Targets, detections: &Targets, pairs: &[Pair], gate: &Gate) -> Result<OwnTargets> {
     fn all<const N: usize, const M: usize>(
         tracks: &Targets,
         detections: &Targets,
-        pairs: &[(usize, usize)],
+        pairs: &[Pair],
         gate: &Gate,
     ) -> OwnTargets {
         tracks.changed::<N>(|states, covariances| {

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
-use crate::processing::assignment::Gate;
+use crate::processing::assignment::{Gate, Pair};
 use crate::processing::peaks;
 use crate::processing::targets::{self, OwnTargets, Targets};
 use crate::processing::tone_fit::{Axes, Cells, fit};
@@ -18,12 +18,11 @@ use crate::processing::tone_fit::{Axes, Cells, fit};
 /// Vectors (target, n) and matrices (target, n, n).
 type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
-/// Indices (pair,) of two kinds, and a number of each pair.
-type Pairs<'py> = (
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<i64>>,
-    Bound<'py, PyArray1<f64>>,
-);
+/// Pairs of tracks and detections, and a number of each.
+type Pairs<'py> = (Vec<Pair>, Bound<'py, PyArray1<f64>>);
+
+/// Places (peak, 2) and a number of each.
+type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// States and covariances of targets after a time, by the white-acceleration model.
 #[pyfunction(signature = (state, covariance, *, time, density))]
@@ -68,12 +67,8 @@ pub(super) fn gated_pairs<'py>(
         limits,
         velocity_known,
     };
-    let pairs = py.detach(|| targets::gated_pairs(&tracks, &detections, &gate))?;
-    Ok((
-        pairs.tracks.into_pyarray(py),
-        pairs.detections.into_pyarray(py),
-        pairs.costs.into_pyarray(py),
-    ))
+    let (pairs, costs) = py.detach(|| targets::gated_pairs(&tracks, &detections, &gate))?;
+    Ok((pairs, costs.into_pyarray(py)))
 }
 
 /// States and covariances of tracks that take in detections, pair by pair.
@@ -84,7 +79,7 @@ pub(super) fn updated<'py>(
     covariance: PyReadonlyArray3<'py, f64>,
     measured: PyReadonlyArray2<'py, f64>,
     noise: PyReadonlyArray3<'py, f64>,
-    pairs: Vec<(usize, usize)>,
+    pairs: Vec<Pair>,
     periods: [f64; 4],
     velocity_known: f64,
 ) -> PyResult<Arrays<'py>> {
@@ -186,7 +181,7 @@ pub(super) fn between_cells<'py>(
     power: Powers<'py>,
     cells: PyReadonlyArray2<'py, i64>,
     is_cyclic: bool,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<Tops<'py>> {
     let tops: Vec<_> = in_map!(&power, is_cyclic, &cells, |map, indices| {
         indices.into_iter().map(|cell| map.top(cell)).collect()
     });

@@ -243,15 +243,15 @@ def test_core_gates_and_updates_as_the_formulas_do(dimensions: int) -> None:
     measured[rng.random(measured.shape) < 0.15] = np.nan
     periods, limits, known = periods_of(2.0), gate_limits(0.999), 1.0
     gate: dict[str, Any] = {"periods": periods.tolist(), "velocity_known": known}
-    *pairs, costs = _core.gated_pairs(state, covariance, measured, noise, limits=limits, **gate)
-    *expected_pairs, expected_costs = gated_pairs(state, covariance, measured, noise, periods, np.array(limits), known)
+    pairs, costs = _core.gated_pairs(state, covariance, measured, noise, limits=limits, **gate)
+    rows, columns, expected_costs = gated_pairs(state, covariance, measured, noise, periods, np.array(limits), known)
     assert len(costs) > 12
-    np.testing.assert_array_equal(pairs, expected_pairs)
+    np.testing.assert_array_equal(pairs, np.stack([rows, columns], axis=1))
     np.testing.assert_allclose(costs, expected_costs, rtol=1e-9, atol=1e-9)
 
     # Each track with the first of its detections.
-    tracks, first = np.unique(pairs[0], return_index=True)
-    found = pairs[1][first]
+    tracks, first = np.unique(rows, return_index=True)
+    found = columns[first]
     expected = expect(state, covariance)
     innovation = wrapped(measured[found] - expected.value[tracks], periods[:told])
     innovation[(expected.covariance + expected.curvature)[tracks, 1, 1] > known, 1] = np.nan

@@ -48,17 +48,16 @@ def assign(
         That a detection of the target is within the gate.
     """
     limits = gate_limits(probability)
-    tracks, detections, costs = _core.gated_pairs(
+    pairs, costs = _core.gated_pairs(
         state, covariance, measured, noise, periods=periods, limits=limits, velocity_known=velocity_known
     )
-    pairs = list(zip(tracks.tolist(), detections.tolist(), strict=True))
     if all(len(set(indices)) == len(pairs) for indices in zip(*pairs, strict=True)):  # no two want the same
         return pairs
 
     from scipy.optimize import linear_sum_assignment  # here: as above
 
     matrix = np.zeros((len(state), len(measured)))  # a pair outside of the gate costs as much as none
-    matrix[tracks, detections] = costs - costs.max() - 1.0
+    matrix[tuple(np.transpose(pairs))] = costs - costs.max() - 1.0
     rows, columns = linear_sum_assignment(matrix)
     within = matrix[rows, columns] < 0.0
     return list(zip(rows[within].tolist(), columns[within].tolist(), strict=True))
