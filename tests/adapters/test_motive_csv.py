@@ -10,7 +10,7 @@ import pytest
 
 import radarcore as rc
 from motive_files import MARKERS, motive_file
-from radarcore.adapters.optitrack import read_motive_csv
+from radarcore.adapters.optitrack import read_motive_csv, write_motive_csv
 
 TIMES = 2.5 + np.arange(60) / 120.0
 HIDDEN = {"radar": list(range(20, 40)), "person": [5]}
@@ -205,3 +205,25 @@ def test_wrong_requests_are_errors_that_name_them(tmp_path: Path) -> None:
         read_motive_csv(path, length_unit="centimeters")
     with pytest.raises(FileNotFoundError):
         read_motive_csv(tmp_path / "t2.csv")
+
+
+@pytest.mark.parametrize("axes", ["z_up", "z_up_world", "unchanged"])
+def test_saved_capture_is_read_back(axes: str, tmp_path: Path) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES, hidden=HIDDEN)
+    capture = read_motive_csv(path, axes=axes)
+    write_motive_csv(tmp_path / "again.csv", capture, axes=axes)
+    again = read_motive_csv(tmp_path / "again.csv", axes=axes)
+    assert (again.names, again.take, again.start_time) == (capture.names, capture.take, capture.start_time)
+    assert again.frame_rate == capture.frame_rate
+    np.testing.assert_array_equal(again.time, capture.time)
+    for name in BODIES:
+        np.testing.assert_allclose(again[name].position, capture[name].position, atol=1e-9)
+        np.testing.assert_allclose(again[name].quaternion, capture[name].quaternion, atol=2e-9)
+        np.testing.assert_allclose(again[name].mean_marker_error, capture[name].mean_marker_error, atol=1e-9)
+    for group in ("markers", "body_markers"):
+        places, expected = getattr(again, group), getattr(capture, group)
+        assert list(places) == list(expected)
+        for name in expected:
+            np.testing.assert_allclose(places[name], expected[name], atol=1e-9)
+    with pytest.raises(FileExistsError, match=r"again.csv: exists; give overwrite=True to replace it"):
+        write_motive_csv(tmp_path / "again.csv", capture)

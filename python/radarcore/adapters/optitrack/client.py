@@ -38,6 +38,9 @@ _KEEP_ALIVE = 1.0
 _LOOK_UP = 0.05
 """Time after which a client in the background sees that it is to stop [s]."""
 
+_POLL = 0.005
+"""Time after which a wait for frames looks again [s]."""
+
 _LATE = 0.1
 """A frame that is older than the one before by less than this [s] is late, not of another take."""
 
@@ -379,6 +382,12 @@ class Follower:
         if self._error is not None:
             raise self._error
 
+    def wait(self, num_frames: int) -> None:
+        """Wait until some frames have come; an error of the stream is raised."""
+        while len(self._kept) < num_frames and self._thread.is_alive():
+            self._thread.join(_POLL)
+        self.check()
+
     def join(self) -> None:
         """Wait for the end."""
         self._thread.join()
@@ -386,7 +395,7 @@ class Follower:
     def _run(self) -> None:
         try:
             for frame in self._frames:
-                self._kept.append(frame)  # noqa: PERF402  # others read it meanwhile
+                self._kept.append(frame)  # others read it meanwhile
         except Exception as error:  # raised where the user sees it
             self._error = error
 
