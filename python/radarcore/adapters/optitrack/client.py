@@ -139,6 +139,7 @@ class MotionCaptureClient:
             if one is not None:
                 one.close()
         self._command, self._data, self._info = None, None, None
+        self._last_time = -inf
         self._clock_offsets.clear()
 
     @property
