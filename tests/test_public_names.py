@@ -14,6 +14,7 @@ PUBLIC = [
     "",
     "adapters",
     "adapters.coppeliasim",
+    "adapters.optitrack",
     "adapters.ros",
     "models",
     "models.robots",
