@@ -23,6 +23,9 @@ from page import PERFORMANCE, machine, milliseconds, table, write_section
 FINE = {"rcs_floor": 1e-3, "ray_budget": np.inf}
 """Settings of frames of many rays."""
 
+FRAMES_PER_THREAD = 20
+"""Frames of a recording per thread: the first of every thread has no tiles to take over."""
+
 TEXT = """\
 ## Cores
 
@@ -75,7 +78,7 @@ def main() -> None:
         fine = measure("", simulator(threads, **FINE), max(2, num_frames // 4))
         fine_rays = float(fine.counts["rays"].mean())
         times.setdefault("fine frame, all", []).append(float(np.median(fine.stages["all"])))
-        times.setdefault("record", []).append(recorded(simulator(threads), max(2 * threads, num_frames)))
+        times.setdefault("record", []).append(recorded(simulator(threads), 2 if options.tiny else FRAMES_PER_THREAD * threads))
     rows = [
         [name, *(f"{milliseconds(each)} ({seconds[0] / each:.1f}x)" for each in seconds)]
         for name, seconds in times.items()

@@ -33,7 +33,7 @@ pub use outcome::Outcome;
 pub use rays::Image;
 pub use truth::Truth;
 
-use groups::Groups;
+use groups::{Groups, Motions};
 use model::Shapes;
 use parts::Part;
 use rays::Rays;
@@ -130,12 +130,18 @@ pub fn simulate(
     let mut frame = FrameBuilder::new(model)?;
     for part in parts::of_frame(model, &placement) {
         cancel.check()?;
-        let rays = timed(&mut times.rays, || {
+        let (rays, motions) = timed(&mut times.rays, || {
             let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-            Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel)
+            let rays = || Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel);
+            let (rays, motions) = rayon::join(rays, || Motions::new(model, &placement, &part));
+            Ok((rays?, motions))
         })?;
+        // Freeing thousands of tiles takes as long as a stage: beside the next ones.
+        if let Some(before) = memory.rays.take() {
+            rayon::spawn(move || drop(before));
+        }
         let groups = timed(&mut times.scatterers, || {
-            Groups::new(model, &placement, &part, &rays, &mut memory.tubes, cancel)
+            Groups::new(model, motions, &rays, &mut memory.tubes, cancel)
         })?;
         let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
         frame.add(&part, samples, &outcome, &rays, &groups);
@@ -161,7 +167,8 @@ pub fn paths(
     let part = &parts::of_frame(model, &placement)[0];
     let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
     let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel)?;
-    let groups = Groups::new(model, &placement, part, &rays, &mut memory.tubes, cancel)?;
+    let motions = Motions::new(model, &placement, part);
+    let groups = Groups::new(model, motions, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
     let at_seen = model.placement(at)?;
     groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)

@@ -512,10 +512,12 @@ class Simulator:
         center: Sequence[float],
         settings: Settings,
         threads: int | None = None,
+        own_threads: bool = False,
     ) -> Simulator:
         """Of a scene with one material per surface, or of a depth image.
 
-        `center`: middle of the array in sensor axes (x, y, z) [m].
+        `center`: middle of the array in sensor axes (x, y, z) [m]; `own_threads`: the number of threads is given, and
+        other simulators have none of them.
         """
     def frame(self, motion: Placement, rates: Placement | None = None) -> IdealFrame | None:
         """The frame of a motion at Chebyshev times of the frame; `rates`: its derivatives if all times are the same.

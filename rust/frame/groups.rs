@@ -19,6 +19,13 @@ use crate::synthesis::lanes::MOST_TERMS;
 /// Share of the tolerance that the terms of sums in lanes may leave out of the phases of a body that moves smoothly.
 const ROUGH: f64 = 0.5;
 
+/// Motion over a part of the frame of every body, and of all point targets: rough where as many times as sums in lanes
+/// take leave out a large share of the tolerance.
+pub struct Motions {
+    of_bodies: Vec<Motion>,
+    of_points: Motion,
+}
+
 /// Paths of a frame, or of a part of one.
 pub struct Groups {
     pub(super) all: Vec<Group>,
@@ -72,19 +79,12 @@ pub struct PathArrays {
 
 impl Groups {
     /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the frequency.
-    pub fn new(
-        model: &Model,
-        placement: &Placement,
-        part: &Part,
-        rays: &Rays,
-        tubes: &mut Vec<Image>,
-        cancel: &Cancel,
-    ) -> Result<Self> {
-        let (deforming, num_points): (&[usize], usize) = match &model.source {
-            Source::Scene(scene) => (&scene.deforming, scene.rcs.len()),
-            Source::Depth(_) => (&[], 0),
-        };
-        let (motions, of_points) = motions(model, placement, part, deforming);
+    pub fn new(model: &Model, motions: Motions, rays: &Rays, tubes: &mut Vec<Image>, cancel: &Cancel) -> Result<Self> {
+        let (deforming, num_points) = (deforming(&model.source), num_points(&model.source));
+        let Motions {
+            of_bodies: motions,
+            of_points,
+        } = motions;
         let rank = |body: u32| motions[body as usize] as u8;
         let mut scatterers = rays.scatterers(model, rank)?;
         cancel.check()?;
@@ -333,20 +333,38 @@ impl EvaluateAt<'_> {
     }
 }
 
-/// Motion over a part of the frame of every body, and of all point targets: rough where as many times as sums in lanes
-/// take leave out a large share of the tolerance.
-fn motions(model: &Model, placement: &Placement, part: &Part, deforming: &[usize]) -> (Vec<Motion>, Motion) {
-    let own = (part.half < 1.0).then(|| placement.over(&part.node_times(placement.num_times())));
-    let length = ROUGH * model.settings.tolerance / model.phase_per_length();
-    let placement = own.as_ref().unwrap_or(placement);
-    let (mut bodies, points) = placement.motions(MOST_TERMS, length, deforming, &model.radii);
-    if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
-        // The surface of a pixel moves on at the range rate of the pixel.
-        for motion in &mut bodies {
-            *motion = (*motion).max(Motion::Smooth);
+impl Motions {
+    /// Motions over a part of the frame.
+    pub fn new(model: &Model, placement: &Placement, part: &Part) -> Self {
+        let own = (part.half < 1.0).then(|| placement.over(&part.node_times(placement.num_times())));
+        let length = ROUGH * model.settings.tolerance / model.phase_per_length();
+        let placement = own.as_ref().unwrap_or(placement);
+        let deforming = deforming(&model.source);
+        let (mut of_bodies, of_points) = placement.motions(MOST_TERMS, length, deforming, &model.radii);
+        if matches!(&model.source, Source::Depth(image) if image.range_rate.is_some()) {
+            // The surface of a pixel moves on at the range rate of the pixel.
+            for motion in &mut of_bodies {
+                *motion = (*motion).max(Motion::Smooth);
+            }
         }
+        Self { of_bodies, of_points }
     }
-    (bodies, points)
+}
+
+/// Numbers of the bodies that deform.
+fn deforming(source: &Source) -> &[usize] {
+    match source {
+        Source::Scene(scene) => &scene.deforming,
+        Source::Depth(_) => &[],
+    }
+}
+
+/// Number of point targets.
+fn num_points(source: &Source) -> usize {
+    match source {
+        Source::Scene(scene) => scene.rcs.len(),
+        Source::Depth(_) => 0,
+    }
 }
 
 /// See [`Groups::rough`].

@@ -121,17 +121,44 @@ fn turns(boxes: &[[DVec3; 2]], placement: &Placement, number: usize) -> Vec<Vec<
         let sensor = |step: usize| poses[step][body].point_to_body(DVec3::ZERO);
         let (first, last) = (part * steps, (part + 1) * steps);
         let from = sensor(first + steps / 2);
-        (first..=last).fold(0.0, |most: f64, step| most.max(turn(&boxes[body], from, sensor(step))))
+        let turns = (first..=last).map(|step| turn(&boxes[body], from, sensor(step)));
+        turns.fold(Turn::NONE, Turn::max).angle()
     };
     let of_part = |part: usize| (0..boxes.len()).map(|body| of_body(part, body)).collect();
     (0..number).map(of_part).collect()
 }
 
-/// Angle between the directions to two places of the sensor in body axes [rad]: the largest over the corners of the
-/// bounding box and the point of the box nearest to the first place.
-fn turn(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> f64 {
+/// Angle between two vectors, by the length of their cross product and their dot product.
+#[derive(Clone, Copy)]
+struct Turn {
+    cross: f64,
+    dot: f64,
+}
+
+impl Turn {
+    const NONE: Self = Self { cross: 0.0, dot: 1.0 };
+
+    /// Angle [rad].
+    fn angle(self) -> f64 {
+        self.cross.atan2(self.dot)
+    }
+
+    /// The larger of two angles.
+    fn max(self, other: Self) -> Self {
+        // The sine of their difference.
+        if other.cross * self.dot > self.cross * other.dot {
+            other
+        } else {
+            self
+        }
+    }
+}
+
+/// Angle between the directions to two places of the sensor in body axes: the largest over the corners of the bounding box
+/// and the point of the box nearest to the first place.
+fn turn(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> Turn {
     if low.cmpgt(high).any() {
-        return 0.0;
+        return Turn::NONE;
     }
     let nearest = from.clamp(low, high);
     let corner = |number: u32| {
@@ -142,9 +169,12 @@ fn turn(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> f64 {
         )
     };
     let places = (0..8).map(corner).chain((nearest != from).then_some(nearest));
-    places.fold(0.0, |most: f64, place| {
+    places.fold(Turn::NONE, |most, place| {
         let (a, b) = (from - place, to - place);
-        most.max(a.cross(b).length().atan2(a.dot(b)))
+        most.max(Turn {
+            cross: a.cross(b).length(),
+            dot: a.dot(b),
+        })
     })
 }
 

@@ -10,13 +10,14 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
+use rayon::ThreadPool;
 
 use super::antennas::Antennas;
 use super::arrays::{numbers, points, poses};
 use super::rays::{Hits, Surface};
 use super::scattering::{Material, sampling};
 use super::synthesis::{Waveform, method, tolerance};
-use super::threads::{check_threads, pool, watch};
+use super::threads::{check_threads, new_pool, pool, watch};
 use crate::bounces::Limits;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
@@ -364,13 +365,16 @@ pub(super) struct Simulator {
     /// Request to stop the run in progress.
     in_progress: Mutex<Option<Arc<Cancel>>>,
     threads: Option<usize>,
+    /// Threads that no other simulator has.
+    own_pool: Option<Arc<ThreadPool>>,
 }
 
 #[pymethods]
 impl Simulator {
-    /// `materials`: one per body with a surface; `center`: middle of the array in sensor axes (x, y, z) [m].
+    /// `materials`: one per body with a surface; `center`: middle of the array in sensor axes (x, y, z) [m];
+    /// `own_threads`: the number of threads is given, and other simulators have none of them.
     #[new]
-    #[pyo3(signature = (source, materials, *, antennas, waveform, center, settings, threads=None))]
+    #[pyo3(signature = (source, materials, *, antennas, waveform, center, settings, threads=None, own_threads=false))]
     fn new(
         source: AnySource<'_>,
         materials: Vec<PyRef<'_, Material>>,
@@ -379,8 +383,10 @@ impl Simulator {
         center: [f64; 3],
         settings: PyRef<'_, Settings>,
         threads: Option<usize>,
+        own_threads: bool,
     ) -> PyResult<Self> {
         check_threads(threads)?;
+        let own_pool = threads.filter(|_| own_threads).map(new_pool).transpose()?;
         let source = match source {
             AnySource::Scene(scene) => Source::Scene(scene.0.clone()),
             AnySource::Depth(image) => Source::Depth(image.0.clone()),
@@ -398,6 +404,7 @@ impl Simulator {
             memory: Mutex::default(),
             in_progress: Mutex::default(),
             threads,
+            own_pool: own_pool.map(Arc::new),
         })
     }
 
@@ -498,7 +505,10 @@ impl Simulator {
 impl Simulator {
     /// Run a function on the threads of the simulator, without the interpreter, until Ctrl-C.
     fn run<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Memory, &Cancel) -> Result<T> + Send) -> PyResult<T> {
-        let pool = pool(self.threads)?;
+        let pool = match &self.own_pool {
+            Some(own) => own.clone(),
+            None => pool(self.threads)?,
+        };
         let cancel = Arc::new(Cancel::default());
         // A second thread of the interpreter waits here for the first.
         py.detach(|| {

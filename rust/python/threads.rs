@@ -128,13 +128,18 @@ pub(super) fn pool(threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
     if let Some(pool) = pools.1.iter().find(|pool| pool.current_num_threads() == num_threads) {
         return Ok(pool.clone());
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(num_threads)
-        .build()
-        .map_err(|error| PyRuntimeError::new_err(format!("threads: {num_threads} cannot be started: {error}")))?;
+    let pool = Arc::new(new_pool(num_threads)?);
     if pools.1.len() == MAX_KEPT {
         pools.1.remove(0);
     }
-    pools.1.push(Arc::new(pool));
-    Ok(pools.1[pools.1.len() - 1].clone())
+    pools.1.push(pool.clone());
+    Ok(pool)
+}
+
+/// Pool with this number of threads, which nobody else has.
+pub(super) fn new_pool(num_threads: usize) -> PyResult<ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(num_threads)
+        .build()
+        .map_err(|error| PyRuntimeError::new_err(format!("threads: {num_threads} cannot be started: {error}")))
 }

@@ -23,7 +23,7 @@ use crate::scattering::material_points::Points;
 use crate::scattering::patch::patch;
 use crate::scattering::physical_optics::{Sampling, Weigh};
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Tiles;
+use crate::scattering::sampling::{Piece, Tiles};
 
 impl Scatterers {
     /// Material points of all hits of one image, see [`Self::of_images`].
@@ -141,33 +141,84 @@ impl Points {
     }
 }
 
+/// Neighbouring points of a piece on one body.
+#[derive(Clone, Copy)]
+struct Run {
+    body: u32,
+    piece: u32,
+    first: u32,
+    number: u32,
+}
+
+/// Runs of the points of some pieces.
+#[derive(Default)]
+struct Runs {
+    all: Vec<Run>,
+    /// True if the edges of a point turn.
+    is_turning: bool,
+    /// True if the field of a point falls with the frequency.
+    has_orders: bool,
+}
+
+impl Run {
+    /// Piece and number of every point.
+    fn points(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let [piece, first, number] = [self.piece, self.first, self.number].map(|each| each as usize);
+        (first..first + number).map(move |point| (piece, point))
+    }
+}
+
+impl Runs {
+    /// Runs of pieces, whose numbers start at `first`.
+    fn new(pieces: &[Piece], first: usize) -> Self {
+        let mut runs = Self::default();
+        for (piece, number) in pieces.iter().zip(first as u32..) {
+            let mut last: Option<Run> = None;
+            for (point, place) in piece.points().iter().zip(0..) {
+                runs.is_turning |= point.edges != [DVec3::ZERO; 2];
+                runs.has_orders |= point.order > 0;
+                match &mut last {
+                    Some(run) if run.body == point.body => run.number += 1,
+                    _ => {
+                        let run = Run {
+                            body: point.body,
+                            piece: number,
+                            first: place,
+                            number: 1,
+                        };
+                        runs.all.extend(last.replace(run));
+                    }
+                }
+            }
+            runs.all.extend(last);
+        }
+        runs
+    }
+}
+
 /// Material points of tiles, ordered by `rank` of the body and by body.
 fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u32) -> u8) -> Scatterers {
+    const PIECES: usize = 64;
     const BLOCK: usize = 512;
     let scene = scenes[0];
+    let pieces = tiles.pieces.par_chunks(PIECES).enumerate();
+    let found: Vec<Runs> = pieces
+        .map(|(chunk, pieces)| Runs::new(pieces, chunk * PIECES))
+        .collect();
+    let is_turning = found.iter().any(|runs| runs.is_turning);
+    let has_orders = found.iter().any(|runs| runs.has_orders);
+    let mut of_body: Vec<Vec<Run>> = vec![Vec::new(); scene.num_bodies()];
+    for run in found.iter().flat_map(|runs| &runs.all) {
+        of_body[run.body as usize].push(*run);
+    }
     let mut bodies: Vec<u32> = (0..scene.num_bodies() as u32).collect();
     bodies.sort_by_key(|body| (rank(*body), *body));
-    let mut ends = vec![0; bodies.len()];
-    let all = || tiles.pieces.iter().zip(0_u32..);
-    let (mut is_turning, mut is_deformed, mut has_orders) = (false, false, false);
-    for point in all().flat_map(|(piece, _)| piece.points()) {
-        ends[point.body as usize] += 1;
-        is_turning |= point.edges != [DVec3::ZERO; 2];
-        has_orders |= point.order > 0;
-    }
-    let mut number = 0;
-    for body in &bodies {
-        is_deformed |= scene.surface(*body).is_deformed();
-        (ends[*body as usize], number) = (number, number + ends[*body as usize]);
-    }
-    // Piece and number of every point in the new order.
-    let mut origin = vec![(0, 0); number];
-    for (piece, index) in all() {
-        for (point, number) in piece.points().iter().zip(0_u32..) {
-            let place = &mut ends[point.body as usize];
-            origin[*place] = (index, number);
-            *place += 1;
-        }
+    let is_deformed = bodies.iter().any(|body| scene.surface(*body).is_deformed());
+    // Numbers of the first points of all runs, and the runs.
+    let (mut number, mut runs) = (0, Vec::new());
+    for run in bodies.iter().flat_map(|body| &of_body[*body as usize]) {
+        runs.push((number, *run));
+        number += run.number as usize;
     }
 
     let num_weights = tiles.num_weights;
@@ -185,25 +236,28 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
     if is_deformed {
         scatterers.corners = vec![None; number];
     }
-    let blocks: Vec<_> = origin
-        .chunks(BLOCK)
-        .zip(scatterers.body.chunks_mut(BLOCK))
+    let blocks: Vec<_> = scatterers
+        .body
+        .chunks_mut(BLOCK)
         .zip(scatterers.position.chunks_mut(BLOCK))
         .zip(scatterers.normal.chunks_mut(BLOCK))
         .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
         .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
         .zip(blocks_or_none(&mut scatterers.corners, number, BLOCK))
         .zip(blocks_or_none(&mut scatterers.order, number, BLOCK))
+        .zip((0..number).step_by(BLOCK))
         .collect();
     blocks.into_par_iter().for_each(|block| {
-        let (((((((origin, body), position), normal), weights), patch), corners), order) = block;
-        for (i, (piece, number)) in origin.iter().enumerate() {
-            let piece = &tiles.pieces[*piece as usize];
+        let (((((((body, position), normal), weights), patch), corners), order), first) = block;
+        let at = runs.partition_point(|(start, _)| *start <= first) - 1;
+        let points = runs[at..].iter().flat_map(|(_, run)| run.points());
+        for (i, (piece, number)) in points.skip(first - runs[at].0).take(body.len()).enumerate() {
+            let piece = &tiles.pieces[piece];
             let scene = scenes[piece.sector];
-            let point = &piece.points()[*number as usize];
+            let point = &piece.points()[number];
             for (to, from) in weights[i * num_weights..]
                 .iter_mut()
-                .zip(piece.weights(*number as usize, num_weights))
+                .zip(piece.weights(number, num_weights))
             {
                 to.specular = *from;
             }

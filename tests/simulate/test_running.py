@@ -123,20 +123,25 @@ def test_interrupt_ends_a_long_frame_soon() -> None:
 
 def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
     stopped: list[str] = []
+    in_use: dict[str, threading.Lock] = {}
 
     def work(worker: str, item: int) -> tuple[str, int]:
+        busy = in_use.setdefault(worker, threading.Lock())
+        assert busy.acquire(blocking=False)
         time.sleep(0.01 * (item % 3))
+        busy.release()
         if item == 7:
             raise ValueError("seven")
         return worker, item
 
     workers = ["a", "b", "c"]
-    expected = [(workers[item % 3], item) for item in range(7)]
-    assert list(in_order(work, range(7), workers, stopped.append)) == expected
+    found = list(in_order(work, range(7), workers, stopped.append))
+    assert [item for _, item in found] == list(range(7))
+    assert {worker for worker, _ in found} == set(workers)
     assert list(in_order(work, range(7), workers[:1], stopped.append)) == [("a", item) for item in range(7)]
     assert stopped == []
     results = in_order(work, range(1000), workers, stopped.append)
-    assert [next(results) for _ in range(7)] == expected
+    assert [next(results)[1] for _ in range(7)] == list(range(7))
     with pytest.raises(ValueError, match="seven"):
         next(results)
     assert stopped == workers

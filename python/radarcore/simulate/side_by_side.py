@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from queue import SimpleQueue
 from typing import TypeVar
 
 Worker = TypeVar("Worker")
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+_AHEAD = 2
+"""Items per worker whose results may wait for those before them: items that take longer leave nobody idle."""
 
 
 def in_order(
@@ -23,7 +27,7 @@ def in_order(
         It should release the interpreter: every worker has a thread.
     items : iterable
     workers : list
-        Each works on one item at a time.
+        Each works on one item at a time, the next that is there.
     stop : function of a worker
         Ends its work early when nobody wants the results any more: after an error, or Ctrl-C.
     """
@@ -31,14 +35,24 @@ def in_order(
         for item in items:
             yield work(workers[0], item)
         return
+    free: SimpleQueue[Worker] = SimpleQueue()
+    for worker in workers:
+        free.put(worker)
+
+    def done(item: Item) -> Result:
+        worker = free.get()
+        try:
+            return work(worker, item)
+        finally:
+            free.put(worker)
+
     with ThreadPoolExecutor(len(workers), "radarcore") as pool:
         pending: deque[Future[Result]] = deque()
         try:
-            for number, item in enumerate(items):
-                if len(pending) == len(workers):
+            for item in items:
+                if len(pending) == _AHEAD * len(workers):
                     yield _first(pending)
-                # The worker whose result was taken last has nothing to do.
-                pending.append(pool.submit(work, workers[number % len(workers)], item))
+                pending.append(pool.submit(done, item))
             while pending:
                 yield _first(pending)
         finally:

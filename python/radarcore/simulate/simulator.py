@@ -287,7 +287,11 @@ class Simulator(Settings):
     def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
-        engines = [[self._engine, *self._more_engines], *(self._new_engines() for _ in range(side_by_side - 1))]
+        engines = [[self._engine, *self._more_engines]]
+        if side_by_side > 1:
+            # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
+            threads = max(1, self._num_threads // side_by_side)
+            engines = [self._new_engines(threads) for _ in range(side_by_side)]
         for start, ideals, cube, others in in_order(self._received, placed, engines, _stop):
             for ideal in ideals:
                 self._doubts.of_frame(ideal, self.scene.names)
@@ -347,7 +351,7 @@ class Simulator(Settings):
 
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
-        number = min(len(times), self.threads or _num_cores(), self._most_side_by_side)
+        number = min(len(times), self._num_threads, self._most_side_by_side)
         if self._placement.newest is not None:
             number = 1  # what is live may be updated between frames
         with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
@@ -358,6 +362,10 @@ class Simulator(Settings):
                 bar.update()
         if not sees:
             self._doubts.of_sight(self.scene, self._placement, times[0])
+
+    @property
+    def _num_threads(self) -> int:
+        return self.threads or _num_cores()
 
     @property
     def _most_side_by_side(self) -> int:
@@ -395,10 +403,13 @@ class Simulator(Settings):
         """Counterparts of the sub-sequences after the first."""
         return [self._new_engine(number) for number in range(1, len(self._sequences))]
 
-    def _new_engines(self) -> Engines:
-        return [self._new_engine(number) for number in range(len(self._sequences))]
+    def _new_engines(self, own_threads: int) -> Engines:
+        """Counterparts of all sub-sequences, with threads that no other has."""
+        return [self._new_engine(number, own_threads=own_threads) for number in range(len(self._sequences))]
 
-    def _new_engine(self, sequence: int = 0, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Simulator:
+    def _new_engine(
+        self, sequence: int = 0, *, own_threads: int | None = None, reuse_tiles: bool = True, skip_empty: bool = True
+    ) -> _core.Simulator:
         radar = self._sequences[sequence]
         return _core.Simulator(
             self.scene._core,
@@ -407,7 +418,8 @@ class Simulator(Settings):
             waveform=ramps_of(radar)._core,
             center=radar.array_center.tolist(),
             settings=self.to_core(reuse_tiles=reuse_tiles, skip_empty=skip_empty),
-            threads=self.threads,
+            threads=own_threads or self.threads,
+            own_threads=own_threads is not None,
         )
 
     @cached_property

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::place::Place;
 use super::residual::of_quarter;
-use super::tile::{Nearest, Tile};
+use super::tile::Tile;
 
 /// Evaluated tiles of one level.
 #[derive(Default)]
@@ -57,10 +57,5 @@ impl Level {
     /// Number of rays of all tiles.
     pub(super) fn rays(&self) -> usize {
         self.tiles.iter().map(|tile| tile.rays).sum()
-    }
-
-    /// Nearest hits of the bodies of all tiles.
-    pub(super) fn nearest(&self) -> impl Iterator<Item = Nearest> {
-        self.tiles.iter().flat_map(|tile| &tile.nearest).copied()
     }
 }

@@ -26,7 +26,7 @@ mod residual;
 mod small_parts;
 mod tile;
 
-pub use refine::{Tiles, nearest_of};
+pub use refine::{Piece, Tiles, nearest_of};
 pub use tile::Nearest;
 
 #[cfg(test)]

@@ -46,6 +46,9 @@ const LEAST_FLOOR: f64 = 0.1;
 /// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
 const MOST_TURN: f32 = 0.05;
 
+/// Tiles that one task gathers.
+const CHUNK: usize = 64;
+
 /// Memory of a tile of which every cell is a point.
 const MOST_BYTES: usize = size_of::<(Tile, KeptCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
@@ -232,7 +235,7 @@ impl Tiles {
             num_hit: gathered.num_hit,
             num_lit: gathered.num_lit,
             farthest: gathered.farthest,
-            nearest: nearest_of(levels.iter().flat_map(Level::nearest)),
+            nearest: nearest_of(levels.iter().flat_map(nearest_of_level)),
             counts,
             levels,
         }
@@ -251,17 +254,28 @@ struct Gathered {
 impl Gathered {
     /// Points of the quarters that were not split; `order`: level and number of all tiles with a hit.
     fn quarters(levels: &[Level], order: &[(u32, u32)]) -> Self {
-        let mut all = Self::default();
-        for (level, index) in order {
-            let (level, index) = (&levels[*level as usize], *index as usize);
-            let tile = &level.tiles[index];
-            for quarter in (0..PACKETS).filter(|quarter| level.keeps(index, *quarter)) {
-                if let Some(points) = &tile.points {
-                    all.add(tile.place.sector, points.clone(), tile.quarter(quarter));
+        let some = |order: &[(u32, u32)]| {
+            let mut some = Self::default();
+            for (level, index) in order {
+                let (level, index) = (&levels[*level as usize], *index as usize);
+                let tile = &level.tiles[index];
+                for quarter in (0..PACKETS).filter(|quarter| level.keeps(index, *quarter)) {
+                    if let Some(points) = &tile.points {
+                        some.add(tile.place.sector, points.clone(), tile.quarter(quarter));
+                    }
+                    some.num_hit += tile.hits[quarter];
+                    some.num_lit += tile.hits[quarter] - tile.silent[quarter];
                 }
-                all.num_hit += tile.hits[quarter];
-                all.num_lit += tile.hits[quarter] - tile.silent[quarter];
             }
+            some
+        };
+        let gathered: Vec<Self> = order.par_chunks(CHUNK).map(some).collect();
+        let mut all = Self::default();
+        all.pieces.reserve(gathered.iter().map(|some| some.pieces.len()).sum());
+        for some in gathered {
+            all.pieces.extend(some.pieces);
+            all.num_hit += some.num_hit;
+            all.num_lit += some.num_lit;
         }
         all
     }
@@ -537,16 +551,27 @@ fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflecti
     }
 }
 
+/// Nearest hits of the bodies of the tiles of a level, chunk by chunk.
+fn nearest_of_level(level: &Level) -> Vec<Nearest> {
+    let chunks = level.tiles.par_chunks(CHUNK);
+    let nearest: Vec<Vec<Nearest>> = chunks
+        .map(|tiles| nearest_of(tiles.iter().flat_map(|tile| &tile.nearest).copied()))
+        .collect();
+    nearest.into_iter().flatten().collect()
+}
+
 /// Nearest hit of every body, the first of equal ones, by body.
 pub fn nearest_of(hits: impl Iterator<Item = Nearest>) -> Vec<Nearest> {
-    let mut nearest: Vec<Nearest> = Vec::new();
+    let mut nearest: Vec<Option<Nearest>> = Vec::new();
     for hit in hits {
-        match nearest.iter_mut().find(|known| known.body == hit.body) {
-            Some(known) if hit.distance < known.distance => *known = hit,
-            Some(_) => {}
-            None => nearest.push(hit),
+        let body = hit.body as usize;
+        if nearest.len() <= body {
+            nearest.resize_with(body + 1, || None);
+        }
+        let known = &mut nearest[body];
+        if known.as_ref().is_none_or(|known| hit.distance < known.distance) {
+            *known = Some(hit);
         }
     }
-    nearest.sort_unstable_by_key(|hit| hit.body);
-    nearest
+    nearest.into_iter().flatten().collect()
 }
