@@ -71,10 +71,10 @@ class Tracker:
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun = 0
         self._periods = periods_of(self.settings.max_velocity)
-        half = self.settings.max_velocity or np.inf
+        largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
         self._gate: dict[str, Any] = {
             "periods": self._periods.tolist(),
-            "velocity_known": (_KNOWN_WITHIN * half) ** 2,
+            "velocity_known": (_KNOWN_WITHIN * largest) ** 2,
         }
         self._usual = np.diag(np.square(self.settings.deviations))
         self._clear(2)
@@ -119,10 +119,10 @@ class Tracker:
         told = self.num_dimensions + 1
         measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
 
-        brought = self._state, self._covariance, measured, noise
-        pairs = assign(*brought, **self._gate, probability=self.settings.gate)
+        known = self._state, self._covariance, measured, noise
+        pairs = assign(*known, **self._gate, probability=self.settings.gate)
         if pairs:
-            self._state, self._covariance = _core.updated(*brought, pairs, **self._gate)
+            self._state, self._covariance = _core.updated(*known, pairs, **self._gate)
         self._count([track for track, _ in pairs])
         self._end()
         if len(pairs) < len(measured):
