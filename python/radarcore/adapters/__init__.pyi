@@ -1,1 +1,2 @@
 from radarcore.adapters import images as images
+from radarcore.adapters import mujoco as mujoco
