@@ -119,17 +119,24 @@ class LiveModel:
         )
         self.scene = Scene(self.bodies)
 
-    def update(self, data: Any) -> None:
+    def update(self, data: Any, *, by_differences: bool | None = None) -> None:
         """Take poses and velocities from an MjData, at its time.
 
         Poses and velocities that `data` derives from qpos and qvel are brought up to these: after ``mj_step`` they lag
         one step behind.
+
+        Parameters
+        ----------
+        data : MjData
+        by_differences : bool, optional
+            Velocities by differences of updates; default: as `rates` says. MuJoCo's Euler steps have velocities that
+            are half a step behind the positions: between updates of every step, differences fit better.
         """
         settle(self.model, data)
         if self._group is None:
             return
         maps = poses(data, self._moving)
-        if self._by_differences:
+        if self._by_differences if by_differences is None else by_differences:
             self._group.update(data.time, maps)
             return
         linear, angular = rates(self.model, data, self._places.bodies[self._moving], maps[:, :, 3])

@@ -71,9 +71,7 @@ def spec_from_urdf(
                 elif mesh is not None:
                     mesh.set("filename", str(_located(mesh.get("filename", ""), file, folders)))
     if left_out:
-        notice.warn(
-            f"{file}: MuJoCo reads STL, OBJ and MSH; {len(left_out)} meshes are left out, as {left_out[0]}"
-        )
+        notice.warn(f"{file}: MuJoCo reads STL, OBJ and MSH; {len(left_out)} meshes are left out, as {left_out[0]}")
     return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
 
 
