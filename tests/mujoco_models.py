@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore.adapters.mujoco import spec_from_urdf
+from radarcore.models import robots
+from radarcore.models.robots.data import UR10, data_file
 
 BACK_ENDS = {name: library for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if find_library(library)}
 
@@ -72,3 +75,20 @@ def polyhedron(seed: int, radius: float = 0.3, num_points: int = 20) -> str:
     points *= radius / np.linalg.norm(points, axis=1, keepdims=True)
     points += [0.1, 0.05, -0.03]
     return f'<mesh name="stone {seed}" vertex="{" ".join(f"{x:.6f}" for x in points.ravel())}"/>'
+
+
+def posed_ur10(*more: dict[str, Any]) -> tuple[Any, Any]:
+    """A UR10 on a pedestal of 0.8 m, in a pose of which the forward kinematics is known, and other geoms."""
+    if not robots.is_available():
+        pytest.skip("needs the extra `robots`: pip install radarcore[robots]")
+    world = mujoco.MjSpec()
+    for geom in more:
+        world.worldbody.add_geom(**geom)
+    camera = {"name": "radar", "pos": [-1.5, 0.0, 1.1], "quat": [0.5, 0.5, -0.5, -0.5], "fovy": 50.0}
+    world.worldbody.add_camera(**camera)
+    arm = spec_from_urdf(data_file(UR10))
+    world.attach(arm, prefix="ur_", frame=world.worldbody.add_frame(pos=[0.0, 0.0, 0.8]))
+    model = world.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = [0.0, -1.2, 1.6, -0.4, 1.5708, 0.0], [0.5, -1.0, 0.7, 0.3, -0.4, 2.0]
+    return model, data

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from mujoco_models import CAMERA, RADAR, compiled, mujoco, polyhedron
+from mujoco_models import CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10
 from radarcore.adapters.mujoco import LiveModel, frames, spec_from_urdf
-from radarcore.models import RobotArm, robots
+from radarcore.models import RobotArm
 
 C = 299_792_458.0  # [m/s]
 
@@ -306,26 +306,12 @@ def test_time_starts_again_after_clear() -> None:
     assert live.newest == 0.0
 
 
-# The arm of integration tests: forward kinematics of a UR10 at these angles, and of its base at the origin.
-ANGLES = [0.0, -1.2, 1.6, -0.4, 1.5708, 0.0]
+# tool0 of that UR10 in its base_link.
 TOOL = [0.84109, 0.16394, 0.35914]
 
 
-def posed_arm() -> tuple[Any, Any]:
-    if not robots.is_available():
-        pytest.skip("needs the extra `robots`: pip install radarcore[robots]")
-    from radarcore.models.robots.data import UR10, data_file
-
-    world = mujoco.MjSpec()
-    world.attach(spec_from_urdf(data_file(UR10)), prefix="ur_", frame=world.worldbody.add_frame(pos=[0.0, 0.0, 0.8]))
-    model = world.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = ANGLES, [0.5, -1.0, 0.7, 0.3, -0.4, 2.0]
-    return model, data
-
-
 def test_ur10_of_a_urdf_file_is_the_arm_of_the_models() -> None:
-    model, data = posed_arm()
+    model, data = posed_ur10()
     live = LiveModel(model, skip=("ur_ee_link",))
     live.update(data)
     np.testing.assert_allclose(data.body("ur_tool0").xpos - [0.0, 0.0, 0.8], TOOL, rtol=0, atol=1e-5)

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from mujoco_models import BACK_ENDS, CAMERA, RADAR, compiled, mujoco, polyhedron, skip_without_graphics
+from mujoco_models import BACK_ENDS, CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10, skip_without_graphics
 from radarcore.adapters import images
 from radarcore.adapters.mujoco import DepthView, LiveModel, View
 
@@ -83,6 +83,24 @@ def test_rendered_depth_is_that_of_our_own_rays(drawn: tuple[LiveModel, Any, Dep
     assert np.quantile(error, 0.99) < 5e-6  # ridges of a stone are silhouettes of its facets
     # What lies beyond is nothing, with the edges of bodies between.
     assert ((seen.body < 0) != (own.body < 0)).mean() < 0.01
+
+
+def test_rendered_depth_of_a_ur10_is_that_of_our_own_rays() -> None:
+    skip_without_graphics()
+    cylinder = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [0.1, 0.4, 0.0], "pos": [0.5, 0.6, 1.0]}
+    model, data = posed_ur10(cylinder)
+    live = LiveModel(model, sagitta=1e-5)
+    with DepthView(live, camera="radar", rows=ROWS, columns=COLUMNS, far=10.0) as view:
+        seen = view.view(data)
+    own = cast(live)
+    inside = inner(own.body)
+    assert set(own.body[inside].tolist()) >= {0, 1, 2, 3, 4}
+    np.testing.assert_array_equal(seen.body[inside], own.body[inside])
+    planar = own.distance / seen.depth.camera.slant(ROWS, COLUMNS)
+    is_round = own.body == 0
+    for chosen, most in ((inside & ~is_round, 5e-6), (inside & is_round, 1e-4)):
+        assert chosen.sum() > 100
+        assert np.quantile(np.abs(seen.depth.depth[chosen] - planar[chosen]), 0.99) < most
 
 
 def test_moving_a_body_moves_its_points_by_the_same_transform(drawn: tuple[LiveModel, Any, DepthView]) -> None:
