@@ -38,10 +38,11 @@ TILES = 24
 TEXT = """\
 ## A live loop
 
-{bodies} bodies of {triangles} triangles, whose poses and velocities come step by step (`rc.LiveGroup`): a UR10, a floor,
-and a person in two parts. A still sensor with 3 receivers, 64 chirps, 128 samples; {machine}, two threads. Written by
-`python benches/live.py --write`: {frames} frames at 40 Hz [ms], update of all poses and Python included. "Python" is
-everything outside of the core, "the update" the part of it that takes the poses.
+{bodies} bodies of {triangles} triangles, whose poses and velocities come step by step (`rc.LiveGroup`): a UR10, a
+floor, and a person in two parts. A still sensor with 3 receivers, 64 chirps, 128 samples; {machine}, two threads.
+Written by `python benches/live.py --write`: {frames} frames at 40 Hz [ms], update of all poses and Python included.
+"Python" is everything outside of the core, "the update" the part of it that takes the poses. "CPU time" is that of all
+threads, which other programs on the machine change less.
 
 {table}
 """
@@ -102,7 +103,7 @@ def measure(sampling: str, num_frames: int) -> dict[str, np.ndarray]:
     simulator = rc.Simulator(
         bodies, radar, radar_motion=sensor, field_of_view_deg=(90.0, 60.0), sampling=sampling, threads=2
     )
-    times = np.zeros((num_frames, 4))
+    times = np.zeros((num_frames, 5))
 
     def step(number: int) -> tuple[float, float]:
         """One turn of the loop: run time of the update, and of all [s]."""
@@ -120,11 +121,12 @@ def measure(sampling: str, num_frames: int) -> dict[str, np.ndarray]:
     vars(simulator)["_engine"] = watch
     with mock.patch.object(_core, "receive", watch.receive):
         for number in range(num_frames):
-            watch.seconds = 0.0
+            watch.seconds, used = 0.0, time.process_time()
             update, everything = step(number + 1)
+            used = time.process_time() - used
             core = watch.seconds + watch.noise
-            times[number] = everything, core, everything - core, update
-    return dict(zip(("a frame", "the core", "Python", "the update"), times.T, strict=True))
+            times[number] = everything, core, everything - core, update, used
+    return dict(zip(("a frame", "the core", "Python", "the update", "CPU time"), times.T, strict=True))
 
 
 def main() -> None:

@@ -57,7 +57,7 @@ def main() -> None:
     radar = rc.bgt60tr13c(num_chirps=64, num_samples=128)
     simulator = rc.Simulator(live.scene, radar, radar_motion=live.motion(camera="radar"))
     box = live.scene.names.index("box/box")
-    for frame in frames(simulator, live, data, rate=20.0, duration=0.5, control=control):
+    for frame in frames(simulator, live, data, rate=20.0, duration=0.3, control=control):
         truth = frame.truth
         peak = rc.strongest_peak(frame, max_velocity=-0.5)
         found = "nothing" if peak is None else f"{peak.range:.2f} m, {peak.velocity:+.2f} m/s"

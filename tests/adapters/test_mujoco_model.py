@@ -111,6 +111,30 @@ def test_poses_and_velocities_of_all_things_are_mujocos_own(seed: int) -> None:
         np.testing.assert_allclose(motion.rate_at(data.time), expected, rtol=0, atol=1e-10), f"seed {seed}"
 
 
+def test_velocity_along_the_ray_is_the_difference_of_the_range() -> None:
+    model, data = compiled(CHAIN)
+    scattered(model, data, 5)
+    live, step = LiveModel(model), 1e-5
+    live.update(data)
+    start, ranges = data.qpos.copy(), []
+    points = [body.mesh.vertices[0] for body in live.bodies]
+    rates = []
+    for body, point in zip(live.bodies, points, strict=True):
+        place, rate = body.motion.at(0.0).apply(point), body.motion.rate_at(0.0)
+        rates.append(place @ (rate[:, :3] @ point + rate[:, 3]) / np.linalg.norm(place))
+    for side in (-step, step):
+        data.qpos[:] = start
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, side)
+        mujoco.mj_kinematics(model, data)
+        places = [
+            data.geom_xmat[geom].reshape(3, 3) @ point + data.geom_xpos[geom]
+            for geom, point in zip(live.geoms, points, strict=True)
+        ]
+        ranges.append(np.linalg.norm(places, axis=1))
+    np.testing.assert_allclose(rates, (ranges[1] - ranges[0]) / (2.0 * step), rtol=0, atol=1e-7)
+    assert np.abs(rates).max() > 0.5
+
+
 def test_poses_after_a_step_are_those_of_its_end() -> None:
     model, data = compiled('<body><freejoint/><geom size=".1"/></body>')
     data.qvel[0] = 1.0

@@ -364,7 +364,7 @@ ctypes.CDLL.__init__ = refuse
 """
 
 
-@pytest.mark.parametrize("back_end", ["disable", "glfw", "egl"])
+@pytest.mark.parametrize("back_end", ["glfw", "egl"])
 def test_without_a_library_to_draw_with_there_is_one_error_with_a_hint(tmp_path: Path, back_end: str) -> None:
     done = run(tmp_path, back_end, NO_LIBRARY)
     assert done.returncode == 1
