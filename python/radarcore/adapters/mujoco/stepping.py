@@ -45,6 +45,8 @@ def frames(
 ) -> Iterator[Frame]:
     """Step the physics and simulate a radar frame at every multiple of 1/`rate`.
 
+    The last step before a frame is as short as it has to be to end where the frame starts.
+
     Parameters
     ----------
     simulator : Simulator
@@ -76,25 +78,30 @@ def frames(
     if duration is not None:
         duration = check.positive("duration", duration, "s")
 
-    def advance(to: float, every: int = 0) -> None:
+    def advance(to: float, *, every: int = 0, exactly: bool = True) -> None:
         """Step until a time [s]; take poses after the last step, and after so many."""
         count = 0
-        while data.time < to - _ROUNDING:
+        while (left := to - data.time) > _ROUNDING:
             if control is not None:
                 control(data)
-            mj_step(model, data)
+            model.opt.timestep = min(step, left) if exactly else step
+            try:
+                mj_step(model, data)
+            finally:
+                model.opt.timestep = step
             count += 1
-            if data.time >= to - _ROUNDING or (every > 0 and count % every == 0):
+            if to - data.time <= _ROUNDING or (every > 0 and count % every == 0):
                 live.update(data, by_differences=follow or None)
 
     live.update(data)
     number = 0
     while duration is None or number * period < duration - _ROUNDING:
         begin = start + number * period
-        # The poses on both sides of the start are needed; those long before it are not.
-        advance(begin - step)
+        if follow:
+            # The poses before the start say how fast the motion is there.
+            advance(begin - step, exactly=False)
         advance(begin)
         if follow:
-            advance(begin + frame_duration, every=stride)
+            advance(begin + frame_duration, every=stride, exactly=False)
         yield simulator.frame(begin)
         number += 1
