@@ -62,8 +62,8 @@ def frames(
         Called with `data` before every step: sets ``ctrl``, ``mocap_pos``.
     follow : bool
         False: a frame is simulated as soon as it starts, with the velocities that hold then, and `data` is that of its
-        start, to a step. True: it is simulated when the physics has stepped past its end, as a sensor delivers it, and
-        follows the positions step by step: for strong accelerations and contacts, at two to three times the run time.
+        start. True: it is simulated when the physics has stepped past its end, as a sensor delivers it, and follows the
+        positions step by step: for strong accelerations and contacts, at two to three times the run time.
 
     Yields
     ------
