@@ -14,6 +14,7 @@ PUBLIC = [
     "",
     "adapters",
     "adapters.coppeliasim",
+    "adapters.mujoco",
     "adapters.optitrack",
     "adapters.ros",
     "models",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -276,6 +277,33 @@ def test_recording_takes_updates_between_frames(tmp_path: Path) -> None:
     assert finished == [0, 1, 2, 3]  # every frame is placed when the one before is written
     assert recording.truth is not None
     np.testing.assert_allclose(recording.truth.range[:, 0], [1.0, 1.1, 1.2, 1.3], rtol=0, atol=1e-5)
+
+
+def test_another_thread_may_update_while_poses_are_asked_for() -> None:
+    group, stop = rc.LiveGroup(2), Event()
+    group.update(0.0, MAPS, velocities=np.ones((2, 3)))
+
+    def program() -> None:
+        step = 0
+        while not stop.wait(1e-3):
+            step += 1
+            poses = MAPS + 0.0
+            poses[:, :3, 3] = 1e-3 * step
+            group.update(1e-3 * step, poses, velocities=np.ones((2, 3)))
+
+    thread = Thread(target=program)
+    thread.start()
+    try:
+        for _ in range(200):
+            newest = group.newest
+            times = newest + np.array([-0.002, -0.0005, 0.0, 0.01]) * (newest > 0.01)
+            # All move at 1 m/s along each axis, whatever the updates are by now.
+            places = group.link_poses_at(times)[..., 3]
+            np.testing.assert_allclose(places, np.broadcast_to(times[:, None, None], (4, 2, 3)), rtol=0, atol=1e-9)
+    finally:
+        stop.set()
+        thread.join()
+    assert group.newest > 0.0
 
 
 def test_pickled_scene_keeps_its_updates_and_its_group() -> None:

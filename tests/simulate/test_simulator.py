@@ -467,7 +467,7 @@ def test_scene_and_radar_of_another_kind_are_errors() -> None:
 
 @pytest.mark.parametrize("name", ["frame", "paths", "depth_image"])
 @pytest.mark.parametrize(
-    ("time", "error"), [(np.nan, ValueError), (np.inf, ValueError), ("now", TypeError), (None, TypeError)]
+    ("time", "error"), [(np.nan, ValueError), (np.inf, ValueError), ("now", TypeError), (True, TypeError)]
 )
 def test_silly_time_is_an_error(name: str, time: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match="time: expected a "):

@@ -31,6 +31,9 @@ from radarcore.adapters.planar_depth import PlanarDepth as PlanarDepth
 from radarcore.adapters.ros.images import from_ros_image as from_ros_image
 from radarcore.geometry.camera import Camera, warn_of_radians
 
+DEPTH_MAPS = ("zero_far", "zero_near")
+"""Depths that ``mjr_readPixels`` has as 0."""
+
 
 def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time: float | None = None) -> PlanarDepth:
     """Image of ``mujoco.Renderer`` with depth rendering: metres, top row first.
@@ -42,12 +45,23 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
 
 
 def from_mujoco_pixels(
-    buffer: ArrayLike, *, fovy_deg: float, near: float, far: float, time: float | None = None
+    buffer: ArrayLike,
+    *,
+    fovy_deg: float,
+    near: float,
+    far: float,
+    depth_map: str = "zero_far",
+    time: float | None = None,
 ) -> PlanarDepth:
-    """Depth of ``mjr_readPixels``: reversed z-buffer, 0 at the far plane, bottom row first."""
+    """Depth of ``mjr_readPixels``, bottom row first.
+
+    `depth_map`: ``MjrContext.readDepthMap``. ``mjDEPTH_ZEROFAR``, as `mujoco.Renderer` sets it, is a reversed z-buffer
+    with 0 at the far plane; ``mjDEPTH_ZERONEAR``, the default of a new context, is 1 there and a hundred times coarser.
+    """
+    is_reversed = check.choice("depth_map", depth_map, DEPTH_MAPS) == "zero_far"
     d = _fractions("buffer", buffer)[::-1]
     n, f = _near_and_far(near, far)
-    metres = n * f / (n + d * (f - n))
+    metres = n * f / (n + (d if is_reversed else 1.0 - d) * (f - n))
     return decoded(metres, f, _camera_by_height(fovy_deg, d.shape, "fovy_deg"), OPENGL_AXES, time)
 
 

@@ -226,19 +226,28 @@ def checked_maps(name: str, values: ArrayLike, number: int) -> Matrix:
     rotations, positions = maps[:, :, :3], maps[:, :, 3]
     if (farthest := float(np.abs(positions).max(initial=0.0))) > _FARTHEST:
         raise ValueError(f"{name}: expected coordinates within {_FARTHEST:g} m, got {farthest:g}")
-    # Entries of a rotation are at most 1; products of huge ones overflow.
-    bad = np.abs(rotations).max(axis=(1, 2), initial=0.0) > 2.0
-    products = np.where(bad[:, None, None], 0.0, rotations)
-    error = np.abs(np.swapaxes(products, 1, 2) @ products - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    bad |= (error > 1e-6) | (np.linalg.det(products) < 0.0)
-    if bad.any():
-        k = int(bad.argmax())
+    error = _deviations(rotations)
+    if len(error) == 0 or (worst := error.max()) <= 1e-15:
+        return maps.copy()
+    if worst > 1e-6:
+        k = int((error > 1e-6).argmax())
         raise ValueError(f"{name}: expected rotation matrices (orthonormal, determinant +1), got another at index {k}")
-    if error.max(initial=0.0) > 1e-15:
-        # The nearest rotations, by two of Newton's steps: from 1e-6 to 1e-12 to rounding.
-        for _ in range(2):
-            rotations = 0.5 * rotations @ (3.0 * np.eye(3) - np.swapaxes(rotations, 1, 2) @ rotations)
+    # The nearest rotations, by two of Newton's steps: from 1e-6 to 1e-12 to rounding.
+    for _ in range(2):
+        rotations = 0.5 * rotations @ (3.0 * np.eye(3) - np.swapaxes(rotations, 1, 2) @ rotations)
     return transforms(rotations, positions)
+
+
+def _deviations(rotations: Matrix) -> Matrix:
+    """Largest deviation of each of the matrices (n, 3, 3) from a rotation, (n,); infinite for mirrors and huge ones."""
+    # Entries of a rotation are at most 1; products of huge ones overflow.
+    huge = np.abs(rotations).max(axis=(1, 2)) > 2.0
+    if huge.any():
+        rotations = np.where(huge[:, None, None], 0.0, rotations)
+    products = np.swapaxes(rotations, 1, 2) @ rotations
+    largest: Matrix = np.abs(products - np.eye(3)).max(axis=(1, 2))
+    largest[huge | (np.linalg.det(rotations) < 0.0)] = np.inf
+    return largest
 
 
 def rotation_vectors(rotations: Matrix) -> Matrix:
