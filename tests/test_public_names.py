@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-PUBLIC = ["", "adapters", "models", "models.robots", "plot", "processing", "sensor"]
+PUBLIC = ["", "adapters", "adapters.ros", "models", "models.robots", "plot", "processing", "sensor"]
 
 
 @pytest.fixture(params=PUBLIC, ids=lambda name: name or "radarcore")

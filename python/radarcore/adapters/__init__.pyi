@@ -1,1 +1,3 @@
+from radarcore.adapters import gazebo as gazebo
 from radarcore.adapters import images as images
+from radarcore.adapters import ros as ros

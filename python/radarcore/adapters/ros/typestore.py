@@ -1,4 +1,4 @@
-"""Definitions of messages: those of ROS 1 and ROS 2 that rosbags knows, and `radar_msgs`."""
+"""Types of messages for rosbags: those of ROS 1 and ROS 2 that it knows, and `DEFINITIONS`."""
 
 from __future__ import annotations
 
@@ -8,49 +8,7 @@ from typing import Any
 
 import numpy as np
 
-RADAR_RETURN = """\
-float32 range
-float32 azimuth
-float32 elevation
-float32 doppler_velocity
-float32 amplitude
-"""
-"""radar_msgs 0.2.2; the sign of the velocity is not specified there: ours is a range rate, receding positive."""
-
-RADAR_SCAN = """\
-std_msgs/Header header
-radar_msgs/RadarReturn[] returns
-"""
-
-RIGID_BODIES = """\
-std_msgs/Header header
-uint32 frame_number
-mocap4r2_msgs/RigidBody[] rigidbodies
-"""
-RIGID_BODY = """\
-string rigid_body_name
-mocap4r2_msgs/Marker[] markers
-geometry_msgs/Pose pose
-"""
-MARKER = """\
-int8 USE_NAME=0
-int8 USE_INDEX=1
-int8 USE_BOTH=2
-int8 id_type
-int32 marker_index
-string marker_name
-geometry_msgs/Point translation
-"""
-"""mocap4r2_msgs, of motion capture systems."""
-
-DEFINITIONS = {
-    "radar_msgs/msg/RadarReturn": RADAR_RETURN,
-    "radar_msgs/msg/RadarScan": RADAR_SCAN,
-    "mocap4r2_msgs/msg/Marker": MARKER,
-    "mocap4r2_msgs/msg/RigidBody": RIGID_BODY,
-    "mocap4r2_msgs/msg/RigidBodies": RIGID_BODIES,
-}
-"""Texts of messages that neither ROS nor rosbags brings along."""
+from radarcore.adapters.ros.messages import DEFINITIONS
 
 
 def need_rosbags() -> None:
@@ -69,8 +27,8 @@ def typestore(version: int) -> Any:
 
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     types: dict[str, Any] = {}
-    for name, text in DEFINITIONS.items():
-        types |= get_types_from_msg(text, name)
+    for name in DEFINITIONS.keys() - store.types.keys():
+        types |= get_types_from_msg(DEFINITIONS[name], name)
     store.register(types)
     return store
 
