@@ -1,4 +1,8 @@
 from radarcore.adapters.planar_depth import radar_in_camera as radar_in_camera
+from radarcore.adapters.ros.bag_depth import DepthImages as DepthImages
+from radarcore.adapters.ros.bag_depth import FrameImages as FrameImages
+from radarcore.adapters.ros.bag_depth import frame_images as frame_images
+from radarcore.adapters.ros.bag_motions import BagMotions as BagMotions
 from radarcore.adapters.ros.bag_writer import BagWriter as BagWriter
 from radarcore.adapters.ros.bags import BagReader as BagReader
 from radarcore.adapters.ros.images import from_camera_info as from_camera_info

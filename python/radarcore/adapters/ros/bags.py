@@ -272,6 +272,14 @@ class BagReader:
         return ", ".join(shown) or "none"
 
 
+def is_bag(path: str | PathLike[str]) -> bool:
+    """True for what looks like a bag: by its suffix, or the files in a folder."""
+    place = Path(path)
+    if place.is_dir():
+        return (place / "metadata.yaml").is_file() or any(file.suffix in _SUFFIXES for file in place.iterdir())
+    return place.suffix in _SUFFIXES
+
+
 def _files(path: Path) -> list[Path]:
     """The files of a bag, the one that was recorded first in front."""
     if path.is_file():
