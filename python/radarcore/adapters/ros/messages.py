@@ -92,7 +92,7 @@ def installed(name: str) -> Callable[..., Any]:
         found: Callable[..., Any] = getattr(import_module(f"{package}.msg"), kind)
     except ImportError as error:
         raise ImportError(
-            f"{name} needs a ROS installation with {package} (source its setup file); without: rosbags' types"
+            f"{name} needs a ROS installation with {package}: source its setup file, or give rosbags' types ({error})"
         ) from error
     return found
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.adapters.ros.messages import Types, header, make
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
-from radarcore.geometry.pose import Pose
+from radarcore.geometry.pose import Pose, as_pose, cross_matrix, transforms
 from radarcore.motion.trajectory import Trajectory
 
 
@@ -83,6 +83,10 @@ class JointSeries:
     names: tuple[str, ...]
     positions: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        for values in (self.times_ns, self.positions):
+            values.flags.writeable = False
+
     def times(self, start_ns: int = 0) -> NDArray[np.float64]:
         """Times since `start_ns` [s], (n,)."""
         return times_since(self.times_ns, start_ns)
@@ -90,14 +94,32 @@ class JointSeries:
 
 def from_pose(message: Any) -> Pose:
     """Pose of a ``geometry_msgs`` Pose, Transform, or one of these with a header; quaternions are (x, y, z, w)."""
+    return poses_of([pose_numbers(message)])[0]
+
+
+def pose_numbers(message: Any) -> tuple[float, ...]:
+    """Position and quaternion (x, y, z, w) of a message such as `from_pose` takes."""
     message = getattr(message, "pose", getattr(message, "transform", message))
     message = getattr(message, "pose", message)  # PoseWithCovarianceStamped
-    is_pose = hasattr(message, "position")
-    p, q = (message.position, message.orientation) if is_pose else (message.translation, message.rotation)
-    numbers = [float(value) for value in (q.w, q.x, q.y, q.z)]
-    if not any(numbers) or not np.isfinite(numbers).all():
-        raise ValueError(f"{'orientation' if is_pose else 'rotation'}: expected a quaternion, got {numbers} (w first)")
-    return Pose.from_quaternion([float(p.x), float(p.y), float(p.z)], numbers)
+    if hasattr(message, "position"):
+        p, q = message.position, message.orientation
+    else:
+        p, q = message.translation, message.rotation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
+    """Poses of many rows of `pose_numbers`, together: recordings have 100,000 of them."""
+    numbers = check.array("position and orientation", rows, (None, 7))
+    positions, quaternions = numbers[:, :3], numbers[:, 3:]
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if (is_zero := lengths[:, 0] == 0.0).any():
+        raise ValueError(f"orientation: expected a quaternion, got zeros at index {int(is_zero.argmax())}")
+    unit = quaternions / lengths
+    # R = 1 + 2 w [v] + 2 [v]^2 with the vector part v.
+    cross = cross_matrix(unit[:, :3])
+    rotations = np.eye(3) + 2.0 * unit[:, 3, None, None] * cross + 2.0 * cross @ cross
+    return tuple(map(as_pose, transforms(rotations, positions)))
 
 
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
@@ -115,7 +137,7 @@ def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types:
 
 def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names."""
-    transforms = []
+    sent = []
     for name, pose in poses.items():
         x, y, z, w = _quaternion(pose)
         placed = make(
@@ -126,8 +148,8 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
         )
         stamped = header(None, time_ns, frame_id, types)
         name_of_type = "geometry_msgs/msg/TransformStamped"
-        transforms.append(make(types, name_of_type, header=stamped, child_frame_id=name, transform=placed))
-    return make(types, "tf2_msgs/msg/TFMessage", transforms=transforms)
+        sent.append(make(types, name_of_type, header=stamped, child_frame_id=name, transform=placed))
+    return make(types, "tf2_msgs/msg/TFMessage", transforms=sent)
 
 
 def pose_series(messages: Iterable[Any]) -> PoseSeries:
@@ -138,7 +160,7 @@ def pose_series(messages: Iterable[Any]) -> PoseSeries:
     frames = {frame_name(message.header.frame_id) for message in given}
     if len(frames) > 1:
         raise ValueError(f"messages: expected poses in one frame, got {', '.join(map(repr, sorted(frames)))}")
-    return PoseSeries(_stamps(given), tuple(map(from_pose, given)), frames.pop())
+    return PoseSeries(_stamps(given), poses_of([pose_numbers(message) for message in given]), frames.pop())
 
 
 def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
@@ -147,17 +169,18 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
     """
     frame_id = ""
-    found: dict[str, tuple[list[int | None], list[Pose]]] = {}
+    found: dict[str, tuple[list[int | None], list[tuple[float, ...]]]] = {}
     for message in messages:
         time_ns, frame_id = header_nanoseconds(message), frame_name(message.header.frame_id)
         # Drafts of the message have an underscore in it.
         for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
-            if _is_seen(body.pose):
-                times, poses = found.setdefault(str(body.rigid_body_name), ([], []))
+            numbers = pose_numbers(body.pose)
+            if np.isfinite(numbers).all() and any(numbers[3:]):
+                times, rows = found.setdefault(str(body.rigid_body_name), ([], []))
                 times.append(time_ns)
-                poses.append(from_pose(body.pose))
+                rows.append(numbers)
     return {
-        name: PoseSeries(np.array(times, np.int64), tuple(poses), frame_id) for name, (times, poses) in found.items()
+        name: PoseSeries(np.array(times, np.int64), poses_of(rows), frame_id) for name, (times, rows) in found.items()
     }
 
 
@@ -203,12 +226,6 @@ def frame_name(frame_id: str) -> str:
 
 def _stamps(messages: Sequence[Any]) -> NDArray[np.int64]:
     return np.array([header_nanoseconds(message) for message in messages], dtype=np.int64)
-
-
-def _is_seen(pose: Any) -> bool:
-    p, q = pose.position, pose.orientation
-    quaternion = np.array([q.x, q.y, q.z, q.w])
-    return bool(np.isfinite([p.x, p.y, p.z]).all() and np.isfinite(quaternion).all() and quaternion.any())
 
 
 def _quaternion(pose: Pose) -> list[float]:

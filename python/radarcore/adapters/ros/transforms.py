@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from radarcore import check
 from radarcore.adapters.planar_depth import radar_in_camera
-from radarcore.adapters.ros.poses import PoseSeries, frame_name, from_pose
+from radarcore.adapters.ros.poses import PoseSeries, frame_name, pose_numbers, poses_of
 from radarcore.adapters.ros.stamps import nanoseconds
 from radarcore.geometry.pose import Pose
 from radarcore.motion.attached import Attached
@@ -40,25 +42,25 @@ class TransformTree:
         self._parents: dict[str, str] = {}
         self._still: dict[str, Pose] = {}
         self._moving: dict[str, PoseSeries] = {}
-        for child, (_, poses) in self._collected(static).items():
-            self._still[child] = poses[-1]
-        for child, (times, poses) in self._collected(messages).items():
+        for child, (_, rows) in self._collected(static).items():
+            self._still[child] = poses_of(rows)[-1]
+        for child, (times, rows) in self._collected(messages).items():
             if child not in self._still:
-                self._moving[child] = PoseSeries(times, tuple(poses), self._parents[child])  # type: ignore[arg-type]
+                self._moving[child] = PoseSeries(np.array(times, np.int64), poses_of(rows), self._parents[child])
         for child in self._parents:
             self._line(child)
 
-    def _collected(self, messages: Iterable[Any]) -> dict[str, tuple[list[int], list[Pose]]]:
-        """Stamps [ns] and poses of every child frame."""
-        found: dict[str, tuple[list[int], list[Pose]]] = {}
+    def _collected(self, messages: Iterable[Any]) -> dict[str, tuple[list[int], list[tuple[float, ...]]]]:
+        """Stamps [ns] of every child frame, and the numbers of its poses."""
+        found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
         for message in messages:
             for transform in message.transforms:
                 child, parent = frame_name(transform.child_frame_id), frame_name(transform.header.frame_id)
                 if (other := self._parents.setdefault(child, parent)) != parent:
                     raise ValueError(f"messages: expected one parent of {child!r}, got {other!r} and {parent!r}")
-                times, poses = found.setdefault(child, ([], []))
+                times, rows = found.setdefault(child, ([], []))
                 times.append(nanoseconds(transform.header.stamp))
-                poses.append(from_pose(transform))
+                rows.append(pose_numbers(transform))
         return found
 
     @property
