@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,46 @@ def test_a_second_reader_agrees(tmp_path: Path) -> None:
     assert found.header.stamp.sec * 10**9 + found.header.stamp.nanosec == START_NS
     assert found.header.frame_id == "radar"
     assert [(entry.range, entry.azimuth) for entry in found.returns] == [(2.5, 0.5)]
+
+
+def test_topics_of_other_encodings_are_left_out(tmp_path: Path) -> None:
+    """Foxglove and others put JSON beside messages of ROS into an MCAP file."""
+    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
+    store = typestore(2)
+    data = bytes(store.serialize_cdr(typed(store, "std_msgs/msg/String", {"data": "x"}), "std_msgs/msg/String"))
+    with (tmp_path / "a.mcap").open("wb") as file:
+        other = writer.Writer(file)
+        other.start(profile="ros2")
+        numbers = [
+            other.register_channel("/json", "json", other.register_schema("a", "jsonschema", b"{}")),
+            other.register_channel(
+                "/text", "cdr", other.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+            ),
+        ]
+        for number, content in zip(numbers, (b"{}", data), strict=True):
+            other.add_message(number, log_time=5, publish_time=5, data=content)
+        other.finish()
+    with BagReader(tmp_path / "a.mcap") as bag:
+        assert bag.topics == {"/text": Topic("/text", "std_msgs/msg/String", 1)}
+        assert [(m.time_ns, m.message.data) for m in bag.messages()] == [(5, "x")]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_databases_without_definitions_are_read_by_those_of_ros(
+    tmp_path: Path, bags: dict[str, Path], share: float
+) -> None:
+    """As those before ROS 2 Iron."""
+    import apsw
+
+    path = copied(bags["sqlite3"], tmp_path)
+    database = apsw.Connection(str(file_of(path)))
+    database.execute("DROP TABLE message_definitions; DROP TABLE schema; DROP TABLE metadata").fetchall()
+    database.execute("ALTER TABLE topics DROP COLUMN type_description_hash").fetchall()
+    database.close()
+    found, warned = read_cut(cut(file_of(path), share))
+    assert found == list(range(len(found)))
+    assert len(found) == 300 if share == 1.0 else 130 < len(found) < 152
+    assert len(warned) == (share < 1.0)
 
 
 RETURN = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
@@ -282,6 +323,31 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, name: str, content:
         BagReader(path)
     assert str(error.value).startswith(f"{path}: ")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bytes_that_are_wrong_end_in_one_warning_or_one_line(bags: dict[str, Path], tmp_path: Path, seed: int) -> None:
+    """Never in another error, without end, or in a message that its definition does not fit."""
+    for kind, bag in bags.items():
+        path = copied(bag, tmp_path)
+        file = file_of(path)
+        random = np.random.default_rng(seed)
+        data = np.frombuffer(file.read_bytes(), np.uint8).copy()
+        places = random.integers(0, len(data) if seed % 2 else 5000, 20)
+        data[places] = random.integers(0, 256, 20)
+        file.write_bytes(data.tobytes())
+        refused = ""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                with BagReader(path) as read:
+                    assert sum(1 for _ in read.messages()) <= 600
+            except ValueError as error:
+                refused = str(error)
+        assert refused.startswith(str(path)) or not refused, kind
+        assert "\n" not in refused
+        assert len(caught) <= 1
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def test_nothing_and_a_folder_without_bags_are_refused(tmp_path: Path) -> None:

@@ -26,6 +26,9 @@ _SUFFIXES = (".mcap", ".db3", ".bag")
 _MOST_NAMES = 30
 """Topics that a message names."""
 
+_LONGEST_REASON = 200
+"""Characters of another library's message."""
+
 
 @dataclass(frozen=True)
 class Topic:
@@ -198,7 +201,7 @@ class BagReader:
         try:
             yield from reader.messages(connections=own, start=start, stop=stop)
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
-            self._warn(str(error) or type(error).__name__)
+            self._warn(_line(error))
 
     def _decoded(self, connection: Any, data: bytes) -> Any:
         from rosbags.serde import SerdeError
@@ -214,7 +217,7 @@ class BagReader:
             return store.deserialize_cdr(data, connection.msgtype)
         except (SerdeError, TypesysError, KeyError, ValueError) as error:
             raise ValueError(
-                f"{self.path}: expected messages of {connection.msgtype} on {connection.topic!r}, got others ({error})"
+                f"{self.path}: expected messages of {connection.msgtype} on {connection.topic!r}, got others ({_line(error)})"
             ) from error
 
     def _opened(self) -> tuple[list[Any], int]:
@@ -246,7 +249,7 @@ class BagReader:
             raise
         except Exception as error:  # of rosbags and what it uses: whatever a damaged file leads to
             if not fallbacks:
-                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({error})") from error
+                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({_line(error)})") from error
             readers = [self._stack.enter_context(reader) for reader in fallbacks]
             cuts = [reader.cut for reader in readers if reader.cut is not None]
             if cuts and not any(reader.connections for reader in readers):
@@ -254,14 +257,14 @@ class BagReader:
             # Whole files with topics of other encodings are read without those, and without a warning.
             if cuts or not isinstance(error, KeyError):
                 count = sum(reader.message_count for reader in readers)
-                self._warn(f"{cuts[0] if cuts else error}; {count} messages are whole")
+                self._warn(f"{cuts[0] if cuts else _line(error)}; {count} messages are whole")
         return readers, version
 
     def _warn(self, what: str) -> None:
         """One warning of a bag, however often its damage is met."""
         if not self._told:
             self._told = True
-            notice.warn(f"{self.path}: a bag that is cut or damaged: {check.printable(' '.join(what.split()))}")
+            notice.warn(f"{self.path}: a bag that is cut or damaged: {what}")
 
     def _names(self, types: tuple[str, ...]) -> str:
         """Names and types of the topics; those of some types first."""
@@ -305,6 +308,12 @@ def _check_database(file: Path) -> None:
         left = file.with_name(file.name + end)
         if left.exists() and left.stat().st_size > 0:
             raise ValueError(f"its writer left {left.name}")
+
+
+def _line(error: Exception) -> str:
+    """An error of another library, which may run over many lines, as a short one."""
+    text = check.printable(" ".join(str(error).split())) or type(error).__name__
+    return text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}..."
 
 
 def _owner(connection: Any) -> int:

@@ -94,7 +94,7 @@ class SequentialReader:
             yield from self._records()
         except Cut as error:
             self.cut = str(error)
-        except (struct.error, KeyError, IndexError) as error:
+        except (struct.error, KeyError, IndexError, UnicodeDecodeError) as error:
             self.cut = f"a record is damaged ({error})"
 
     def _records(self) -> Iterator[Record]:
