@@ -137,15 +137,18 @@ def test_a_scene_file_takes_motions_joints_and_the_sensor_from_a_bag(path: Path,
         moving = bodies["arm/wrist_3_link"].motion.rate_at(time)
         assert np.linalg.norm(moving[:, 3]) > 0.2 * np.linalg.norm(expected[:, 3])
     assert_close(simulation.radar_motion, BASE, 0.3)
-    assert (simulation.run.start, simulation.run.stop) == (0.0, time_of(NUM - 1))
+    # Frames end with the poses.
+    waveform = simulation.radar.waveform
+    duration = waveform.chirp_times[-1] + waveform.sample_times[-1]
+    assert (simulation.run.start, simulation.run.stop) == (0.0, time_of(NUM - 1) - duration)
 
 
 def test_times_of_the_run_are_those_of_the_file_where_it_has_any(path: Path, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
-    scene.write_text(RADAR + SCENE + "[run]\nstart = 0.25\n")
+    scene.write_text(RADAR + SCENE + "[run]\nstart = 0.25\nstop = 0.5\n")
     with BagReader(path) as bag:
         run = rc.load_scene(scene, recorded=BagMotions(bag)).run
-    assert (run.start, run.stop) == (0.25, time_of(NUM - 1))
+    assert (run.start, run.stop) == (0.25, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -216,9 +216,8 @@ class BagReader:
                 return store.deserialize_ros1(data, connection.msgtype)
             return store.deserialize_cdr(data, connection.msgtype)
         except (SerdeError, TypesysError, KeyError, ValueError) as error:
-            raise ValueError(
-                f"{self.path}: expected messages of {connection.msgtype} on {connection.topic!r}, got others ({_line(error)})"
-            ) from error
+            where = f"{check.printable(connection.msgtype)} on {connection.topic!r}"
+            raise ValueError(f"{self.path}: expected messages of {where}, got others ({_line(error)})") from error
 
     def _opened(self) -> tuple[list[Any], int]:
         """Readers of the bag, and the version of ROS."""

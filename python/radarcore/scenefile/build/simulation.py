@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from radarcore.radar.radar import Radar
 from radarcore.scene.scene import Scene
 from radarcore.scenefile.build.bodies import Parts
 from radarcore.scenefile.build.errors import located
@@ -25,7 +26,7 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None) 
         parts, carriers = Parts(file.parent, materials_of(table.material), recorded).build(table)
         with located("sensor: "):
             motion = sensor_motion_of(table.sensor, carriers, recorded)
-        run = table.run if recorded is None else _run_within(table.run, recorded)
+        run = table.run if recorded is None else _run_within(table.run, recorded, radar)
         found = Simulation(Scene(parts), radar, motion, run, file)
         with located("run: "):
             found.simulator()
@@ -36,9 +37,12 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None) 
     return found
 
 
-def _run_within(run: RunTable, recorded: Recorded) -> RunTable:
-    """The run, by default over the times that all recorded motions have in common."""
+def _run_within(run: RunTable, recorded: Recorded, radar: Radar) -> RunTable:
+    """The run, by default with the frames that begin and end where all recorded motions are known."""
     if recorded.span is None:
         return run
-    times = dict(zip(("start", "stop"), recorded.span, strict=True))
+    parts = [part.waveform for part in radar.sequences()]
+    duration = max(float(wf.chirp_times[-1] + wf.sample_times[-1]) for wf in parts)
+    first, last = recorded.span
+    times = {"start": first, "stop": last - duration}
     return run.model_copy(update={name: time for name, time in times.items() if name not in run.model_fields_set})
