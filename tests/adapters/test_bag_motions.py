@@ -143,6 +143,15 @@ def test_a_scene_file_takes_motions_joints_and_the_sensor_from_a_bag(path: Path,
     assert (simulation.run.start, simulation.run.stop) == (0.0, time_of(NUM - 1) - duration)
 
 
+def test_frames_come_at_the_rate_of_the_radar(path: Path, tmp_path: Path) -> None:
+    """Where it has one: frames back to back are no choice."""
+    scene = tmp_path / "scene.toml"
+    for interval, rate in (("", 40.0), ("frame_interval = 0.05\n", 20.0)):
+        scene.write_text(RADAR + interval + SCENE)
+        with BagReader(path) as bag:
+            assert rc.load_scene(scene, recorded=BagMotions(bag)).run.rate == rate
+
+
 def test_times_of_the_run_are_those_of_the_file_where_it_has_any(path: Path, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(RADAR + SCENE + "[run]\nstart = 0.25\nstop = 0.5\n")

@@ -20,6 +20,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
+from radarcore.scenefile.build.simulation import frame_rate
 from radarcore.scenefile.load import load_radar, load_scene
 
 
@@ -57,7 +58,7 @@ def _scene(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, floa
 def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
     """Every frame from the newest depth image and the one before it."""
     radar = load_radar(options.radar)
-    rate = 1.0 / radar.waveform.frame_interval if options.rate is None else check.positive("rate", options.rate, "Hz")
+    rate = frame_rate(radar) if options.rate is None else check.positive("rate", options.rate, "Hz")
     angles = None if options.field_of_view is None else tuple(options.field_of_view)
     with _argument_names(bag.path):
         images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=angles)

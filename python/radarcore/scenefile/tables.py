@@ -450,7 +450,7 @@ class RunTable(Table):
     stop: float = _key(
         1.0, "s", "no frame starts at or after it; of a bag by default so that frames end with its poses"
     )
-    rate: float = _key(40.0, "Hz", "frames per second")
+    rate: float = _key(40.0, "Hz", "frames per second; of a bag by default those of the radar")
     resolution: int | tuple[int, int] | None = _key(
         None,
         "",

@@ -19,6 +19,7 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.adapters.ros.cut_bags import database_size, sequential_reader
 from radarcore.adapters.ros.typestore import need_rosbags, typestore
+from radarcore.recording import infineon
 
 _SUFFIXES = (".mcap", ".db3", ".bag")
 """Of the files in a folder; the first that there are count."""
@@ -275,9 +276,11 @@ class BagReader:
 
 
 def is_bag(path: str | PathLike[str]) -> bool:
-    """True for what looks like a bag: by its suffix, or the files in a folder."""
+    """True for what looks like a bag: by its suffix, or the files in a folder that is no recording."""
     place = Path(path)
     if place.is_dir():
+        if (place / "meta.json").is_file() or infineon.is_recording(place):
+            return False
         return (place / "metadata.yaml").is_file() or any(file.suffix in _SUFFIXES for file in place.iterdir())
     return place.suffix in _SUFFIXES
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
@@ -37,12 +38,19 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None) 
     return found
 
 
+def frame_rate(radar: Radar) -> float:
+    """Frames per second that a radar sends [Hz]; 40 for frames back to back, an interval that nobody chose."""
+    waveform = radar.waveform
+    is_back_to_back = waveform.frame_interval == replace(waveform, frame_interval=None).frame_interval  # type: ignore[arg-type]
+    return 40.0 if is_back_to_back else 1.0 / waveform.frame_interval
+
+
 def _run_within(run: RunTable, recorded: Recorded, radar: Radar) -> RunTable:
-    """The run, by default with the frames that begin and end where all recorded motions are known."""
+    """The run, by default at the radar's rate, of the frames that lie within the times of all recorded motions."""
     if recorded.span is None:
         return run
     parts = [part.waveform for part in radar.sequences()]
     duration = max(float(wf.chirp_times[-1] + wf.sample_times[-1]) for wf in parts)
     first, last = recorded.span
-    times = {"start": first, "stop": last - duration}
+    times = {"start": first, "stop": last - duration, "rate": frame_rate(radar)}
     return run.model_copy(update={name: time for name, time in times.items() if name not in run.model_fields_set})
