@@ -32,7 +32,7 @@ def simulate(path: Path) -> tuple[rc.Recording, int]:
         robot = recorded.motion("/tf", frame="base_link", within="map")
         simulator = rc.Simulator(rc.Scene([cart]), radar, radar_motion=robot, field_of_view_deg=(50.0, 30.0))
         start, stop = recorded.span
-        return simulator.record(start, stop - 0.05, rate=10.0), recorded.start_ns
+        return simulator.record(start, stop - 0.05, rate=5.0), recorded.start_ns
 
 
 def write_radar(path: Path, recording: rc.Recording, start_ns: int) -> None:

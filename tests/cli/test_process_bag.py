@@ -16,7 +16,7 @@ from radarcore.cli.main import main
 from recordings import assert_same
 from ros_bags import BAGS, START_NS
 
-NUM_FRAMES = 6
+NUM_FRAMES = 4
 
 
 @pytest.fixture(scope="module")

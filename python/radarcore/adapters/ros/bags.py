@@ -9,6 +9,7 @@ import errno
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import lru_cache
 from heapq import merge
 from itertools import groupby
 from os import PathLike
@@ -105,7 +106,6 @@ class BagReader:
             raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
         self._told = False
         self._stack = ExitStack()
-        self._stores: dict[tuple[str, str], Any] = {}
         self._readers, self.version = self._opened()
         self._connections = [connection for reader in self._readers for connection in reader.connections]
         self.topics = _topics(self._connections)
@@ -208,11 +208,8 @@ class BagReader:
         from rosbags.serde import SerdeError
         from rosbags.typesys import TypesysError
 
-        key = (connection.msgtype, connection.msgdef.data)
         try:
-            if key not in self._stores:
-                self._stores[key] = _store(connection, self.version)
-            store = self._stores[key]
+            store = _store(connection.msgtype, connection.msgdef, self.version)
             if self.version == 1:
                 return store.deserialize_ros1(data, connection.msgtype)
             return store.deserialize_cdr(data, connection.msgtype)
@@ -314,7 +311,7 @@ def _check_database(file: Path) -> None:
 
 def _line(error: Exception) -> str:
     """An error of another library, which may run over many lines, as a short one."""
-    text = check.printable(" ".join(str(error).split())) or type(error).__name__
+    text = check.printable(" ".join(str(error).split())).rstrip(".") or type(error).__name__
     return text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}..."
 
 
@@ -331,17 +328,17 @@ def _topics(connections: Iterable[Any]) -> dict[str, Topic]:
     return dict(sorted(found.items()))
 
 
-def _store(connection: Any, version: int) -> Any:
-    """Types that the definition of a connection has; without one, those of ROS."""
+@lru_cache(maxsize=256)  # rosbags compiles a decoder for every type
+def _store(name: str, definition: Any, version: int) -> Any:
+    """Types that the definition of a message names; without one, those of ROS."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    definition = connection.msgdef
     if definition.format == MessageDefinitionFormat.NONE:
         return typestore(version)
     types: dict[str, Any] = {}
     if definition.format == MessageDefinitionFormat.MSG:
-        types |= get_types_from_msg(definition.data, connection.msgtype)
+        types |= get_types_from_msg(definition.data, name)
     else:
         line = "=" * 80 + "\n"  # between the definitions of several types
         parts = definition.data.split(line)[1:] if definition.data.startswith(f"{line}IDL: ") else [definition.data]
