@@ -265,6 +265,29 @@ def test_cut_chunks_that_are_packed_are_read_as_far_as_they_go(tmp_path: Path, p
     assert all((values == sent[k]).all() for k, values in enumerate(found))
 
 
+@pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+def test_packed_files_and_messages_are_unpacked(tmp_path: Path, mode: str, plugin: str) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    store, path = typestore(2), tmp_path / "bag"
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
+    writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with writer:
+        topic = writer.add_connection("/array", ARRAY, typestore=store)
+        for k in range(5):
+            writer.write(topic, k, store.serialize_cdr(typed(store, ARRAY, array_of(k)), ARRAY))
+    assert read_cut(path) == (list(range(5)), [])
+    if mode == "MESSAGE":
+        (path / "metadata.yaml").unlink()
+        assert read_cut(path)[0] == list(range(5))
+        file = next(path.iterdir())
+        file.write_bytes(file.read_bytes()[:-20])
+        found, warned = read_cut(path)
+        assert found == list(range(5 if plugin == "MCAP" else len(found)))
+        assert len(warned) == 1
+
+
 def test_a_torn_page_in_the_middle_ends_what_is_read(tmp_path: Path, bags: dict[str, Path]) -> None:
     path = copied(bags["sqlite3"], tmp_path)
     file = file_of(path)

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_bags import database_size, sequential_reader
+from radarcore.adapters.ros.cut_bags import database_size, sequential_reader, unpacked_message
 from radarcore.adapters.ros.typestore import need_rosbags, typestore
 from radarcore.recording import infineon
 
@@ -200,7 +200,8 @@ class BagReader:
         """Messages of one file, up to where it is damaged."""
         reader = own[0].owner
         try:
-            yield from reader.messages(connections=own, start=start, stop=stop)
+            for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
+                yield connection, time, data if self.version == 1 else unpacked_message(data)
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
             self._warn(_line(error))
 
