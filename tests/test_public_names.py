@@ -10,7 +10,18 @@ from types import ModuleType
 
 import pytest
 
-PUBLIC = ["", "adapters", "adapters.ros", "models", "models.robots", "plot", "processing", "sensor"]
+PUBLIC = [
+    "",
+    "adapters",
+    "adapters.coppeliasim",
+    "adapters.optitrack",
+    "adapters.ros",
+    "models",
+    "models.robots",
+    "plot",
+    "processing",
+    "sensor",
+]
 
 
 @pytest.fixture(params=PUBLIC, ids=lambda name: name or "radarcore")

@@ -1,3 +1,0 @@
-from radarcore.adapters import gazebo as gazebo
-from radarcore.adapters import images as images
-from radarcore.adapters import ros as ros

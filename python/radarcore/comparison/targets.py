@@ -63,7 +63,7 @@ def estimates(recording: Recording, bodies: Sequence[str], *, progress: bool = T
 
     A track follows the body whose truth is nearest to it throughout. Of a thing of several parts, such as a person, all
     tracks of any part count: the estimate of a frame is that nearest to the truth of the named part. It is the
-    detection of a track, or what the track expects where it has none.
+    detection of a track or, where it has none, the state that those before and after tell (`track(smooth=True)`).
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def estimates(recording: Recording, bodies: Sequence[str], *, progress: bool = T
     with notice.progress(recording.frames(), "detecting", "frame", total=len(recording), shown=progress) as frames:
         found = [detect(frame, false_alarm_rate=_FALSE_ALARM_RATE) for frame in frames]
     max_missed = max(1, round(_LONGEST_GAP / float(np.median(np.diff(recording.time))))) if len(recording) > 1 else 1
-    tracks = track(found, max_velocity=recording.radar.max_velocity, max_missed=max_missed)
+    tracks = track(found, smooth=True, max_velocity=recording.radar.max_velocity, max_missed=max_missed)
     owners = assign_to_truth(tracks, recording.truth)
     result = {}
     for body in bodies:

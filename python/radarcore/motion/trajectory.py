@@ -1,16 +1,20 @@
-"""Splines through poses at given times."""
+"""Splines through poses at given times, in pieces where times are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
 from radarcore.motion.ends import Ends
+from radarcore.motion.pieces import Pieces
 from radarcore.sealed import sealed
+
+WITHIN_GAPS = ("error", "interpolate")
+"""Ways to treat times within a gap."""
 
 
 @sealed
@@ -29,9 +33,23 @@ class Trajectory:
     beyond : "hold", "continue" or "error", optional
         Before the first and after the last time the body rests there, goes on at the velocity and angular velocity
         that it has there, or raises a ValueError. Default: it goes on, which is warned of once.
+    max_gap : float, optional
+        Neighbouring times further apart than this [s] bound a gap, as where motion capture did not see the body. Every
+        piece between gaps has its own splines; a pose with gaps on both sides has no velocity and is left out.
+        Default: there are no gaps.
+    within_gaps : "error" or "interpolate", optional
+        A time within a gap raises a ValueError (default), or the splines go on through all gaps.
     """
 
-    def __init__(self, times: ArrayLike, poses: Sequence[Pose], *, beyond: str | None = None) -> None:
+    def __init__(
+        self,
+        times: ArrayLike,
+        poses: Sequence[Pose],
+        *,
+        beyond: str | None = None,
+        max_gap: float | None = None,
+        within_gaps: str = "error",
+    ) -> None:
         from scipy.interpolate import CubicSpline
         from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -42,21 +60,38 @@ class Trajectory:
         for k, pose in enumerate(self.poses):
             if not isinstance(pose, Pose):
                 raise TypeError(f"poses: expected Pose, got {type(pose).__name__} at index {k}")
+        self.max_gap = None if max_gap is None else check.positive("max_gap", max_gap, "s")
+        self.within_gaps = check.choice("within_gaps", within_gaps, WITHIN_GAPS)
+        if self.max_gap is not None:
+            kept = Pieces.neighbours(self.times, self.max_gap)
+            self.times = check.frozen(self.times[kept])
+            self.poses = tuple(self.poses[k] for k in kept)
+        self._pieces = Pieces("Trajectory", self.times, self.max_gap)
+
         positions = np.array([pose.position for pose in self.poses])
-        self._position = CubicSpline(self.times, positions, bc_type="natural")
-        self._rotation = RotationSpline(
-            self.times, Rotation.from_matrix(np.array([pose.rotation for pose in self.poses]))
-        )
-        first, last = (
-            float(max(np.abs(self._position(end, 1)).max(), np.abs(self._rotation(end, 1)).max()))
-            for end in self.times[[0, -1]]
-        )
-        self._ends = Ends("Trajectory", self.times, beyond, (first, last))
+        rotations = np.array([pose.rotation for pose in self.poses])
+        parts = [slice(0, len(self.times))] if self.within_gaps == "interpolate" else self._pieces.parts
+        self._positions = [CubicSpline(self.times[part], positions[part], bc_type="natural") for part in parts]
+        self._rotations = [RotationSpline(self.times[part], Rotation.from_matrix(rotations[part])) for part in parts]
+        speeds = [
+            float(max(np.abs(self._positions[k](end, 1)).max(), np.abs(self._rotations[k](end, 1)).max()))
+            for k, end in ((0, self.times[0]), (-1, self.times[-1]))
+        ]
+        self._ends = Ends("Trajectory", self.times, beyond, (speeds[0], speeds[1]))
 
     @property
     def beyond(self) -> str | None:
         """As given."""
         return self._ends.choice
+
+    @property
+    def gaps(self) -> Matrix:
+        """Times between which the poses are not known, (gap, 2) [s]."""
+        return self._pieces.gaps
+
+    def known(self, times: ArrayLike) -> NDArray[np.bool_]:
+        """True at times (n,) [s] that are neither within a gap nor before the first or after the last time."""
+        return self._pieces.known(times)
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -65,19 +100,35 @@ class Trajectory:
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
         inside, elapsed = self._ends.split(times)
-        rotation, position = self._rotation(inside).as_matrix(), self._position(inside)
-        beyond = elapsed[:, None]
-        if beyond.any():
-            # The spline's angular velocity is in body axes.
-            rotation = rotation @ rotations_about(self._rotation(inside, 1) * beyond)
-            position = position + self._position(inside, 1) * beyond
-        return transforms(rotation, position)
+        if len(self._positions) == 1:
+            return self._piece_poses(0, inside, elapsed)
+        inside, piece = self._pieces.split(inside)
+        poses = np.empty((len(inside), 3, 4))
+        for k in np.unique(piece).tolist():
+            here = piece == k
+            poses[here] = self._piece_poses(k, inside[here], elapsed[here])
+        return poses
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         inside, _ = self._ends.split(time)
         if not self._ends.moves(time):
             return np.zeros((3, 4))
+        k = 0
+        if len(self._positions) > 1:
+            clipped, piece = self._pieces.split(inside[None])
+            inside, k = clipped[0], int(piece[0])
         # The spline's angular velocity is in body axes: d/dt R = R (omega x).
-        turning = self.at(time).rotation @ cross_matrix(self._rotation(inside, 1))
-        return transforms(turning, self._position(inside, 1))
+        turning = self.at(time).rotation @ cross_matrix(self._rotations[k](inside, 1))
+        return transforms(turning, self._positions[k](inside, 1))
+
+    def _piece_poses(self, k: int, inside: Matrix, elapsed: Matrix) -> Matrix:
+        """Poses (n, 3, 4) on a piece at times (n,), and the elapsed times (n,) after or before them."""
+        spline, turning = self._positions[k], self._rotations[k]
+        rotation, position = turning(inside).as_matrix(), spline(inside)
+        beyond = elapsed[:, None]
+        if beyond.any():
+            # The spline's angular velocity is in body axes.
+            rotation = rotation @ rotations_about(turning(inside, 1) * beyond)
+            position = position + spline(inside, 1) * beyond
+        return transforms(rotation, position)
