@@ -138,9 +138,8 @@ def test_a_scene_file_takes_motions_joints_and_the_sensor_from_a_bag(path: Path,
         assert np.linalg.norm(moving[:, 3]) > 0.2 * np.linalg.norm(expected[:, 3])
     assert_close(simulation.radar_motion, BASE, 0.3)
     # Frames end with the poses.
-    waveform = simulation.radar.waveform
-    duration = waveform.chirp_times[-1] + waveform.sample_times[-1]
-    assert (simulation.run.start, simulation.run.stop) == (0.0, time_of(NUM - 1) - duration)
+    end = time_of(NUM - 1) - simulation.radar.waveform.duration
+    assert (simulation.run.start, simulation.run.stop) == (0.0, end)
 
 
 def test_frames_come_at_the_rate_of_the_radar(path: Path, tmp_path: Path) -> None:

@@ -49,8 +49,7 @@ def _run_within(run: RunTable, recorded: Recorded, radar: Radar) -> RunTable:
     """The run, by default at the radar's rate, of the frames that lie within the times of all recorded motions."""
     if recorded.span is None:
         return run
-    parts = [part.waveform for part in radar.sequences()]
-    duration = max(float(wf.chirp_times[-1] + wf.sample_times[-1]) for wf in parts)
+    duration = max(part.waveform.duration for part in radar.sequences())
     first, last = recorded.span
     times = {"start": first, "stop": last - duration, "rate": frame_rate(radar)}
     return run.model_copy(update={name: time for name, time in times.items() if name not in run.model_fields_set})
