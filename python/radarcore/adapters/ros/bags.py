@@ -241,8 +241,6 @@ class BagReader:
                 for reader in readers:
                     stack.enter_context(reader)
                 self._stack = stack.pop_all()
-            if self.path.is_dir() and version == 2 and not is_described:
-                self._warn("a folder without metadata.yaml, its recorder was interrupted")
         except PermissionError:
             raise
         except Exception as error:  # of rosbags and what it uses: whatever a damaged file leads to
@@ -256,6 +254,9 @@ class BagReader:
             if cuts or not isinstance(error, KeyError):
                 count = sum(reader.message_count for reader in readers)
                 self._warn(f"{cuts[0] if cuts else _line(error)}; {count} messages are whole")
+        else:
+            if self.path.is_dir() and version == 2 and not is_described:
+                self._warn("a folder without metadata.yaml, its recorder was interrupted")
         return readers, version
 
     def _warn(self, what: str) -> None:
