@@ -17,6 +17,7 @@ pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarc
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.raw_frames import BagFrames, FrameWriter, from_truth_message, to_truth_message, write_frames
+from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
@@ -73,6 +74,30 @@ def test_codes_are_sent_as_they_are(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.message.data, CODES[0].ravel())
     assert first.time_ns == 1_700_000_000 * 10**9
     assert json.loads(settings.message.data)["radar"] == SENSOR.to_dict()
+
+
+@pytest.mark.parametrize("name", ["codes", "complex64"])
+def test_a_second_reader_sees_the_same(tmp_path: Path, name: str) -> None:
+    reader = pytest.importorskip("mcap.reader", reason="needs mcap: pip install mcap mcap-ros2-support")
+    decoder = pytest.importorskip("mcap_ros2.decoder", reason="needs mcap-ros2-support")
+    sent, path = RECORDINGS[name](), tmp_path / "take.mcap"
+    with BagWriter(path) as bag:
+        write_frames(bag, sent, start_ns=3)
+    found: dict[str, list[tuple[int, object]]] = {}
+    with path.open("rb") as file:
+        messages = reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()]).iter_decoded_messages()
+        for _, channel, message, decoded in messages:
+            found.setdefault(channel.topic, []).append((message.log_time, decoded.data))
+    times, numbers = ([part[k] for part in found["/radar/time"]] for k in range(2))
+    assert times == [3 + nearest_nanoseconds(time) for time in sent.time]
+    assert numbers == sent.time.tolist()
+    topic = "/radar/adc" if name == "codes" else "/radar/samples"
+    expected = CODES.astype(np.int16) if name == "codes" else sent.cube.view(np.float32)
+    np.testing.assert_array_equal([data for _, data in found[topic]], expected.reshape(len(sent), -1))
+    assert json.loads(str(found["/radar/settings"][0][1]))["radar"] == sent.radar.to_dict()
+    if sent.truth is not None:
+        rows = np.stack([sent.truth.range, sent.truth.velocity, sent.truth.azimuth, sent.truth.elevation], axis=1)
+        np.testing.assert_array_equal([data for _, data in found["/radar/truth"]], rows.reshape(len(sent), -1))
 
 
 def test_a_recording_on_disk_goes_through_frame_by_frame(tmp_path: Path) -> None:
