@@ -197,6 +197,23 @@ def test_a_scene_that_needs_a_bag_says_so(tmp_path: Path) -> None:
         rc.load_scene(scene)
 
 
+def test_gaps_are_bridged_with_one_warning(tmp_path: Path) -> None:
+    """Motion capture that lost the body for 0.4 s."""
+    with BagWriter(tmp_path / "bag") as bag:
+        for k in [*range(10), *range(30, 40)]:
+            stamp = START_NS + k * STEP_NS
+            bag.write("/pose", to_pose_stamped(flying(k), time_ns=stamp, types=bag.types), stamp)
+    with BagReader(tmp_path / "bag") as read:
+        recorded = BagMotions(read)
+        with pytest.warns(UserWarning, match=r"bag, /pose: no messages from 0\.18 to 0\.6 s; a spline goes through"):
+            motion = recorded.motion("/pose")
+        recorded.motion("/pose")
+        whole = recorded.motion("/pose", max_gap=0.1)
+    assert_close(motion, flying(20), time_of(20))  # of constant velocity
+    with pytest.raises(ValueError, match="gap"):
+        whole.at(time_of(20))
+
+
 def test_motions_that_never_overlap_are_refused(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag") as bag:
         for name, first in (("/a", 0), ("/b", 10)):

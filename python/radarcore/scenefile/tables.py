@@ -63,6 +63,9 @@ class BagMotionTable(Table):
     world: PoseTable = _key(
         PoseTable(), "", "pose of the topic's frame in the world, such as that of motion capture; default: the same"
     )
+    max_gap: float | None = _key(
+        None, "s", "longer intervals are gaps, in which no frame may be; default: splines go through, with a warning"
+    )
     offset: PoseTable = _key(
         PoseTable(), "", "pose of the body in the frame, or among the markers, that moves; default: the same"
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import notice
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
 from radarcore.adapters.ros.stamps import header_nanoseconds, nanoseconds
@@ -22,6 +23,9 @@ JOINTS = ("sensor_msgs/msg/JointState",)
 IMAGES = ("sensor_msgs/msg/Image",)
 
 STATIC_TRANSFORMS = "/tf_static"
+
+_LONG_GAP, _MANY = 0.2, 5.0
+"""A gap in a series is at least this long [s], and this many times as long as the usual interval."""
 
 
 class BagMotions:
@@ -47,6 +51,7 @@ class BagMotions:
         self._trees: dict[str, TransformTree] = {}
         self._series: dict[tuple[str, str | None], PoseSeries] = {}
         self._spans: list[tuple[float, float]] = []
+        self._told: set[str] = set()
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -68,7 +73,13 @@ class BagMotions:
         return start, stop
 
     def motion(
-        self, topic: str = "/tf", *, frame: str | None = None, within: str | None = None, beyond: str | None = None
+        self,
+        topic: str = "/tf",
+        *,
+        frame: str | None = None,
+        within: str | None = None,
+        beyond: str | None = None,
+        max_gap: float | None = None,
     ) -> Motion:
         """Motion of a frame or body; a `Pose` where there is only one, or all transforms are static.
 
@@ -82,6 +93,9 @@ class BagMotions:
             Of transforms the frame in which it moves; default: the root of its tree.
         beyond : "hold", "continue" or "error", optional
             As for `radarcore.Trajectory`.
+        max_gap : float, optional
+            Intervals longer than this [s] are gaps, and times in them an error. Default: splines go through, with a
+            warning of long ones.
 
         Raises
         ------
@@ -90,12 +104,12 @@ class BagMotions:
         """
         found = self.bag.topic(topic, *TRANSFORMS, *POSES, *RIGID_BODIES)
         if found.type in TRANSFORMS:
-            return self._of_transforms(found.name, frame, within, beyond)
+            return self._of_transforms(found.name, frame, within, {"beyond": beyond, "max_gap": max_gap})
         if within is not None:
             raise ValueError(f"within: expected none for {found.type}, got {within!r}")
         series = self._poses(found.name, found.type, frame)
-        self._note(series)
-        return series.trajectory(self.start_ns, beyond=beyond)
+        self._note(series.times(self.start_ns), found.name, max_gap)
+        return series.trajectory(self.start_ns, beyond=beyond, max_gap=max_gap)
 
     def joints(
         self, topic: str = "/joint_states", names: Sequence[str] | None = None
@@ -104,11 +118,10 @@ class BagMotions:
         found = self.bag.topic(topic, *JOINTS)
         series = joint_series((message.message for message in self.bag.messages(found.name)), names)
         times = series.times(self.start_ns)
-        if len(times) > 1:
-            self._spans.append((float(times[0]), float(times[-1])))
+        self._note(times, found.name, None)
         return times, series.positions
 
-    def _of_transforms(self, topic: str, frame: str | None, within: str | None, beyond: str | None) -> Motion:
+    def _of_transforms(self, topic: str, frame: str | None, within: str | None, options: dict[str, Any]) -> Motion:
         tree = self._tree(topic)
         if frame is None:
             raise ValueError(f"frame: expected one of {', '.join(tree.frames) or 'none'} for {topic!r}, got none")
@@ -116,8 +129,8 @@ class BagMotions:
         root = line[-1] if within is None else within
         for name in {*line, *_line(tree, root)}:
             if tree.parent(name) is not None and isinstance(series := tree.series(name), PoseSeries):
-                self._note(series)
-        return tree.motion(frame, root, start_ns=self.start_ns, beyond=beyond)
+                self._note(series.times(self.start_ns), f"{topic}, {name}", options["max_gap"])
+        return tree.motion(frame, root, start_ns=self.start_ns, **options)
 
     def _tree(self, topic: str) -> TransformTree:
         if topic not in self._trees:
@@ -145,11 +158,21 @@ class BagMotions:
                 self._series[key] = bodies[frame]
         return self._series[key]
 
-    def _note(self, series: PoseSeries) -> None:
-        """Take the times of what moves into `span`."""
-        if len(series) > 1:
-            times = series.times(self.start_ns)
-            self._spans.append((float(times[0]), float(times[-1])))
+    def _note(self, times: NDArray[np.float64], name: str, max_gap: float | None) -> None:
+        """Take the times of what moves into `span`; warn of the longest gap in them, once, if splines go through it."""
+        if len(times) < 2:
+            return
+        self._spans.append((float(times[0]), float(times[-1])))
+        if max_gap is not None or name in self._told:
+            return
+        intervals = np.diff(times)
+        k = int(intervals.argmax())
+        if intervals[k] > max(_LONG_GAP, _MANY * float(np.median(intervals))):
+            self._told.add(name)
+            notice.warn(
+                f"{self.bag.path}, {name}: no messages from {times[k]:g} to {times[k + 1]:g} s; a spline goes "
+                "through this gap and shorter ones"
+            )
 
 
 def first_stamp_ns(bag: BagReader) -> int:

@@ -43,7 +43,9 @@ class Recorded(Protocol):
         """First and last time that all motions asked for have in common [s]; None if none moves."""
         ...
 
-    def motion(self, topic: str, *, frame: str | None, within: str | None, beyond: str | None) -> Motion:
+    def motion(
+        self, topic: str, *, frame: str | None, within: str | None, beyond: str | None, max_gap: float | None
+    ) -> Motion:
         """Motion of a frame or body."""
         ...
 
@@ -96,7 +98,7 @@ def _recorded_motion(table: BagMotionTable, recorded: Recorded | None) -> Motion
     with located("motion."):
         source = _needed("kind", recorded)
         world, offset = (_pose_named(name, pose) for name, pose in (("world", table.world), ("offset", table.offset)))
-        options: dict[str, Any] = table.model_dump(include={"frame", "within", "beyond"})
+        options: dict[str, Any] = table.model_dump(include={"frame", "within", "beyond", "max_gap"})
         own = source.motion(table.topic, **options)
         if isinstance(own, Pose):
             return world @ own @ offset
