@@ -51,11 +51,34 @@ class TrajectoryTable(Table):
     )
 
 
+class BagMotionTable(Table):
+    """Poses of a ROS bag: ``radarcore simulate --bag``."""
+
+    kind: Literal["bag"]
+    topic: str = _key("/tf", "", "of transforms, poses (PoseStamped) or rigid bodies of motion capture")
+    frame: str | None = _key(
+        None, "", "of transforms the frame, of rigid bodies the name; default: none, as for a topic of poses"
+    )
+    within: str | None = _key(None, "", "of transforms the frame that is the world; default: the root of the frame")
+    world: PoseTable = _key(
+        PoseTable(), "", "pose of the topic's frame in the world, such as that of motion capture; default: the same"
+    )
+    max_gap: float | None = _key(
+        None, "s", "longer intervals are gaps, in which no frame may be; default: splines go through, with a warning"
+    )
+    offset: PoseTable = _key(
+        PoseTable(), "", "pose of the body in the frame, or among the markers, that moves; default: the same"
+    )
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
+    )
+
+
 class PlacedTable(Table):
     """Anything that can be placed, moved and attached."""
 
-    pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory")
-    motion: Annotated[LinearTable | TrajectoryTable, Field(discriminator="kind")] | None = _key(
+    pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory or a bag")
+    motion: Annotated[LinearTable | TrajectoryTable | BagMotionTable, Field(discriminator="kind")] | None = _key(
         None, "", "motion; default: at rest"
     )
     attached_to: str | None = _key(
@@ -235,6 +258,17 @@ class JointTrajectoryTable(Table):
     )
 
 
+class JointStatesTable(Table):
+    """Joint states of a ROS bag: ``radarcore simulate --bag``."""
+
+    kind: Literal["bag"]
+    topic: str = _key("/joint_states", "", "of joint states")
+    prefix: str = _key("", "", "in front of the names that the arm's joints have")
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: at rest"
+    )
+
+
 class LineTable(Table):
     """A straight motion of a link at constant speed, from rest to rest."""
 
@@ -258,8 +292,8 @@ class ArmTable(PlacedTable):
         "ur10; ur3, ur5, panda, kinova, xarm7, so100 or so101 (extra `robots`); or the path of a URDF file relative to "
         "the scene file",
     )
-    joints: Annotated[RestTable | JointTrajectoryTable | LineTable, Field(discriminator="kind")] = _key(
-        ..., "", "angles or motion of the joints"
+    joints: Annotated[RestTable | JointTrajectoryTable | LineTable | JointStatesTable, Field(discriminator="kind")] = (
+        _key(..., "", "angles or motion of the joints")
     )
     material: str | MaterialTable = _key("metal", "", _MATERIAL)
     meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders; other arms have theirs")
@@ -420,9 +454,11 @@ class InterfererTable(PlacedTable):
 class RunTable(Table):
     """Times and settings of the simulation."""
 
-    start: float = _key(0.0, "s", "time of the first frame")
-    stop: float = _key(1.0, "s", "no frame starts at or after it")
-    rate: float = _key(40.0, "Hz", "frames per second")
+    start: float = _key(0.0, "s", "time of the first frame; of a bag by default its first pose")
+    stop: float = _key(
+        1.0, "s", "no frame starts at or after it; of a bag by default so that frames end with its poses"
+    )
+    rate: float = _key(40.0, "Hz", "frames per second; of a bag by default those of the radar")
     resolution: int | tuple[int, int] | None = _key(
         None,
         "",

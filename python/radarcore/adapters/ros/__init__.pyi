@@ -1,4 +1,10 @@
 from radarcore.adapters.planar_depth import radar_in_camera as radar_in_camera
+from radarcore.adapters.ros.bag_depth import DepthImages as DepthImages
+from radarcore.adapters.ros.bag_depth import FrameImages as FrameImages
+from radarcore.adapters.ros.bag_depth import frame_images as frame_images
+from radarcore.adapters.ros.bag_motions import BagMotions as BagMotions
+from radarcore.adapters.ros.bag_writer import BagWriter as BagWriter
+from radarcore.adapters.ros.bags import BagReader as BagReader
 from radarcore.adapters.ros.images import from_camera_info as from_camera_info
 from radarcore.adapters.ros.images import from_ros_image as from_ros_image
 from radarcore.adapters.ros.messages import DEFINITIONS as DEFINITIONS
@@ -11,6 +17,11 @@ from radarcore.adapters.ros.poses import pose_series as pose_series
 from radarcore.adapters.ros.poses import rigid_body_series as rigid_body_series
 from radarcore.adapters.ros.poses import to_pose_stamped as to_pose_stamped
 from radarcore.adapters.ros.poses import to_transforms as to_transforms
+from radarcore.adapters.ros.raw_frames import BagFrames as BagFrames
+from radarcore.adapters.ros.raw_frames import FrameWriter as FrameWriter
+from radarcore.adapters.ros.raw_frames import from_truth_message as from_truth_message
+from radarcore.adapters.ros.raw_frames import to_truth_message as to_truth_message
+from radarcore.adapters.ros.raw_frames import write_frames as write_frames
 from radarcore.adapters.ros.samples import from_map_image as from_map_image
 from radarcore.adapters.ros.samples import from_samples_message as from_samples_message
 from radarcore.adapters.ros.samples import from_settings_message as from_settings_message

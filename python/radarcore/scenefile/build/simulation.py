@@ -2,34 +2,54 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+from radarcore.radar.radar import Radar
 from radarcore.scene.scene import Scene
 from radarcore.scenefile.build.bodies import Parts
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.materials import materials_of
-from radarcore.scenefile.build.motions import sensor_motion_of
+from radarcore.scenefile.build.motions import Recorded, sensor_motion_of
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.simulation import Simulation
-from radarcore.scenefile.tables import SceneTable
+from radarcore.scenefile.tables import RunTable, SceneTable
 from radarcore.simulate.clearance import check_antennas
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.times import frame_times
 
 
-def simulation(table: SceneTable, file: Path) -> Simulation:
-    """Scene, radar and run from the tables of a file."""
+def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None) -> Simulation:
+    """Scene, radar and run from the tables of a file, with motions that were recorded."""
     with located(f"{file}: "):
         with located("radar: "):
             radar = radar_of(table.radar, file.parent)
-        parts, carriers = Parts(file.parent, materials_of(table.material)).build(table)
+        parts, carriers = Parts(file.parent, materials_of(table.material), recorded).build(table)
         with located("sensor: "):
-            motion = sensor_motion_of(table.sensor, carriers)
-        found = Simulation(Scene(parts), radar, motion, table.run, file)
+            motion = sensor_motion_of(table.sensor, carriers, recorded)
+        run = table.run if recorded is None else _run_within(table.run, recorded, radar)
+        found = Simulation(Scene(parts), radar, motion, run, file)
         with located("run: "):
             found.simulator()
-            frame_times(table.run.start, table.run.stop, table.run.rate)
+            frame_times(run.start, run.stop, run.rate)
         with located("sensor: "):
             poses = Placement(found.scene, motion, radar.waveform).poses_at(found.run.start)
             check_antennas(found.scene, poses, radar, found.run.start, name="pose")
     return found
+
+
+def frame_rate(radar: Radar) -> float:
+    """Frames per second that a radar sends [Hz]; 40 for frames back to back, an interval that nobody chose."""
+    waveform = radar.waveform
+    is_back_to_back = waveform.frame_interval == replace(waveform, frame_interval=None).frame_interval  # type: ignore[arg-type]
+    return 40.0 if is_back_to_back else 1.0 / waveform.frame_interval
+
+
+def _run_within(run: RunTable, recorded: Recorded, radar: Radar) -> RunTable:
+    """The run, by default at the radar's rate, of the frames that lie within the times of all recorded motions."""
+    if recorded.span is None:
+        return run
+    duration = max(part.waveform.duration for part in radar.sequences())
+    first, last = recorded.span
+    times = {"start": first, "stop": last - duration, "rate": frame_rate(radar)}
+    return run.model_copy(update={name: time for name, time in times.items() if name not in run.model_fields_set})
