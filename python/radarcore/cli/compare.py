@@ -1,0 +1,122 @@
+"""The command `radarcore compare`: recordings against each other and against the truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from radarcore import check, plot
+from radarcore.adapters.optitrack.motive_csv import read_motive_csv
+from radarcore.cli.source import load_recording
+from radarcore.comparison.alignment import AUTO
+from radarcore.comparison.comparison import compare
+from radarcore.processing.detection import detect
+
+_RADAR = "radar"
+"""Body of motion capture that is the radar."""
+
+_PAGE, _PICTURES = ".html", (".png", ".pdf", ".svg")
+_FALSE_ALARM_RATE = 1e-4
+"""As in `compare`, which has no limits of range."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compare, print the tables, and write the report or the picture."""
+    _check_output(options.output)
+    paths = [path for path in (options.a, options.b) if path is not None]
+    limits = {name: value for name in ("min_range", "max_range") if (value := getattr(options, name)) is not None}
+    recordings = [load_recording(path, None) for path in paths]
+    compared = compare(
+        *recordings,
+        **_truth(options),
+        targets=_pairs("targets", options.targets),
+        offset=_offset(options.offset),
+        max_offset=options.max_offset,
+        names=_names(options.names, paths),
+        detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **limits),
+    )
+    if options.json:
+        print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))
+    else:
+        print(compared)
+    if options.output is not None:
+        write = compared.report if options.output.suffix.lower() == _PAGE else compared.figure
+        write(options.output, time=options.time, max_range=options.max_range)
+        if not options.json:
+            print(f"\n{options.output}")
+    return 0
+
+
+def _check_output(path: Path | None) -> None:
+    """Refuse an output that could not be written, before work is done."""
+    if path is None:
+        return
+    if path.suffix.lower() not in (_PAGE, *_PICTURES):
+        kinds = ", ".join((_PAGE, *_PICTURES))
+        raise ValueError(f"{path}: expected a report or a picture ({kinds}), got suffix {path.suffix!r}")
+    plot.require()
+
+
+def _truth(options: argparse.Namespace) -> dict[str, Any]:
+    """The truth that was given, and the radar's motion in it: arguments of `compare`."""
+    path = options.truth
+    if path is not None and path.suffix.lower() == ".csv":
+        return _captured(path, options)
+    for name in ("radar", "radius"):
+        if getattr(options, name) is not None:
+            raise ValueError(f"--{name}: expected --truth with motion capture (.csv), got {path or 'none'}")
+    return {} if path is None else {"truth": load_recording(path, None)}
+
+
+def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:
+    """Motions of the bodies of a take, and of the one that is the radar."""
+    capture = read_motive_csv(path)
+    radar = _RADAR if options.radar is None else options.radar
+    if radar not in capture.names:
+        raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, capture.names)}")
+    radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(options.radius)}
+    return {
+        "truth": {name: capture.trajectory(name) for name in capture.names if name != radar},
+        "radar_motion": capture.trajectory(radar),
+        "radii": radii or None,
+    }
+
+
+def _radii(text: str | None) -> list[tuple[str, str]]:
+    return [] if text is None else list((_pairs("radius", text) or {}).items())
+
+
+def _pairs(name: str, text: str | None) -> dict[str, str] | None:
+    """What follows each name of a list NAME=VALUE,...; the name itself without."""
+    if text is None:
+        return None
+    pairs = [entry.strip().partition("=") for entry in text.split(",")]
+    if any(not key for key, _, _ in pairs):
+        raise ValueError(f"--{name}: expected names with commas between them, got {text!r}")
+    return {key: value or key for key, _, value in pairs}
+
+
+def _float(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"--{name}: expected a number, got {text!r}") from None
+
+
+def _offset(text: str | None) -> Any:
+    """Seconds, or auto, or both of a pair."""
+    if text is None:
+        return 0.0
+    parts = [part if part == AUTO else _float("offset", part) for part in text.split(",")]
+    return parts[0] if len(parts) == 1 else tuple(parts)
+
+
+def _names(text: str | None, paths: list[Path]) -> list[str] | None:
+    """Names of the recordings."""
+    if text is not None:
+        return [name.strip() for name in text.split(",")]
+    stems = [path.resolve().stem for path in paths]
+    return stems if len(set(stems)) == len(paths) else None
