@@ -8,6 +8,8 @@ from radarcore.processing.bounds import doppler_bound as doppler_bound
 from radarcore.processing.bounds import frequency_bound as frequency_bound
 from radarcore.processing.bounds import range_migration_bound as range_migration_bound
 from radarcore.processing.bounds import up_down_bound as up_down_bound
+from radarcore.processing.clocks import ClockOffset as ClockOffset
+from radarcore.processing.clocks import clock_offset as clock_offset
 from radarcore.processing.clustering import Clusters as Clusters
 from radarcore.processing.clustering import cluster as cluster
 from radarcore.processing.clutter import cancel_pulses as cancel_pulses

@@ -1,3 +1,15 @@
 from radarcore.adapters.optitrack.capture import CapturedBody as CapturedBody
 from radarcore.adapters.optitrack.capture import MotionCapture as MotionCapture
+from radarcore.adapters.optitrack.client import CapturedFrame as CapturedFrame
+from radarcore.adapters.optitrack.client import MotionCaptureClient as MotionCaptureClient
 from radarcore.adapters.optitrack.motive_csv import read_motive_csv as read_motive_csv
+from radarcore.adapters.optitrack.natnet import NatNetError as NatNetError
+from radarcore.adapters.optitrack.natnet import decode_frame as decode_frame
+from radarcore.adapters.optitrack.natnet import decode_model as decode_model
+from radarcore.adapters.optitrack.natnet import decode_server_info as decode_server_info
+from radarcore.adapters.optitrack.server import MotionCaptureServer as MotionCaptureServer
+from radarcore.adapters.optitrack.stream import BodyState as BodyState
+from radarcore.adapters.optitrack.stream import MarkerState as MarkerState
+from radarcore.adapters.optitrack.stream import ModelNames as ModelNames
+from radarcore.adapters.optitrack.stream import NatNetFrame as NatNetFrame
+from radarcore.adapters.optitrack.stream import ServerInfo as ServerInfo

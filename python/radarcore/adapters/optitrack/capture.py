@@ -36,7 +36,7 @@ class CapturedBody:
     @property
     def is_tracked(self) -> NDArray[np.bool_]:
         """True where the pose is known, (n,)."""
-        is_tracked: NDArray[np.bool_] = np.isfinite(np.hstack([self.position, self.quaternion])).all(axis=1)
+        is_tracked: NDArray[np.bool_] = np.isfinite(self.position.sum(axis=1) + self.quaternion.sum(axis=1))
         return is_tracked
 
     @property

@@ -1,0 +1,413 @@
+"""Live motion capture: a client of the stream of Motive."""
+
+from __future__ import annotations
+
+import select
+import socket
+import struct
+import threading
+import time as clock
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from radarcore import check
+from radarcore.adapters.optitrack.axes import AXES, positions_of, quaternions_of
+from radarcore.adapters.optitrack.capture import CapturedBody, MotionCapture
+from radarcore.adapters.optitrack.natnet import (
+    Kind,
+    checked_version,
+    decode_frame,
+    decode_model,
+    decode_server_info,
+    packet_kind,
+)
+from radarcore.adapters.optitrack.stream import BodyState, ModelNames, NatNetFrame, ServerInfo, Version
+from radarcore.geometry.pose import Pose
+
+_REPEAT = 0.25
+"""Time after which a request without an answer is made again [s]."""
+
+_KEEP_ALIVE = 1.0
+"""Time between signs of life to the server [s]."""
+
+_LOOK_UP = 0.05
+"""Time after which a client in the background sees that it is to stop [s]."""
+
+_LATE = 0.1
+"""A frame that is older than the one before by less than this [s] is late, not of another take."""
+
+_LONGEST = 65_536
+"""Bytes of a packet."""
+
+_NUM_OFFSETS = 1000
+"""Frames, 4 to 10 s of them: clocks drift by less than 0.5 ms meanwhile."""
+
+
+class Updated(Protocol):
+    """A motion that is told its pose, such as `Live`."""
+
+    def update(self, time: float, pose: Pose, /) -> None:
+        """The pose at a time [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class CapturedFrame:
+    """A frame of live motion capture.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame; those between are lost.
+    time : float
+        Middle of the exposure, by the server's clock [s].
+    bodies : mapping of str to BodyState
+        Rigid bodies, and bones as ``skeleton:bone``, by name, in Motive's axes.
+    poses : mapping of str to Pose
+        Of the bodies that are tracked, in the axes of the client.
+    received : float
+        Time at which the frame came, as of `time.time` [s].
+    """
+
+    number: int
+    time: float
+    bodies: Mapping[str, BodyState]
+    poses: Mapping[str, Pose]
+    received: float
+
+
+class MotionCaptureClient:
+    """Receives frames that Motive, or `MotionCaptureServer`, streams.
+
+    Use it in a ``with`` statement, which connects::
+
+        with MotionCaptureClient("192.168.1.20") as client:
+            for frame in client.frames():
+                print(frame.time, frame.poses["radar"].position)
+
+    Frames come by multicast or to this client alone, as the server says.
+
+    Parameters
+    ----------
+    server : str
+        Address of the computer with Motive.
+    command_port : int
+        Its port for commands.
+    local_address : str, optional
+        Address of this computer's network interface for multicast, where it has several.
+    timeout : float
+        Longest wait for an answer, and for a frame [s].
+    axes : "z_up", "z_up_world" or "unchanged"
+        As for `read_motive_csv`.
+
+    Raises
+    ------
+    TimeoutError
+        When the server does not answer, or sends no frame, within the time-out.
+    NatNetError
+        When the server's version is before 3.0, or a packet is damaged.
+    """
+
+    def __init__(
+        self,
+        server: str = "127.0.0.1",
+        *,
+        command_port: int = 1510,
+        local_address: str = "",
+        timeout: float = 2.0,
+        axes: str = "z_up",
+    ) -> None:
+        self._address = (server, check.count("command_port", command_port))
+        self._local_address = local_address
+        self._timeout = check.positive("timeout", timeout, "s")
+        self._axes = check.choice("axes", axes, AXES)
+        self._command: socket.socket | None = None
+        self._data: socket.socket | None = None
+        self._info: ServerInfo | None = None
+        self._model = ModelNames()
+        self._clock_offsets: deque[float] = deque(maxlen=_NUM_OFFSETS)
+        self._last_time = -np.inf
+        self._next_sign = 0.0
+
+    def __enter__(self) -> MotionCaptureClient:
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def connect(self) -> None:
+        """Ask the server for its version and its names, and join its multicast group if it has one."""
+        self.close()
+        self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._command.bind((self._local_address, 0))
+            self._info = decode_server_info(self._answer(Kind.CONNECT, b"Ping\0", Kind.SERVER_INFO))
+            checked_version(self._info.version)
+            if self._info.is_multicast:
+                self._data = self._joined(self._info)
+            self._model = decode_model(self._answer(Kind.REQUEST_MODEL, b"", Kind.MODEL), self._info.version)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Take leave of the server."""
+        if self._command is not None and self._info is not None:
+            self._send(Kind.DISCONNECT)
+        for one in (self._command, self._data):
+            if one is not None:
+                one.close()
+        self._command, self._data, self._info = None, None, None
+        self._clock_offsets.clear()
+
+    @property
+    def info(self) -> ServerInfo:
+        """What the server says of itself."""
+        if self._info is None:
+            raise ValueError("client: expected a connection, got none; use it in a `with` statement, or connect()")
+        return self._info
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the rigid bodies and of the bones, which are ``skeleton:bone``."""
+        groups = (*self._model.skeletons.values(), *self._model.assets.values())
+        return (*self._model.bodies.values(), *(f"{name}:{bone}" for name, bones in groups for bone in bones.values()))
+
+    @property
+    def clock_offset(self) -> float | None:
+        """Time to add to those of frames for times of `time.time` [s], by that of the last frames which came fastest.
+
+        None before the first frame, and of servers that do not say when a frame departs. It is too large by the
+        shortest time that a frame takes through the network, 0.1 ms or so by cable.
+        """
+        return min(self._clock_offsets, default=None)
+
+    def frames(self, motions: Mapping[str, Updated] | None = None) -> Iterator[CapturedFrame]:
+        """Frames as they come, without end; those that come late are left out.
+
+        Parameters
+        ----------
+        motions : mapping of str to Live, optional
+            Motions to update, by name of the body; those of bodies that are not tracked in a frame are not updated.
+        """
+        return self._frames(self.info.version, self._checked(motions), None)
+
+    def record(self, duration: float, motions: Mapping[str, Updated] | None = None) -> MotionCapture:
+        """Frames of some time [s], by the server's clock."""
+        limit = check.positive("duration", duration, "s")
+        kept: list[CapturedFrame] = []
+        for frame in self.frames(motions):
+            if kept and frame.time - kept[0].time >= limit:
+                break
+            kept.append(frame)
+        return _capture_of(kept, self._axes)
+
+    @contextmanager
+    def follow(self, motions: Mapping[str, Updated] | None = None) -> Iterator[Follower]:
+        """Receive frames in the background, within a ``with`` statement; motions as for `frames`.
+
+        An error of the stream is raised at the end of the statement, and by `Follower.capture`.
+        """
+        stop = threading.Event()
+        follower = Follower(self._frames(self.info.version, self._checked(motions), stop), self._axes)
+        try:
+            yield follower
+        finally:
+            stop.set()
+            follower.join()
+        follower.check()
+
+    def _checked(self, motions: Mapping[str, Updated] | None) -> dict[str, Updated]:
+        """Motions of bodies that are in the stream."""
+        for name in motions or ():
+            if name not in self.names:
+                raise ValueError(f"motions: no body {name!r} in the stream; {check.near_names(name, self.names)}")
+        return dict(motions or {})
+
+    def _frames(
+        self, version: Version, updated: Mapping[str, Updated], stop: threading.Event | None
+    ) -> Iterator[CapturedFrame]:
+        """Frames, up to a time at which they are no longer wanted."""
+        while (packet := self._packet(Kind.FRAME, stop)) is not None:
+            received = clock.time()
+            raw = decode_frame(packet, version)
+            if raw.is_model_changed:
+                self._send(Kind.REQUEST_MODEL)
+            frame = self._named(raw, received)
+            if self._last_time - _LATE < frame.time <= self._last_time:
+                continue
+            self._last_time = frame.time
+            for name, motion in updated.items():
+                if name in frame.poses:
+                    motion.update(frame.time, frame.poses[name])
+            yield frame
+
+    def _named(self, raw: NatNetFrame, received: float) -> CapturedFrame:
+        """Frame with names, and times in seconds."""
+        frequency = float(self.info.clock_frequency)
+        bodies = {self._model.bodies.get(body.id, f"body {body.id}"): body for body in raw.bodies}
+        for states, known in ((raw.skeletons, self._model.skeletons), (raw.assets, self._model.assets)):
+            for number, bones in states.items():
+                name, names = known.get(number, (f"skeleton {number}", {}))
+                for bone in bones:  # the identity of its skeleton stands above that of the bone
+                    member = bone.id & 0xFFFF
+                    bodies[f"{name}:{names.get(member, f'bone {member}')}"] = bone
+        if raw.transmitted_ticks > 0:
+            self._clock_offsets.append(received - raw.transmitted_ticks / frequency)
+        # Takes that are played back have no exposures.
+        time = raw.exposure_ticks / frequency if raw.exposure_ticks > 0 else raw.timestamp
+        poses = {name: _pose_of(body, self._axes) for name, body in bodies.items() if body.is_tracked}
+        return CapturedFrame(raw.number, time, bodies, poses, received)
+
+    def _answer(self, request: Kind, payload: bytes, answer: Kind) -> bytes:
+        """Answer to a request, which is repeated until the time-out."""
+        end = clock.monotonic() + self._timeout
+        while (left := end - clock.monotonic()) > 0.0:
+            self._send(request, payload)
+            packet = self._received(answer, min(left, _REPEAT))
+            if packet is not None:
+                return packet
+        host, port = self._address
+        raise TimeoutError(
+            f"no answer ({answer.name}) from a motion capture server at {host}:{port} within {self._timeout:g} s: does "
+            "Motive run there with streaming enabled in its settings, is the address right, does a firewall stop UDP?"
+        )
+
+    def _packet(self, kind: Kind, stop: threading.Event | None) -> bytes | None:
+        """Next packet of a kind, or a TimeoutError; None where it is no longer wanted."""
+        end = clock.monotonic() + self._timeout
+        while (left := end - clock.monotonic()) > 0.0:
+            if stop is not None and stop.is_set():
+                return None
+            packet = self._received(kind, min(left, _LOOK_UP))
+            if packet is not None:
+                return packet
+        host, port = self._address
+        way = (
+            f"multicast {self.info.multicast_address}:{self.info.data_port}; give local_address, that of the network "
+            "interface, if this computer has several"
+            if self.info.is_multicast
+            else "to this client alone"
+        )
+        raise TimeoutError(
+            f"no frame from the motion capture server at {host}:{port} within {self._timeout:g} s ({way}): is it live, "
+            "or playing a take?"
+        )
+
+    def _received(self, kind: Kind, timeout: float) -> bytes | None:
+        """Next packet of a kind, None at the time-out; names are taken from others that come."""
+        if self._command is None:
+            raise ValueError("client: expected a connection, got a closed one")
+        end = clock.monotonic() + timeout
+        while (left := end - clock.monotonic()) > 0.0:
+            self._give_sign()
+            sockets = [one for one in (self._command, self._data) if one is not None]
+            ready, _, _ = select.select(sockets, [], [], min(left, _KEEP_ALIVE))
+            for one in ready:
+                try:
+                    packet = one.recv(_LONGEST)
+                except ConnectionError:  # Windows: nobody listens at the port that was asked
+                    continue
+                got = packet_kind(packet)
+                if got == kind:
+                    return packet
+                if got == Kind.MODEL and self._info is not None:
+                    self._model = decode_model(packet, self._info.version)
+        return None
+
+    def _give_sign(self) -> None:
+        """Tell the server, now and then, that this client is there."""
+        if self._info is not None and clock.monotonic() >= self._next_sign:
+            self._next_sign = clock.monotonic() + _KEEP_ALIVE
+            self._send(Kind.KEEP_ALIVE)
+
+    def _send(self, kind: Kind, payload: bytes = b"") -> None:
+        assert self._command is not None  # connected, or about to be
+        try:
+            self._command.sendto(struct.pack("<HH", kind, len(payload)) + payload, self._address)
+        except socket.gaierror as error:
+            raise ConnectionError(f"server: expected an address, got {self._address[0]!r} ({error.strerror})") from None
+
+    def _joined(self, info: ServerInfo) -> socket.socket:
+        """Socket that has joined the multicast group."""
+        one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(("", info.data_port))
+            group = socket.inet_aton(info.multicast_address) + socket.inet_aton(self._local_address or "0.0.0.0")
+            one.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+        except OSError as error:
+            one.close()
+            raise ConnectionError(
+                f"multicast {info.multicast_address}:{info.data_port} cannot be joined ({error}); give local_address, "
+                "that of the network interface"
+            ) from error
+        return one
+
+
+class Follower:
+    """Frames that a client receives in the background."""
+
+    def __init__(self, frames: Iterator[CapturedFrame], axes: str) -> None:
+        self._frames, self._axes = frames, axes
+        self._kept: list[CapturedFrame] = []
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
+        self._thread.start()
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def newest(self) -> CapturedFrame | None:
+        """The newest frame, or None before the first."""
+        return self._kept[-1] if self._kept else None
+
+    def capture(self) -> MotionCapture:
+        """All frames so far; an error of the stream is raised."""
+        self.check()
+        return _capture_of(list(self._kept), self._axes)
+
+    def check(self) -> None:
+        """Raise the error of the stream, if there was one."""
+        if self._error is not None:
+            raise self._error
+
+    def join(self) -> None:
+        """Wait for the end."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            for frame in self._frames:
+                self._kept.append(frame)  # noqa: PERF402  # others read it meanwhile
+        except Exception as error:  # raised where the user sees it
+            self._error = error
+
+
+def _pose_of(body: BodyState, axes: str) -> Pose:
+    """Pose of a body in radarcore's world."""
+    position = positions_of(np.array(body.position), axes)
+    return Pose.from_quaternion(position, quaternions_of(np.array(body.quaternion), axes))
+
+
+def _capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
+    """Frames as a take; NaN where a body is not tracked."""
+    names = list(dict.fromkeys(name for frame in frames for name in frame.bodies))
+    bodies = {}
+    for name in names:
+        rows = np.full((len(frames), 8), np.nan)
+        for k, frame in enumerate(frames):
+            state = frame.bodies.get(name)
+            if state is not None and state.is_tracked:
+                rows[k] = [*state.position, *state.quaternion, state.mean_marker_error]
+        bodies[name] = CapturedBody(positions_of(rows[:, :3], axes), quaternions_of(rows[:, 3:7], axes), rows[:, 7])
+    times = np.array([frame.time for frame in frames])
+    rate = float(1.0 / np.median(np.diff(times))) if len(times) > 1 else None
+    return MotionCapture(time=times, bodies=bodies, frame_rate=rate)

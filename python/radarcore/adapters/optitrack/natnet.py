@@ -1,0 +1,274 @@
+"""Packets of NatNet, the stream of Motive, versions 3.0 to 4.2: bytes to frames and names.
+
+Little endian; every packet has a header of two numbers of 16 bits, its kind and the number of bytes that follow.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, TypeVar
+
+from radarcore.adapters.optitrack.stream import BodyState, MarkerState, ModelNames, NatNetFrame, ServerInfo, Version
+
+_Item = TypeVar("_Item")
+
+OLDEST: Version = (3, 0)
+"""Before, rigid bodies had their markers with them."""
+
+_NEWEST_MAJOR = 4
+SIZED: Version = (4, 1)
+"""From here on the size in bytes of every section comes after its count."""
+_TURNED: Version = (4, 2)
+"""From here on descriptions of rigid bodies have a rotation."""
+
+
+class Kind(IntEnum):
+    """Kinds of packets."""
+
+    CONNECT = 0
+    SERVER_INFO = 1
+    REQUEST = 2
+    RESPONSE = 3
+    REQUEST_MODEL = 4
+    MODEL = 5
+    REQUEST_FRAME = 6
+    FRAME = 7
+    MESSAGE = 8
+    DISCONNECT = 9
+    KEEP_ALIVE = 10
+
+
+class _Described(IntEnum):
+    """Kinds of things that a model describes."""
+
+    MARKER_SET = 0
+    RIGID_BODY = 1
+    SKELETON = 2
+    FORCE_PLATE = 3
+    DEVICE = 4
+    CAMERA = 5
+    ASSET = 6
+
+
+class NatNetError(ValueError):
+    """A packet that is truncated or of another kind, or a version that is not supported."""
+
+
+def packet_kind(packet: bytes) -> int:
+    """Kind of a packet, one of `Kind` or not; a NatNetError if it is truncated."""
+    if len(packet) < 4:
+        raise NatNetError(f"packet: expected at least 4 bytes, got {len(packet)}")
+    kind, size = struct.unpack_from("<HH", packet)
+    if len(packet) < 4 + size:
+        raise NatNetError(f"packet: expected {4 + size} bytes, got {len(packet)}: truncated")
+    return int(kind)
+
+
+def checked_version(version: Version) -> Version:
+    """Version of the protocol, or a NatNetError if it is not supported."""
+    if version < OLDEST or version[0] > _NEWEST_MAJOR:
+        raise NatNetError(
+            f"version: expected NatNet 3.0 to {_NEWEST_MAJOR}.x, got {version[0]}.{version[1]}; set it in Motive's "
+            "streaming settings, or update Motive (2.0 has NatNet 3.0)"
+        )
+    return version
+
+
+def decode_server_info(packet: bytes) -> ServerInfo:
+    """What a server says of itself; of versions that are not supported name and version alone."""
+    data = _Reader(packet, Kind.SERVER_INFO)
+    name = data.take(256).split(b"\0")[0].decode("utf-8", "replace")
+    data.take(4)  # version of the program
+    major, minor, *_ = data.numbers("4B")
+    if (major, minor) < OLDEST:
+        return ServerInfo(name, (major, minor), 0, 0, False, "")
+    frequency, port, is_multicast, *address = data.numbers("QHB4B")
+    return ServerInfo(name, (major, minor), frequency, port, bool(is_multicast), ".".join(map(str, address)))
+
+
+def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
+    """Frame of a packet of kind `Kind.FRAME`.
+
+    Parameters
+    ----------
+    packet : bytes
+    version : (int, int)
+        Of the protocol, as `ServerInfo` has it.
+
+    Raises
+    ------
+    NatNetError
+        When the packet is truncated or of another kind, or the version is not 3.0 to 4.x.
+    """
+    data = _Reader(packet, Kind.FRAME)
+    is_sized = checked_version(version) >= SIZED
+    section = data.sized_section if is_sized else data.items
+
+    def bodies() -> tuple[BodyState, ...]:
+        return data.items(lambda: _body(data))
+
+    (number,) = data.numbers("i")
+    section(lambda: (data.text(), data.skip_items(12)))  # marker sets
+    section(lambda: data.take(12))  # markers without labels
+    free = section(lambda: _body(data))
+    skeletons = section(lambda: (data.number("i"), bodies()))
+    assets = section(lambda: (data.number("i"), bodies(), data.skip_items(26))) if is_sized else ()
+    markers = section(lambda: _marker(data))
+    for _ in ("force plates", "devices"):
+        section(lambda: (data.number("i"), data.items(lambda: data.skip_items(4))))
+    *_, timestamp, exposure, received, transmitted = data.numbers("IId3Q")
+    if is_sized:
+        data.take(8)  # seconds and their fraction, by a clock of higher precision
+    flags = data.number("h")
+    return NatNetFrame(
+        number=number,
+        bodies=free,
+        skeletons=dict(skeletons),
+        assets={asset: members for asset, members, _ in assets},
+        markers=markers,
+        timestamp=timestamp,
+        exposure_ticks=exposure,
+        received_ticks=received,
+        transmitted_ticks=transmitted,
+        is_recording=bool(flags & 1),
+        is_model_changed=bool(flags & 2),
+    )
+
+
+def decode_model(packet: bytes, version: Version) -> ModelNames:
+    """Names of bodies, skeletons and assets of a packet of kind `Kind.MODEL`; errors as those of `decode_frame`."""
+    data = _Reader(packet, Kind.MODEL)
+    checked_version(version)
+    names = ModelNames()
+    for _ in range(data.count()):
+        kind = data.number("i")
+        end = data.end_of_section() if version >= SIZED else None
+        if kind in set(_Described):
+            _describe(data, version, _Described(kind), names)
+        elif end is None:
+            raise NatNetError(f"packet: expected a description of kinds 0 to 6, got {kind}")
+        if end is not None:
+            data.go_to(end)
+    return names
+
+
+def _describe(data: _Reader, version: Version, kind: _Described, names: ModelNames) -> None:
+    """Read a description; names of things with poses are kept."""
+
+    def body() -> tuple[int, str]:
+        name = data.text()
+        number, _ = data.numbers("ii")  # itself and its parent
+        data.take(12 + (16 if version >= _TURNED else 0))
+        num_markers = data.count()
+        data.take(16 * num_markers)  # places and labels
+        if version >= (4, 0):
+            for _ in range(num_markers):
+                data.text()
+        return number, name
+
+    if kind == _Described.MARKER_SET:
+        data.text(), data.items(data.text)
+    elif kind == _Described.RIGID_BODY:
+        number, name = body()
+        names.bodies[number] = name
+    elif kind == _Described.SKELETON:
+        name, number = data.text(), data.number("i")
+        names.skeletons[number] = name, dict(data.items(body))
+    elif kind == _Described.ASSET:
+        name, (_, number) = data.text(), data.numbers("ii")
+        names.assets[number] = name, dict(data.items(body))
+        data.items(lambda: (data.text(), data.take(4 + 12 + 4 + 2)))
+    elif kind == _Described.CAMERA:
+        data.text(), data.take(28)
+    elif kind == _Described.FORCE_PLATE:
+        # Sizes, origin, calibration (12 x 12), corners, kinds.
+        data.number("i"), data.text(), data.take(4 * (2 + 3 + 144 + 12 + 2)), data.items(data.text)
+    else:
+        data.number("i"), data.text(), data.text(), data.take(8), data.items(data.text)
+
+
+def _body(data: _Reader) -> BodyState:
+    number, x, y, z, qx, qy, qz, qw, error, flags = data.numbers("i3f4ffh")
+    return BodyState(number, (x, y, z), (qw, qx, qy, qz), error, bool(flags & 1))
+
+
+def _marker(data: _Reader) -> MarkerState:
+    number, x, y, z, size, flags, residual = data.numbers("i3ffhf")
+    return MarkerState(
+        model=number >> 16,
+        member=number & 0xFFFF,
+        position=(x, y, z),
+        size=size,
+        is_occluded=bool(flags & 1),
+        is_unlabelled=bool(flags & 16),
+        residual=residual,
+    )
+
+
+class _Reader:
+    """Payload of a packet, read from its begin; whatever goes beyond its end is a NatNetError."""
+
+    def __init__(self, packet: bytes, kind: Kind) -> None:
+        if (got := packet_kind(packet)) != kind:
+            raise NatNetError(f"packet: expected one of kind {int(kind)} ({kind.name}), got {got}")
+        self._data = packet[4 : 4 + struct.unpack_from("<H", packet, 2)[0]]
+        self._at = 0
+
+    def take(self, size: int) -> bytes:
+        """The next bytes."""
+        self.go_to(self._at + size)
+        return self._data[self._at - size : self._at]
+
+    def numbers(self, layout: str) -> tuple[Any, ...]:
+        """Numbers in the letters of `struct`."""
+        return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout)))
+
+    def number(self, letter: str) -> Any:
+        """A number."""
+        return self.numbers(letter)[0]
+
+    def count(self) -> int:
+        """Number of things, each of a byte or more."""
+        count = int(self.number("i"))
+        if not 0 <= count <= len(self._data) - self._at:
+            raise NatNetError(f"packet: expected a count of things that fit into it, got {count} at byte {self._at}")
+        return count
+
+    def text(self) -> str:
+        """Text up to a zero."""
+        end = self._data.find(b"\0", self._at)
+        if end < 0:
+            raise NatNetError(f"packet: expected a zero at the end of the text at byte {self._at}, got none: truncated")
+        return self.take(end + 1 - self._at)[:-1].decode("utf-8", "replace")
+
+    def items(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
+        """Count and things."""
+        return tuple(read() for _ in range(self.count()))
+
+    def skip_items(self, size: int) -> int:
+        """Count of things of some bytes each, which are left out."""
+        count = self.count()
+        self.take(size * count)
+        return count
+
+    def sized_section(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
+        """Count, size in bytes, and things."""
+        count, end = self.count(), self.end_of_section()
+        found = tuple(read() for _ in range(count))
+        self.go_to(end)
+        return found
+
+    def end_of_section(self) -> int:
+        """Size in bytes of what follows, as the place of its end."""
+        return int(self.number("i")) + self._at
+
+    def go_to(self, place: int) -> None:
+        """Go forward to a place."""
+        if not self._at <= place <= len(self._data):
+            raise NatNetError(
+                f"packet: expected {place} bytes after the header at byte {self._at}, got {len(self._data)}: "
+                "truncated, or of another version"
+            )
+        self._at = place

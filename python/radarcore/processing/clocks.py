@@ -1,0 +1,272 @@
+"""Offset between the clocks of two records of one motion, such as a radar's track and motion capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+
+Array = NDArray[np.float64]
+
+_SMOOTHING_STEPS = 2.0
+"""Standard deviation of the smoothing kernel, in steps of the slower record: sampling does not show in its slopes."""
+
+_REACH = 4.0
+"""Half width of the smoothing kernel, in standard deviations."""
+
+_GRID = 0.2
+"""Step of the common grid, in standard deviations of the kernel: parabolas give peaks to a fraction of it."""
+
+_BLOCK = 20_000
+"""Points of the grid at once: some 10 MB."""
+
+_SHORTEST_OVERLAP = 20.0
+"""Least common time, in standard deviations of the kernel, and ..."""
+_LEAST_SHARE = 1.0 / 3.0
+"""... as a share of the shorter record: fewer samples agree by chance."""
+
+_SLOW = 10.0
+"""Period [s]: slower changes of the difference are other things than the offset."""
+_MOST_FITS = 8
+_CORRELATED = 8.0
+"""Time over which residuals are correlated, in standard deviations of the kernel."""
+
+_LEAST_CORRELATION = 0.5
+"""Below this, two records are not of one motion."""
+
+_RIVAL = 1.5
+"""Misfit of any other offset, at least, in misfits of the best one ..."""
+_MISFIT_FLOOR = 1e-3
+"""... both raised by this: smaller differences are of the ends of the records."""
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Offset between two clocks.
+
+    Attributes
+    ----------
+    offset : float
+        Time [s] to add to times of clock b: then they are times of clock a.
+    deviation : float
+        Standard deviation of the offset [s], by what is left of the slopes of one record without those of the other.
+    correlation : float
+        Of the smoothed slopes of both records at this offset, 1 at most.
+    """
+
+    offset: float
+    deviation: float
+    correlation: float
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """Smoothed values and slopes on a uniform grid, zero where they are not known."""
+
+    start: float
+    values: Array
+    slopes: Array
+    is_known: Array
+    """1 or 0."""
+
+
+def clock_offset(
+    times_a: ArrayLike,
+    values_a: ArrayLike,
+    times_b: ArrayLike,
+    values_b: ArrayLike,
+    *,
+    max_offset: float,
+    around: float = 0.0,
+    smoothing: float | None = None,
+) -> ClockOffset:
+    """Offset between the clocks of two records of one motion, by cross-correlation of their slopes.
+
+    The records may have different rates, gaps, noise, a constant difference and a different scale. Lines are fitted
+    under a moving Gaussian window; their slopes are correlated where both are known, for every offset, and a parabola
+    gives the peak between the steps. From there on, smoothed values of one record are fitted to those of the other.
+
+    Parameters
+    ----------
+    times_a, times_b : (n,), (m,) array_like
+        Increasing times, each by its own clock [s].
+    values_a, values_b : (n,), (m,) array_like
+        Such as the distance of a person from the radar; NaN where it is not known.
+    max_offset : float
+        Largest offset, before or after `around` [s].
+    around : float
+        Offset that is expected [s], as of clocks that count from other days.
+    smoothing : float, optional
+        Standard deviation of the window [s]. Default: two steps of the slower record.
+
+    Raises
+    ------
+    ValueError
+        When the records do not tell the offset: values that do not vary, that vary otherwise, that repeat themselves
+        so that several offsets fit alike, that overlap too little, or that fit best at the largest offset.
+    """
+    limit = check.positive("max_offset", max_offset, "s")
+    a, b = _record("a", times_a, values_a), _record("b", times_b, values_b)
+    steps = [float(np.median(np.diff(times))) for times, _ in (a, b)]
+    width = _SMOOTHING_STEPS * max(steps) if smoothing is None else check.positive("smoothing", smoothing, "s")
+    if width < 0.5 * max(steps):
+        raise ValueError(f"smoothing: expected at least {0.5 * max(steps):g} s, half a step, got {width:g} s")
+    step = _GRID * width
+    first, second = (_smoothed(name, *record, width, step) for name, record in (("a", a), ("b", b)))
+
+    # Offsets that are whole steps beyond that of the first samples.
+    base = first.start - second.start
+    center = check.number("around", around, "s")
+    lags = np.arange(np.floor((center - limit - base) / step), np.ceil((center + limit - base) / step) + 1).astype(int)
+    correlation = _correlations(first, second, lags, _SHORTEST_OVERLAP * width / step)
+    best = int(np.argmax(np.where(np.isnan(correlation), -np.inf, correlation)))
+    _check_peak(correlation, best, base + step * lags, center, limit)
+    lag = lags[best] + _vertex(correlation[best - 1 : best + 2])
+    lag, deviation = _fitted(first, second, float(lag), step, width)
+    return ClockOffset(float(base + step * lag), step * deviation, float(correlation[best]))
+
+
+def _record(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    """Times and values where these are known."""
+    when = check.increasing(f"times_{name}", times)
+    what = np.asarray(values, dtype=np.float64)
+    if what.shape != when.shape:
+        raise ValueError(f"values_{name}: expected shape {when.shape}, one value per time, got {what.shape}")
+    if np.isinf(what).any():
+        raise ValueError(f"values_{name}: expected finite numbers or NaN, got inf")
+    is_known = ~np.isnan(what)
+    if is_known.sum() < 4:
+        raise ValueError(f"values_{name}: expected at least 4 that are not NaN, got {int(is_known.sum())}")
+    return when[is_known], what[is_known] - np.mean(what[is_known])
+
+
+def _smoothed(name: str, times: Array, values: Array, width: float, step: float) -> _Smooth:
+    """Slopes of lines fitted to the values under a Gaussian window that moves over a grid."""
+    grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
+    blocks = np.array_split(grid, 1 + len(grid) // _BLOCK)
+    total, middle, moment, mean, product = np.hstack([_moments(times, values, block, width) for block in blocks])
+    # At ends and gaps the samples in the window lie to one side, and the slope is that of another time.
+    typical = width * np.sqrt(2.0 * np.pi) / np.median(np.diff(times))
+    is_known = (total > 0.7 * typical) & (np.abs(middle) < 0.1 * width)
+    slopes = np.where(is_known, product / np.where(moment > 0.0, moment, 1.0), 0.0)
+    if is_known.sum() < 3:
+        raise ValueError(
+            f"times_{name}: expected stretches longer than {2.0 * _REACH * width:g} s without gaps, got none"
+        )
+    # Rounding of equal values is no motion.
+    if np.ptp(slopes[is_known]) <= 1e-9 * np.abs(values).max() / width:
+        raise ValueError(f"values_{name}: expected values whose slope varies, got a constant slope")
+    smooth = np.where(is_known, mean - slopes * middle, 0.0)
+    return _Smooth(float(times[0]), smooth, slopes, is_known.astype(np.float64))
+
+
+def _moments(times: Array, values: Array, grid: Array, width: float) -> Array:
+    """Weight, mean and variance of times, mean of values, covariance of both, in the window at the grid, (5, n)."""
+    reach = _REACH * width
+    begin, end = np.searchsorted(times, grid - reach), np.searchsorted(times, grid + reach, side="right")
+    near = begin[:, None] + np.arange(max(int((end - begin).max()), 1))
+    is_near = near < end[:, None]
+    near = np.minimum(near, len(times) - 1)
+    away, value = times[near] - grid[:, None], values[near]
+    weight = np.where(is_near, np.exp(-0.5 * np.square(away / width)), 0.0)
+    total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
+    middle, mean = ((weight * one).sum(axis=1) / total for one in (away, value))
+    away = away - middle[:, None]
+    moment, product = ((weight * away * one).sum(axis=1) / total for one in (away, value))
+    return np.stack([total, middle, moment, mean, product])
+
+
+def _correlations(a: _Smooth, b: _Smooth, lags: NDArray[np.int_], shortest: float) -> Array:
+    """Correlation coefficients where both are known, per lag; NaN where too little is."""
+    size = len(a.slopes) + len(b.slopes)
+
+    def sums(x: Array, y: Array) -> Array:
+        """Sums of ``x[k + lag] y[k]``, zero where they do not overlap."""
+        product = np.fft.irfft(np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size)), size)
+        is_within = (lags < len(x)) & (lags > -len(y))
+        return np.where(is_within, product[np.where(is_within, lags, 0)], 0.0)
+
+    # Slopes in units of their own size.
+    u, v = (one.slopes / np.sqrt(np.square(one.slopes).sum() / one.is_known.sum()) for one in (a, b))
+    number = np.round(sums(a.is_known, b.is_known))
+    count = np.maximum(number, 1.0)
+    mean_u, mean_v = sums(u, b.is_known) / count, sums(a.is_known, v) / count
+    variance_u = sums(u * u, b.is_known) / count - mean_u**2
+    variance_v = sums(a.is_known, v * v) / count - mean_v**2
+    covariance = sums(u, v) / count - mean_u * mean_v
+    least = max(shortest, _LEAST_SHARE * min(a.is_known.sum(), b.is_known.sum()))
+    is_enough = (number >= least) & (np.minimum(variance_u, variance_v) > 1e-9)
+    return np.where(is_enough, covariance / np.sqrt(np.where(is_enough, variance_u * variance_v, 1.0)), np.nan)
+
+
+def _check_peak(correlation: Array, best: int, offsets: Array, center: float, limit: float) -> None:
+    """Refuse peaks that say nothing."""
+    if np.isnan(correlation).all():
+        raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none that do long enough")
+    highest = correlation[best]
+    if highest < _LEAST_CORRELATION:
+        raise ValueError(
+            f"values_b: expected the motion of values_a, got a correlation of {highest:.2f} at most within {limit:g} s"
+        )
+    around = correlation[max(best - 1, 0) : best + 2]
+    if len(around) < 3 or np.isnan(around).any() or abs(offsets[best] - center) > limit:
+        raise ValueError(
+            f"max_offset: expected the best offset within {limit:g} s and the overlap, got it at the end, "
+            f"{offsets[best]:.3g} s: allow more, or give longer records"
+        )
+    # Down from the peak on both sides to the first minima; what is higher beyond them is another peak.
+    others = np.where(np.isnan(correlation), -np.inf, correlation)
+    left = best - int(np.argmax(np.append(np.diff(others[: best + 1])[::-1] <= 0.0, True)))
+    right = best + int(np.argmax(np.append(np.diff(others[best:]) >= 0.0, True)))
+    others[left : right + 1] = -np.inf
+    rival = int(np.argmax(others))
+    misfit, other = (1.0 - value + _MISFIT_FLOOR for value in (highest, others[rival]))
+    if other < _RIVAL * misfit:
+        raise ValueError(
+            f"values_a: expected a motion that tells one offset, got two that fit alike, {offsets[best]:.3g} and "
+            f"{offsets[rival]:.3g} s (correlations {highest:.3f} and {others[rival]:.3f}); give a smaller max_offset "
+            f"or a motion that does not repeat itself"
+        )
+
+
+def _vertex(three: Array) -> float:
+    """Place of the vertex of a parabola through three values, from the middle one, in steps."""
+    before, middle, after = three
+    curvature = before - 2.0 * middle + after
+    return float(0.5 * (before - after) / curvature) if curvature < 0.0 else 0.0
+
+
+def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tuple[float, float]:
+    """Lag at which the values of both agree best, but for a scale and slow changes, and its standard deviation.
+
+    Noise of the values is white, that of the slopes is not: the peak of their correlation is five times as uncertain.
+    """
+    whole = round(lag)
+    for _ in range(_MOST_FITS):
+        begin, end = max(whole, 0), min(len(a.values), len(b.values) + whole)
+        here, there = slice(begin, end), slice(begin - whole, end - whole)
+        is_known = (a.is_known[here] * b.is_known[there]) > 0.0
+        # Values of a: those of b, scaled; its slopes, scaled by the rest of the lag; slow changes.
+        phase = np.linspace(0.0, np.pi, end - begin)[is_known]
+        num_slow = int(2.0 * step * (end - begin) / _SLOW)
+        slow = np.cos(phase[:, None] * np.arange(num_slow + 1))
+        basis = np.column_stack([b.values[there][is_known], step * b.slopes[there][is_known], slow])
+        found, *_ = np.linalg.lstsq(basis, a.values[here][is_known])
+        rest = -found[1] / found[0]
+        if abs(rest) <= 1.0:
+            break
+        whole += round(rest)
+    # What the residual adds to the lag, sample by sample; neighbours are correlated over the window.
+    residual = a.values[here][is_known] - basis @ found
+    others = np.delete(basis, 1, axis=1)
+    slope = basis[:, 1] - others @ np.linalg.lstsq(others, basis[:, 1])[0]
+    parts = np.zeros(end - begin)
+    parts[is_known] = slope * residual / (found[0] * (slope @ slope))
+    reach = min(round(_CORRELATED * width / step), len(parts) - 1)
+    # Newey & West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
+    # matrix": weights that fall with the distance.
+    sums = [(1.0 - k / (reach + 1)) * (parts[k:] @ parts[:-k]) for k in range(1, reach + 1)]
+    return whole + rest, float(np.sqrt(parts @ parts + 2.0 * sum(sums)))

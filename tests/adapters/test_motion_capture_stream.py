@@ -1,0 +1,273 @@
+"""Client and server of live motion capture: poses, occlusions, lost frames, clocks, and servers that do not answer."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+import natnet_packets as made
+import radarcore as rc
+from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, MotionCaptureServer, NatNetError
+
+QUIET = 0.2
+"""Time-out of tests in which nothing comes [s]."""
+
+
+def swing(t: float) -> rc.Pose:
+    return rc.Pose.from_rpy([1.0 + 0.1 * np.sin(5.0 * t), 2.0, 3.0], [0.2, -0.3, t])
+
+
+MOTIONS = {"radar": swing, "person": rc.Pose([4.0, 0.0, 1.0])}
+
+
+class Told:
+    """A motion that writes down its updates, as `Live` takes them."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.poses: list[rc.Pose] = []
+
+    def update(self, time: float, pose: rc.Pose) -> None:
+        self.times.append(time)
+        self.poses.append(pose)
+
+
+def sent(server: MotionCaptureServer, times: Any, client: MotionCaptureClient, **given: Any) -> list[CapturedFrame]:
+    """Frames that are sent at some times, each received before the next."""
+    frames = client.frames(**given)
+    received = []
+    for t in times:
+        server.send(t)
+        received.append(next(frames))
+    return received
+
+
+@pytest.mark.parametrize("version", [(3, 0), (4, 0), (4, 1), (4, 2)])
+def test_poses_arrive_as_they_were(version: made.Version) -> None:
+    with (
+        MotionCaptureServer(MOTIONS, version=version, clock_offset=100.0) as server,
+        MotionCaptureClient(command_port=server.command_port) as client,
+    ):
+        assert client.names == ("radar", "person")
+        assert client.info.version == version
+        frames = sent(server, [0.25, 0.5], client)
+    assert [frame.number for frame in frames] == [1, 2]
+    for t, frame in zip([0.25, 0.5], frames, strict=True):
+        assert frame.time == pytest.approx(100.0 + t, abs=1e-7)  # a tick
+        np.testing.assert_allclose(frame.poses["radar"].position, swing(t).position, atol=1e-6)  # 32 bits
+        np.testing.assert_allclose(frame.poses["radar"].rotation, swing(t).rotation, atol=1e-6)
+
+
+@pytest.mark.parametrize("axes", ["z_up_world", "unchanged"])
+def test_axes_are_turned_back_by_the_server(axes: str) -> None:
+    with (
+        MotionCaptureServer(MOTIONS, axes=axes) as server,
+        MotionCaptureClient(command_port=server.command_port, axes=axes) as client,
+    ):
+        (frame,) = sent(server, [0.25], client)
+    np.testing.assert_allclose(frame.poses["radar"].position, swing(0.25).position, atol=1e-6)
+    np.testing.assert_allclose(frame.poses["radar"].rotation, swing(0.25).rotation, atol=1e-6)
+
+
+def test_occluded_bodies_have_no_pose_and_do_not_update_motions() -> None:
+    told = Told()
+    with (
+        MotionCaptureServer(MOTIONS, occlusions={"radar": [(0.1, 0.3)]}) as server,
+        MotionCaptureClient(command_port=server.command_port) as client,
+    ):
+        frames = sent(server, [0.0, 0.1, 0.2, 0.3], client, motions={"radar": told})
+    assert ["radar" in frame.poses for frame in frames] == [True, False, False, True]
+    assert all("person" in frame.poses for frame in frames)
+    # Old positions come all the same, as of Motive.
+    assert frames[1].bodies["radar"].position == frames[0].bodies["radar"].position
+    assert told.times == [0.0, 0.3]
+    np.testing.assert_allclose(told.poses[1].position, swing(0.3).position, atol=1e-6)
+
+
+def test_recorded_stream_is_a_capture_with_gaps() -> None:
+    with (
+        MotionCaptureServer(MOTIONS, occlusions={"radar": [(0.2, 0.4)]}) as server,
+        MotionCaptureClient(command_port=server.command_port) as client,
+        client.follow() as follower,
+    ):
+        for k in range(73):
+            server.send(k / 120.0)
+        end = time.monotonic() + 5.0
+        while len(follower) < 73 and time.monotonic() < end:
+            time.sleep(0.002)
+        capture = follower.capture()
+    assert capture.names == ("radar", "person")
+    assert capture.frame_rate == pytest.approx(120.0, rel=1e-4)
+    trajectory = capture.trajectory("radar")
+    np.testing.assert_allclose(trajectory.gaps[0], [23 / 120, 48 / 120], atol=1e-6)
+    np.testing.assert_allclose(trajectory.at(0.503).position, swing(0.503).position, atol=2e-5)
+    assert np.isnan(capture["radar"].position[30]).all()
+    assert np.isnan(capture["radar"].mean_marker_error[30])
+    assert capture["radar"].mean_marker_error[3] == pytest.approx(2e-4)
+
+
+def test_server_in_the_background_keeps_its_rate_and_loses_its_share() -> None:
+    with (
+        MotionCaptureServer(MOTIONS, rate=200.0, drop_rate=0.25, seed=3) as server,
+        MotionCaptureClient(command_port=server.command_port) as client,
+    ):
+        server.start(5.0)
+        before = time.time()
+        capture = client.record(0.4)
+        taken = time.time() - before
+        assert client.clock_offset == pytest.approx(before - capture.time[0], abs=0.1)
+    assert 0.35 < taken < 2.0
+    lost = np.round(np.diff(capture.time) * 200.0) - 1.0
+    # A quarter of 80 frames, but for three standard deviations.
+    assert abs(lost.sum() / 80.0 - 0.25) < 3.0 * np.sqrt(0.25 * 0.75 / 80.0)
+    np.testing.assert_allclose(np.diff(capture.time) * 200.0, lost + 1.0, atol=1e-3)
+
+
+@contextmanager
+def fake_server(answers: dict[int, list[bytes]]) -> Iterator[int]:
+    """A socket that answers kinds of packets by others; its port."""
+    stop = threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        one.settimeout(0.02)
+
+        def serve() -> None:
+            while not stop.is_set():
+                try:
+                    packet, sender = one.recvfrom(65_536)
+                except TimeoutError:
+                    continue
+                for answer in answers.get(packet[0], []):
+                    one.sendto(answer, sender)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield int(one.getsockname()[1])
+        finally:
+            stop.set()
+            thread.join()
+
+
+BODY: made.Body = (1, (0.0, 1.0, 2.0), (0.0, 0.0, 0.0, 1.0), True)
+
+
+def answers(version: made.Version, *packets: bytes) -> dict[int, list[bytes]]:
+    return {0: [made.server_info(version)], 4: [made.model(version, ["radar"]), *packets]}
+
+
+def test_late_frames_and_other_packets_are_left_out() -> None:
+    times = [1.0, 1.01, 1.03, 1.02, 1.03, 1.04]
+    packets = [made.frame((4, 1), k, [BODY], t) for k, t in enumerate(times)]
+    packets.insert(3, made.packet(8, b"hello\0"))
+    with (
+        fake_server(answers((4, 1), *packets)) as port,
+        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+    ):
+        frames = client.frames()
+        assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.03, 1.04]
+
+
+def test_skeletons_and_assets_have_names_with_their_owner() -> None:
+    sent_frame = made.frame((4, 1), 1, [BODY], 1.0, everything=True)
+    with (
+        fake_server(answers((4, 1), sent_frame)) as port,
+        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+    ):
+        assert client.names == ("radar", "Fred:Hip", "Fred:Chest", "Tool:Grip")
+        assert list(next(client.frames()).poses) == ["radar", "Fred:Hip", "Tool:Grip"]
+
+
+def test_takes_that_are_played_back_have_the_time_of_the_take() -> None:
+    packet = made.frame((3, 0), 1, [BODY], 0.0)
+    packet = packet[:-38] + made.pack("<d3Qhi", 7.25, 0, 0, 0, 0, 0)
+    with (
+        fake_server(answers((3, 0), packet)) as port,
+        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+    ):
+        assert next(client.frames()).time == 7.25
+        assert client.clock_offset is None
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def test_missing_server_is_an_error_with_its_address_within_the_time_out() -> None:
+    port = free_port()
+    before = time.monotonic()
+    with (
+        pytest.raises(
+            TimeoutError, match=rf"no answer .* server at 127\.0\.0\.1:{port} within 0\.2 s: does Motive run"
+        ),
+        MotionCaptureClient(command_port=port, timeout=QUIET),
+    ):
+        pass
+    assert time.monotonic() - before < QUIET + 1.0
+
+
+def test_server_without_frames_is_an_error_with_a_hint() -> None:
+    with (
+        MotionCaptureServer(MOTIONS) as server,
+        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+    ):
+        with pytest.raises(TimeoutError, match=r"no frame from .* within 0\.2 s \(to this client alone\): is it live"):
+            next(client.frames())
+        with pytest.raises(TimeoutError, match="no frame"), client.follow():
+            time.sleep(2.0 * QUIET)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({0: [made.server_info((2, 9))]}, r"version: expected NatNet 3\.0 to 4\.x, got 2\.9"),
+        ({0: [made.server_info((4, 1))[:100]]}, "packet: expected 283 bytes, got 100: truncated"),
+        (answers((4, 1), made.frame((4, 1), 1, [BODY], 0.0)[:60]), "packet: expected"),
+    ],
+)
+def test_damaged_and_old_streams_are_refused(given: dict[int, list[bytes]], message: str) -> None:
+    with (
+        fake_server(given) as port,
+        pytest.raises(NatNetError, match=message),
+        MotionCaptureClient(command_port=port, timeout=2.0) as client,
+    ):
+        next(client.frames())
+
+
+def test_wrong_requests_are_errors_that_name_them() -> None:
+    with pytest.raises(ConnectionError, match="server: expected an address, got 'no such host'"):
+        MotionCaptureClient("no such host").connect()
+    with pytest.raises(ValueError, match="client: expected a connection, got none"):
+        MotionCaptureClient().frames()
+    with pytest.raises(ValueError, match="server: expected an open one, got a closed one"):
+        MotionCaptureServer(MOTIONS).send(0.0)
+    with pytest.raises(ValueError, match="occlusions: no body 'rader'; did you mean 'radar'"):
+        MotionCaptureServer(MOTIONS, occlusions={"rader": [(0.0, 1.0)]})
+    with pytest.raises(TypeError, match=r"motions\['radar'\]: expected Pose"):
+        MotionCaptureServer({"radar": 3})  # type: ignore[dict-item]
+    with (
+        MotionCaptureServer(MOTIONS) as server,
+        MotionCaptureClient(command_port=server.command_port) as client,
+        pytest.raises(ValueError, match="motions: no body 'rader' in the stream; did you mean 'radar'"),
+    ):
+        client.frames({"rader": Told()})
+
+
+def test_multicast_frames_reach_all_clients() -> None:
+    group = {"multicast_address": "239.255.42.99", "data_port": free_port()}
+    with MotionCaptureServer(MOTIONS, **group) as server:  # type: ignore[arg-type]
+        local: dict[str, Any] = {"command_port": server.command_port, "local_address": "127.0.0.1"}
+        with MotionCaptureClient(**local) as one, MotionCaptureClient(**local) as other:
+            assert one.info.is_multicast
+            server.send(0.5)
+            for client in (one, other):
+                np.testing.assert_allclose(next(client.frames()).poses["person"].position, [4.0, 0.0, 1.0], atol=1e-6)
