@@ -10,7 +10,10 @@ from types import ModuleType
 
 import pytest
 
-PUBLIC = ["", "adapters", "adapters.optitrack", "models", "models.robots", "plot", "processing", "sensor"]
+PUBLIC = [
+    *("", "adapters", "adapters.mujoco", "adapters.optitrack"),
+    *("models", "models.robots", "plot", "processing", "sensor"),
+]
 
 
 @pytest.fixture(params=PUBLIC, ids=lambda name: name or "radarcore")

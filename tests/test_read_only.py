@@ -40,6 +40,8 @@ ATTRIBUTES: list[tuple[Any, str]] = [
     (rc.Deformation([0.0, 1.0], [PLATE.vertices] * 2), "vertices"),
     (rc.Function(lambda _: rc.Pose()), "pose"),
     (rc.Attached(rc.Pose()), "parent"),
+    (rc.Live(), "newest"),
+    (rc.LiveGroup(2), "motions"),
     (rc.models.Human(), "height"),
     (rc.models.Human().path, "waypoints"),
     (rc.models.RobotArm.ur10(), "joints"),
@@ -87,7 +89,7 @@ def test_truth_is_a_copy() -> None:
     assert truth.range[0] == 1.0
 
 
-@pytest.mark.parametrize("made", [SCENE, PLATE, rc.Trajectory([0.0, 1.0], POSES), rc.models.Human()])
+@pytest.mark.parametrize("made", [SCENE, PLATE, rc.Trajectory([0.0, 1.0], POSES), rc.models.Human(), rc.LiveGroup(2)])
 def test_what_is_read_only_can_be_pickled_and_stays_so(made: Any) -> None:
     with pytest.raises(AttributeError, match="read-only"):
         pickle.loads(pickle.dumps(made)).names = ()

@@ -19,6 +19,8 @@ from radarcore.motion.attached import Attached as Attached
 from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.function import Function as Function
 from radarcore.motion.linear import Linear as Linear
+from radarcore.motion.live import Live as Live
+from radarcore.motion.live import LiveGroup as LiveGroup
 from radarcore.motion.trajectory import Trajectory as Trajectory
 from radarcore.processing.angle_maps import azimuth_elevation as azimuth_elevation
 from radarcore.processing.angle_maps import range_angle as range_angle

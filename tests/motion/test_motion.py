@@ -111,6 +111,41 @@ def test_quaternion_of_any_axis_agrees_with_scipy(seed: int) -> None:
     assert close(rc.Pose.from_quaternion([0.0, 0.0, 0.0], quaternion).rotation, expected), f"seed {seed}"
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_order_of_a_quaternion_is_named(seed: int) -> None:
+    w, x, y, z = quaternion = np.random.default_rng(seed).standard_normal(4)
+    expected = rc.Pose.from_quaternion([1.0, 2.0, 3.0], quaternion)
+    assert rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=quaternion) == expected
+    assert rc.Pose.from_quaternion([1.0, 2.0, 3.0], xyzw=[x, y, z, w]) == expected
+
+
+def test_pose_from_a_homogeneous_matrix() -> None:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rz(0.3), [1.0, 2.0, 3.0]
+    for given in (matrix, matrix[:3], matrix.tolist()):
+        assert rc.Pose.from_matrix(given) == rc.Pose([1.0, 2.0, 3.0], rz(0.3))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rc.Pose.from_quaternion([0, 0, 0]), "quaternion: expected one of wxyz and xyzw, got none"),
+        (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[1, 0, 0, 0], xyzw=[0, 0, 0, 1]), "got wxyz and xyzw"),
+        (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0, 0]), r"xyzw: expected \(x, y, z, w\) of any length"),
+        (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0]), r"xyzw: expected shape \(4,\), got \(3,\)"),
+        (lambda: rc.Pose.from_matrix(np.eye(3)), r"matrix: expected shape \(4, 4\), got \(3, 3\)"),
+        (
+            lambda: rc.Pose.from_matrix(np.eye(4).T + np.eye(4, k=-3)),
+            "expected a last row of 0, 0, 0, 1, got 1, 0, 0, 1",
+        ),
+        (lambda: rc.Pose.from_matrix(np.diag([1, 1, 2, 1])), "rotation: expected a rotation matrix"),
+    ],
+)
+def test_silly_matrices_and_quaternions_are_errors_that_name_them(make: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
 def test_roll_pitch_and_yaw_turn_about_fixed_axes_as_in_urdf() -> None:
     for r, p, y in [(0.3, -0.5, 1.1), (1.2, 0.0, 0.0), (0.0, np.pi / 2, 0.0), (0.0, 0.0, -2.0), (-3.0, 1.5, 2.9)]:
         pose = rc.Pose.from_rpy([1.0, 2.0, 3.0], [r, p, y])

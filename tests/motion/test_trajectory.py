@@ -132,7 +132,11 @@ def test_bodies_ride_on_bodies() -> None:
             ValueError,
             r"rate: expected shape \(3, 4\), got \(1,\)",
         ),
-        (lambda: rc.Attached("arm"), TypeError, "parent: expected Pose, Linear, Trajectory, Attached or a function"),
+        (
+            lambda: rc.Attached("arm"),
+            TypeError,
+            "parent: expected Pose, Linear, Trajectory, Attached, Live or a function",
+        ),
         (lambda: rc.Attached(rc.Pose(), 3), TypeError, "motion: expected Pose, Linear"),
     ],
 )

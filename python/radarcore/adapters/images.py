@@ -31,6 +31,9 @@ Matrix = NDArray[np.float64]
 # A depth that is this close to the far plane is the far plane.
 _FAR_MARGIN = 1e-6
 
+DEPTH_MAPS = ("zero_far", "zero_near")
+"""Depths that ``mjr_readPixels`` has as 0."""
+
 _GZ_R_FLOAT32 = 13
 """gz.msgs.PixelFormatType."""
 
@@ -93,12 +96,23 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
 
 
 def from_mujoco_pixels(
-    buffer: ArrayLike, *, fovy_deg: float, near: float, far: float, time: float | None = None
+    buffer: ArrayLike,
+    *,
+    fovy_deg: float,
+    near: float,
+    far: float,
+    depth_map: str = "zero_far",
+    time: float | None = None,
 ) -> PlanarDepth:
-    """Depth of ``mjr_readPixels``: reversed z-buffer, 0 at the far plane, bottom row first."""
+    """Depth of ``mjr_readPixels``, bottom row first.
+
+    `depth_map`: ``MjrContext.readDepthMap``. ``mjDEPTH_ZEROFAR``, as `mujoco.Renderer` sets it, is a reversed z-buffer
+    with 0 at the far plane; ``mjDEPTH_ZERONEAR``, the default of a new context, is 1 there and a hundred times coarser.
+    """
+    is_reversed = check.choice("depth_map", depth_map, DEPTH_MAPS) == "zero_far"
     d = _fractions("buffer", buffer)[::-1]
     n, f = _near_and_far(near, far)
-    metres = n * f / (n + d * (f - n))
+    metres = n * f / (n + (d if is_reversed else 1.0 - d) * (f - n))
     return _decoded(metres, f, _camera_by_height(fovy_deg, d.shape, "fovy_deg"), OPENGL_AXES, time)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,14 +77,39 @@ class Pose:
         return cls(origin, np.column_stack([x, y, np.cross(x, y)]))
 
     @classmethod
-    def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
-        """Pose from a quaternion in the order (w, x, y, z), of any length but zero."""
-        q = scaled(check.array("quaternion", quaternion, (4,)))
+    def from_quaternion(
+        cls,
+        position: ArrayLike,
+        quaternion: ArrayLike | None = None,
+        *,
+        wxyz: ArrayLike | None = None,
+        xyzw: ArrayLike | None = None,
+    ) -> Pose:
+        """Pose from a quaternion of any length but zero.
+
+        Its order by name: `wxyz` (MuJoCo, and `quaternion` without a name) or `xyzw` (ROS, OptiTrack, SciPy).
+        """
+        given = {"quaternion": quaternion, "wxyz": wxyz, "xyzw": xyzw}
+        names = [name for name, value in given.items() if value is not None]
+        if len(names) != 1:
+            raise ValueError(f"quaternion: expected one of wxyz and xyzw, got {' and '.join(names) or 'none'}")
+        (name,) = names
+        q = scaled(np.roll(check.array(name, cast(ArrayLike, given[name]), (4,)), 1 if name == "xyzw" else 0))
         if not np.linalg.norm(q) > 0.0:
-            raise ValueError("quaternion: expected (w, x, y, z) of any length but zero")
+            order = "(x, y, z, w)" if name == "xyzw" else "(w, x, y, z)"
+            raise ValueError(f"{name}: expected {order} of any length but zero")
         w, *v = q / np.linalg.norm(q)
         cross = cross_matrix(np.array(v))
         return cls(position, np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> Pose:
+        """Pose from a homogeneous matrix (4, 4), or its upper rows ``[rotation | position]``, (3, 4)."""
+        given = np.asarray(matrix, dtype=object)  # as objects: what are no numbers is for `check` to name
+        rows = check.array("matrix", matrix, (3 if given.shape == (3, 4) else 4, 4))
+        if len(rows) == 4 and not np.array_equal(rows[3], [0.0, 0.0, 0.0, 1.0]):
+            raise ValueError(f"matrix: expected a last row of 0, 0, 0, 1, got {', '.join(f'{x:g}' for x in rows[3])}")
+        return cls(rows[:3, 3], rows[:3, :3])
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
@@ -188,3 +214,36 @@ def rotations_about(vectors: Matrix) -> Matrix:
     # 1 - cos as 2 sin^2 keeps small angles exact.
     turned: Matrix = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(0.5 * angle) ** 2 * (k @ k)
     return turned
+
+
+def checked_maps(name: str, values: ArrayLike, number: int) -> Matrix:
+    """Maps ``[rotation | position]`` (number, 3, 4) from those or from homogeneous matrices (number, 4, 4).
+
+    Each is checked as a `Pose` is; errors name the index of the first that is none.
+    """
+    given = np.asarray(values)
+    maps = check.array(name, values, (number, 4 if given.shape[1:] == (4, 4) else 3, 4))[:, :3]
+    rotations, positions = maps[:, :, :3], maps[:, :, 3]
+    if (farthest := float(np.abs(positions).max(initial=0.0))) > _FARTHEST:
+        raise ValueError(f"{name}: expected coordinates within {_FARTHEST:g} m, got {farthest:g}")
+    # Entries of a rotation are at most 1; products of huge ones overflow.
+    bad = np.abs(rotations).max(axis=(1, 2), initial=0.0) > 2.0
+    products = np.where(bad[:, None, None], 0.0, rotations)
+    error = np.abs(np.swapaxes(products, 1, 2) @ products - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    bad |= (error > 1e-6) | (np.linalg.det(products) < 0.0)
+    if bad.any():
+        k = int(bad.argmax())
+        raise ValueError(f"{name}: expected rotation matrices (orthonormal, determinant +1), got another at index {k}")
+    if error.max(initial=0.0) > 1e-15:
+        # The nearest rotations, by two of Newton's steps: from 1e-6 to 1e-12 to rounding.
+        for _ in range(2):
+            rotations = 0.5 * rotations @ (3.0 * np.eye(3) - np.swapaxes(rotations, 1, 2) @ rotations)
+    return transforms(rotations, positions)
+
+
+def rotation_vectors(rotations: Matrix) -> Matrix:
+    """Rotation vectors (..., 3) [rad] of rotations (..., 3, 3), up to half a turn long: `rotations_about` undone."""
+    from scipy.spatial.transform import Rotation
+
+    vectors: Matrix = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec()
+    return vectors.reshape(rotations.shape[:-1])

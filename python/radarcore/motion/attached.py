@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.motion.protocol import AnyMotion, Motion, newest_of, poses_at
 from radarcore.sealed import sealed
 
 
@@ -25,6 +25,11 @@ class Attached:
     def __init__(self, parent: AnyMotion, motion: AnyMotion | None = None) -> None:
         self.parent = as_motion("parent", parent)
         self.motion: Motion = Pose() if motion is None else as_motion("motion", motion)
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest update of either motion [s]; None if neither is live."""
+        return newest_of(self.parent, self.motion)
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""

@@ -60,7 +60,7 @@ def as_motion(name: str, motion: object) -> Motion:
     if callable(motion):
         return Function(motion)
     raise TypeError(
-        f"{name}: expected Pose, Linear, Trajectory, Attached or a function of time, got {type(motion).__name__}"
+        f"{name}: expected Pose, Linear, Trajectory, Attached, Live or a function of time, got {type(motion).__name__}"
     )
 
 

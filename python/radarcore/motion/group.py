@@ -1,4 +1,4 @@
-"""Motions that are evaluated together: at rest, uniform, and the links of an arm or a person."""
+"""Motions that are evaluated together: at rest, uniform, live, and the links of an arm or a person."""
 
 from __future__ import annotations
 
@@ -6,29 +6,19 @@ from collections.abc import Sequence
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, transforms
+from radarcore.geometry.pose import Matrix
 from radarcore.motion.attached import Attached, carried_poses, carried_rates
 from radarcore.motion.linear import Linear
-from radarcore.motion.protocol import Motion, poses_at
+from radarcore.motion.links import LinkMotion, Links
+from radarcore.motion.live import Live, Together
+from radarcore.motion.protocol import Motion, newest_of, poses_at
 from radarcore.motion.static import is_static
-from radarcore.sealed import sealed
+from radarcore.motion.uniform import Uniform
 
 Members = NDArray[np.intp] | slice
 """Indices of the members of a group."""
-
-
-class Links(Protocol):
-    """Links of an arm or a person, evaluated together."""
-
-    def link_poses_at(self, times: ArrayLike) -> Matrix:
-        """``[rotation | position]`` of all links at times (n,) [s], (n, link, 3, 4)."""
-        ...
-
-    def link_rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of `link_poses_at`."""
-        ...
 
 
 class Group(Protocol):
@@ -41,39 +31,6 @@ class Group(Protocol):
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
         ...
-
-
-@sealed
-class LinkMotion:
-    """Motion of one link of an arm or a person.
-
-    Parameters
-    ----------
-    group : Links
-        All links of the arm or the person.
-    member : int
-        Index of the link among them.
-    """
-
-    def __init__(self, group: Links, member: int) -> None:
-        self.group, self.member = group, member
-
-    def at(self, time: float) -> Pose:
-        """The pose at a time [s]."""
-        return as_pose(self.poses_at([time])[0])
-
-    def poses_at(self, times: ArrayLike) -> Matrix:
-        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group.link_poses_at(np.asarray(times, dtype=np.float64))[:, self.member]
-
-    def rate_at(self, time: float) -> Matrix:
-        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        rate: Matrix = self.rates_at([time])[0]
-        return rate
-
-    def rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group.link_rates_at(np.asarray(times, dtype=np.float64))[:, self.member]
 
 
 class _Still:
@@ -89,36 +46,12 @@ class _Still:
         return np.zeros_like(self._poses)
 
 
-class _Uniform:
+def _uniform(motions: Sequence[Linear]) -> Uniform:
     """Constant velocities and angular velocities."""
-
-    def __init__(self, motions: Sequence[Linear]) -> None:
-        turning = np.array([motion.angular_velocity for motion in motions])
-        speed = np.linalg.norm(turning, axis=-1)[:, None, None]
-        axes = cross_matrix(turning) / np.where(speed > 0.0, speed, 1.0)
-        rotations = np.array([motion.pose.rotation for motion in motions])
-        self._start = transforms(rotations, np.array([motion.pose.position for motion in motions]))
-        # What the pose changes by: per second, and by Rodrigues' formula with the sine and 1 - cosine of the angle.
-        self._drift = transforms(0.0 * rotations, np.array([motion.velocity for motion in motions]))
-        self._by_sine, self._by_versine = (transforms(turn @ rotations, 0.0 * turning) for turn in (axes, axes @ axes))
-        self._speed = speed
-
-    def poses_at(self, times: Matrix) -> Matrix:
-        elapsed = times[:, None, None, None]
-        half = (0.5 * elapsed) * self._speed
-        # 1 - cos as 2 sin^2 keeps small angles exact.
-        versine = 2.0 * np.sin(half) ** 2
-        turned: Matrix = np.sin(2.0 * half) * self._by_sine + versine * self._by_versine
-        turned += elapsed * self._drift
-        turned += self._start
-        return turned
-
-    def rates_at(self, times: Matrix) -> Matrix:
-        angle = times[:, None, None, None] * self._speed
-        turning: Matrix = np.cos(angle) * self._by_sine + np.sin(angle) * self._by_versine
-        turning *= self._speed
-        turning += self._drift
-        return turning
+    poses = [motion.pose for motion in motions]
+    rotations, positions = np.array([pose.rotation for pose in poses]), np.array([pose.position for pose in poses])
+    rates = ([motion.velocity for motion in motions], [motion.angular_velocity for motion in motions])
+    return Uniform(rotations, positions, *(np.array(values) for values in rates))
 
 
 class _Linked:
@@ -162,6 +95,8 @@ class Motions:
 
     def __init__(self, motions: Sequence[Motion]) -> None:
         self._number = len(motions)
+        sources = {id(source): source for motion in motions for source in [getattr(motion, "group", motion)]}
+        self._live = [source for source in sources.values() if newest_of(source) is not None]
         every = list(motions)
         numbers = {id(motion): number for number, motion in enumerate(every) if not _is_product(motion)}
         self._products: list[tuple[int, int, int]] = []
@@ -173,6 +108,11 @@ class Motions:
         self._products.reverse()
         self._num_evaluated = len(every)
         self._groups = _groups(every)
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest update of what is live [s], minus infinity before the first; None if nothing is live."""
+        return newest_of(*self._live)
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4): body coordinates to the world."""
@@ -216,6 +156,7 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     """Groups of all motions but products, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
+    live: list[int] = []
     linked: dict[int, list[int]] = {}
     single: list[int] = []
     for number, motion in enumerate(motions):
@@ -223,6 +164,8 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
             still.append(number)
         elif type(motion) is Linear:
             uniform.append(number)
+        elif type(motion) is Live:
+            live.append(number)
         elif isinstance(motion, LinkMotion):
             linked.setdefault(id(motion.group), []).append(number)
         elif not _is_product(motion):
@@ -231,7 +174,9 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     if still:
         found.append((_Still([motions[number] for number in still]), still))
     if uniform:
-        found.append((_Uniform([cast(Linear, motions[number]) for number in uniform]), uniform))
+        found.append((_uniform([cast(Linear, motions[number]) for number in uniform]), uniform))
+    if live:
+        found.append((Together([cast(Live, motions[number]) for number in live]), live))
     for numbers in linked.values():
         links = [cast(LinkMotion, motions[number]) for number in numbers]
         found.append((_Linked(links[0].group, [link.member for link in links]), numbers))

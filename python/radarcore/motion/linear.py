@@ -11,7 +11,7 @@ from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
 from radarcore.units import SPEED_OF_LIGHT
 
-_FASTEST_TURN = 1e7
+FASTEST_TURN = 1e7
 """No body turns faster [rad/s]: the fastest rotors are a thousand times slower."""
 
 
@@ -45,7 +45,7 @@ class Linear:
         put(self, "pose", pose)
         for name, value, most, unit in (
             ("velocity", velocity, SPEED_OF_LIGHT, "m/s"),
-            ("angular_velocity", angular_velocity, _FASTEST_TURN, "rad/s"),
+            ("angular_velocity", angular_velocity, FASTEST_TURN, "rad/s"),
         ):
             put(self, name, check.frozen(_below(name, check.array(name, value, (3,)), most, unit)))
 

@@ -15,7 +15,7 @@ class Motion(Protocol):
     """Motion of a body or sensor: a pose at every time, and its rate of change.
 
     A motion may also have ``poses_at(times)``, which returns ``[rotation | position]`` at several times [s],
-    (n, 3, 4); one without is evaluated time by time.
+    (n, 3, 4); one without is evaluated time by time. One that a running program updates has ``newest``, see `Live`.
     """
 
     def at(self, time: float) -> Pose:
@@ -28,7 +28,21 @@ class Motion(Protocol):
 
 
 AnyMotion = Motion | Callable[[float], Pose]
-"""Motion as `Body` and `Simulator` take it: `Pose`, `Linear`, `Trajectory`, `Attached`, or a function of time."""
+"""Motion as `Body` and `Simulator` take it: `Pose`, `Linear`, `Trajectory`, `Attached`, `Live`, a function of time."""
+
+
+def newest_update(motion: object) -> float | None:
+    """Time of the newest update [s] of a motion that is live, or rides on one; None of others.
+
+    Minus infinity before the first update.
+    """
+    return getattr(motion, "newest", None)
+
+
+def newest_of(*motions: object) -> float | None:
+    """The latest of the newest updates of motions [s]; None if none of them is live."""
+    times = [time for motion in motions if (time := newest_update(motion)) is not None]
+    return max(times, default=None)
 
 
 def poses_at(motion: Motion, times: ArrayLike) -> Matrix:

@@ -28,7 +28,7 @@ class Body:
         Shape, in the body's own coordinates; bodies may share one.
     material : Material
         Default: ``materials["metal"]``.
-    motion : Pose, Linear, Trajectory, Attached or function of time
+    motion : Pose, Linear, Trajectory, Attached, Live or function of time
         Body to world; default: the world's own frame.
     deformation : Deformation or function of time, optional
         Vertices of the mesh over time in body coordinates; a function maps a time [s] to all vertices, (n, 3) [m].

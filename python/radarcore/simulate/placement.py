@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.motion.group import Motions
-from radarcore.motion.protocol import Motion
+from radarcore.motion.protocol import Motion, newest_of
 from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
 
@@ -39,8 +39,14 @@ class Placement:
         self._parts, self._waveform = scene.parts, waveform
         self._vertex_numbers = sum(self._parts.meshed[mesh].mesh.vertices.size for mesh in self._parts.deforming)
         self._kept_offsets: dict[int, NDArray[np.float64]] = {}
+        self._interfering = [interferer.motion for interferer in scene.interferers]
         # The sensor is the last of them.
         self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest update of what is live [s], minus infinity before the first; None if nothing is live."""
+        return newest_of(self._motions, *self._interfering)
 
     @property
     def duration(self) -> float:
@@ -48,7 +54,9 @@ class Placement:
         return self._waveform.duration
 
     def frames_ahead(self, num_times: int) -> int:
-        """Number of frames that are worth placing together."""
+        """Number of frames that are worth placing together: live ones may be updated before the next."""
+        if self.newest is not None:
+            return 1
         per_frame = num_times * 12 * (len(self._parts.meshed) + 1) + _num_vertex_times(num_times) * self._vertex_numbers
         return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
 

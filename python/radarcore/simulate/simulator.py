@@ -59,7 +59,7 @@ class Simulator(Settings):
     ----------
     scene : Scene
     radar : Radar
-    radar_motion : Pose, Linear, Trajectory, Attached or function of time
+    radar_motion : Pose, Linear, Trajectory, Attached, Live or function of time
         Sensor to world; default: the world's own frame, looking along +x.
     resolution : int or (rows, columns), optional
         Pixels of depth images, and rays of frames; with adaptive sampling the cells of the base grid. All across the
@@ -157,15 +157,15 @@ class Simulator(Settings):
         """Simulator of the same scene with another radar."""
         return replace(self, radar=radar)
 
-    def frame(self, time: float = 0.0) -> Frame:
-        """Frame of samples; its first chirp starts at `time` [s].
+    def frame(self, time: float | None = None) -> Frame:
+        """Frame of samples; its first chirp starts at `time` [s], by default 0 or the newest update of `Live` motions.
 
         The rays are cast once, at the middle of the frame. Scatterers move with their body, or with their facet if the
         body deforms, and delay and amplitude follow the exact geometry through the frame; visibility does not change
         within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
         own. `Frame.truth` holds for the middle of the frame, of several sub-sequences for that of the first.
         """
-        start = check.number("time", time, "s")
+        start = self._start(time)
         frame = next(self._frames(self._placed([start]), 1))
         if not sees_anything(frame):
             self._doubts.of_sight(self.scene, self._placement, start)
@@ -212,7 +212,7 @@ class Simulator(Settings):
                 writer.append(frame)
         return Recording.load(path)
 
-    def paths(self, time: float = 0.0) -> Paths:
+    def paths(self, time: float | None = None) -> Paths:
         """Delays, rates and amplitudes of all paths at a time [s], as `frame` has them, per TX-RX pair.
 
         Amplitudes are behind the receiver's filters. Whatever the schedule, there is a channel per pair of antennas; of
@@ -221,7 +221,7 @@ class Simulator(Settings):
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
         """
-        start = check.number("time", time, "s")
+        start = self._start(time)
         self._doubts.of_materials(self.scene)
         self._doubts.of_place(self.scene, self._placement, start)
         place = self._placement
@@ -233,12 +233,12 @@ class Simulator(Settings):
         channels = (len(delay), 1)
         return Paths(delay, rate, amplitude, np.tile(body.astype(np.int32), channels), np.tile(order, channels))
 
-    def depth_image(self, time: float = 0.0) -> DepthImage:
-        """Depth image of a pinhole camera at a time [s].
+    def depth_image(self, time: float | None = None) -> DepthImage:
+        """Depth image of a pinhole camera at a time [s], by default that of `frame`.
 
         Over `image_view_deg`: the field of view that was given, or what the antennas see up to 110 degrees.
         """
-        at = check.number("time", time, "s")
+        at = self._start(time)
         self._doubts.of_materials(self.scene)
         hits, parts = self._engine.image(self._placement.at(at)), self.scene.parts
         # The core numbers bodies with meshes alone.
@@ -254,7 +254,7 @@ class Simulator(Settings):
             _threads=self.threads,
         )
 
-    def is_hidden(self, points: ArrayLike, time: float = 0.0) -> NDArray[np.bool_]:
+    def is_hidden(self, points: ArrayLike, time: float | None = None) -> NDArray[np.bool_]:
         """True for points that a body occludes from the centre of the array at a time [s].
 
         The search for an occluder ends at the first triangle in the way, not at the nearest.
@@ -263,18 +263,26 @@ class Simulator(Settings):
         ----------
         points : (n, 3) array_like
             Positions in the world [m]: markers of a motion capture, say. A point on a surface is not occluded by it.
-        time : float
-            Time [s].
+        time : float, optional
+            Time [s]; default: that of `frame`.
 
         Returns
         -------
         is_hidden : (n,) bool
         """
-        at = check.number("time", time, "s")
+        at = self._start(time)
         world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
         is_hidden, _ = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
         return is_hidden
+
+    def _start(self, time: float | None) -> float:
+        """A time [s] that was given, or that of the newest update of what is live, or 0."""
+        if time is not None:
+            return check.number("time", time, "s")
+        newest = self._placement.newest
+        # Before the first update, the motion itself says that it needs one.
+        return 0.0 if newest is None or newest == -np.inf else newest
 
     def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
@@ -340,6 +348,8 @@ class Simulator(Settings):
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
         number = min(len(times), self.threads or _num_cores(), self._most_side_by_side)
+        if self._placement.newest is not None:
+            number = 1  # what is live may be updated between frames
         with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
             sees = False
             for frame in self._frames(self._placed(times), max(1, number)):

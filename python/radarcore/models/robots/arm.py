@@ -16,8 +16,8 @@ from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
 from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.motion.attached import Attached
 from radarcore.motion.function import as_motion, derivative
-from radarcore.motion.group import LinkMotion
-from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.motion.links import LinkMotion
+from radarcore.motion.protocol import AnyMotion, Motion, newest_of, poses_at
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 from radarcore.sealed import sealed
@@ -277,6 +277,11 @@ class MovingArm:
             self.joint_motion = _JointFunction(joint_motion)
         else:
             self._resting = check.frozen(arm.joint_array(joint_motion))
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest update of base or joints [s]; None if neither is live."""
+        return newest_of(self.base, self.joint_motion)
 
     def link_motion(self, link: str) -> Motion:
         """Motion of a link in the world, for bodies on it and for `Attached`."""

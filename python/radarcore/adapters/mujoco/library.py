@@ -1,0 +1,35 @@
+"""The package mujoco, loaded on use, and what its rendering needs of the system."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+from types import ModuleType
+
+GL_HINT = (
+    "an OpenGL library that draws without a display: Debian packages libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, or "
+    "libosmesa6, and MUJOCO_GL=egl or MUJOCO_GL=osmesa in the environment before mujoco is imported"
+)
+
+
+def is_available() -> bool:
+    """True when the extra `mujoco` is installed."""
+    return find_spec("mujoco") is not None
+
+
+def mujoco_module() -> ModuleType:
+    """The package, or an ImportError that names the extra."""
+    if not is_available():
+        raise ImportError("MuJoCo models need mujoco: pip install radarcore[mujoco]")
+    try:
+        import mujoco
+    except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
+        raise no_graphics(error) from error
+    return mujoco  # type: ignore[no-any-return]  # untyped
+
+
+def no_graphics(error: object) -> ImportError:
+    """The error where nothing can be drawn."""
+    chosen = os.environ.get("MUJOCO_GL")
+    setting = "MUJOCO_GL is not set" if chosen is None else f"MUJOCO_GL={chosen}"
+    return ImportError(f"rendering needs {GL_HINT}; {setting}: {' '.join(str(error).split())}")

@@ -1,0 +1,100 @@
+"""The loop: a physics simulation that steps on, and a radar frame at every instant of the radar's rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import ceil
+from typing import Any, Protocol
+
+from radarcore import check
+from radarcore.adapters.mujoco.library import mujoco_module
+from radarcore.adapters.mujoco.live_model import LiveModel
+from radarcore.motion.live import KEPT
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+
+_UPDATES_PER_FRAME = KEPT // 2
+"""Most updates in a frame: all are kept until it is simulated."""
+
+_ROUNDING = 1e-9
+"""Of sums of time steps [s]."""
+
+
+class FrameSource(Protocol):
+    """What makes a frame at a time [s]: a `Simulator` of the model's scene."""
+
+    @property
+    def radar(self) -> Radar:
+        """Radar whose frames these are."""
+        ...
+
+    def frame(self, time: float) -> Frame:
+        """Frame that starts at a time [s]."""
+        ...
+
+
+def frames(
+    simulator: FrameSource,
+    live: LiveModel,
+    data: Any,
+    *,
+    duration: float | None = None,
+    rate: float = 40.0,
+    control: Callable[[Any], object] | None = None,
+    follow: bool = True,
+) -> Iterator[Frame]:
+    """Step the physics and simulate a radar frame at every multiple of 1/`rate`.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the scene of `live`.
+    live : LiveModel
+    data : MjData
+        State of the physics, which the loop steps on. The first frame starts at its time.
+    duration : float, optional
+        Time from the first frame on in which frames start [s]; default: without an end.
+    rate : float
+        Frames per second [Hz].
+    control : callable, optional
+        Called with `data` before every step: sets ``ctrl``, ``mocap_pos``.
+    follow : bool
+        A frame is simulated when the physics has stepped past its end, as a sensor delivers it, and follows the motion
+        in it step by step. Otherwise it is simulated as soon as it starts, with the velocities that hold there: fewer
+        updates, and `data` is still that of its start, to a step, when the frame comes.
+
+    Yields
+    ------
+    frame : Frame
+        In order; between them the program may read and change `data`.
+    """
+    period = 1.0 / check.positive("rate", rate, "Hz")
+    model, step = live.model, float(live.model.opt.timestep)
+    mj_step = mujoco_module().mj_step
+    start, frame_duration = float(data.time), simulator.radar.duration
+    stride = max(1, ceil(frame_duration / step / _UPDATES_PER_FRAME))
+    if duration is not None:
+        duration = check.positive("duration", duration, "s")
+
+    def advance(to: float, every: int = 0) -> None:
+        """Step until a time [s]; take poses after the last step, and after so many."""
+        count = 0
+        while data.time < to - _ROUNDING:
+            if control is not None:
+                control(data)
+            mj_step(model, data)
+            count += 1
+            if data.time >= to - _ROUNDING or (every > 0 and count % every == 0):
+                live.update(data)
+
+    live.update(data)
+    number = 0
+    while duration is None or number * period < duration - _ROUNDING:
+        begin = start + number * period
+        # The poses on both sides of the start are needed; those long before it are not.
+        advance(begin - step)
+        advance(begin)
+        if follow:
+            advance(begin + frame_duration, every=stride)
+        yield simulator.frame(begin)
+        number += 1

@@ -1,0 +1,283 @@
+"""Motions for programs that have a pose now and not a function of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check, notice
+from radarcore.geometry.pose import Matrix, Pose, as_pose, checked_maps, transforms
+from radarcore.motion.linear import FASTEST_TURN
+from radarcore.motion.links import LinkMotion
+from radarcore.motion.uniform import Uniform
+from radarcore.motion.updates import Rates, Update, followed, poses_at, rates_at
+from radarcore.sealed import sealed
+from radarcore.units import SPEED_OF_LIGHT
+
+KEPT = 256
+"""Updates that are kept: a quarter of a second of a program that takes a thousand steps per second."""
+
+_FAR_BEFORE = 0.1
+"""Time before the first update from which on there is no pose [s]: frames and differences reach less far back."""
+
+_LONG_AFTER = 1.0
+"""Time after the newest update from which on a moving body is doubtful [s]."""
+
+_NEVER = -np.inf
+
+_SAME_TIME = 1e-9
+"""Times that are nearer are the same [s]."""
+
+
+@sealed
+class LiveGroup:
+    """Several bodies whose poses a running program gives, all by one call, step by step.
+
+    After the newest update every body goes on at its velocity and angular velocity, which are also those of a frame
+    that starts then. Between updates it moves along a cubic with the poses and rates of both: a frame that starts
+    before the newest update follows those that came in it. The last 256 updates are kept.
+
+    Parameters
+    ----------
+    num_bodies : int
+
+    Attributes
+    ----------
+    motions : tuple of Motion
+        Motions of the bodies, for ``Body(motion=...)``; also ``group[0]``.
+    """
+
+    def __init__(self, num_bodies: int) -> None:
+        self._num_bodies = check.count("num_bodies", num_bodies)
+        self.motions = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
+        self._known = _Known()
+
+    def update(
+        self,
+        time: float,
+        poses: ArrayLike | Sequence[Pose],
+        *,
+        velocities: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+    ) -> None:
+        """Poses of all bodies at a time.
+
+        Parameters
+        ----------
+        time : float
+            After the update before, or the same, which is then replaced [s].
+        poses : (body, 4, 4) or (body, 3, 4) array_like, or sequence of Pose
+            Body to world.
+        velocities : (body, 3) array_like, optional
+            Of the bodies' origins, in world axes [m/s]. Default, and rows of NaN: the difference to the update before.
+        angular_velocities : (body, 3) array_like, optional
+            In world axes [rad/s]. Default, and rows of NaN: the difference to the update before, less than half a turn.
+        """
+        number = self._num_bodies
+        at = check.number("time", time, "s")
+        if isinstance(poses, Sequence) and any(isinstance(pose, Pose) for pose in poses):
+            poses = [_map_of(cast(Pose, pose)) for pose in poses]
+        maps = checked_maps("poses", cast(ArrayLike, poses), number)
+        linear, no_linear = _rates("velocities", velocities, number, SPEED_OF_LIGHT, "m/s")
+        angular, no_angular = _rates("angular_velocities", angular_velocities, number, FASTEST_TURN, "rad/s")
+        self._known.add(Update(at, maps, Rates(linear, angular), np.array([no_linear, no_angular])))
+
+    def clear(self) -> None:
+        """Forget all updates: time may start again, as after a reset of the program."""
+        self._known.updates = ()
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest update [s]; minus infinity before the first."""
+        return self._known.updates[-1].time if self._known.updates else _NEVER
+
+    def link_poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` of all bodies at times (n,) [s], (n, body, 3, 4)."""
+        return poses_at(*self._known.of(times))
+
+    def link_rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of `link_poses_at`."""
+        return rates_at(*self._known.of(times))
+
+    def __len__(self) -> int:
+        return self._num_bodies
+
+    def __getitem__(self, number: int) -> LinkMotion:
+        return self.motions[check.index("number", number, self._num_bodies)]
+
+    def __repr__(self) -> str:
+        return f"<LiveGroup of {self._num_bodies} bodies: {self._known}>"
+
+
+@sealed
+class Live:
+    """A motion whose pose a running program gives, step by step; `LiveGroup` has many in one call.
+
+    After the newest update the body goes on at its velocity and angular velocity. Between updates it moves along a
+    cubic with the poses and rates of both. The last 256 updates are kept. `Simulator.frame` without a time starts at
+    the newest update.
+    """
+
+    def __init__(self) -> None:
+        self._group = LiveGroup(1)
+
+    def update(
+        self,
+        time: float,
+        pose: Pose | ArrayLike,
+        velocity: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+    ) -> None:
+        """The pose at a time.
+
+        Parameters
+        ----------
+        time : float
+            After the update before, or the same, which is then replaced [s].
+        pose : Pose, or (4, 4) or (3, 4) array_like
+            Body to world.
+        velocity : (3,) array_like, optional
+            Of the pose's origin, in world axes [m/s]. Default: the difference to the update before.
+        angular_velocity : (3,) array_like, optional
+            In world axes [rad/s]. Default: the difference to the update before, less than half a turn.
+        """
+        placed = pose if isinstance(pose, Pose) else Pose.from_matrix(pose)
+        rates = [
+            None if value is None else check.array(name, value, (3,))[None]
+            for name, value in (("velocity", velocity), ("angular_velocity", angular_velocity))
+        ]
+        self._group.update(time, _map_of(placed)[None], velocities=rates[0], angular_velocities=rates[1])
+
+    def clear(self) -> None:
+        """Forget all updates: time may start again, as after a reset of the program."""
+        self._group.clear()
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest update [s]; minus infinity before the first."""
+        return self._group.newest
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self._group.link_poses_at(times)[:, 0]
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        rate: Matrix = self.rates_at([time])[0]
+        return rate
+
+    def rates_at(self, times: ArrayLike) -> Matrix:
+        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        return self._group.link_rates_at(times)[:, 0]
+
+    def __repr__(self) -> str:
+        return f"<Live: {self._group._known}>"
+
+
+class Together:
+    """Motions of several `Live`, evaluated by one call where all times lie behind their newest updates."""
+
+    def __init__(self, motions: Sequence[Live]) -> None:
+        self._motions = list(motions)
+        self._newest: list[Update] = []
+        self._continued: Uniform | None = None
+
+    def poses_at(self, times: Matrix) -> Matrix:
+        """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4)."""
+        if (ends := self._ends(times)) is not None:
+            return ends[0].poses_at(ends[1])
+        return np.stack([motion.poses_at(times) for motion in self._motions], axis=1)
+
+    def rates_at(self, times: Matrix) -> Matrix:
+        """Time derivatives of `poses_at`."""
+        if (ends := self._ends(times)) is not None:
+            return ends[0].rates_at(ends[1])
+        return np.stack([motion.rates_at(times) for motion in self._motions], axis=1)
+
+    def _ends(self, times: Matrix) -> tuple[Uniform, Matrix] | None:
+        """Motions after the newest updates, and times since then (n, motion) [s], if that is all that is asked for."""
+        known = [motion._group._known.of(times)[0] for motion in self._motions]
+        newest = [updates[-1] for updates in known]
+        starts = np.array([update.time for update in newest])
+        if times.min(initial=np.inf) < starts.max():
+            return None
+        if self._continued is None or newest != self._newest:  # updates are equal only to themselves
+            maps = np.concatenate([update.maps for update in newest])
+            rates = (np.concatenate(values) for values in zip(*(update.past for update in newest), strict=True))
+            self._newest, self._continued = newest, Uniform(maps[..., :3], maps[..., 3], *rates)
+        return self._continued, times[:, None] - starts
+
+
+class _Known:
+    """The updates that are kept, replaced as a whole: whoever reads them meanwhile has those of one moment."""
+
+    def __init__(self) -> None:
+        self.updates: tuple[Update, ...] = ()
+        self._told = False
+
+    def add(self, update: Update) -> None:
+        """One more update."""
+        earlier = self.updates
+        if earlier and abs(update.time - earlier[-1].time) <= _SAME_TIME:
+            earlier = earlier[:-1]
+        if earlier and update.time < earlier[-1].time:
+            raise ValueError(
+                f"time: expected {earlier[-1].time:.9g} s, that of the newest update, or later, got {update.time:.9g} "
+                "s; clear() forgets the updates of a run before"
+            )
+        newest = followed(earlier[-1], update) if earlier else (update,)
+        self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
+
+    def of(self, times: ArrayLike) -> tuple[tuple[Update, ...], Matrix]:
+        """Updates for poses at times (n,) [s], and these; or an error if there are none."""
+        updates, wanted = self.updates, np.asarray(times, dtype=np.float64)
+        if not updates:
+            raise ValueError("Live: expected an update before any pose is asked for, got none; see Live.update")
+        if (first := wanted.min(initial=np.inf)) < updates[0].time - _FAR_BEFORE:
+            raise ValueError(
+                f"time: expected {updates[0].time:.9g} s, the first update of this Live motion that is kept, or later, "
+                f"got {first:.9g} s"
+            )
+        elapsed = wanted.max(initial=-np.inf) - updates[-1].time
+        if elapsed > _LONG_AFTER and updates[-1].moves and not self._told:
+            self._told = True
+            notice.warn(
+                f"a Live motion is asked for {elapsed:.3g} s after its newest update, at {updates[-1].time:.9g} s: it "
+                "goes on at the velocity that it had there"
+            )
+        return updates, wanted
+
+    def __str__(self) -> str:
+        if not self.updates:
+            return "no update yet"
+        return f"{len(self.updates)} updates, the newest at {self.updates[-1].time:g} s"
+
+
+def _map_of(pose: Pose) -> Matrix:
+    """``[rotation | position]``, (3, 4)."""
+    if not isinstance(pose, Pose):
+        raise TypeError(f"poses: expected Pose, got {type(pose).__name__}")
+    return transforms(pose.rotation, pose.position)
+
+
+def _rates(
+    name: str, values: ArrayLike | None, number: int, most: float, unit: str
+) -> tuple[Matrix, NDArray[np.bool_]]:
+    """Checked rates (body, 3), zero where they are unknown, and which those are, (body,)."""
+    if values is None:
+        return np.zeros((number, 3)), np.ones(number, dtype=np.bool_)
+    given = np.asarray(values, dtype=np.float64)
+    unknown = np.zeros(number, dtype=np.bool_)
+    if given.shape == (number, 3):
+        unknown |= np.isnan(given).all(axis=-1)
+    rates = check.array(name, np.where(unknown[:, None], 0.0, given) if unknown.any() else given, (number, 3))
+    if (largest := float(np.abs(rates).max(initial=0.0))) >= most:
+        raise ValueError(f"{name}: expected less than {most:.0e} {unit}, got {largest:g}")
+    return rates, unknown
