@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.adapters import images
+import rosbags_types
+from radarcore.adapters import gazebo, images, ros
 
 ROWS, COLUMNS = 24, 40
 NEAR, FAR = 0.1, 10.0
@@ -75,6 +77,94 @@ def gz_image(nothing: float = np.inf, padding: int = 0) -> SimpleNamespace:
     )
 
 
+def fields_of(data: bytes) -> dict[int, list[Any]]:
+    """Fields of a protobuf message by number: whole numbers, and bytes of all else."""
+    found: dict[int, list[Any]] = {}
+    at = 0
+
+    def varint() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte, at = data[at], at + 1
+            value |= (byte & 0x7F) << shift
+            if byte < 0x80:
+                return value
+            shift += 7
+
+    while at < len(data):
+        number, wire = divmod(varint(), 8)
+        value: Any = varint()
+        if wire == 2:
+            value, at = data[at : at + value], at + value
+        found.setdefault(number, []).append(value)
+    return found
+
+
+def field(number: int, value: int | bytes) -> bytes:
+    """A field of a protobuf message: a whole number, or bytes."""
+
+    def varint(rest: int) -> bytes:
+        return bytes([rest]) if rest < 0x80 else bytes([rest & 0x7F | 0x80]) + varint(rest >> 7)
+
+    if isinstance(value, int):
+        return varint(8 * number) + varint(value)
+    return varint(8 * number + 2) + varint(len(value)) + value
+
+
+def gz_protobuf() -> SimpleNamespace:
+    """A gz.msgs.Image that went over the wire: written and read here by field numbers."""
+    image = gz_image(-np.inf)
+    stamp = field(1, 12) + field(2, 500_000_000)
+    entry = field(1, b"frame_id") + field(2, b"robot/camera_link")
+    sent = (
+        field(1, field(1, stamp) + field(2, entry))
+        + field(2, image.width)
+        + field(3, image.height)
+        + field(4, image.step)
+        + field(5, image.data)
+        + field(6, image.pixel_format_type)
+    )
+    got = fields_of(sent)
+    header = fields_of(got[1][0])
+    time, pair = fields_of(header[1][0]), fields_of(header[2][0])
+    return SimpleNamespace(
+        header=SimpleNamespace(
+            stamp=SimpleNamespace(sec=time[1][0], nsec=time[2][0]),
+            data=[SimpleNamespace(key=pair[1][0].decode(), value=[value.decode() for value in pair[2]])],
+        ),
+        width=got[2][0],
+        height=got[3][0],
+        step=got[4][0],
+        data=got[5][0],
+        pixel_format_type=got[6][0],
+    )
+
+
+def ros_message(world: str, *args: Any) -> Any:
+    """A sensor_msgs/Image in rosbags' types, as it comes out of a bag."""
+    types = rosbags_types.typestore(world).types
+    image = ros_image(*args)
+    stamp = types["builtin_interfaces/msg/Time"](sec=12, nanosec=500_000_000)
+    seq = {"seq": 3} if world == "ROS 1" else {}
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="camera_optical_frame", **seq)
+    data = np.frombuffer(image.data, np.uint8)
+    message = types["sensor_msgs/msg/Image"](**(vars(image) | {"header": header, "data": data}))
+    return rosbags_types.through_bytes(world, message)
+
+
+def ros_info(world: str) -> Any:
+    """A sensor_msgs/CameraInfo in rosbags' types, whose matrix has a large letter in ROS 1."""
+    kind = rosbags_types.typestore(world).types["sensor_msgs/msg/CameraInfo"]
+    letters = {"d": np.zeros(5), "k": np.array(INFO.k), "r": np.eye(3).ravel(), "p": np.zeros(12)}
+    matrices = {name.upper() if world == "ROS 1" else name: values for name, values in letters.items()}
+    window = SimpleNamespace(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    sizes = {"height": ROWS, "width": COLUMNS, "binning_x": 0, "binning_y": 0}
+    header = ros_message(world, "32FC1").header
+    message = kind(header=header, distortion_model="plumb_bob", roi=window, **sizes, **matrices)
+    return rosbags_types.through_bytes(world, message)
+
+
 def coppelia(options: int) -> images.PlanarDepth:
     values = AT_FAR if options & 1 else (AT_FAR - NEAR) / (FAR - NEAR)
     data = b"".join(struct.pack(f"<{COLUMNS}f", *values[i]) for i in reversed(range(ROWS)))
@@ -108,6 +198,7 @@ SOURCES: dict[str, tuple[Any, float]] = {
     "coppeliasim fractions": (lambda: coppelia(0), 2e-6),
     "gz": (lambda: images.from_gz_image(gz_image(), horizontal_fov=FOVX), SINGLE),
     "gz padded": (lambda: images.from_gz_image(gz_image(-np.inf, 12), horizontal_fov=FOVX), SINGLE),
+    "gz protobuf": (lambda: gazebo.from_gz_image(gz_protobuf(), horizontal_fov=FOVX), SINGLE),
     "ros 32FC1": (lambda: images.from_ros_image(ros_image("32FC1"), camera_info=INFO), SINGLE),
     "ros 32FC1 big endian, NaN": (
         lambda: images.from_ros_image(ros_image("32FC1", ">", 8, np.nan), camera_info=INFO),
@@ -122,13 +213,21 @@ SOURCES: dict[str, tuple[Any, float]] = {
         lambda: images.from_ros_image(ros_image("16UC1", ">", 6), camera_info=INFO),
         MILLIMETRES,
     ),
+} | {
+    f"{world} {args} of rosbags": (
+        lambda world=world, args=args: ros.from_ros_image(ros_message(world, *args), camera_info=ros_info(world)),
+        MILLIMETRES if args[0] == "16UC1" else SINGLE,
+    )
+    for world in rosbags_types.WORLDS
+    for args in (("32FC1",), ("16UC1", ">", 2))
 }
 
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_all_sources_give_the_same_points(source: str) -> None:
     decode, quantum = SOURCES[source]
-    image = decode()
+    with pytest.warns(UserWarning, match="16UC1 .* 42 degrees") if quantum == MILLIMETRES else nullcontext():
+        image = decode()
     assert image.depth.dtype == np.float64
     assert image.time == 12.5
     np.testing.assert_array_equal(image.valid, np.isfinite(SCENE))
@@ -166,6 +265,42 @@ def test_tall_image_of_coppeliasim_has_its_angle_upright() -> None:
     assert image.camera == rc.Camera(1.5 / np.tan(np.pi / 4), 1.5 / np.tan(np.pi / 4), 1.0, 1.5)
 
 
+@pytest.mark.parametrize(
+    ("frame", "forward", "left", "up"),
+    [
+        ("opengl", [0, 0, -1], [-1, 0, 0], [0, 1, 0]),
+        ("coppeliasim", [0, 0, 1], [1, 0, 0], [0, 1, 0]),
+        ("link", [1, 0, 0], [0, 1, 0], [0, 0, 1]),
+        ("optical", [0, 0, 1], [-1, 0, 0], [0, -1, 0]),
+    ],
+)
+def test_radar_at_a_camera_looks_where_the_camera_looks(frame: str, forward: Any, left: Any, up: Any) -> None:
+    camera = rc.Pose([1.0, 2.0, 3.0], rc.Pose.from_rpy([0, 0, 0], [0.3, -0.2, 1.1]).rotation)
+    radar = camera @ ros.radar_in_camera(frame)
+    for axis, in_camera in zip(np.eye(3), (forward, left, up), strict=True):
+        np.testing.assert_allclose(radar.apply(axis), camera.apply(in_camera), rtol=0, atol=1e-15)
+
+
+def test_unknown_frame_of_a_camera_names_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="frame: expected one of 'optical', 'link', 'opengl', 'coppeliasim', got 'up'"):
+        ros.radar_in_camera("up")
+
+
+def test_images_name_their_frame() -> None:
+    assert gazebo.from_gz_image(gz_protobuf(), horizontal_fov=FOVX).frame_id == "robot/camera_link"
+    image = ros.from_ros_image(ros_image("32FC1"), camera_info=INFO)
+    assert image.frame_id == "camera_optical_frame"
+    np.testing.assert_array_equal(image.axes, images.ROS_OPTICAL_AXES)
+    bridged = ros.from_ros_image(ros_image("32FC1"), camera_info=INFO, frame="link")
+    np.testing.assert_array_equal(bridged.axes, images.GZ_AXES)
+
+
+def test_times_of_images_count_from_the_given_stamp() -> None:
+    start = 12_000_000_000
+    assert ros.from_ros_image(ros_image("32FC1"), camera_info=INFO, start_ns=start).time == 0.5
+    assert gazebo.from_gz_image(gz_image(), horizontal_fov=FOVX, start_ns=start).time == 0.5
+
+
 def test_decoded_image_goes_straight_into_a_frame() -> None:
     waveform = rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64)
     image = renderer()
@@ -199,7 +334,11 @@ def test_decoded_image_goes_straight_into_a_frame() -> None:
             ValueError,
             r"camera_info: expected shape \(9,\)",
         ),
-        (lambda: gz(pixel_format_type=1), ValueError, "pixel_format_type: expected R_FLOAT32"),
+        (
+            lambda: gz(pixel_format_type=1),
+            ValueError,
+            r"pixel_format_type: expected R_FLOAT32 \(13\), got L_INT8 \(1\)",
+        ),
         (lambda: gz(data=b""), ValueError, "data: expected 3840 bytes for 24 rows of 160, got 0"),
         (lambda: gz(width=41), ValueError, "step: expected at least 164 bytes"),
         (lambda: images.from_gz_image(gz_image(), horizontal_fov=4.0), ValueError, "horizontal_fov: expected an angle"),

@@ -536,6 +536,19 @@ def test_joint_trajectory_passes_its_knots_smoothly_and_rests_at_both_ends():
     np.testing.assert_allclose(motion.rates(2.0), difference, atol=1e-8)
 
 
+def test_joint_trajectory_of_a_measurement_moves_at_its_ends():
+    """Straight lines stay straight; by default they would bend, to begin and end at rest."""
+    times = np.array([0.0, 0.1, 0.25, 0.4])
+    angles = times[:, None] * [1.0, -2.0] + [0.1, 0.2]
+    motion = JointTrajectory(times, angles, ends="moving")
+    for time in (0.0, 0.17, 0.4):
+        np.testing.assert_allclose(motion.rates(time), [1.0, -2.0], atol=1e-12)
+        np.testing.assert_allclose(motion.angles(time), time * np.array([1.0, -2.0]) + [0.1, 0.2], atol=1e-12)
+    np.testing.assert_allclose(JointTrajectory(times, angles).rates(0.0), [0.0, 0.0], atol=1e-12)
+    with pytest.raises(ValueError, match="ends: expected one of 'rest', 'moving', got 'free'"):
+        JointTrajectory(times, angles, ends="free")
+
+
 @pytest.mark.parametrize(
     ("times", "angles", "message"),
     [

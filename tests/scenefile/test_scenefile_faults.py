@@ -60,7 +60,7 @@ FAULTS = {
     ),
     "no kind": (
         BALL + "motion = { velocity = [1, 0, 0] }",
-        "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', got none",
+        "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', 'bag', got none",
     ),
     "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
     "material key": (

@@ -1,4 +1,4 @@
-"""The command `radarcore info`: content of a recording, a scene file or a mesh."""
+"""The command `radarcore info`: content of a recording, a scene file, a bag or a mesh."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from radarcore.adapters.ros.bags import is_bag
+from radarcore.cli import bag
 from radarcore.cli.source import load_recording
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
@@ -17,18 +19,26 @@ from radarcore.simulate.times import frame_times
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the content of a recording, a scene file or a mesh."""
+    """Print the content of a recording, a scene file, a bag or a mesh."""
     if options.source.suffix.lower() in SUFFIXES:
         return _mesh_info(options)
-    is_scene = options.source.suffix == ".toml"
-    facts = _scene_facts(options.source) if is_scene else _recording_facts(options.source, options.config)
+    facts = _facts(options.source, options.config)
     if options.json:
         print(json.dumps(facts, indent=2))
     else:
         width = max(map(len, facts))
         for name, value in facts.items():
-            print(f"{name:<{width}}  {_fact_text(value)}")
+            if name == "topics":
+                print("\n".join(f"  {topic}  {text}" for topic, text in value.items()))
+            else:
+                print(f"{name:<{width}}  {_fact_text(value)}")
     return 0
+
+
+def _facts(path: Path, config: Path | None) -> dict[str, Any]:
+    if path.suffix == ".toml":
+        return _scene_facts(path)
+    return bag.facts(path) if is_bag(path) else _recording_facts(path, config)
 
 
 def _mesh_info(options: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ from typing import Any
 
 from radarcore._core import __version__
 from radarcore.cli import sensor, source
+from radarcore.cli.bag_options import add_options, check_options
 
 _WRITERS = ("demo", "simulate", "process")
 """Commands whose results are written as they come."""
@@ -63,12 +64,13 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--json", action="store_true", help="print the results as JSON")
     demo.set_defaults(run=_demo)
 
-    simulate = commands.add_parser("simulate", help="simulate a scene file into a recording")
-    simulate.add_argument("scene", type=Path, help="scene file (TOML)")
+    simulate = commands.add_parser("simulate", help="simulate a scene file, or depth images of a bag, into a recording")
+    simulate.add_argument("scene", type=Path, nargs="?", help="scene file (TOML)")
     simulate.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
     simulate.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     simulate.add_argument("--threads", type=int, metavar="N", help="threads (default: all cores)")
     simulate.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_options(simulate)
     simulate.set_defaults(run=_simulate)
 
     plot = commands.add_parser("plot", help="draw a recording or a scene file")
@@ -96,8 +98,8 @@ def _parser() -> argparse.ArgumentParser:
     source.add_config(plot)
     plot.set_defaults(run=_plot)
 
-    info = commands.add_parser("info", help="summarise a recording or a scene file, or report the quality of a mesh")
-    info.add_argument("source", type=Path, help="recording, scene file (TOML), or mesh (OBJ, STL, PLY, ...)")
+    info = commands.add_parser("info", help="summarise a recording, a scene file or a bag, or report on a mesh")
+    info.add_argument("source", type=Path, help="recording, scene file (TOML), ROS bag, or mesh (OBJ, STL, PLY, ...)")
     source.add_config(info)
     info.add_argument("--scale", type=float, default=1.0, metavar="M", help="metres per unit of a mesh (default: 1)")
     info.add_argument("--json", action="store_true", help="print as JSON")
@@ -191,13 +193,23 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from radarcore.scenefile.load import load_scene
+    check_options(options)
+    if options.bag is not None:
+        from radarcore.cli import bag
 
-    simulation = load_scene(options.scene)
-    began = time.perf_counter()
-    recording = simulation.record(options.output, overwrite=options.overwrite, threads=options.threads)
+        began = time.perf_counter()
+        recording, rate = bag.simulated(options)
+    else:
+        from radarcore.scenefile.load import load_scene
+
+        simulation = load_scene(options.scene)
+        began = time.perf_counter()
+        recording, rate = (
+            simulation.record(options.output, overwrite=options.overwrite, threads=options.threads),
+            simulation.run.rate,
+        )
     elapsed = time.perf_counter() - began
-    ratio = len(recording) / simulation.run.rate / elapsed
+    ratio = len(recording) / rate / elapsed
     if options.json:
         summary = {
             "recording": str(options.output),

@@ -9,18 +9,22 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.native import radar_from_json
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.motions import Recorded
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.simulation import Simulation
 
 
-def load_scene(path: str | PathLike[str]) -> Simulation:
+def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -> Simulation:
     """Read a scene file.
 
     Parameters
     ----------
     path : path
         TOML; ``radarcore schema`` lists the keys. Paths in it are relative to it.
+    recorded : BagMotions, optional
+        Motions for tables of kind ``"bag"``, see `radarcore.adapters.ros.BagMotions`. The run then has by default the
+        times that all of them have in common.
 
     Returns
     -------
@@ -35,7 +39,7 @@ def load_scene(path: str | PathLike[str]) -> Simulation:
         One line per fault, each naming file and key, what was expected and what came.
     """
     file = Path(path)
-    return simulation(read.table(file), file)
+    return simulation(read.table(file), file, recorded)
 
 
 def load_radar(path: str | PathLike[str]) -> Radar:

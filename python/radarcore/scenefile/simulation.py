@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from radarcore import notice
 from radarcore.motion.protocol import Motion
@@ -52,6 +53,7 @@ class Simulation:
         overwrite: bool = False,
         progress: bool = True,
         threads: int | None = None,
+        source: dict[str, Any] | None = None,
     ) -> Recording:
         """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`.
 
@@ -62,5 +64,5 @@ class Simulation:
             file = "scene" if self.path is None else self.path
             notice.warn(f"{file}: expected a [[body]], [[point]], [[human]] or [[arm]], got none: there are no echoes")
         return self.simulator(threads=threads).record(
-            run.start, run.stop, run.rate, progress=progress, path=path, overwrite=overwrite
+            run.start, run.stop, run.rate, progress=progress, path=path, overwrite=overwrite, source=source
         )

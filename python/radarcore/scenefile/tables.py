@@ -51,11 +51,31 @@ class TrajectoryTable(Table):
     )
 
 
+class BagMotionTable(Table):
+    """Poses of a ROS bag: ``radarcore simulate --bag``."""
+
+    kind: Literal["bag"]
+    topic: str = _key("/tf", "", "of transforms, poses (PoseStamped) or rigid bodies of motion capture")
+    frame: str | None = _key(
+        None, "", "of transforms the frame, of rigid bodies the name; default: none, as for a topic of poses"
+    )
+    within: str | None = _key(None, "", "of transforms the frame that is the world; default: the root of the frame")
+    world: PoseTable = _key(
+        PoseTable(), "", "pose of the topic's frame in the world, such as that of motion capture; default: the same"
+    )
+    offset: PoseTable = _key(
+        PoseTable(), "", "pose of the body in the frame, or among the markers, that moves; default: the same"
+    )
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
+    )
+
+
 class PlacedTable(Table):
     """Anything that can be placed, moved and attached."""
 
-    pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory")
-    motion: Annotated[LinearTable | TrajectoryTable, Field(discriminator="kind")] | None = _key(
+    pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory or a bag")
+    motion: Annotated[LinearTable | TrajectoryTable | BagMotionTable, Field(discriminator="kind")] | None = _key(
         None, "", "motion; default: at rest"
     )
     attached_to: str | None = _key(
@@ -235,6 +255,17 @@ class JointTrajectoryTable(Table):
     )
 
 
+class JointStatesTable(Table):
+    """Joint states of a ROS bag: ``radarcore simulate --bag``."""
+
+    kind: Literal["bag"]
+    topic: str = _key("/joint_states", "", "of joint states")
+    prefix: str = _key("", "", "in front of the names that the arm's joints have")
+    beyond: Literal["hold", "continue", "error"] | None = _key(
+        None, "", "before the first and after the last time; default: at rest"
+    )
+
+
 class LineTable(Table):
     """A straight motion of a link at constant speed, from rest to rest."""
 
@@ -253,8 +284,8 @@ class ArmTable(PlacedTable):
 
     name: str = _key("arm", "", "prefix of the names of the links")
     model: str = _key("ur10", "", "ur10, or the path of a URDF file relative to the scene file")
-    joints: Annotated[RestTable | JointTrajectoryTable | LineTable, Field(discriminator="kind")] = _key(
-        ..., "", "angles or motion of the joints"
+    joints: Annotated[RestTable | JointTrajectoryTable | LineTable | JointStatesTable, Field(discriminator="kind")] = (
+        _key(..., "", "angles or motion of the joints")
     )
     material: str | MaterialTable = _key("metal", "", _MATERIAL)
     meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders")
@@ -415,8 +446,8 @@ class InterfererTable(PlacedTable):
 class RunTable(Table):
     """Times and settings of the simulation."""
 
-    start: float = _key(0.0, "s", "time of the first frame")
-    stop: float = _key(1.0, "s", "no frame starts at or after it")
+    start: float = _key(0.0, "s", "time of the first frame; of a bag by default its first pose")
+    stop: float = _key(1.0, "s", "no frame starts at or after it; of a bag by default its last pose")
     rate: float = _key(40.0, "Hz", "frames per second")
     resolution: int | tuple[int, int] | None = _key(
         None,

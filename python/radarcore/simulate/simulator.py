@@ -185,6 +185,7 @@ class Simulator(Settings):
         progress: bool = True,
         path: str | PathLike[str] | None = None,
         overwrite: bool = False,
+        source: dict[str, Any] | None = None,
     ) -> Recording:
         """Simulate the frames that start before `stop`, several of them side by side where there are threads for it.
 
@@ -201,10 +202,12 @@ class Simulator(Settings):
             result is then read from there.
         overwrite : bool
             Replace a recording at `path`.
+        source : dict, optional
+            More to say of the origin of the frames: anything JSON can hold.
         """
         times = frame_times(start, stop, rate)
         self._doubts.of_rate(rate)
-        frames, source = self._told(times, progress), self._source()
+        frames, source = self._told(times, progress), self._source() | (source or {})
         if path is None:
             return Recording.from_frames(list(frames), source=source)
         with RecordingWriter(path, self.radar, num_frames=len(times), source=source, overwrite=overwrite) as writer:

@@ -16,7 +16,7 @@ from radarcore.sealed import sealed
 
 @sealed
 class JointTrajectory:
-    """Joint angles that pass through given values: C2 cubic splines, at rest at both ends.
+    """Joint angles that pass through given values: C2 cubic splines.
 
     Parameters
     ----------
@@ -29,10 +29,19 @@ class JointTrajectory:
     beyond : "hold", "continue" or "error", optional
         As for `Trajectory`. Before the first and after the last time the joints rest there, whether they are held or
         go on; ``"error"`` is a ValueError. Default: they rest.
+    ends : "rest" or "moving"
+        At the first and the last time the joints are at rest; or they move there as the values say, which are a part
+        of a longer motion: those of a measurement. The second derivative is zero then.
     """
 
     def __init__(
-        self, times: ArrayLike, angles: ArrayLike, *, arm: Jointed | None = None, beyond: str | None = None
+        self,
+        times: ArrayLike,
+        angles: ArrayLike,
+        *,
+        arm: Jointed | None = None,
+        beyond: str | None = None,
+        ends: str = "rest",
     ) -> None:
         from scipy.interpolate import CubicSpline
 
@@ -41,7 +50,8 @@ class JointTrajectory:
         values = check.array("angles", angles, (len(self.times), num_joints))
         turns = [True] * values.shape[1] if arm is None else [joint.kind == "revolute" for joint in arm.moving_joints]
         check.radians("angles", values[:, turns])
-        self._spline = CubicSpline(self.times, values, bc_type="clamped")
+        check.choice("ends", ends, ("rest", "moving"))
+        self._spline = CubicSpline(self.times, values, bc_type="clamped" if ends == "rest" else "natural")
         self._derivative = self._spline.derivative()
         self._ends = Ends("JointTrajectory", self.times, beyond)
         if arm is not None:

@@ -19,7 +19,7 @@ from radarcore.scene.interferer import Interferer
 from radarcore.scene.material import Material
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.materials import material_of, named_material
-from radarcore.scenefile.build.motions import Carriers, joint_motion_of, motion_of
+from radarcore.scenefile.build.motions import Carriers, Recorded, joint_motion_of, motion_of
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.read import place, unknown
 from radarcore.scenefile.tables import (
@@ -42,8 +42,9 @@ AnyParts = list[Body] | list[PointTarget] | list[Interferer]
 class Parts:
     """Builder of bodies, points, people, arms and interferers, each after its carrier."""
 
-    def __init__(self, directory: Path, known: Mapping[str, Material]) -> None:
+    def __init__(self, directory: Path, known: Mapping[str, Material], recorded: Recorded | None = None) -> None:
         self._directory = directory
+        self._recorded = recorded
         self._materials = known
         self._carriers: Carriers = {}
 
@@ -96,7 +97,7 @@ class Parts:
 
     def _bodies(self, table: BodyTable) -> list[Body]:
         """Bodies of a table: one, or one for each material of an OBJ file."""
-        motion = motion_of(table, self._carriers)
+        motion = motion_of(table, self._carriers, self._recorded)
         if table.name is not None:
             self._carriers[table.name] = motion
         rest = self._material(table.material)
@@ -118,7 +119,7 @@ class Parts:
         with located("radar: "):
             radar = radar_of(table.radar, self._directory)
         options = table.model_dump(include={"start", "rate", "drift_ppm", "start_phase", "bounces", "name"})
-        return Interferer(radar, motion_of(table, self._carriers), **options)
+        return Interferer(radar, motion_of(table, self._carriers, self._recorded), **options)
 
     def _material(self, value: str | MaterialTable) -> Material:
         if isinstance(value, MaterialTable):
@@ -162,8 +163,8 @@ class Parts:
     def _arm(self, table: ArmTable) -> list[Body]:
         arm = self._arm_model(table)
         with located("joints."):
-            joints = joint_motion_of(arm, table)
-        moving = arm.moving(joints, base=motion_of(table, self._carriers))
+            joints = joint_motion_of(arm, table, self._recorded)
+        moving = arm.moving(joints, base=motion_of(table, self._carriers, self._recorded))
         self._carriers |= {f"{table.name}/{link}": moving.link_motion(link) for link in arm.links}
         return moving.bodies(material=self._material(table.material), name=table.name)
 

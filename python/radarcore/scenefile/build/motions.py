@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, Protocol
+
 import numpy as np
+from numpy.typing import NDArray
 
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
@@ -17,6 +21,8 @@ from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.read import unknown
 from radarcore.scenefile.tables import (
     ArmTable,
+    BagMotionTable,
+    JointStatesTable,
     JointTrajectoryTable,
     LinearTable,
     LineTable,
@@ -27,6 +33,23 @@ from radarcore.scenefile.tables import (
 
 Carriers = dict[str, Motion]
 """Motions by name, for what is attached to them."""
+
+
+class Recorded(Protocol):
+    """Motions that were recorded, as tables of kind "bag" name them; times count from the start of the recording."""
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time that all motions asked for have in common [s]; None if none moves."""
+        ...
+
+    def motion(self, topic: str, *, frame: str | None, within: str | None, beyond: str | None) -> Motion:
+        """Motion of a frame or body."""
+        ...
+
+    def joints(self, topic: str, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times (n,) [s] and positions (n, joint) [rad or m] of joints."""
+        ...
 
 
 def _pose(table: PoseTable) -> Pose:
@@ -42,10 +65,16 @@ def _pose(table: PoseTable) -> Pose:
     return Pose.from_rpy(table.position, np.deg2rad(table.rpy_deg or (0.0, 0.0, 0.0)))
 
 
-def motion_of(table: PlacedTable, carriers: Carriers) -> Motion:
+def motion_of(table: PlacedTable, carriers: Carriers, recorded: Recorded | None = None) -> Motion:
     """The motion in the world."""
     own: Motion
-    if table.motion is None or isinstance(table.motion, LinearTable):
+    if isinstance(table.motion, BagMotionTable):
+        if "pose" in table.model_fields_set:
+            raise ValueError(
+                "pose: expected none together with a motion of a bag; motion.world and motion.offset place it"
+            )
+        own = _recorded_motion(table.motion, recorded)
+    elif table.motion is None or isinstance(table.motion, LinearTable):
         with located("pose."):
             own = _pose(table.pose)
         if table.motion is not None:
@@ -62,12 +91,36 @@ def motion_of(table: PlacedTable, carriers: Carriers) -> Motion:
     return own if table.attached_to is None else Attached(carriers[table.attached_to], own)
 
 
-def sensor_motion_of(table: SensorTable, carriers: Carriers) -> Motion:
+def _recorded_motion(table: BagMotionTable, recorded: Recorded | None) -> Motion:
+    """World of the scene from that of the bag, from the frame that moves, from the body."""
+    with located("motion."):
+        source = _needed("kind", recorded)
+        world, offset = (_pose_named(name, pose) for name, pose in (("world", table.world), ("offset", table.offset)))
+        options: dict[str, Any] = table.model_dump(include={"frame", "within", "beyond"})
+        own = source.motion(table.topic, **options)
+        if isinstance(own, Pose):
+            return world @ own @ offset
+        carried = own if offset == Pose() else Attached(own, offset)
+        return carried if world == Pose() else Attached(world, carried)
+
+
+def _pose_named(name: str, table: PoseTable) -> Pose:
+    with located(f"{name}."):
+        return _pose(table)
+
+
+def _needed(key: str, recorded: Recorded | None) -> Recorded:
+    if recorded is None:
+        raise ValueError(f"{key}: expected another than 'bag' without a bag (radarcore simulate --bag), got 'bag'")
+    return recorded
+
+
+def sensor_motion_of(table: SensorTable, carriers: Carriers, recorded: Recorded | None = None) -> Motion:
     """The motion of the sensor in the world; `along_z` puts it on the flange of an arm."""
     if table.attached_to is not None and table.attached_to not in carriers:
         raise ValueError(f"attached_to: unknown {unknown(table.attached_to, carriers)}")
     if table.along_z is None:
-        return motion_of(table, carriers)
+        return motion_of(table, carriers, recorded)
     if table.attached_to is None:
         raise ValueError(
             "along_z: expected attached_to as well: the link of an arm, or the body, that carries the sensor"
@@ -77,9 +130,15 @@ def sensor_motion_of(table: SensorTable, carriers: Carriers) -> Motion:
     return Attached(carriers[table.attached_to], Pose([0.0, 0.0, table.along_z]) @ RADAR_AT_TOOL0)
 
 
-def joint_motion_of(arm: RobotArm, table: ArmTable) -> JointTrajectory | JointAngles:
-    """Joint angles of an arm: at rest, along a trajectory, or along a line of the tool."""
+def joint_motion_of(arm: RobotArm, table: ArmTable, recorded: Recorded | None = None) -> JointTrajectory | JointAngles:
+    """Joint angles of an arm: at rest, along a trajectory, along a line of the tool, or as they were recorded."""
     joints = table.joints
+    if isinstance(joints, JointStatesTable):
+        names = [f"{joints.prefix}{name}" for name in arm.joint_names]
+        times, angles = _needed("kind", recorded).joints(joints.topic, names)
+        if len(times) == 1:
+            return list(angles[0])
+        return JointTrajectory(times, angles, beyond=joints.beyond, ends="moving")
     if isinstance(joints, LineTable):
         options = joints.model_dump(exclude={"kind", "start_deg"})
         return cartesian_line(arm, _joint_angles(arm, "start_deg", joints.start_deg), **options)

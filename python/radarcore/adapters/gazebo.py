@@ -1,0 +1,76 @@
+"""Messages of Gazebo (gz sim), decoded: depth images and poses.
+
+A message is anything with the fields of the protobuf type that its function names; Gazebo's bindings are not imported.
+They come with Gazebo: ``from gz.transport import Node``, ``node.subscribe(Image, topic, callback)``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radarcore import check
+from radarcore.adapters.planar_depth import GZ_AXES, PlanarDepth, centered, decoded, unpacked
+from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.geometry.pose import Pose
+
+_PIXEL_FORMATS = (
+    "UNKNOWN", "L_INT8", "L_INT16", "RGB_INT8", "RGBA_INT8",
+    "BGRA_INT8", "RGB_INT16", "RGB_INT32", "BGR_INT8", "BGR_INT16",
+    "BGR_INT32", "R_FLOAT16", "RGB_FLOAT16", "R_FLOAT32", "RGB_FLOAT32",
+)  # fmt: skip
+"""gz.msgs.PixelFormatType, by number; those behind are Bayer patterns."""
+
+_R_FLOAT32 = _PIXEL_FORMATS.index("R_FLOAT32")
+
+
+def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> PlanarDepth:
+    """Depth image of a Gazebo camera (``gz.msgs.Image``, R_FLOAT32): metres, top row first.
+
+    Infinities of both signs, beyond the far sphere and before the near plane, are nothing.
+
+    Parameters
+    ----------
+    message : gz.msgs.Image
+        Anything with `width`, `height`, `step`, `data`, `pixel_format_type` and `header`.
+    horizontal_fov : float
+        As in the sensor's SDF [rad].
+    start_ns : int
+        Stamp that counts as time 0 [ns].
+    """
+    kind = int(message.pixel_format_type)
+    if kind != _R_FLOAT32:
+        name = _PIXEL_FORMATS[kind] if 0 <= kind < len(_PIXEL_FORMATS) else "another"
+        raise ValueError(f"pixel_format_type: expected R_FLOAT32 (13), got {name} ({kind})")
+    rows, columns = check.count("height", message.height), check.count("width", message.width)
+    metres = unpacked("data", message.data, "<f4", rows, columns, int(message.step))
+    width = check.positive("horizontal_fov", horizontal_fov, "rad")
+    if width >= np.pi:
+        raise ValueError(
+            f"horizontal_fov: expected an angle below pi [rad], got {horizontal_fov!r}; degrees? np.deg2rad"
+        )
+    camera = centered(0.5 * columns / np.tan(0.5 * width), metres.shape)
+    time_ns = header_nanoseconds(message)
+    time = None if time_ns is None else seconds(time_ns, start_ns)
+    return decoded(metres, np.inf, camera, GZ_AXES, time, _frame_id(message))
+
+
+def from_gz_poses(message: Any) -> dict[str, Pose]:
+    """Poses of a ``gz.msgs.Pose_V`` by name, as on ``/world/NAME/pose/info``.
+
+    Those of models are in the world, those of links in their model, those of sensors and visuals in their link.
+    """
+    poses: dict[str, Pose] = {}
+    for entry in message.pose:
+        p, q = entry.position, entry.orientation
+        poses[str(entry.name)] = Pose.from_quaternion([p.x, p.y, p.z], [q.w, q.x, q.y, q.z])
+    return poses
+
+
+def _frame_id(message: Any) -> str | None:
+    """Frame of a header: the entry ``frame_id`` of its data."""
+    for entry in getattr(getattr(message, "header", None), "data", ()):
+        if entry.key == "frame_id" and len(entry.value) > 0:
+            return str(entry.value[0])
+    return None

@@ -1,0 +1,170 @@
+"""Depth images that a bag holds, and which of them belongs to which frame of a radar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import Any, NamedTuple
+
+from radarcore import check
+from radarcore.adapters.planar_depth import PlanarDepth
+from radarcore.adapters.ros.bag_motions import IMAGES, first_stamp_ns
+from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.images import from_camera_info, from_ros_image
+from radarcore.geometry.camera import Camera
+
+_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_ENCODINGS = ("32FC1", "16UC1")
+
+_LAST = 1e-6
+"""Time after the last image at which a frame may still start [s]."""
+
+
+class DepthImages:
+    """Depth images of a bag, decoded as they are asked for.
+
+    Parameters
+    ----------
+    bag : BagReader
+    topic : str, optional
+        Default: the only topic with depth images.
+    info_topic : str, optional
+        Of ``sensor_msgs/CameraInfo``; default: ``camera_info`` beside the images, or the only topic of that type.
+    camera : Camera or (float, float), optional
+        Camera, or its horizontal and vertical field of view [degrees], in place of `info_topic`.
+    start_ns : int, optional
+        Stamp of time 0 [ns]; default: the first stamp in the header of a message, see `first_stamp_ns`.
+
+    Attributes
+    ----------
+    topic : str
+    start_ns : int
+
+    Raises
+    ------
+    ValueError
+        When the bag has no depth images, or nothing says what camera they are from: names the topics that there are.
+    """
+
+    def __init__(
+        self,
+        bag: BagReader,
+        topic: str | None = None,
+        *,
+        info_topic: str | None = None,
+        camera: Camera | tuple[float, float] | None = None,
+        start_ns: int | None = None,
+    ) -> None:
+        self._bag = bag
+        self.topic = _depth_topic(bag, topic)
+        if camera is not None and info_topic is not None:
+            raise ValueError(f"info_topic: expected none together with a camera, got {info_topic!r}")
+        self._camera = _camera_of(bag, self.topic, info_topic) if camera is None else camera
+        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+
+    def __len__(self) -> int:
+        """Number of images."""
+        return self._bag.topics[self.topic].num_messages
+
+    def __iter__(self) -> Iterator[PlanarDepth]:
+        """The images with times since `start_ns`; one that is not later than the one before is left out."""
+        last = -float("inf")
+        for found in self._bag.messages(self.topic):
+            image = from_ros_image(found.message, camera=self._camera, start_ns=self.start_ns)
+            if image.time is not None and image.time > last:
+                last = image.time
+                yield image
+
+
+class FrameImages(NamedTuple):
+    """What a frame of a radar is made from."""
+
+    time: float
+    """Start of the frame [s]."""
+    image: PlanarDepth
+    """The newest at that time."""
+    previous: PlanarDepth
+    """The one before it."""
+    interval: float
+    """Between the two [s]."""
+    num_lost: int
+    """Frames left out just before this one, for want of images."""
+
+
+def frame_images(images: Iterable[PlanarDepth], rate: float, *, max_age: float = 0.2) -> Iterator[FrameImages]:
+    """Images of every frame, at a steady rate from the second image to the last one.
+
+    Parameters
+    ----------
+    images : iterable of PlanarDepth
+        With increasing times.
+    rate : float
+        Frames per second [Hz].
+    max_age : float
+        Frames whose image, or the difference to the one before it, would be older are left out [s].
+    """
+    period, oldest = 1.0 / check.positive("rate", rate, "Hz"), check.positive("max_age", max_age, "s")
+    start, index, num_lost = 0.0, 0, 0
+    previous: PlanarDepth | None = None
+    image: PlanarDepth | None = None
+    for following in chain(images, [None]):
+        if previous is not None and image is not None:
+            now, before = _time(image), _time(previous)
+            start = start if index or num_lost else now
+            end = now + _LAST if following is None else _time(following) - _LAST
+            while (time := start + index * period) < end:
+                if time - now <= oldest and now - before <= oldest:
+                    yield FrameImages(time, image, previous, now - before, num_lost)
+                    num_lost = 0
+                else:
+                    num_lost += 1
+                index += 1
+        previous, image = image, following
+
+
+def _time(image: PlanarDepth) -> float:
+    if image.time is None:
+        raise ValueError("images: expected images with times, got one without")
+    return image.time
+
+
+def _depth_topic(bag: BagReader, topic: str | None) -> str:
+    """The topic of depth images: the given one, or the only one."""
+    if topic is not None:
+        found = bag.topic(topic, *IMAGES)
+        encoding = _encoding(bag, found.name)
+        if encoding not in _ENCODINGS:
+            raise ValueError(f"topic: expected depth images, {' or '.join(_ENCODINGS)}, got {encoding} of {topic!r}")
+        return found.name
+    encodings = {entry.name: _encoding(bag, entry.name) for entry in bag.topics.values() if entry.type in IMAGES}
+    depths = [name for name, encoding in encodings.items() if encoding in _ENCODINGS]
+    if len(depths) > 1:
+        raise ValueError(f"topic: expected one of {', '.join(depths)}, got none")
+    if depths:
+        return depths[0]
+    if encodings:
+        other = ", ".join(f"{name} ({encoding})" for name, encoding in encodings.items())
+        raise ValueError(
+            f"topic: expected depth images, {' or '.join(_ENCODINGS)}, in {bag.path}, got none; there are {other}"
+        )
+    return bag.only_topic(*IMAGES).name  # an error with the names of all topics
+
+
+def _encoding(bag: BagReader, topic: str) -> str:
+    """Encoding of the first image; "nothing" without one."""
+    first = next(bag.messages(topic), None)
+    return "nothing" if first is None else str(first.message.encoding)
+
+
+def _camera_of(bag: BagReader, topic: str, info_topic: str | None) -> Camera:
+    beside = f"{topic.rpartition('/')[0]}/camera_info"
+    if info_topic is not None:
+        name = bag.topic(info_topic, _CAMERA_INFO, argument="info_topic").name
+    elif beside in bag.topics:
+        name = bag.topic(beside, _CAMERA_INFO, argument="info_topic").name
+    else:
+        name = bag.only_topic(_CAMERA_INFO, argument="info_topic").name
+    first: Any = next(bag.messages(name), None)
+    if first is None:
+        raise ValueError(f"info_topic: expected a message of {name!r}, got none")
+    return from_camera_info(first.message)

@@ -1,0 +1,181 @@
+"""Motions that a bag holds: frames of TF, poses, rigid bodies of motion capture, joints of robots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
+from radarcore.adapters.ros.stamps import header_nanoseconds, nanoseconds
+from radarcore.adapters.ros.transforms import TransformTree
+from radarcore.check import near_names
+from radarcore.motion.protocol import Motion
+
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Odometry")
+RIGID_BODIES = ("mocap4r2_msgs/msg/RigidBodies", "mocap_msgs/msg/RigidBodies")
+JOINTS = ("sensor_msgs/msg/JointState",)
+IMAGES = ("sensor_msgs/msg/Image",)
+
+STATIC_TRANSFORMS = "/tf_static"
+
+
+class BagMotions:
+    """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
+
+    Times count from `start_ns`, so that they are exact to a nanosecond.
+
+    Parameters
+    ----------
+    bag : BagReader
+    start_ns : int, optional
+        Stamp of time 0 [ns]; default: the first stamp in the header of a message, see `first_stamp_ns`.
+
+    Attributes
+    ----------
+    bag : BagReader
+    start_ns : int
+    """
+
+    def __init__(self, bag: BagReader, *, start_ns: int | None = None) -> None:
+        self.bag = bag
+        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+        self._trees: dict[str, TransformTree] = {}
+        self._series: dict[tuple[str, str | None], PoseSeries] = {}
+        self._spans: list[tuple[float, float]] = []
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time that all motions and joints asked for so far have in common [s]; None if none moves.
+
+        Raises
+        ------
+        ValueError
+            When they have none.
+        """
+        if not self._spans:
+            return None
+        start, stop = max(first for first, _ in self._spans), min(last for _, last in self._spans)
+        if stop <= start:
+            raise ValueError(
+                f"{self.bag.path}: expected motions at the same time, got one that ends at {stop:g} s and one that "
+                f"begins at {start:g} s"
+            )
+        return start, stop
+
+    def motion(
+        self, topic: str = "/tf", *, frame: str | None = None, within: str | None = None, beyond: str | None = None
+    ) -> Motion:
+        """Motion of a frame or body; a `Pose` where there is only one, or all transforms are static.
+
+        Parameters
+        ----------
+        topic : str
+            Of transforms, poses or rigid bodies.
+        frame : str, optional
+            Of transforms the frame, of rigid bodies the name; none for a topic of poses.
+        within : str, optional
+            Of transforms the frame in which it moves; default: the root of its tree.
+        beyond : "hold", "continue" or "error", optional
+            As for `radarcore.Trajectory`.
+
+        Raises
+        ------
+        ValueError
+            For a topic, frame or body that is not there: names those that are.
+        """
+        found = self.bag.topic(topic, *TRANSFORMS, *POSES, *RIGID_BODIES)
+        if found.type in TRANSFORMS:
+            return self._of_transforms(found.name, frame, within, beyond)
+        if within is not None:
+            raise ValueError(f"within: expected none for {found.type}, got {within!r}")
+        series = self._poses(found.name, found.type, frame)
+        self._note(series)
+        return series.trajectory(self.start_ns, beyond=beyond)
+
+    def joints(
+        self, topic: str = "/joint_states", names: Sequence[str] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times (n,) [s] and positions (n, joint) [rad or m] of some joints (default: of all)."""
+        found = self.bag.topic(topic, *JOINTS)
+        series = joint_series((message.message for message in self.bag.messages(found.name)), names)
+        times = series.times(self.start_ns)
+        if len(times) > 1:
+            self._spans.append((float(times[0]), float(times[-1])))
+        return times, series.positions
+
+    def _of_transforms(self, topic: str, frame: str | None, within: str | None, beyond: str | None) -> Motion:
+        tree = self._tree(topic)
+        if frame is None:
+            raise ValueError(f"frame: expected one of {', '.join(tree.frames) or 'none'} for {topic!r}, got none")
+        line = _line(tree, frame)
+        root = line[-1] if within is None else within
+        for name in {*line, *_line(tree, root)}:
+            if tree.parent(name) is not None and isinstance(series := tree.series(name), PoseSeries):
+                self._note(series)
+        return tree.motion(frame, root, start_ns=self.start_ns, beyond=beyond)
+
+    def _tree(self, topic: str) -> TransformTree:
+        if topic not in self._trees:
+            has_static = STATIC_TRANSFORMS in self.bag.topics and topic != STATIC_TRANSFORMS
+            static = self.bag.messages(STATIC_TRANSFORMS) if has_static else ()
+            moving = self.bag.messages(topic)
+            self._trees[topic] = TransformTree((found.message for found in moving), (found.message for found in static))
+        return self._trees[topic]
+
+    def _poses(self, topic: str, kind: str, frame: str | None) -> PoseSeries:
+        key = (topic, frame)
+        if key not in self._series:
+            messages = (found.message for found in self.bag.messages(topic))
+            if kind in POSES:
+                if frame is not None:
+                    raise ValueError(f"frame: expected none for {kind}, got {frame!r}")
+                self._series[key] = pose_series(messages)
+            else:
+                bodies = rigid_body_series(messages)
+                if frame not in bodies:
+                    got = "none" if frame is None else repr(frame)
+                    raise ValueError(
+                        f"frame: expected a body of {topic!r}, got {got}; {near_names(frame or '', bodies)}"
+                    )
+                self._series[key] = bodies[frame]
+        return self._series[key]
+
+    def _note(self, series: PoseSeries) -> None:
+        """Take the times of what moves into `span`."""
+        if len(series) > 1:
+            times = series.times(self.start_ns)
+            self._spans.append((float(times[0]), float(times[-1])))
+
+
+def first_stamp_ns(bag: BagReader) -> int:
+    """First stamp in the headers of poses, transforms, joints and images [ns]; without any the time of the bag's start.
+
+    Static transforms, which may be from long before, do not count, nor do stamps of zero.
+    """
+    kinds = {*TRANSFORMS, *POSES, *RIGID_BODIES, *JOINTS, *IMAGES}
+    stamps = []
+    for topic in bag.topics.values():
+        if topic.type in kinds and topic.name != STATIC_TRANSFORMS:
+            first = next(bag.messages(topic.name), None)
+            stamps += [] if first is None else _stamps(first.message)
+    return min((stamp for stamp in stamps if stamp > 0), default=bag.start_ns)
+
+
+def _stamps(message: Any) -> list[int]:
+    if hasattr(message, "transforms"):
+        return [nanoseconds(transform.header.stamp) for transform in message.transforms]
+    stamp = header_nanoseconds(message)
+    return [] if stamp is None else [stamp]
+
+
+def _line(tree: TransformTree, frame: str) -> list[str]:
+    """A frame, its parent, and so on up to the root."""
+    line = [frame]
+    while (parent := tree.parent(line[-1])) is not None:
+        line.append(parent)
+    return line

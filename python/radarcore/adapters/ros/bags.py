@@ -1,0 +1,341 @@
+"""ROS bags read: ROS 1, and the SQLite and MCAP files of ROS 2; whole, or up to where they are cut.
+
+Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from heapq import merge
+from itertools import groupby
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from radarcore import check, notice
+from radarcore.adapters.ros.cut_bags import database_size, sequential_reader
+from radarcore.adapters.ros.typestore import need_rosbags, typestore
+
+_SUFFIXES = (".mcap", ".db3", ".bag")
+"""Of the files in a folder; the first that there are count."""
+
+_MOST_NAMES = 30
+"""Topics that a message names."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    name : str
+    type : str
+        As ROS 2 writes it: ``sensor_msgs/msg/Image``.
+    num_messages : int
+    """
+
+    name: str
+    type: str
+    num_messages: int
+
+
+@dataclass(frozen=True, eq=False)
+class BagMessage:
+    """A message of a bag.
+
+    Attributes
+    ----------
+    topic, type : str
+    time_ns : int
+        Time at which it was recorded [ns since 1970].
+    message : object
+        With the fields of its type as attributes.
+    """
+
+    topic: str
+    type: str
+    time_ns: int
+    message: Any
+
+
+class BagReader:
+    """A ROS bag: its topics, and its messages in the order of their times.
+
+    Messages are read as they are asked for, so bags may be larger than memory. A bag that is cut, whose recorder was
+    killed or whose copy is not complete, is read up to the cut, with one warning.
+
+    Parameters
+    ----------
+    path : path
+        A ROS 1 bag (``.bag``); a folder of ROS 2 with its files; or a single ``.mcap`` or ``.db3`` file.
+
+    Attributes
+    ----------
+    path : Path
+    version : int
+        1 or 2, of ROS.
+    topics : dict of str to Topic
+        By name.
+    start_ns, stop_ns : int
+        Times of the first message and after the last one [ns since 1970]; both zero in an empty bag.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing at `path`.
+    ImportError
+        When rosbags is missing.
+    ValueError
+        When it is not a bag.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        need_rosbags()
+        self.path = Path(path)
+        if not self.path.exists():
+            raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
+        self._told = False
+        self._stack = ExitStack()
+        self._stores: dict[tuple[str, str], Any] = {}
+        self._readers, self.version = self._opened()
+        self._connections = [connection for reader in self._readers for connection in reader.connections]
+        self.topics = _topics(self._connections)
+        filled = [reader for reader in self._readers if reader.message_count]
+        self.start_ns: int = min((reader.start_time for reader in filled), default=0)
+        self.stop_ns: int = max((reader.end_time for reader in filled), default=0)
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files."""
+        self._readers, self._connections = [], []
+        self._stack.close()
+
+    def topic(self, name: str, *types: str, argument: str = "topic") -> Topic:
+        """The topic of a name, with or without the slash in front, that has one of some types (none: any).
+
+        Raises
+        ------
+        ValueError
+            When there is none: names those that there are; or when it has another type.
+        """
+        wanted = f"/{name.strip('/')}"
+        found = next((topic for topic in self.topics.values() if f"/{topic.name.strip('/')}" == wanted), None)
+        if found is None:
+            near = check.near(name, self.topics)
+            meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+            raise ValueError(f"{argument}: no topic {name!r} in {self.path}; {meant}there are {self._names(types)}")
+        if types and found.type not in types:
+            raise ValueError(
+                f"{argument}: expected {' or '.join(types)}, got {found.type} of {name!r}; "
+                f"there are {self._names(types)}"
+            )
+        return found
+
+    def only_topic(self, *types: str, argument: str = "topic") -> Topic:
+        """The one topic that has one of some types.
+
+        Raises
+        ------
+        ValueError
+            When there is none, or more than one: names them.
+        """
+        found = [topic for topic in self.topics.values() if topic.type in types]
+        if not found:
+            raise ValueError(
+                f"{argument}: expected a topic of {' or '.join(types)} in {self.path}, got none; "
+                f"there are {self._names(())}"
+            )
+        if len(found) > 1:
+            raise ValueError(f"{argument}: expected the name of one of {', '.join(topic.name for topic in found)}")
+        return found[0]
+
+    def messages(
+        self, topics: str | Iterable[str] | None = None, *, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Messages in the order of their times; in a bag that is cut, in that of its file.
+
+        Parameters
+        ----------
+        topics : str or several, optional
+            Default: all.
+        start_ns, stop_ns : int, optional
+            Only messages from a time on, and before one [ns since 1970].
+
+        Raises
+        ------
+        ValueError
+            For a topic that is not there, and a message that is not what its definition says.
+        """
+        names = None if topics is None else [topics] if isinstance(topics, str) else list(topics)
+        wanted = self._connections
+        if names is not None:
+            known = {self.topic(name, argument="topics").name for name in names}
+            wanted = [connection for connection in wanted if connection.topic in known]
+        return self._messages(wanted, start_ns, stop_ns) if wanted else iter(())
+
+    def _messages(self, wanted: list[Any], start: int | None, stop: int | None) -> Iterator[BagMessage]:
+        # Stable: connections of one owner stay together.
+        owned = [list(own) for _, own in groupby(sorted(wanted, key=_owner), key=_owner)]
+        merged = merge(*(self._raw(own, start, stop) for own in owned), key=lambda entry: entry[1])
+        for connection, time, data in merged:
+            yield BagMessage(connection.topic, connection.msgtype, time, self._decoded(connection, data))
+
+    def _raw(self, own: list[Any], start: int | None, stop: int | None) -> Iterator[tuple[Any, int, bytes]]:
+        """Messages of one file, up to where it is damaged."""
+        reader = own[0].owner
+        try:
+            yield from reader.messages(connections=own, start=start, stop=stop)
+        except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
+            self._warn(str(error) or type(error).__name__)
+
+    def _decoded(self, connection: Any, data: bytes) -> Any:
+        from rosbags.serde import SerdeError
+        from rosbags.typesys import TypesysError
+
+        key = (connection.msgtype, connection.msgdef.data)
+        try:
+            if key not in self._stores:
+                self._stores[key] = _store(connection, self.version)
+            store = self._stores[key]
+            if self.version == 1:
+                return store.deserialize_ros1(data, connection.msgtype)
+            return store.deserialize_cdr(data, connection.msgtype)
+        except (SerdeError, TypesysError, KeyError, ValueError) as error:
+            raise ValueError(
+                f"{self.path}: expected messages of {connection.msgtype} on {connection.topic!r}, got others ({error})"
+            ) from error
+
+    def _opened(self) -> tuple[list[Any], int]:
+        """Readers of the bag, and the version of ROS."""
+        from rosbags.rosbag1 import Reader as Reader1
+        from rosbags.rosbag2 import Reader as Reader2
+
+        files = _files(self.path)
+        # Which format it is, by the first bytes; refuses other files. Files that are packed as a whole rosbags unpacks.
+        fallbacks = [sequential_reader(file) for file in files if file.suffix != ".zstd"]
+        version = 1 if fallbacks and fallbacks[0].version == 1 else 2
+        is_described = (self.path / "metadata.yaml").is_file()
+        try:
+            for file in files:
+                _check_database(file)
+            if version == 1:
+                readers: list[Any] = [Reader1(file) for file in files]
+            elif is_described:
+                readers = [Reader2(self.path)]
+            else:
+                readers = [Reader2(file) for file in files]
+            with ExitStack() as stack:
+                for reader in readers:
+                    stack.enter_context(reader)
+                self._stack = stack.pop_all()
+            if self.path.is_dir() and version == 2 and not is_described:
+                self._warn("a folder without metadata.yaml, its recorder was interrupted")
+        except PermissionError:
+            raise
+        except Exception as error:  # of rosbags and what it uses: whatever a damaged file leads to
+            if not fallbacks:
+                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({error})") from error
+            readers = [self._stack.enter_context(reader) for reader in fallbacks]
+            cuts = [reader.cut for reader in readers if reader.cut is not None]
+            if cuts and not any(reader.connections for reader in readers):
+                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({cuts[0]})") from error
+            # Whole files with topics of other encodings are read without those, and without a warning.
+            if cuts or not isinstance(error, KeyError):
+                count = sum(reader.message_count for reader in readers)
+                self._warn(f"{cuts[0] if cuts else error}; {count} messages are whole")
+        return readers, version
+
+    def _warn(self, what: str) -> None:
+        """One warning of a bag, however often its damage is met."""
+        if not self._told:
+            self._told = True
+            notice.warn(f"{self.path}: a bag that is cut or damaged: {check.printable(' '.join(what.split()))}")
+
+    def _names(self, types: tuple[str, ...]) -> str:
+        """Names and types of the topics; those of some types first."""
+        every = sorted(self.topics.values(), key=lambda topic: (topic.type not in types, topic.name))
+        shown = [f"{topic.name} ({topic.type})" for topic in every[:_MOST_NAMES]]
+        if len(every) > _MOST_NAMES:
+            shown.append(f"and {len(every) - _MOST_NAMES} more")
+        return ", ".join(shown) or "none"
+
+
+def is_bag(path: str | PathLike[str]) -> bool:
+    """True for what looks like a bag: by its suffix, or the files in a folder."""
+    place = Path(path)
+    if place.is_dir():
+        return (place / "metadata.yaml").is_file() or any(file.suffix in _SUFFIXES for file in place.iterdir())
+    return place.suffix in _SUFFIXES
+
+
+def _files(path: Path) -> list[Path]:
+    """The files of a bag, the one that was recorded first in front."""
+    if path.is_file():
+        return [path]
+    if path.suffix == ".part" and (inner := next(path.iterdir(), None)) is not None:  # of a `BagWriter`
+        return _files(inner)
+    for suffix in _SUFFIXES:
+        if found := sorted(path.glob(f"*{suffix}"), key=lambda file: (len(file.name), file.name)):
+            return found
+    if found := sorted(path.glob("*.zstd")):
+        # SQLite and MCAP files packed as a whole: rosbags unpacks them.
+        return found
+    raise ValueError(f"{path}: expected a bag, got a folder without {', '.join(_SUFFIXES)} files")
+
+
+def _check_database(file: Path) -> None:
+    """Raise a ValueError for a SQLite file that rosbags would read as if nothing was missing."""
+    if file.suffix != ".db3":
+        return
+    if (size := database_size(file)) > file.stat().st_size:
+        raise ValueError(f"expected {size} bytes, got {file.stat().st_size}")
+    for end in ("-wal", "-journal"):  # what its writer, when it was killed, had not put in yet
+        left = file.with_name(file.name + end)
+        if left.exists() and left.stat().st_size > 0:
+            raise ValueError(f"its writer left {left.name}")
+
+
+def _owner(connection: Any) -> int:
+    return id(connection.owner)
+
+
+def _topics(connections: Iterable[Any]) -> dict[str, Topic]:
+    found: dict[str, Topic] = {}
+    for connection in connections:
+        before = found.get(connection.topic)
+        count = connection.msgcount + (0 if before is None else before.num_messages)
+        found[connection.topic] = Topic(connection.topic, connection.msgtype, count)
+    return dict(sorted(found.items()))
+
+
+def _store(connection: Any, version: int) -> Any:
+    """Types that the definition of a connection has; without one, those of ROS."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    definition = connection.msgdef
+    if definition.format == MessageDefinitionFormat.NONE:
+        return typestore(version)
+    types: dict[str, Any] = {}
+    if definition.format == MessageDefinitionFormat.MSG:
+        types |= get_types_from_msg(definition.data, connection.msgtype)
+    else:
+        line = "=" * 80 + "\n"  # between the definitions of several types
+        parts = definition.data.split(line)[1:] if definition.data.startswith(f"{line}IDL: ") else [definition.data]
+        for part in parts:
+            types |= get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part)
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store

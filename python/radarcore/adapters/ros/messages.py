@@ -1,0 +1,123 @@
+"""Messages of ROS made by types from anywhere: rosbags, an installed ROS, or none at all.
+
+``types=`` of every function that makes a message is one of
+
+- None: messages are `types.SimpleNamespace`, for anything that reads attributes;
+- rosbags' ``get_typestore(...)``, or its ``types``;
+- `installed`: the Python classes of a ROS 1 or ROS 2 that is installed, for publishers;
+- any other mapping or function from names such as ``"std_msgs/msg/Header"`` to classes.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from radarcore.adapters.ros.stamps import nearest_nanoseconds
+
+Types = Any
+"""See above."""
+
+DEFINITIONS = {
+    "radar_msgs/msg/RadarReturn": "\n".join(
+        f"float32 {name}" for name in ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    ),
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns",
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "mocap4r2_msgs/msg/Marker": (
+        "int8 USE_NAME=0\nint8 USE_INDEX=1\nint8 USE_BOTH=2\n"
+        "int8 id_type\nint32 marker_index\nstring marker_name\ngeometry_msgs/Point translation"
+    ),
+    "mocap4r2_msgs/msg/RigidBody": ("string rigid_body_name\nmocap4r2_msgs/Marker[] markers\ngeometry_msgs/Pose pose"),
+    "mocap4r2_msgs/msg/RigidBodies": (
+        "std_msgs/Header header\nuint32 frame_number\nmocap4r2_msgs/RigidBody[] rigidbodies"
+    ),
+}
+"""Definitions of messages that not every typestore has: radar_msgs 0.2.2, TF in ROS 1, MOCAP4ROS2.
+
+For rosbags: ``store.register(get_types_from_msg(text, name))`` for those that are not in ``store.types``.
+"""
+
+
+def make(types: Types, name: str, /, **fields: Any) -> Any:
+    """A message of a type such as ``"std_msgs/msg/Header"``, its arrays as that type has them."""
+    if types is None:
+        return SimpleNamespace(__msgtype__=name, **fields)
+    kind = _class(types, name)
+    return kind(**{field: _as_field(kind, value) for field, value in fields.items()})
+
+
+def header(time: float | None, time_ns: int | None, frame_id: str, types: Types) -> Any:
+    """Header of a message: its stamp is `time_ns` [ns], or else `time` [s] to the nearest nanosecond."""
+    if time_ns is None:
+        time_ns = nearest_nanoseconds(0.0 if time is None else time)
+    whole, part = divmod(int(time_ns), 10**9)
+    if not -(2**31) <= whole < 2**32:
+        raise ValueError(f"time_ns: expected nanoseconds within the 32 bits of seconds of a stamp, got {time_ns}")
+    stamp = make(types, "builtin_interfaces/msg/Time", sec=whole, nanosec=part)
+    fields = {"stamp": stamp, "frame_id": frame_id}
+    # ROS 1 counts messages in its headers; rosbags has no default for that.
+    if types is not None and "seq" in getattr(_class(types, "std_msgs/msg/Header"), "__dataclass_fields__", ()):
+        fields["seq"] = 0
+    return make(types, "std_msgs/msg/Header", **fields)
+
+
+def checked_frame_id(frame_id: str) -> str:
+    """Name of a frame with x forward, y left and z up (REP 103), as TF writes it: without a slash in front."""
+    if not isinstance(frame_id, str):
+        raise TypeError(f"frame_id: expected a name, got {type(frame_id).__name__}")
+    if not frame_id or frame_id.startswith("/"):
+        raise ValueError(f"frame_id: expected a name without a slash in front, got {frame_id!r}")
+    if frame_id.endswith("_optical_frame"):
+        raise ValueError(f"frame_id: expected a frame with x forward (REP 103), got the optical one {frame_id!r}")
+    return frame_id
+
+
+def installed(name: str) -> Callable[..., Any]:
+    """Class of a message of the ROS 1 or ROS 2 that is installed: ``types=installed``."""
+    package, *_, kind = name.split("/")
+    if package == "builtin_interfaces":
+        try:
+            time: Any = import_module("genpy").Time  # ROS 1 has no message for it
+        except ImportError:
+            pass
+        else:
+            return lambda sec, nanosec: time(sec, nanosec)
+    try:
+        found: Callable[..., Any] = getattr(import_module(f"{package}.msg"), kind)
+    except ImportError as error:
+        raise ImportError(
+            f"{name} needs a ROS installation with {package}: source its setup file, or give rosbags' types ({error})"
+        ) from error
+    return found
+
+
+def _class(types: Types, name: str) -> Callable[..., Any]:
+    """Class of a type by name."""
+    known = getattr(types, "types", types)
+    if not isinstance(known, Mapping):
+        if callable(known):
+            kind: Callable[..., Any] = known(name)
+            return kind
+        raise TypeError(f"types: expected a mapping or a function of names of messages, got {type(types).__name__}")
+    if name not in known:
+        hint = "; register it from DEFINITIONS" if name in DEFINITIONS else ""
+        raise ValueError(f"types: expected {name!r} among them, got none{hint}")
+    found: Callable[..., Any] = known[name]
+    return found
+
+
+def _as_field(kind: Any, value: Any) -> Any:
+    """An array as the fields of a class have it: NumPy's, an `array.array` (ROS 2), or bytes and lists (ROS 1)."""
+    if not isinstance(value, np.ndarray):
+        return value
+    if hasattr(kind, "get_fields_and_field_types"):
+        return array(value.dtype.char, value.tobytes())
+    if hasattr(kind, "_slot_types"):
+        return value.tobytes() if value.dtype == np.uint8 else value.tolist()
+    return value

@@ -1,0 +1,241 @@
+"""Poses and joint angles of ROS: single messages to poses and back, and series of messages to motions.
+
+Motion capture comes in such series: ``mocap_optitrack`` sends PoseStamped on ``NAME/pose``, ``natnet_ros_cpp`` on
+``/natnet_ros/NAME/pose``, MOCAP4ROS2 sends ``mocap4r2_msgs/RigidBodies``. Their world is not always the one that is
+meant, and some swap axes by the version of Motive: ``rc.Attached(world_from_mocap, series.trajectory())`` places them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.adapters.ros.messages import Types, header, make
+from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.geometry.pose import Pose, as_pose, cross_matrix, transforms
+from radarcore.motion.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSeries:
+    """Poses of a frame or body in another frame, by increasing time.
+
+    Attributes
+    ----------
+    times_ns : (n,) int64
+        Stamps [ns]; of equal ones the first counts, as in TF.
+    poses : tuple of Pose
+        One per stamp.
+    frame_id : str
+        Frame that the poses are in.
+    """
+
+    times_ns: NDArray[np.int64]
+    poses: tuple[Pose, ...]
+    frame_id: str = ""
+
+    def __post_init__(self) -> None:
+        times = np.asarray(self.times_ns, dtype=np.int64)
+        if times.shape != (len(self.poses),):
+            raise ValueError(f"times_ns: expected shape ({len(self.poses)},), one per pose, got {times.shape}")
+        times, order = np.unique(times, return_index=True)
+        times.flags.writeable = False
+        object.__setattr__(self, "times_ns", times)
+        object.__setattr__(self, "poses", tuple(self.poses[k] for k in order.tolist()))
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def times(self, start_ns: int = 0) -> NDArray[np.float64]:
+        """Times since `start_ns` [s], (n,)."""
+        return times_since(self.times_ns, start_ns)
+
+    def trajectory(self, start_ns: int = 0, **options: Any) -> Trajectory | Pose:
+        """Motion through the poses, its times counted from `start_ns`; a single pose rests.
+
+        `options` are those of `radarcore.Trajectory`, such as ``beyond="hold"``.
+        """
+        if len(self.poses) == 1:
+            return self.poses[0]
+        return Trajectory(self.times(start_ns), self.poses, **options)
+
+
+@dataclass(frozen=True, eq=False)
+class JointSeries:
+    """Positions of joints by increasing time.
+
+    Attributes
+    ----------
+    times_ns : (n,) int64
+        Stamps [ns].
+    names : tuple of str
+        One per joint.
+    positions : (n, joint) float64
+        Angles [rad] of revolute joints, ways [m] of prismatic ones.
+    """
+
+    times_ns: NDArray[np.int64]
+    names: tuple[str, ...]
+    positions: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for values in (self.times_ns, self.positions):
+            values.flags.writeable = False
+
+    def times(self, start_ns: int = 0) -> NDArray[np.float64]:
+        """Times since `start_ns` [s], (n,)."""
+        return times_since(self.times_ns, start_ns)
+
+
+def from_pose(message: Any) -> Pose:
+    """Pose of a ``geometry_msgs`` Pose, Transform, or one of these with a header; quaternions are (x, y, z, w)."""
+    return poses_of([pose_numbers(message)])[0]
+
+
+def pose_numbers(message: Any) -> tuple[float, ...]:
+    """Position and quaternion (x, y, z, w) of a message such as `from_pose` takes."""
+    message = getattr(message, "pose", getattr(message, "transform", message))
+    message = getattr(message, "pose", message)  # PoseWithCovarianceStamped
+    if hasattr(message, "position"):
+        p, q = message.position, message.orientation
+    else:
+        p, q = message.translation, message.rotation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
+    """Poses of many rows of `pose_numbers`, together: recordings have 100,000 of them."""
+    numbers = check.array("position and orientation", rows, (None, 7))
+    positions, quaternions = numbers[:, :3], numbers[:, 3:]
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if (is_zero := lengths[:, 0] == 0.0).any():
+        raise ValueError(f"orientation: expected a quaternion, got zeros at index {int(is_zero.argmax())}")
+    unit = quaternions / lengths
+    # R = 1 + 2 w [v] + 2 [v]^2 with the vector part v.
+    cross = cross_matrix(unit[:, :3])
+    rotations = np.eye(3) + 2.0 * unit[:, 3, None, None] * cross + 2.0 * cross @ cross
+    return tuple(map(as_pose, transforms(rotations, positions)))
+
+
+def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
+    """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns]."""
+    x, y, z, w = _quaternion(pose)
+    placed = make(
+        types,
+        "geometry_msgs/msg/Pose",
+        position=_vector(types, "Point", pose),
+        orientation=make(types, "geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+    )
+    stamped = header(None, time_ns, frame_id, types)
+    return make(types, "geometry_msgs/msg/PoseStamped", header=stamped, pose=placed)
+
+
+def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
+    """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names."""
+    sent = []
+    for name, pose in poses.items():
+        x, y, z, w = _quaternion(pose)
+        placed = make(
+            types,
+            "geometry_msgs/msg/Transform",
+            translation=_vector(types, "Vector3", pose),
+            rotation=make(types, "geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        )
+        stamped = header(None, time_ns, frame_id, types)
+        name_of_type = "geometry_msgs/msg/TransformStamped"
+        sent.append(make(types, name_of_type, header=stamped, child_frame_id=name, transform=placed))
+    return make(types, "tf2_msgs/msg/TFMessage", transforms=sent)
+
+
+def pose_series(messages: Iterable[Any]) -> PoseSeries:
+    """Series of ``geometry_msgs/PoseStamped`` (or with covariance) of one body, all in the same frame."""
+    given = list(messages)
+    if not given:
+        raise ValueError("messages: expected at least one, got none")
+    frames = {frame_name(message.header.frame_id) for message in given}
+    if len(frames) > 1:
+        raise ValueError(f"messages: expected poses in one frame, got {', '.join(map(repr, sorted(frames)))}")
+    return PoseSeries(_stamps(given), poses_of([pose_numbers(message) for message in given]), frames.pop())
+
+
+def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
+    """Series of every rigid body in ``mocap4r2_msgs/RigidBodies``, by name.
+
+    A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
+    """
+    frame_id = ""
+    found: dict[str, tuple[list[int | None], list[tuple[float, ...]]]] = {}
+    for message in messages:
+        time_ns, frame_id = header_nanoseconds(message), frame_name(message.header.frame_id)
+        # Drafts of the message have an underscore in it.
+        for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
+            numbers = pose_numbers(body.pose)
+            if np.isfinite(numbers).all() and any(numbers[3:]):
+                times, rows = found.setdefault(str(body.rigid_body_name), ([], []))
+                times.append(time_ns)
+                rows.append(numbers)
+    return {
+        name: PoseSeries(np.array(times, np.int64), poses_of(rows), frame_id) for name, (times, rows) in found.items()
+    }
+
+
+def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) -> JointSeries:
+    """Positions of joints in ``sensor_msgs/JointState``.
+
+    Parameters
+    ----------
+    messages : iterable of sensor_msgs/JointState
+        Joints may stand in any order; messages without all the joints, such as those of a gripper on the same topic,
+        are left out.
+    names : sequence of str, optional
+        Joints in the order of the result; default: those of the first message that has positions.
+    """
+    given = [message for message in messages if len(message.position) > 0]
+    if not given:
+        raise ValueError("messages: expected at least one with positions, got none")
+    wanted = tuple(given[0].name) if names is None else tuple(names)
+    known = sorted({name for message in given for name in message.name})
+    if missing := [name for name in wanted if name not in known]:
+        raise ValueError(f"names: no joint {', '.join(map(repr, missing))}; there is {', '.join(known)}")
+    kept, rows = [], []
+    for message in given:
+        positions = dict(zip(message.name, message.position, strict=True))
+        if all(name in positions for name in wanted):
+            kept.append(message)
+            rows.append([positions[name] for name in wanted])
+    if not kept:
+        raise ValueError(f"names: expected joints of one message, got {', '.join(wanted)}, which never come together")
+    times, order = np.unique(_stamps(kept), return_index=True)
+    return JointSeries(times, wanted, check.array("position", np.array(rows)[order], (None, len(wanted))))
+
+
+def times_since(times_ns: NDArray[np.int64], start_ns: int) -> NDArray[np.float64]:
+    """Times [s] since a stamp [ns]: the difference is taken in whole nanoseconds."""
+    return np.array([seconds(time_ns, start_ns) for time_ns in times_ns.tolist()])
+
+
+def frame_name(frame_id: str) -> str:
+    """Name of a frame, without the slash that old nodes of ROS 1 put in front."""
+    return str(frame_id).removeprefix("/")
+
+
+def _stamps(messages: Sequence[Any]) -> NDArray[np.int64]:
+    return np.array([header_nanoseconds(message) for message in messages], dtype=np.int64)
+
+
+def _quaternion(pose: Pose) -> list[float]:
+    """Unit quaternion (x, y, z, w) with w >= 0."""
+    from scipy.spatial.transform import Rotation
+
+    numbers: list[float] = Rotation.from_matrix(pose.rotation).as_quat(canonical=True).tolist()
+    return numbers
+
+
+def _vector(types: Types, kind: str, pose: Pose) -> Any:
+    x, y, z = pose.position.tolist()
+    return make(types, f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)

@@ -1,0 +1,189 @@
+"""Detections to and from ``radar_msgs/RadarScan`` and ``sensor_msgs/PointCloud2``.
+
+Frames are those of the radar: x forward, y left, z up (REP 103), angles positive to the left and up. Velocities are
+range rates, receding positive; neither message says so itself, and other publishers may mean the opposite.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.adapters.planar_depth import unpacked
+from radarcore.adapters.ros.messages import Types, checked_frame_id, header, make
+from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.processing.point_cloud import Detections
+
+_FIELDS = ("x", "y", "z", "velocity", "intensity")
+"""Columns of a point cloud, float32 each."""
+
+_POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""sensor_msgs/PointField: datatype."""
+
+_FLOAT32 = 7
+
+
+def to_radar_scan(
+    detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
+) -> Any:
+    """Detections as a ``radar_msgs/RadarScan``; the signal-to-noise ratio is the amplitude [dB].
+
+    An elevation that is not told is 0, as the message defines it for 2D radars; other unknown values are NaN.
+
+    Parameters
+    ----------
+    detections : Detections
+    frame_id : str
+        Frame of the radar.
+    time_ns : int, optional
+        Stamp [ns]; default: that of the detections, the middle of their frame, to the nearest nanosecond.
+    types : optional
+        Types of messages, see `radarcore.adapters.ros.messages`.
+    """
+    name = "radar_msgs/msg/RadarReturn"
+    elevation = np.nan_to_num(detections.elevation)
+    columns = (detections.range, detections.azimuth, elevation, detections.velocity, detections.snr_db)
+    rows = np.stack(columns, axis=-1).astype(np.float32).tolist()
+    fields = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    returns = [make(types, name, **dict(zip(fields, row, strict=True))) for row in rows]
+    stamped = header(detections.time, time_ns, checked_frame_id(frame_id), types)
+    return make(types, "radar_msgs/msg/RadarScan", header=stamped, returns=returns)
+
+
+def from_radar_scan(
+    message: Any, *, approaching_positive: bool = False, has_elevation: bool = True, start_ns: int = 0
+) -> Detections:
+    """Detections of a ``radar_msgs/RadarScan``, by increasing range.
+
+    Ranges that are infinite or NaN are no detections (REP 117). Early drafts of the message, which call their returns
+    `points`, have azimuths positive to the right, and an intensity without a unit in the place of decibels.
+
+    Parameters
+    ----------
+    message : radar_msgs/RadarScan
+        Anything with its fields.
+    approaching_positive : bool
+        The publisher's velocities are positive for what comes closer.
+    has_elevation : bool
+        False for a 2D radar: its elevations, all 0, are not told.
+    start_ns : int
+        Stamp that counts as time 0 [ns].
+    """
+    is_draft = not hasattr(message, "returns")
+    entries = message.points if is_draft else message.returns
+    right = ("angle", "azimuth") if is_draft else ("azimuth",)
+    rows = [
+        [
+            entry.range,
+            _first(entry, "doppler_velocity", "doppler"),
+            _first(entry, *right),
+            entry.elevation if has_elevation else np.nan,
+            _first(entry, "amplitude", "intensity"),
+        ]
+        for entry in entries
+    ]
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T
+    columns[2] *= -1.0 if is_draft else 1.0
+    return _detections(columns, message, approaching_positive, start_ns)
+
+
+def to_point_cloud(
+    detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
+) -> Any:
+    """Detections as a ``sensor_msgs/PointCloud2`` with x, y, z [m], velocity [m/s] and intensity [dB], float32 each.
+
+    An elevation that is not told is 0; the points of an azimuth that is not told are NaN. Parameters are those of
+    `to_radar_scan`.
+    """
+    points = np.empty(len(detections), [(name, "<f4") for name in _FIELDS])
+    for name, values in zip(_FIELDS, (*detections.position.T, detections.velocity, detections.snr_db), strict=True):
+        points[name] = values
+    step = points.itemsize
+    fields = [
+        make(types, "sensor_msgs/msg/PointField", name=name, offset=4 * k, datatype=_FLOAT32, count=1)
+        for k, name in enumerate(_FIELDS)
+    ]
+    return make(
+        types,
+        "sensor_msgs/msg/PointCloud2",
+        header=header(detections.time, time_ns, checked_frame_id(frame_id), types),
+        height=1,
+        width=len(points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=step,
+        row_step=step * len(points),
+        data=points.view(np.uint8) if len(points) else np.empty(0, np.uint8),
+        is_dense=bool(all(np.isfinite(points[name]).all() for name in _FIELDS)),
+    )
+
+
+def from_point_cloud(
+    message: Any,
+    *,
+    velocity: str | None = "velocity",
+    intensity: str | None = "intensity",
+    approaching_positive: bool = False,
+    start_ns: int = 0,
+) -> Detections:
+    """Detections of a ``sensor_msgs/PointCloud2`` in the frame of a radar, by increasing range.
+
+    Points that are not finite are left out.
+
+    Parameters
+    ----------
+    message : sensor_msgs/PointCloud2
+        Anything with its fields; any layout.
+    velocity, intensity : str or None
+        Fields with the range rate [m/s] and the signal-to-noise ratio [dB]; None: not told.
+    approaching_positive : bool
+        The publisher's velocities are positive for what comes closer.
+    start_ns : int
+        Stamp that counts as time 0 [ns].
+    """
+    x, y, z = (_column(message, "fields", name) for name in "xyz")
+    rates, strengths = (
+        np.full(len(x), np.nan) if name is None else _column(message, argument, name)
+        for argument, name in (("velocity", velocity), ("intensity", intensity))
+    )
+    across = np.hypot(x, y)
+    columns = np.stack([np.hypot(across, z), rates, np.arctan2(y, x), np.arctan2(z, across), strengths])
+    return _detections(columns, message, approaching_positive, start_ns)
+
+
+def _detections(columns: NDArray[np.float64], message: Any, approaching_positive: bool, start_ns: int) -> Detections:
+    """Detections of columns (range, velocity, azimuth, elevation, snr_db), those with a range."""
+    time_ns = header_nanoseconds(message)
+    if approaching_positive:
+        columns[1] *= -1.0
+    kept = columns[:, np.isfinite(columns[0])]
+    kept = kept[:, np.argsort(kept[0], kind="stable")]
+    time = 0.0 if time_ns is None else seconds(time_ns, start_ns)
+    return Detections.from_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
+
+
+def _first(entry: Any, *names: str) -> Any:
+    """First field that an entry has, NaN if none."""
+    return next((getattr(entry, name) for name in names if hasattr(entry, name)), np.nan)
+
+
+def _column(message: Any, argument: str, name: str) -> NDArray[np.float64]:
+    """Numbers of a field of a point cloud, point by point."""
+    fields = {field.name: field for field in message.fields}
+    if name not in fields:
+        raise ValueError(f"{argument}: expected a field {name!r} of the point cloud, got {', '.join(fields) or 'none'}")
+    field = fields[name]
+    if field.datatype not in _POINT_TYPES:
+        raise ValueError(f"datatype: expected 1 to 8, as of sensor_msgs/PointField, got {field.datatype} of {name!r}")
+    rows, columns = (check.count(side, int(getattr(message, side)), 0) for side in ("height", "width"))
+    if rows * columns == 0:
+        return np.empty(0)
+    kind = (">" if message.is_bigendian else "<") + _POINT_TYPES[field.datatype]
+    if field.offset + np.dtype(kind).itemsize > message.point_step:
+        raise ValueError(f"point_step: expected room for {name!r} at {field.offset}, got {message.point_step} bytes")
+    layout = np.dtype({"names": [name], "formats": [kind], "offsets": [field.offset], "itemsize": message.point_step})
+    points = unpacked("data", message.data, layout, rows, columns, int(message.row_step))
+    return points[name].ravel().astype(np.float64)

@@ -1,0 +1,158 @@
+"""Trees of transforms (TF): the motion of any frame in any other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from radarcore import check
+from radarcore.adapters.planar_depth import radar_in_camera
+from radarcore.adapters.ros.poses import PoseSeries, frame_name, pose_numbers, poses_of
+from radarcore.adapters.ros.stamps import nanoseconds
+from radarcore.geometry.pose import Pose
+from radarcore.motion.attached import Attached
+from radarcore.motion.inverse import Inverse
+from radarcore.motion.protocol import Motion
+from radarcore.sealed import sealed
+
+_OPTICAL = "_optical_frame"
+"""End of the names of frames with z forward (REP 103)."""
+
+
+@sealed
+class TransformTree:
+    """Frames and the transforms between them, of ``tf2_msgs/TFMessage``.
+
+    Parameters
+    ----------
+    messages : iterable of tf2_msgs/TFMessage
+        Those of ``/tf``.
+    static : iterable of tf2_msgs/TFMessage
+        Those of ``/tf_static``: the last one of a frame holds at all times.
+
+    Raises
+    ------
+    ValueError
+        For a frame with two parents, and for frames that go round in a circle.
+    """
+
+    def __init__(self, messages: Iterable[Any] = (), static: Iterable[Any] = ()) -> None:
+        self._parents: dict[str, str] = {}
+        self._still: dict[str, Pose] = {}
+        self._moving: dict[str, PoseSeries] = {}
+        for child, (_, rows) in self._collected(static).items():
+            self._still[child] = poses_of(rows)[-1]
+        for child, (times, rows) in self._collected(messages).items():
+            if child not in self._still:
+                self._moving[child] = PoseSeries(np.array(times, np.int64), poses_of(rows), self._parents[child])
+        for child in self._parents:
+            self._line(child)
+
+    def _collected(self, messages: Iterable[Any]) -> dict[str, tuple[list[int], list[tuple[float, ...]]]]:
+        """Stamps [ns] of every child frame, and the numbers of its poses."""
+        found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
+        for message in messages:
+            for transform in message.transforms:
+                child, parent = frame_name(transform.child_frame_id), frame_name(transform.header.frame_id)
+                if (other := self._parents.setdefault(child, parent)) != parent:
+                    raise ValueError(f"messages: expected one parent of {child!r}, got {other!r} and {parent!r}")
+                times, rows = found.setdefault(child, ([], []))
+                times.append(nanoseconds(transform.header.stamp))
+                rows.append(pose_numbers(transform))
+        return found
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of all frames, sorted."""
+        return tuple(sorted({*self._parents, *self._parents.values()}))
+
+    def parent(self, frame: str) -> str | None:
+        """Parent of a frame; None for a root."""
+        return self._parents.get(self._known("frame", frame))
+
+    def series(self, frame: str) -> PoseSeries | Pose:
+        """Poses of a frame in its parent, as they were sent; the pose of a static one."""
+        name = self._known("frame", frame)
+        if name not in self._parents:
+            raise ValueError(f"frame: expected one with a parent, got the root {name!r}")
+        return self._still[name] if name in self._still else self._moving[name]
+
+    def motion(self, frame: str, within: str, *, start_ns: int = 0, **options: Any) -> Motion:
+        """Motion of a frame in another one: a `Pose` where all between them is static.
+
+        Every moving transform on the way is a `radarcore.Trajectory`, a C2 spline of position and rotation: unlike
+        TF's own interpolation between two stamps it has no steps in velocity.
+
+        Parameters
+        ----------
+        frame, within : str
+            Names of frames.
+        start_ns : int
+            Stamp that counts as time 0 [ns]. With 0 times are seconds since 1970, good to 0.2 us.
+        **options
+            Of `radarcore.Trajectory`, such as ``beyond="hold"``.
+
+        Raises
+        ------
+        ValueError
+            For a frame that is not there, and for frames that no transforms connect.
+        """
+        up, down = self._line(self._known("frame", frame)), self._line(self._known("within", within))
+        common = next((name for name in up if name in down), None)
+        if common is None:
+            raise ValueError(
+                f"within: expected a frame that transforms connect with {up[0]!r}, got {down[0]!r}: the one hangs on "
+                f"{up[-1]!r}, the other on {down[-1]!r}, and nothing joins them"
+            )
+        forth, back = (self._product(line[: line.index(common)], start_ns, options) for line in (up, down))
+        return _joined(back.inverse() if isinstance(back, Pose) else Inverse(back), forth)
+
+    def radar_motion(
+        self, camera: str, within: str, *, axes: str | None = None, start_ns: int = 0, **options: Any
+    ) -> Motion:
+        """Motion of a radar that sits at a camera's frame and looks where the camera looks.
+
+        `axes`: ``"optical"`` or ``"link"``, those of the camera's frame, see `radar_in_camera`; default: optical for a
+        name that ends in ``_optical_frame``. Others as in `motion`.
+        """
+        if axes is None:
+            axes = "optical" if camera.endswith(_OPTICAL) else "link"
+        return _joined(self.motion(camera, within, start_ns=start_ns, **options), radar_in_camera(axes))
+
+    def _product(self, line: list[str], start_ns: int, options: dict[str, Any]) -> Motion:
+        """Motion of the first frame of a line of children in the parent of the last."""
+        product: Motion = Pose()
+        for child in line:
+            own: Motion = (
+                self._still[child] if child in self._still else self._moving[child].trajectory(start_ns, **options)
+            )
+            product = _joined(own, product)
+        return product
+
+    def _line(self, frame: str) -> list[str]:
+        """A frame, its parent, and so on up to a root."""
+        line = [frame]
+        while (parent := self._parents.get(line[-1])) is not None:
+            if parent in line:
+                raise ValueError(f"messages: expected a tree of frames, got the circle {' < '.join([*line, parent])}")
+            line.append(parent)
+        return line
+
+    def _known(self, argument: str, frame: str) -> str:
+        name = frame_name(frame)
+        if name not in (frames := self.frames):
+            near = check.near(name, frames)
+            meant = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+            raise ValueError(f"{argument}: no frame {name!r}{meant}; there is {', '.join(frames) or 'none'}")
+        return name
+
+
+def _joined(parent: Motion, own: Motion) -> Motion:
+    """Motion relative to another, in as few parts as can be."""
+    if isinstance(parent, Pose) and isinstance(own, Pose):
+        return parent @ own
+    if isinstance(own, Pose) and own == Pose():
+        return parent
+    return own if isinstance(parent, Pose) and parent == Pose() else Attached(parent, own)

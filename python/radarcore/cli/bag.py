@@ -1,0 +1,124 @@
+"""ROS bags on the command line: recordings simulated from them, and what they hold."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from radarcore import check, notice
+from radarcore.adapters.ros.bag_depth import DepthImages, FrameImages, frame_images
+from radarcore.adapters.ros.bag_motions import BagMotions
+from radarcore.adapters.ros.bags import BagReader
+from radarcore.depth.frame import frame_from_depth
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import RecordingWriter
+from radarcore.scenefile.load import load_radar, load_scene
+
+
+def simulated(options: argparse.Namespace) -> tuple[Recording, float]:
+    """Recording of a scene whose motions a bag holds, or of its depth images; and its frames per second."""
+    with BagReader(options.bag) as bag:
+        return _scene(bag, options) if options.scene is not None else _depth(bag, options)
+
+
+def facts(path: Path) -> dict[str, Any]:
+    """Content of a bag, by name with unit."""
+    with BagReader(path) as bag:
+        start = datetime.fromtimestamp(bag.start_ns // 10**9, UTC).isoformat()
+        return {
+            "bag": str(path),
+            "ROS": bag.version,
+            "start": start if bag.topics else None,
+            "start [ns]": bag.start_ns,
+            "duration [s]": 1e-9 * (bag.stop_ns - bag.start_ns),
+            "messages": sum(topic.num_messages for topic in bag.topics.values()),
+            "topics": {topic.name: f"{topic.num_messages} {topic.type}" for topic in bag.topics.values()},
+        }
+
+
+def _scene(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
+    recorded = BagMotions(bag)
+    simulation = load_scene(options.scene, recorded=recorded)
+    if recorded.span is None:
+        notice.warn(f"{options.scene}: expected a motion or joints of kind 'bag', got none: the bag is not used")
+    source = {"bag": {"path": str(bag.path), "start_ns": recorded.start_ns}}
+    recording = simulation.record(options.output, overwrite=options.overwrite, threads=options.threads, source=source)
+    return recording, simulation.run.rate
+
+
+def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
+    """Every frame from the newest depth image and the one before it."""
+    radar = load_radar(options.radar)
+    rate = 1.0 / radar.waveform.frame_interval if options.rate is None else check.positive("rate", options.rate, "Hz")
+    angles = None if options.field_of_view is None else tuple(options.field_of_view)
+    with _argument_names(bag.path):
+        images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=angles)
+    if len(images) < 2:
+        raise ValueError(f"{bag.path}: expected at least two depth images on {images.topic}, got {len(images)}")
+    reflectance = 1.0 if options.reflectance is None else options.reflectance
+    max_age = 0.2 if options.max_age is None else options.max_age
+    source = {
+        "kind": "depth images",
+        "bag": {"path": str(bag.path), "start_ns": images.start_ns, "topic": images.topic},
+    }
+    num_lost, told = 0, set[str]()
+    with (
+        RecordingWriter(options.output, radar, source=source, overwrite=options.overwrite) as writer,
+        notice.progress(images, "simulating", "image", total=len(images)) as counted,
+    ):
+        for found in frame_images(counted, rate, max_age=max_age):
+            with _each_kind_once(told):
+                writer.append(_frame(found, radar, reflectance, options.threads))
+            num_lost += found.num_lost
+    if num_lost:
+        notice.warn(f"{bag.path}: {num_lost} frames left out: no two depth images within {max_age:g} s")
+    return Recording.load(options.output), rate
+
+
+def _frame(found: FrameImages, radar: Radar, reflectance: float, threads: int | None) -> Frame:
+    frame = frame_from_depth(
+        found.image.depth,
+        reflectance,
+        radar,
+        camera=found.image.camera,
+        planar=True,
+        previous=found.previous.depth,
+        interval=found.interval,
+        time=found.time,
+        image_time=found.image.time,
+        threads=threads,
+    )
+    frame.stats["lost_before"] = found.num_lost
+    return frame
+
+
+@contextmanager
+def _argument_names(path: Path) -> Iterator[None]:
+    """Errors of topics by the names of their options."""
+    names = {"topic": "--depth-topic", "info_topic": "--info-topic", "camera": "--field-of-view"}
+    try:
+        yield
+    except ValueError as error:
+        name, colon, text = str(error).partition(": ")
+        raise ValueError(f"{names[name]}: {text}" if colon and name in names else f"{path}: {error}") from error
+
+
+@contextmanager
+def _each_kind_once(told: set[str]) -> Iterator[None]:
+    """Warnings that differ from earlier ones in more than numbers."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for warning in caught:
+        kind = re.sub(r"[\d.]+", "0", str(warning.message))
+        if kind not in told:
+            told.add(kind)
+            notice.warn(str(warning.message), warning.category)

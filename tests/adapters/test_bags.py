@@ -1,0 +1,323 @@
+"""ROS bags: what is written comes back from all three formats, by a second reader too; cut ones up to the cut."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
+
+from radarcore.adapters.ros.bag_writer import BagWriter
+from radarcore.adapters.ros.bags import BagReader, Topic
+from radarcore.adapters.ros.typestore import typed, typestore
+from ros_bags import (
+    ARRAY,
+    BAGS,
+    EVERY_NS,
+    POSE,
+    START_NS,
+    array_of,
+    cut,
+    file_of,
+    header_of,
+    pose_of,
+    read_cut,
+    write_bag,
+)
+
+
+@pytest.fixture(params=BAGS)
+def format(request: pytest.FixtureRequest) -> str:  # noqa: A001  # the argument's name
+    name: str = request.param
+    return name
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return {kind: write_bag(folder / kind / name, kind) for kind, name in BAGS.items()}
+
+
+@pytest.fixture
+def path(tmp_path: Path, format: str, bags: dict[str, Path]) -> Path:
+    """A copy of a bag, to be damaged."""
+    return copied(bags[format], tmp_path)
+
+
+def copied(bag: Path, folder: Path) -> Path:
+    copy = shutil.copytree if bag.is_dir() else shutil.copy
+    return Path(copy(bag, folder / bag.name))
+
+
+# --- Round trip
+
+
+def test_messages_come_back_in_order_with_their_times(path: Path, format: str) -> None:
+    with BagReader(path) as bag:
+        assert bag.topics == {"/arm/pose": Topic("/arm/pose", POSE, 300), "/array": Topic("/array", ARRAY, 300)}
+        assert bag.version == (1 if format == "ros1" else 2)
+        assert (bag.start_ns, bag.stop_ns) == (START_NS, START_NS + 299 * EVERY_NS + 1)
+        every = list(bag.messages())
+        arrays, poses = ([m for m in every if m.topic == topic] for topic in ("/array", "/arm/pose"))
+        assert [m.time_ns for m in arrays] == [START_NS + k * EVERY_NS for k in range(300)]
+        assert all((m.message.data == k).all() and m.message.data.dtype == np.int16 for k, m in enumerate(arrays))
+        assert [m.message.pose.position.x for m in poses] == list(range(300))
+        stamps = [m.message.header.stamp for m in poses]
+        assert [s.sec * 10**9 + s.nanosec for s in stamps] == [m.time_ns for m in poses]
+        some = list(bag.messages("array", start_ns=START_NS + EVERY_NS, stop_ns=START_NS + 3 * EVERY_NS))
+        assert [int(m.message.data[0]) for m in some] == [1, 2]
+
+
+def test_a_single_file_and_a_folder_without_metadata_are_bags_too(tmp_path: Path) -> None:
+    for kind, suffix in (("mcap", ".mcap"), ("sqlite3", ".db3")):
+        whole = write_bag(tmp_path / f"take{suffix}", kind, 5)
+        assert whole.is_file()
+        assert read_cut(whole) == (list(range(5)), [])
+        folder = write_bag(tmp_path / kind, kind, 5)
+        assert read_cut(file_of(folder)) == (list(range(5)), [])
+        (folder / "metadata.yaml").unlink()
+        found, warned = read_cut(folder)
+        assert found == list(range(5))
+        assert warned == [
+            f"{folder}: a bag that is cut or damaged: a folder without metadata.yaml, its recorder was interrupted"
+        ]
+    assert {entry.name for entry in tmp_path.iterdir()} == {"take.mcap", "take.db3", "mcap", "sqlite3"}
+
+
+def test_a_second_reader_agrees(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader", reason="needs mcap: pip install mcap mcap-ros2-support")
+    decoder = pytest.importorskip("mcap_ros2.decoder", reason="needs mcap-ros2-support")
+    path = tmp_path / "take.mcap"
+    scan = {"header": header_of(START_NS, "radar"), "returns": [dict.fromkeys(RETURN, 0.5) | {"range": 2.5}]}
+    with BagWriter(path) as bag:
+        bag.write("/scan", scan, START_NS, type="radar_msgs/msg/RadarScan")
+    with path.open("rb") as file:
+        ((_, channel, message, found),) = reader.make_reader(
+            file, decoder_factories=[decoder.DecoderFactory()]
+        ).iter_decoded_messages()
+    assert (channel.topic, message.log_time) == ("/scan", START_NS)
+    assert found.header.stamp.sec * 10**9 + found.header.stamp.nanosec == START_NS
+    assert found.header.frame_id == "radar"
+    assert [(entry.range, entry.azimuth) for entry in found.returns] == [(2.5, 0.5)]
+
+
+RETURN = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+
+
+def test_latched_topics_say_so(tmp_path: Path, format: str) -> None:
+    path = tmp_path / BAGS[format]
+    with BagWriter(path, format) as bag:
+        bag.add_topic("/settings", "std_msgs/msg/String", latched=True)
+        bag.write("/settings", {"data": "x"}, 1)
+    if format == "ros1":
+        assert b"latching=1" in path.read_bytes()
+    else:
+        assert b"durability: transient_local" in file_of(path).read_bytes()
+
+
+def test_messages_of_other_classes_are_made_those_of_the_bag(tmp_path: Path) -> None:
+    """A message of ROS 2 becomes one of ROS 1, whose headers count."""
+    two = typestore(2)
+    message = typed(two, POSE, {"header": header_of(7), "pose": pose_of([1, 2, 3])})
+    with BagWriter(tmp_path / "a.bag") as bag:
+        bag.write("/pose", message, 7)
+    with BagReader(tmp_path / "a.bag") as read:
+        (found,) = read.messages("/pose")
+    assert (found.message.header.seq, found.message.pose.position.z) == (0, 3.0)
+
+
+# --- Cut bags
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_cut_bag_is_read_up_to_the_cut_with_one_warning(path: Path, share: float) -> None:
+    found, warned = read_cut(cut(path, share))
+    # Bytes lie in the order of time, but for the part of a page or of an index.
+    assert found == list(range(len(found)))
+    assert 300 * share * 0.95 - 4 < len(found) <= 300 * share + 1
+    (line,) = warned
+    assert line.startswith(f"{path}: a bag that is cut or damaged: ")
+
+
+@pytest.mark.parametrize("format", ["mcap", "ros1"])
+def test_a_bag_without_its_index_is_whole(path: Path, format: str) -> None:
+    """A recorder that was killed between two chunks."""
+    data = file_of(path).read_bytes()
+    if format == "mcap":
+        file_of(path).write_bytes(data[: data.rindex(b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0")])  # before DataEnd
+    else:
+        at = data.index(b"index_pos=") + 10
+        end = int.from_bytes(data[at : at + 8], "little")
+        file_of(path).write_bytes(data[:at] + bytes(8) + data[at + 8 : end])
+    found, warned = read_cut(path)
+    assert found == list(range(300))
+    assert len(warned) == 1
+
+
+@pytest.mark.parametrize("packed", ["zstd", "lz4"])
+def test_cut_chunks_that_are_packed_are_read_as_far_as_they_go(tmp_path: Path, packed: str) -> None:
+    path = tmp_path / ("a.bag" if packed == "lz4" else "bag")
+    store = typestore(1 if packed == "lz4" else 2)
+    if packed == "lz4":
+        from rosbags.rosbag1 import Writer as Writer1
+
+        writer: Any = Writer1(path)
+        writer.set_compression(Writer1.CompressionFormat.LZ4)
+    else:
+        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    random = np.random.default_rng(0)
+    sent = random.integers(0, 4096, (300, 3000)).astype(np.int16)
+    with writer:
+        topic = writer.add_connection("/array", ARRAY, typestore=store)
+        for k in range(300):
+            message = typed(store, ARRAY, array_of(k) | {"data": sent[k]})
+            pack = store.serialize_ros1 if packed == "lz4" else store.serialize_cdr
+            writer.write(topic, k, pack(message, ARRAY))
+    cut(path, 0.5)
+    with pytest.warns(UserWarning, match="cut or damaged"), BagReader(path) as bag:
+        found = [m.message.data for m in bag.messages()]
+    assert 120 < len(found) < 170
+    assert all((values == sent[k]).all() for k, values in enumerate(found))
+
+
+def test_a_torn_page_in_the_middle_ends_what_is_read(tmp_path: Path, bags: dict[str, Path]) -> None:
+    path = copied(bags["sqlite3"], tmp_path)
+    file = file_of(path)
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 65536] = bytes(65536)
+    file.write_bytes(data)
+    found, warned = read_cut(path)
+    assert found == list(range(len(found)))
+    assert 120 < len(found) < 160
+    assert len(warned) == 1
+
+
+def test_a_database_with_a_log_of_changes_is_read_with_them(tmp_path: Path) -> None:
+    """As ROS 2 leaves it behind when its recorder is killed."""
+    import apsw
+
+    path = write_bag(tmp_path / "a.db3", "sqlite3", 5)
+    database = apsw.Connection(str(path))
+    database.execute("PRAGMA journal_mode=WAL").fetchall()
+    database.execute("INSERT INTO messages (topic_id, timestamp, data) SELECT topic_id, timestamp, data FROM messages")
+    database.execute("SELECT 1").fetchall()
+    copy = tmp_path / "copy.db3"
+    for end in ("", "-wal"):
+        copy.with_name(copy.name + end).write_bytes(path.with_name(path.name + end).read_bytes())
+    database.close()
+    found, warned = read_cut(copy)
+    assert found == [*range(5), *range(5)]
+    assert len(warned) == 1
+    assert "its writer left copy.db3-wal" in warned[0]
+
+
+def test_a_killed_writer_leaves_a_readable_part(tmp_path: Path) -> None:
+    program = (
+        "import os, sys; from pathlib import Path; from ros_bags import *; bag = BagWriter(Path(sys.argv[1]))\n"
+        "for k in range(300): bag.write('/array', array_of(k), k, type=ARRAY)\n"
+        "os._exit(1)"
+    )
+    tests = str(Path(__file__).resolve().parents[1])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([tests, *sys.path])}
+    subprocess.run([sys.executable, "-c", program, tmp_path / "bag"], env=environment, check=False)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag.part"]
+    found, warned = read_cut(tmp_path / "bag.part")
+    assert found == list(range(len(found)))
+    assert len(found) > 150  # whole megabytes are written
+    assert len(warned) == 1
+    write_bag(tmp_path / "bag", "mcap", 3)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+
+
+def test_an_error_finishes_the_bag(tmp_path: Path, format: str) -> None:
+    path = tmp_path / BAGS[format]
+    with pytest.raises(ValueError, match="expected a known message"), BagWriter(path, format) as bag:  # noqa: PT012
+        bag.write("/array", array_of(0), 0, type=ARRAY)
+        bag.add_topic("/other", "nonsense")
+    assert read_cut(path) == ([0], [])
+
+
+# --- Bad input
+
+
+def test_a_wrong_topic_names_those_that_there_are(path: Path) -> None:
+    with BagReader(path) as bag:
+        with pytest.raises(
+            ValueError, match=r"topic: no topic '/arm/poze' in .*; did you mean '/arm/pose'\? "
+        ) as error:
+            bag.topic("/arm/poze")
+        assert str(error.value).endswith(f"there are /arm/pose ({POSE}), /array ({ARRAY})")
+        with pytest.raises(ValueError, match=r"topics: no topic '/x'"):
+            bag.messages(["/array", "/x"])
+        with pytest.raises(ValueError, match=f"--depth-topic: expected sensor_msgs/msg/Image, got {ARRAY} of '/array'"):
+            bag.topic("/array", "sensor_msgs/msg/Image", argument="--depth-topic")
+        with pytest.raises(
+            ValueError, match=r"topic: expected a topic of sensor_msgs/msg/Image in .*, got none; there"
+        ):
+            bag.only_topic("sensor_msgs/msg/Image")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.mcap", b"", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got an empty file"),
+        ("a.bag", b"#ROSBAG V1.2\n", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got another file"),
+        ("a.db3", b"SQLite format 3\0" + bytes(200), r"expected a bag, got a damaged one \(IOError"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=message) as error:
+        BagReader(path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_nothing_and_a_folder_without_bags_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="no such bag"):
+        BagReader(tmp_path / "none")
+    with pytest.raises(ValueError, match=r"expected a bag, got a folder without \.mcap, \.db3, \.bag files"):
+        BagReader(tmp_path)
+
+
+def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
+    (tmp_path / "notes").mkdir()
+    with pytest.raises(FileExistsError, match="a folder that is no bag"):
+        BagWriter(tmp_path / "notes", overwrite=True)
+    write_bag(tmp_path / "bag", "mcap", 1)
+    with pytest.raises(FileExistsError, match="overwrite=True replaces it"):
+        BagWriter(tmp_path / "bag")
+    with pytest.raises(ValueError, match=r"path: expected \.bag for the format 'ros1', got"):
+        BagWriter(tmp_path / "take", "ros1")
+    with pytest.raises(ValueError, match=r"path: expected \.db3 or a folder for the format 'sqlite3', got"):
+        BagWriter(tmp_path / "take.mcap", "sqlite3")
+    with BagWriter(tmp_path / "bag", overwrite=True) as bag:
+        with pytest.raises(ValueError, match=r"type: expected a known message, got 'std_msgs/msg/Strin'; did you mean"):
+            bag.write("/a", {"data": "x"}, 0, type="std_msgs/msg/Strin")
+        with pytest.raises(ValueError, match="std_msgs/msg/String: expected the field 'data', got none"):
+            bag.write("/a", {}, 0, type="std_msgs/msg/String")
+        with pytest.raises(
+            ValueError, match=r"type: expected std_msgs/msg/String, that of the topic '/a', got std_msgs"
+        ):
+            bag.write("/a", {"data": 1.0}, 0, type="std_msgs/msg/Float64")
+        with pytest.raises(ValueError, match="time_ns: expected at least 0, got -1"):
+            bag.write("/a", {"data": "x"}, -1)
+    with pytest.raises(ValueError, match="expected an open bag, got one that is closed"):
+        bag.write("/a", {"data": "x"}, 0)
+
+
+def test_missing_rosbags_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(ImportError, match=r"ROS bags need rosbags: pip install radarcore\[ros\]"):
+        BagReader(tmp_path)

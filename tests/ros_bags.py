@@ -1,0 +1,74 @@
+"""Small bags of every format to read, whole and cut."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
+
+from radarcore.adapters.ros.bag_writer import BagWriter
+from radarcore.adapters.ros.bags import BagReader
+
+BAGS = {"mcap": "bag", "sqlite3": "bag", "ros1": "take.bag"}
+"""Names of bags by their format; folders for ROS 2."""
+
+START_NS = 1_700_000_000_123_456_789
+EVERY_NS = 25_000_000
+ARRAY = "std_msgs/msg/Int16MultiArray"
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+def stamp_of(time_ns: int) -> dict[str, int]:
+    return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
+
+
+def header_of(time_ns: int, frame_id: str = "world") -> dict[str, Any]:
+    return {"stamp": stamp_of(time_ns), "frame_id": frame_id}
+
+
+def pose_of(position: Any, quaternion_xyzw: Any = (0.0, 0.0, 0.0, 1.0)) -> dict[str, Any]:
+    return {
+        "position": dict(zip("xyz", map(float, position), strict=True)),
+        "orientation": dict(zip("xyzw", map(float, quaternion_xyzw), strict=True)),
+    }
+
+
+def array_of(number: int) -> dict[str, Any]:
+    return {"layout": {"dim": [], "data_offset": 0}, "data": np.full(3000, number, np.int16)}
+
+
+def write_bag(path: Path, format: str, num: int = 300) -> Path:
+    """`num` arrays that count on ``/array``, and as many poses on ``/arm/pose``."""
+    with BagWriter(path, format) as bag:
+        for k in range(num):
+            time = START_NS + k * EVERY_NS
+            bag.write("/array", array_of(k), time, type=ARRAY)
+            bag.write("/arm/pose", {"header": header_of(time), "pose": pose_of([k, 0.0, 0.0])}, time, type=POSE)
+    return path
+
+
+def file_of(path: Path) -> Path:
+    """The file with the messages."""
+    return path if path.is_file() else next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+
+
+def cut(path: Path, share: float) -> Path:
+    """The bag without its end: its file is `share` as long."""
+    file = file_of(path)
+    file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+    return path
+
+
+def read_cut(path: Path) -> tuple[list[int], list[str]]:
+    """Numbers of the arrays that come out, every one whole, and the warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with BagReader(path) as bag:
+            found = [np.unique(message.message.data).tolist() for message in bag.messages("/array")]
+    assert all(len(values) == 1 for values in found)
+    return [values[0] for values in found], [str(entry.message) for entry in caught]
