@@ -92,7 +92,10 @@ def test_options_name_recordings_and_targets(folder: Path, capsys: pytest.Captur
         (["simulated", "--truth", "none.csv"], "none.csv: No such file or directory"),
         (["simulated", "--truth", "take.csv", "--radar", "rader"], "--radar: expected a body of take.csv, got 'rader'"),
         (["simulated", "--truth", "take.csv", "--radius", "ball"], "--radius: expected a number, got 'ball'"),
-        (["simulated", "--radius", "ball=0.1"], "--radius: expected --truth with motion capture (.csv), got none"),
+        (
+            ["simulated", "--radius", "ball=0.1"],
+            "--radius: expected --truth with motion capture (Motive's .csv, or a bag), got none",
+        ),
         (["simulated", "--truth", "measured"], "truth: expected a recording with truth, got one without"),
     ],
 )

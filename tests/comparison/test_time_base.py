@@ -66,6 +66,15 @@ def test_offset_is_not_guessed_where_nothing_tells_it() -> None:
         estimated_offset(found, MovingTargets(truth), bins=BINS, interval=INTERVAL, longest=1.0, span=(1e3, 1e3 + 2.0))
 
 
+def test_motions_that_come_again_do_not_tell_the_offset() -> None:
+    found, truth = detections([swing], 0.3, 6), MovingTargets({"swing": swing})
+    period = 2.0 * np.pi / 4.0
+    with pytest.raises(ValueError, match="offset: expected motions that tell one offset, got two that fit alike"):
+        estimated_offset(found, truth, bins=BINS, interval=INTERVAL, longest=0.3 + period)
+    told = estimated_offset(found, truth, bins=BINS, interval=INTERVAL, longest=0.5 * period)
+    assert told.seconds == pytest.approx(0.3, abs=1e-3)
+
+
 def recording(times: list[float], lost: list[int] | None = None) -> rc.Recording:
     radar = rc.bgt60tr13c(num_samples=16, num_chirps=4)
     return rc.Recording(np.zeros((len(times), 3, 4, 16), np.float32), times, radar, lost=lost)

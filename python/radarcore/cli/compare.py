@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check, plot
-from radarcore.adapters.optitrack.motive_csv import read_motive_csv
+from radarcore.adapters.ros.bags import is_bag
+from radarcore.cli.captured import motions_of, name_of, recording_of
 from radarcore.cli.source import load_recording
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.comparison import compare
@@ -26,16 +27,17 @@ _FALSE_ALARM_RATE = 1e-4
 def run(options: argparse.Namespace) -> int:
     """Compare, print the tables, and write the report or the picture."""
     _check_output(options.output)
-    paths = [path for path in (options.a, options.b) if path is not None]
+    sources = [text for text in (options.a, options.b) if text is not None]
     limits = {name: value for name in ("min_range", "max_range") if (value := getattr(options, name)) is not None}
-    recordings = [load_recording(path, None) for path in paths]
+    recordings = [recording_of(text) for text in sources]
     compared = compare(
         *recordings,
         **_truth(options),
         targets=_pairs("targets", options.targets),
         offset=_offset(options.offset),
         max_offset=options.max_offset,
-        names=_names(options.names, paths),
+        names=_names(options.names, sources),
+        range_only=options.range_only,
         detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **limits),
     )
     if options.json:
@@ -62,25 +64,26 @@ def _check_output(path: Path | None) -> None:
 
 def _truth(options: argparse.Namespace) -> dict[str, Any]:
     """The truth that was given, and the radar's motion in it: arguments of `compare`."""
-    path = options.truth
-    if path is not None and path.suffix.lower() == ".csv":
+    path: Path | None = options.truth
+    if path is not None and (path.suffix.lower() == ".csv" or is_bag(path)):
         return _captured(path, options)
     for name in ("radar", "radius"):
         if getattr(options, name) is not None:
-            raise ValueError(f"--{name}: expected --truth with motion capture (.csv), got {path or 'none'}")
+            got = "none" if path is None else path
+            raise ValueError(f"--{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
     return {} if path is None else {"truth": load_recording(path, None)}
 
 
 def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:
-    """Motions of the bodies of a take, and of the one that is the radar."""
-    capture = read_motive_csv(path)
+    """Motions of the bodies that motion capture saw, and of the one that is the radar."""
+    motions = motions_of(path, options.a)
     radar = _RADAR if options.radar is None else options.radar
-    if radar not in capture.names:
-        raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, capture.names)}")
+    if radar not in motions:
+        raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
     radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(options.radius)}
     return {
-        "truth": {name: capture.trajectory(name) for name in capture.names if name != radar},
-        "radar_motion": capture.trajectory(radar),
+        "truth": {name: motion for name, motion in motions.items() if name != radar},
+        "radar_motion": motions[radar],
         "radii": radii or None,
     }
 
@@ -114,9 +117,9 @@ def _offset(text: str | None) -> Any:
     return parts[0] if len(parts) == 1 else tuple(parts)
 
 
-def _names(text: str | None, paths: list[Path]) -> list[str] | None:
-    """Names of the recordings."""
+def _names(text: str | None, sources: list[str]) -> list[str] | None:
+    """Names of the recordings; None where they are alike."""
     if text is not None:
         return [name.strip() for name in text.split(",")]
-    stems = [path.resolve().stem for path in paths]
-    return stems if len(set(stems)) == len(paths) else None
+    names = [name_of(source) for source in sources]
+    return names if len(set(names)) == len(names) else None

@@ -136,10 +136,8 @@ def _parser() -> argparse.ArgumentParser:
 def _add_compare(commands: Any) -> None:
     """Add the command `compare`."""
     parser = commands.add_parser("compare", help="compare recordings with each other and with the truth")
-    parser.add_argument(
-        "a", type=Path, metavar="A", help="recording; its clock, or that of the truth, is the time base"
-    )
-    parser.add_argument("b", type=Path, metavar="B", nargs="?", help="recording to compare with A")
+    parser.add_argument("a", metavar="A", help="recording, or BAG:/TOPIC; its clock, or the truth's, is the time base")
+    parser.add_argument("b", metavar="B", nargs="?", help="recording, or BAG:/TOPIC, to compare with A")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="report (.html), or picture (.png, .pdf, .svg)"
     )
@@ -147,7 +145,7 @@ def _add_compare(commands: Any) -> None:
         "--truth",
         type=Path,
         metavar="FILE",
-        help="motion capture (Motive's .csv), or recording, whose truth counts (default: the recordings' own)",
+        help="motion capture (Motive's .csv, poses in a bag), or recording with truth (default: the recordings' own)",
     )
     parser.add_argument("--radar", metavar="NAME", help="body of motion capture that is the radar (default: radar)")
     parser.add_argument(
@@ -171,6 +169,9 @@ def _add_compare(commands: Any) -> None:
     parser.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
     parser.add_argument(
         "--max-range", type=float, metavar="M", help="farthest range of detections, and of pictures [m]"
+    )
+    parser.add_argument(
+        "--range-only", action="store_true", help="leave out angles, of radars whose receivers are not calibrated"
     )
     parser.add_argument("--time", type=float, metavar="S", help="time of the maps (default: the middle)")
     parser.add_argument("--json", action="store_true", help="print the tables as JSON")

@@ -31,6 +31,9 @@ _OVERLAP = 0.5
 _UNLIMITED = 5.0
 """Largest offset that is sought where the truth has no end [s]."""
 
+_ALIKE = 0.95
+"""Part of the best score above the least, from which on another offset fits as well."""
+
 _NEAR = 2.0
 """Largest error of the detection that is taken for a target, in range and in velocity [bins]."""
 
@@ -90,7 +93,8 @@ def estimated_offset(
     Raises
     ------
     ValueError
-        When no detection fits the truth at any offset, or no target that is seen changes its velocity.
+        When no detection fits the truth at any offset, several offsets fit alike, as those of motions that come again,
+        or no target that is seen changes its velocity.
     """
     seen = [one for one in found if len(one) > 0]
     if not seen:
@@ -107,6 +111,11 @@ def estimated_offset(
     best = int(scores.argmax())
     if not scores[best] > 0.0:
         raise ValueError("offset: expected detections near the truth at some offset, got none; give the offset")
+    if (rival := _rival(scores, best)) is not None:
+        raise ValueError(
+            f"offset: expected motions that tell one offset, got two that fit alike, {candidates[best]:.3f} and "
+            f"{candidates[rival]:.3f} s; give a smaller max_offset, or the offset"
+        )
     return _fitted(seen, RecordedTruth(grid, known), float(candidates[best]), widths, interval)
 
 
@@ -147,6 +156,18 @@ def _scores(found: Sequence[Detections], grid: _Floats, known: Truth, candidates
         apart = np.square(measured[..., None] - at[:, :, None]).sum(axis=0)  # (frame, detection, target)
         scores[k] = np.exp(-0.5 / _WIDTH**2 * np.fmin.reduce(apart, axis=1, initial=np.inf)).sum()
     return scores
+
+
+def _rival(scores: _Floats, best: int) -> int | None:
+    """Another offset with nearly the score of the best one, on another peak; None if there is none."""
+    left = best - int(np.argmax(np.append(np.diff(scores[: best + 1])[::-1] < 0.0, True)))
+    right = best + int(np.argmax(np.append(np.diff(scores[best:]) > 0.0, True)))
+    others = scores.copy()
+    others[left : right + 1] = -np.inf
+    rival = int(others.argmax())
+    # Targets at rest support all offsets alike: that part tells nothing.
+    floor = scores.min()
+    return rival if others[rival] - floor > _ALIKE * (scores[best] - floor) else None
 
 
 def _fitted(

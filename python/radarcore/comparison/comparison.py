@@ -85,6 +85,7 @@ def compare(
     max_offset: float | None = None,
     names: Sequence[str] | None = None,
     detector: Callable[[Frame], Detections] | None = None,
+    range_only: bool = False,
     progress: bool = True,
 ) -> Comparison:
     """Compare a recording with another, with the truth, or with both: simulated, measured and true, target by target.
@@ -117,6 +118,8 @@ def compare(
         Names of the recordings in tables and pictures; default: those of their paths, or A and B.
     detector : callable, optional
         Detections of a frame; default: `detect` with less than one false alarm per frame.
+    range_only : bool
+        Track ranges and velocities, without angles: for radars whose receivers' phases are not calibrated.
     progress : bool
         Show progress bars when run in a terminal.
 
@@ -151,7 +154,7 @@ def compare(
         raise ValueError("recording_b: expected another recording, or a truth to compare with, got neither")
 
     # Detections and tracks of each, and all on one time base.
-    found = [found_in(one, detector=detector, progress=progress) for one in recordings]
+    found = [found_in(one, detector=detector, range_only=range_only, progress=progress) for one in recordings]
     base = aligned(found, wanted, reference, max_offset)
     sides = []
     for name, one, clock, known in zip(shown, found, base.clocks, base.truths, strict=True):

@@ -49,7 +49,11 @@ class Estimates:
 
 
 def found_in(
-    recording: Recording, *, detector: Callable[[Frame], Detections] | None = None, progress: bool = True
+    recording: Recording,
+    *,
+    detector: Callable[[Frame], Detections] | None = None,
+    range_only: bool = False,
+    progress: bool = True,
 ) -> Found:
     """Detect and track all targets of a recording.
 
@@ -58,6 +62,8 @@ def found_in(
     recording : Recording
     detector : callable, optional
         Detections of a frame; default: `radarcore.detect` with less than one false alarm per frame.
+    range_only : bool
+        Track ranges and velocities, without angles.
     progress : bool
         Show a progress bar when run in a terminal.
     """
@@ -67,7 +73,9 @@ def found_in(
     max_missed = max(1, round(_LONGEST_GAP / float(np.median(np.diff(recording.time))))) if len(recording) > 1 else 1
     wf = recording.radar.waveform
     period = recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
-    return Found(recording, tuple(detections), track(detections, max_velocity=period, max_missed=max_missed))
+    num_dimensions = 1 if range_only else None
+    tracks = track(detections, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions)
+    return Found(recording, tuple(detections), tracks)
 
 
 def estimates(found: Found, truth: Truth, bodies: Sequence[str]) -> dict[str, Estimates]:
