@@ -21,8 +21,8 @@ STEP = 1.0 / 480.0
 BASE_HEIGHT = 0.7
 CYLINDER_RADIUS = 0.06
 START_DEG = [0.0, -112.025, 134.611, -22.586, 90.0, 0.0]
-PATH = [[4.4, 2.0], [3.1, 1.1], [3.1, -0.8], [4.4, -2.0]]
-_HUMAN = rc.models.Human(height=1.75, speed=1.3, path=PATH)
+PATH = [[4.0, 1.7], [2.9, 1.0], [2.9, -0.7], [4.0, -1.7]]
+_HUMAN = rc.models.Human(height=1.75, speed=1.0, path=PATH)
 _PERSON = _HUMAN.bodies(name="person", subdivisions=3)
 _PERSON_NAMES = [str(body.name) for body in _PERSON]
 MATERIALS = {"table": "wood", "floor": "concrete", "wall": "plasterboard"}

@@ -33,6 +33,9 @@ from radarcore.virtual.source import Simulated
 CLOCK_OFFSET = 0.1137
 """The board's clock shows 0 so long after the start: to be found again [s]."""
 
+TRUNK_RADIUS = 0.13
+"""Surface of the person before the axis of the trunk [m]."""
+
 CAPTURE_RATE = 120.0
 PACKETS_LOST = 0.01
 START_NS = 1_700_000_000_000_000_000
@@ -76,7 +79,7 @@ class Arrivals:
         self.arrived.put((self.name, (time, pose)))
 
 
-def record(bag_path: Path, start: float, num_frames: int) -> int:
+def record(bag_path: Path, start: float, num_frames: int, ray_budget: int = 100_000) -> int:
     """Run the experiment into a bag; returns the number of frames that the driver has lost."""
     laboratory = Laboratory(start)
     live, radar_motion = laboratory.live, laboratory.live.motion(site="radar")
@@ -84,7 +87,7 @@ def record(bag_path: Path, start: float, num_frames: int) -> int:
     radar, noisier = rc.bgt60tr13c(**SETTINGS), rc.bgt60tr13c(**SETTINGS, receiver="measured")
     simulators = [
         rc.Simulator(
-            live.scene, of, radar_motion=radar_motion, field_of_view_deg=VIEW_DEG, seed=seed, ray_budget=100_000
+            live.scene, of, radar_motion=radar_motion, field_of_view_deg=VIEW_DEG, seed=seed, ray_budget=ray_budget
         )
         for seed, of in enumerate((radar, noisier))
     ]
@@ -150,9 +153,14 @@ def main(arguments: list[str] | None = None) -> int:
     bag = options.output / "experiment.mcap"
     num_lost = record(bag, options.start, options.frames)
     print(f"{bag}: {num_lost} frames lost; the board's clock is {options.start + CLOCK_OFFSET:.4f} s behind")
-    common = [f"{bag}:/simulated", f"{bag}:/measured", "--truth", str(bag), "--offset", "auto"]
-    radii = ["--radius", f"cylinder={CYLINDER_RADIUS},person=0.13"]
-    return radarcore(["compare", *common, *radii, "--max-range", "6", "-o", str(options.output / "report.html")])
+    return radarcore([*comparison(bag), "-o", str(options.output / "report.html")])
+
+
+def comparison(bag: Path) -> list[str]:
+    """Arguments of `radarcore` that compare what is in the bag."""
+    radii = f"cylinder={CYLINDER_RADIUS},person={TRUNK_RADIUS}"
+    sources = [f"{bag}:/simulated", f"{bag}:/measured", "--truth", str(bag)]
+    return ["compare", *sources, "--radius", radii, "--offset", "auto", "--method", "os"]
 
 
 if __name__ == "__main__":

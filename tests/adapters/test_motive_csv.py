@@ -10,7 +10,7 @@ import pytest
 
 import radarcore as rc
 from motive_files import MARKERS, motive_file
-from radarcore.adapters.optitrack import read_motive_csv
+from radarcore.adapters.optitrack import CapturedBody, MotionCapture, read_motive_csv, write_motive_csv
 
 TIMES = 2.5 + np.arange(60) / 120.0
 HIDDEN = {"radar": list(range(20, 40)), "person": [5]}
@@ -168,6 +168,8 @@ def test_other_exports_are_refused_with_advice(settings: dict[str, Any], message
         ),
         (b",Type,", b",Kind,", r"expected a line labelled 'Type', got \['kind', 'name', 'id'\]"),
         (b"\r\n7,2.558333,", b"\r\n7,2.558333,x", "line 15: expected numbers, got 'x"),
+        (b"\r\n7,2.558333,", b"\r\n7,2.558333,inf", "line 15: expected numbers, got 'inf"),
+        (b"Format Version", b"x" * 140_000, "t1.csv: expected text in cells between commas, got something else"),
         (b"\r\n7,2.558333,", b"\r\n7,,", r"line 15: expected a time in the second cell, got none"),
         (b"\r\n7,2.558333,", b"\r\n7,1.0,", r"Time: expected increasing times \[s\], got 2.55 and then 1 at index 7"),
     ],
@@ -205,3 +207,71 @@ def test_wrong_requests_are_errors_that_name_them(tmp_path: Path) -> None:
         read_motive_csv(path, length_unit="centimeters")
     with pytest.raises(FileNotFoundError):
         read_motive_csv(tmp_path / "t2.csv")
+
+
+@pytest.mark.parametrize("axes", ["z_up", "z_up_world", "unchanged"])
+def test_saved_capture_is_read_back(axes: str, tmp_path: Path) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES, hidden=HIDDEN)
+    capture = read_motive_csv(path, axes=axes)
+    write_motive_csv(tmp_path / "again.csv", capture, axes=axes)
+    again = read_motive_csv(tmp_path / "again.csv", axes=axes)
+    assert (again.names, again.take, again.start_time) == (capture.names, capture.take, capture.start_time)
+    assert again.frame_rate == capture.frame_rate
+    np.testing.assert_array_equal(again.time, capture.time)
+    for name in BODIES:
+        np.testing.assert_allclose(again[name].position, capture[name].position, atol=1e-9)
+        np.testing.assert_allclose(again[name].quaternion, capture[name].quaternion, atol=2e-9)
+        np.testing.assert_allclose(again[name].mean_marker_error, capture[name].mean_marker_error, atol=1e-9)
+    for group in ("markers", "body_markers"):
+        places, expected = getattr(again, group), getattr(capture, group)
+        assert list(places) == list(expected)
+        for name in expected:
+            np.testing.assert_allclose(places[name], expected[name], atol=1e-9)
+    with pytest.raises(FileExistsError, match=r"again.csv: exists; give overwrite=True to replace it"):
+        write_motive_csv(tmp_path / "again.csv", capture)
+
+
+def test_body_with_a_quaternion_of_zeros_was_not_seen(tmp_path: Path) -> None:
+    path = motive_file(tmp_path / "t1.csv", {"still": lambda _: rc.Pose()}, TIMES[:3])
+    path.write_bytes(
+        path.read_bytes().replace(b"2.508333,0.000000000,0.000000000,0.000000000,1.0", b"2.508333,0,0,0,0")
+    )
+    np.testing.assert_array_equal(read_motive_csv(path)["still"].is_tracked, [True, False, True])
+
+
+@pytest.mark.filterwarnings("ignore:t1.csv. expected")
+def test_damaged_bytes_are_errors_of_the_file_or_another_take(tmp_path: Path) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES[:4], hidden=HIDDEN)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    num_refused = 0
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for place in rng.integers(len(whole), size=2):
+            damaged[place] = rng.choice(np.frombuffer(b'\r\n,"\x00\xff0-.a', np.uint8))
+        path.write_bytes(damaged)
+        try:
+            read_motive_csv(path)
+        except ValueError as error:
+            num_refused += 1
+            assert str(error).startswith("t1.csv")  # noqa: PT017  # not all of them are damaged
+    assert 0 < num_refused < 150
+
+
+def test_captures_of_other_systems_are_checked() -> None:
+    there = np.zeros((2, 3))
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    body = CapturedBody(there, quaternion, np.zeros(2))
+    there[0] = 1.0
+    assert (body.position == 0.0).all()
+    with pytest.raises(ValueError, match="read-only"):
+        body.position[0] = 1.0
+    assert MotionCapture(np.array([0.0, 1.0]), {"cart": body}).trajectory("cart", max_gap=None).at(0.5) == rc.Pose()
+    with pytest.raises(ValueError, match=r"quaternion: expected shape \(2, 4\), got \(2, 3\)"):
+        CapturedBody(there, there, np.zeros(2))
+    with pytest.raises(ValueError, match="bodies: expected 3 poses, one per time, got 2 of 'cart'"):
+        MotionCapture(np.arange(3.0), {"cart": body})
+    with pytest.raises(ValueError, match=r"markers\['m'\]: expected shape \(2, 3\), got \(3, 3\)"):
+        MotionCapture(np.arange(2.0), {"cart": body}, {"m": np.zeros((3, 3))})
+    with pytest.raises(ValueError, match=r"time: expected increasing times"):
+        MotionCapture(np.zeros(2), {"cart": body})

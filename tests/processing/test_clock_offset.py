@@ -122,6 +122,11 @@ STEADY = 3.0 + 0.2 * np.sin(2.0 * np.pi * TIMES)
         ),
         ({"times_b": TIMES + 100.0}, r"max_offset: expected records that overlap within 1\.5 s, got none"),
         ({"times_b": TIMES + 1.55, "max_offset": 1.52}, r"max_offset: expected the best offset within 1\.52 s"),
+        ({"times_b": TIMES + 1e9, "max_offset": 1e7}, "max_offset: expected records that overlap within 1e\\+07 s"),
+        (
+            {"values_b": 100.0 * TIMES**2 - np.where(TIMES < 10.0, WALK, 0.0), "max_offset": 0.5},
+            "values_b: expected the motion of values_a",
+        ),
         ({"values_a": np.full(800, np.nan)}, "values_a: expected at least 4 that are not NaN, got 0"),
         (
             {"values_a": np.where(np.arange(800) % 20 < 3, WALK, np.nan)},

@@ -28,7 +28,8 @@ def run(options: argparse.Namespace) -> int:
     """Compare, print the tables, and write the report or the picture."""
     _check_output(options.output)
     sources = [text for text in (options.a, options.b) if text is not None]
-    limits = {name: value for name in ("min_range", "max_range") if (value := getattr(options, name)) is not None}
+    settings = ("method", "min_range", "max_range")
+    chosen = {name: value for name in settings if (value := getattr(options, name)) is not None}
     recordings = [recording_of(text) for text in sources]
     compared = compare(
         *recordings,
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
         max_offset=options.max_offset,
         names=_names(options.names, sources),
         range_only=options.range_only,
-        detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **limits),
+        detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **chosen),
     )
     if options.json:
         print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))

@@ -165,6 +165,9 @@ def _add_compare(commands: Any) -> None:
         metavar="NAME,...",
         help="targets to compare; NAME=BODY names one anew (default: all that are seen)",
     )
+    parser.add_argument(
+        "--method", choices=("ca", "os"), help="detection by cell averaging or ordered statistic (default: ca)"
+    )
     parser.add_argument("--names", metavar="NAME,NAME", help="names of the recordings (default: those of their files)")
     parser.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
     parser.add_argument(

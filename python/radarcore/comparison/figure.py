@@ -30,6 +30,12 @@ _MARKERS: tuple[dict[str, Any], ...] = (
 )
 """Rings of A around the dots of B."""
 
+_OWN_BINS = 3.0
+"""Range up to which leakage of the transmitter is stronger than echoes [range bins]."""
+
+_LEAST_SPAN_DB = 30.0
+"""Levels that the colours of a map span at least [dB]."""
+
 _ROOM = 1.15
 """Part of the axes beyond the targets."""
 
@@ -56,6 +62,7 @@ def draw(
         ax = figure.add_subplot(maps[k])
         frame = _frame(comparison, side, when)
         ax_names = frame_pictures.draw_map(ax, frame, max_range=end, max_velocity=fastest)
+        _show_targets(ax, side)
         ax.set_title(f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
         named.append((ax, ax_names))
 
@@ -99,6 +106,18 @@ def over_time(comparison: Record, *, max_range: float | None = None) -> Figure:
         ax.set_title(side.name)
         ax.set_xlim(*_span(comparison.sides))
     return figure
+
+
+def _show_targets(ax: Axes, side: Side) -> None:
+    """Colours of a map up to its strongest echo beyond the ranges in which a radar hears itself."""
+    (picture,) = ax.images
+    levels: Any = picture.get_array()  # (range, velocity)
+    bottom, top = picture.get_extent()[2:]
+    ranges = np.linspace(bottom, top, len(levels))
+    beyond = levels[(ranges > _OWN_BINS * side.bins[0]) & (ranges < max(ax.get_ylim()))]
+    low, high = picture.get_clim()
+    if beyond.size > 0 and (largest := float(beyond.max())) < high:
+        picture.set_clim(min(low, largest - _LEAST_SPAN_DB), largest)
 
 
 def _draw_series(ax: Axes, comparison: Record, quantity: str) -> list[Name]:

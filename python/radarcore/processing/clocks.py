@@ -31,6 +31,8 @@ _LEAST_SHARE = 1.0 / 3.0
 _SLOW = 10.0
 """Period [s]: slower changes of the difference are other things than the offset."""
 _MOST_FITS = 8
+_FARTHEST = 2.0
+"""Distance of the fitted offset from the peak of the correlation, in standard deviations of the kernel."""
 _CORRELATED = 8.0
 """Time over which residuals are correlated, in standard deviations of the kernel."""
 
@@ -52,7 +54,7 @@ class ClockOffset:
     offset : float
         Time [s] to add to times of clock b: then they are times of clock a.
     deviation : float
-        Standard deviation of the offset [s], by what is left of the slopes of one record without those of the other.
+        Standard deviation of the offset [s], by what is left of the values of one record without those of the other.
     correlation : float
         Of the smoothed slopes of both records at this offset, 1 at most.
     """
@@ -120,9 +122,12 @@ def clock_offset(
     # Offsets that are whole steps beyond that of the first samples.
     base = first.start - second.start
     center = check.number("around", around, "s")
-    lags = np.arange(np.floor((center - limit - base) / step), np.ceil((center + limit - base) / step) + 1).astype(int)
+    least, most = np.floor((center - limit - base) / step), np.ceil((center + limit - base) / step)
+    lags = np.arange(max(least, -len(second.values)), min(most, len(first.values)) + 1).astype(int)
     correlation = _correlations(first, second, lags, _SHORTEST_OVERLAP * width / step)
-    best = int(np.argmax(np.where(np.isnan(correlation), -np.inf, correlation)))
+    if np.isnan(correlation).all():
+        raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none that do long enough")
+    best = int(np.nanargmax(correlation))
     _check_peak(correlation, best, base + step * lags, center, limit)
     lag = lags[best] + _vertex(correlation[best - 1 : best + 2])
     lag, deviation = _fitted(first, second, float(lag), step, width)
@@ -204,8 +209,6 @@ def _correlations(a: _Smooth, b: _Smooth, lags: NDArray[np.int_], shortest: floa
 
 def _check_peak(correlation: Array, best: int, offsets: Array, center: float, limit: float) -> None:
     """Refuse peaks that say nothing."""
-    if np.isnan(correlation).all():
-        raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none that do long enough")
     highest = correlation[best]
     if highest < _LEAST_CORRELATION:
         raise ValueError(
@@ -255,7 +258,11 @@ def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tu
         slow = np.cos(phase[:, None] * np.arange(num_slow + 1))
         basis = np.column_stack([b.values[there][is_known], step * b.slopes[there][is_known], slow])
         found, *_ = np.linalg.lstsq(basis, a.values[here][is_known])
-        rest = -found[1] / found[0]
+        rest = -found[1] / found[0] if found[0] > 0.0 else np.inf
+        if abs(whole + rest - lag) > _FARTHEST / _GRID:
+            raise ValueError(
+                "values_b: expected the motion of values_a, got values that agree at another offset than their slopes"
+            )
         if abs(rest) <= 1.0:
             break
         whole += round(rest)

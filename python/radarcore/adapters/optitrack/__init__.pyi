@@ -1,8 +1,9 @@
 from radarcore.adapters.optitrack.capture import CapturedBody as CapturedBody
 from radarcore.adapters.optitrack.capture import MotionCapture as MotionCapture
-from radarcore.adapters.optitrack.client import CapturedFrame as CapturedFrame
 from radarcore.adapters.optitrack.client import MotionCaptureClient as MotionCaptureClient
+from radarcore.adapters.optitrack.live_frames import CapturedFrame as CapturedFrame
 from radarcore.adapters.optitrack.motive_csv import read_motive_csv as read_motive_csv
+from radarcore.adapters.optitrack.motive_csv_writer import write_motive_csv as write_motive_csv
 from radarcore.adapters.optitrack.natnet import NatNetError as NatNetError
 from radarcore.adapters.optitrack.natnet import decode_frame as decode_frame
 from radarcore.adapters.optitrack.natnet import decode_model as decode_model

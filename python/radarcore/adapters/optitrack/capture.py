@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.geometry.pose import as_pose, transforms
@@ -32,6 +32,11 @@ class CapturedBody:
     position: Array
     quaternion: Array
     mean_marker_error: Array
+
+    def __post_init__(self) -> None:
+        number = len(np.atleast_1d(self.position))
+        for name, shape in (("position", (number, 3)), ("quaternion", (number, 4)), ("mean_marker_error", (number,))):
+            object.__setattr__(self, name, _values(name, getattr(self, name), shape))
 
     @property
     def is_tracked(self) -> NDArray[np.bool_]:
@@ -81,6 +86,21 @@ class MotionCapture:
     start_time: str = ""
     take: str = ""
 
+    def __post_init__(self) -> None:
+        time = check.in_order("time", check.array("time", self.time, (None,)))
+        object.__setattr__(self, "time", time)
+        for name, body in self.bodies.items():
+            if len(body.position) != len(time):
+                raise ValueError(
+                    f"bodies: expected {len(time)} poses, one per time, got {len(body.position)} of {name!r}"
+                )
+        for group in ("markers", "body_markers"):
+            places = {
+                name: _values(f"{group}[{name!r}]", value, (len(time), 3))
+                for name, value in getattr(self, group).items()
+            }
+            object.__setattr__(self, group, places)
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -127,3 +147,11 @@ class MotionCapture:
         poses = [as_pose(one) for one in transforms(body.rotation[seen], body.position[seen])]
         times = self.time[seen] + check.number("clock_offset", clock_offset, "s")
         return Trajectory(times, poses, beyond=beyond, max_gap=max_gap, within_gaps=within_gaps)
+
+
+def _values(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Values, NaN where they are not known, as a read-only copy."""
+    values = np.array(value, dtype=np.float64)
+    if values.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")
+    return check.frozen(values)

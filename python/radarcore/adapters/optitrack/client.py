@@ -10,14 +10,14 @@ import time as clock
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
-import numpy as np
-
 from radarcore import check
-from radarcore.adapters.optitrack.axes import AXES, positions_of, quaternions_of
-from radarcore.adapters.optitrack.capture import CapturedBody, MotionCapture
+from radarcore.adapters.optitrack.axes import AXES
+from radarcore.adapters.optitrack.capture import MotionCapture
+from radarcore.adapters.optitrack.follower import Follower
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, poses_of
 from radarcore.adapters.optitrack.natnet import (
     Kind,
     checked_version,
@@ -26,7 +26,7 @@ from radarcore.adapters.optitrack.natnet import (
     decode_server_info,
     packet_kind,
 )
-from radarcore.adapters.optitrack.stream import BodyState, ModelNames, NatNetFrame, ServerInfo, Version
+from radarcore.adapters.optitrack.stream import ModelNames, NatNetFrame, ServerInfo, Version
 from radarcore.geometry.pose import Pose
 
 _REPEAT = 0.25
@@ -54,31 +54,6 @@ class Updated(Protocol):
     def update(self, time: float, pose: Pose, /) -> None:
         """The pose at a time [s]."""
         ...
-
-
-@dataclass(frozen=True)
-class CapturedFrame:
-    """A frame of live motion capture.
-
-    Attributes
-    ----------
-    number : int
-        Of the frame; those between are lost.
-    time : float
-        Middle of the exposure, by the server's clock [s].
-    bodies : mapping of str to BodyState
-        Rigid bodies, and bones as ``skeleton:bone``, by name, in Motive's axes.
-    poses : mapping of str to Pose
-        Of the bodies that are tracked, in the axes of the client.
-    received : float
-        Time at which the frame came, as of `time.time` [s].
-    """
-
-    number: int
-    time: float
-    bodies: Mapping[str, BodyState]
-    poses: Mapping[str, Pose]
-    received: float
 
 
 class MotionCaptureClient:
@@ -131,7 +106,7 @@ class MotionCaptureClient:
         self._info: ServerInfo | None = None
         self._model = ModelNames()
         self._clock_offsets: deque[float] = deque(maxlen=_NUM_OFFSETS)
-        self._last_time = -np.inf
+        self._last_time = -inf
         self._next_sign = 0.0
 
     def __enter__(self) -> MotionCaptureClient:
@@ -164,6 +139,7 @@ class MotionCaptureClient:
             if one is not None:
                 one.close()
         self._command, self._data, self._info = None, None, None
+        self._last_time = -inf
         self._clock_offsets.clear()
 
     @property
@@ -206,7 +182,7 @@ class MotionCaptureClient:
             if kept and frame.time - kept[0].time >= limit:
                 break
             kept.append(frame)
-        return _capture_of(kept, self._axes)
+        return capture_of(kept, self._axes)
 
     @contextmanager
     def follow(self, motions: Mapping[str, Updated] | None = None) -> Iterator[Follower]:
@@ -262,8 +238,7 @@ class MotionCaptureClient:
             self._clock_offsets.append(received - raw.transmitted_ticks / frequency)
         # Takes that are played back have no exposures.
         time = raw.exposure_ticks / frequency if raw.exposure_ticks > 0 else raw.timestamp
-        poses = {name: _pose_of(body, self._axes) for name, body in bodies.items() if body.is_tracked}
-        return CapturedFrame(raw.number, time, bodies, poses, received)
+        return CapturedFrame(raw.number, time, bodies, poses_of(bodies, self._axes), received)
 
     def _answer(self, request: Kind, payload: bytes, answer: Kind) -> bytes:
         """Answer to a request, which is repeated until the time-out."""
@@ -349,65 +324,3 @@ class MotionCaptureClient:
                 "that of the network interface"
             ) from error
         return one
-
-
-class Follower:
-    """Frames that a client receives in the background."""
-
-    def __init__(self, frames: Iterator[CapturedFrame], axes: str) -> None:
-        self._frames, self._axes = frames, axes
-        self._kept: list[CapturedFrame] = []
-        self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
-        self._thread.start()
-
-    def __len__(self) -> int:
-        return len(self._kept)
-
-    @property
-    def newest(self) -> CapturedFrame | None:
-        """The newest frame, or None before the first."""
-        return self._kept[-1] if self._kept else None
-
-    def capture(self) -> MotionCapture:
-        """All frames so far; an error of the stream is raised."""
-        self.check()
-        return _capture_of(list(self._kept), self._axes)
-
-    def check(self) -> None:
-        """Raise the error of the stream, if there was one."""
-        if self._error is not None:
-            raise self._error
-
-    def join(self) -> None:
-        """Wait for the end."""
-        self._thread.join()
-
-    def _run(self) -> None:
-        try:
-            for frame in self._frames:
-                self._kept.append(frame)  # noqa: PERF402  # others read it meanwhile
-        except Exception as error:  # raised where the user sees it
-            self._error = error
-
-
-def _pose_of(body: BodyState, axes: str) -> Pose:
-    """Pose of a body in radarcore's world."""
-    position = positions_of(np.array(body.position), axes)
-    return Pose.from_quaternion(position, quaternions_of(np.array(body.quaternion), axes))
-
-
-def _capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
-    """Frames as a take; NaN where a body is not tracked."""
-    names = list(dict.fromkeys(name for frame in frames for name in frame.bodies))
-    bodies = {}
-    for name in names:
-        rows = np.full((len(frames), 8), np.nan)
-        for k, frame in enumerate(frames):
-            state = frame.bodies.get(name)
-            if state is not None and state.is_tracked:
-                rows[k] = [*state.position, *state.quaternion, state.mean_marker_error]
-        bodies[name] = CapturedBody(positions_of(rows[:, :3], axes), quaternions_of(rows[:, 3:7], axes), rows[:, 7])
-    times = np.array([frame.time for frame in frames])
-    rate = float(1.0 / np.median(np.diff(times))) if len(times) > 1 else None
-    return MotionCapture(time=times, bodies=bodies, frame_rate=rate)

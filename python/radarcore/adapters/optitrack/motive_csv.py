@@ -6,6 +6,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
+from math import isfinite
 from os import PathLike
 from pathlib import Path
 
@@ -73,7 +74,7 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     check.choice("axes", axes, AXES)
     file = Path(path)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
-    rows = csv.reader(StringIO(text, newline=""))
+    rows = _rows(file, text)
     header = _header(file, rows)
     unit = _unit(file, header.settings, length_unit)
     frames = _frames(file, rows, header, is_ended=text.endswith(("\n", "\r")))
@@ -85,13 +86,15 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
         position = positions_of(unit * _values(frames, item, "Position", "XYZ"), axes)
         if item.kind in _BODIES:
             quaternion = quaternions_of(_values(frames, item, "Rotation", "WXYZ"), axes)
-            is_lost = np.isnan(position).any(axis=1) | np.isnan(quaternion).any(axis=1)
+            # A quaternion of zeros is none.
+            length = np.linalg.norm(quaternion, axis=1)
+            is_lost = np.isnan(position.sum(axis=1)) | ~(length > 0.5)
             position[is_lost], quaternion[is_lost] = np.nan, np.nan
             error = unit * frames[:, item.columns["error"]] if "error" in item.columns else np.full(len(frames), np.nan)
-            bodies[_free_name(item, bodies)] = CapturedBody(*map(check.frozen, (position, quaternion, error)))
+            bodies[_free_name(item, bodies)] = CapturedBody(position, quaternion, error)
         else:
             group = markers if item.kind in _MARKERS else body_markers
-            group[_free_name(item, group)] = check.frozen(position)
+            group[_free_name(item, group)] = position
     return MotionCapture(
         time=check.in_order(f"{file.name}: Time", frames[:, 1].copy()),
         bodies=bodies,
@@ -101,6 +104,14 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
         start_time=header.settings.get("Capture Start Time", ""),
         take=header.settings.get("Take Name", ""),
     )
+
+
+def _rows(file: Path, text: str) -> Iterator[list[str]]:
+    """Lines as cells."""
+    try:
+        yield from csv.reader(StringIO(text, newline=""))
+    except csv.Error as error:
+        raise ValueError(f"{file.name}: expected text in cells between commas, got something else ({error})") from None
 
 
 def _header(file: Path, rows: Iterator[list[str]]) -> _Header:
@@ -114,7 +125,7 @@ def _header(file: Path, rows: Iterator[list[str]]) -> _Header:
         raise ValueError(
             f"{file.name}: expected a line that begins with 'Frame', got none: truncated, or not of Motive"
         )
-    first = lines[0]
+    first = lines[0] or [""]
     settings = dict(zip(first[0::2], first[1::2], strict=False))
     if "Format Version" not in settings:
         raise ValueError(f"{file.name}: expected 'Format Version' in the first line, got {check.printable(first[0])!r}")
@@ -260,7 +271,6 @@ def _cell(row: list[str], column: int) -> str:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        return isfinite(float(text))
     except ValueError:
         return False
-    return True

@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from enum import IntEnum
+from math import hypot, isfinite
 from typing import Any, TypeVar
 
 from radarcore.adapters.optitrack.stream import BodyState, MarkerState, ModelNames, NatNetFrame, ServerInfo, Version
@@ -191,7 +192,9 @@ def _describe(data: _Reader, version: Version, kind: _Described, names: ModelNam
 
 def _body(data: _Reader) -> BodyState:
     number, x, y, z, qx, qy, qz, qw, error, flags = data.numbers("i3f4ffh")
-    return BodyState(number, (x, y, z), (qw, qx, qy, qz), error, bool(flags & 1))
+    # Bodies that were never seen have zeros: no rotation.
+    is_pose = all(map(isfinite, (x, y, z))) and 0.5 < hypot(qw, qx, qy, qz) < 2.0
+    return BodyState(number, (x, y, z), (qw, qx, qy, qz), error, bool(flags & 1) and is_pose)
 
 
 def _marker(data: _Reader) -> MarkerState:

@@ -1,0 +1,58 @@
+"""Live motion capture in the background."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+from radarcore.adapters.optitrack.capture import MotionCapture
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of
+
+_POLL = 0.005
+"""Time after which a wait for frames looks again [s]."""
+
+
+class Follower:
+    """Frames that a client receives in the background."""
+
+    def __init__(self, frames: Iterator[CapturedFrame], axes: str) -> None:
+        self._frames, self._axes = frames, axes
+        self._kept: list[CapturedFrame] = []
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
+        self._thread.start()
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def newest(self) -> CapturedFrame | None:
+        """The newest frame, or None before the first."""
+        return self._kept[-1] if self._kept else None
+
+    def capture(self) -> MotionCapture:
+        """All frames so far; an error of the stream is raised."""
+        self.check()
+        return capture_of(list(self._kept), self._axes)
+
+    def check(self) -> None:
+        """Raise the error of the stream, if there was one."""
+        if self._error is not None:
+            raise self._error
+
+    def wait(self, num_frames: int) -> None:
+        """Wait until some frames have come; an error of the stream is raised."""
+        while len(self._kept) < num_frames and self._thread.is_alive():
+            self._thread.join(_POLL)
+        self.check()
+
+    def join(self) -> None:
+        """Wait for the end."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            for frame in self._frames:
+                self._kept.append(frame)  # others read it meanwhile
+        except Exception as error:  # raised where the user sees it
+            self._error = error

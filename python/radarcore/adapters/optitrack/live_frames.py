@@ -1,0 +1,64 @@
+"""Frames of live motion capture, and takes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from radarcore.adapters.optitrack.axes import positions_of, quaternions_of
+from radarcore.adapters.optitrack.capture import CapturedBody, MotionCapture
+from radarcore.adapters.optitrack.stream import BodyState
+from radarcore.geometry.pose import Pose
+
+
+@dataclass(frozen=True)
+class CapturedFrame:
+    """A frame of live motion capture.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame; those between are lost.
+    time : float
+        Middle of the exposure, by the server's clock [s].
+    bodies : mapping of str to BodyState
+        Rigid bodies, and bones as ``skeleton:bone``, by name, in Motive's axes.
+    poses : mapping of str to Pose
+        Of the bodies that are tracked, in the axes of the client.
+    received : float
+        Time at which the frame came, as of `time.time` [s].
+    """
+
+    number: int
+    time: float
+    bodies: Mapping[str, BodyState]
+    poses: Mapping[str, Pose]
+    received: float
+
+
+def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
+    """Poses of the bodies that are tracked, in radarcore's world."""
+    poses = {}
+    for name, body in bodies.items():
+        if body.is_tracked:
+            position = positions_of(np.array(body.position), axes)
+            poses[name] = Pose.from_quaternion(position, quaternions_of(np.array(body.quaternion), axes))
+    return poses
+
+
+def capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
+    """Frames as a take; NaN where a body is not tracked."""
+    names = list(dict.fromkeys(name for frame in frames for name in frame.bodies))
+    bodies = {}
+    for name in names:
+        rows = np.full((len(frames), 8), np.nan)
+        for k, frame in enumerate(frames):
+            state = frame.bodies.get(name)
+            if state is not None and state.is_tracked:
+                rows[k] = [*state.position, *state.quaternion, state.mean_marker_error]
+        bodies[name] = CapturedBody(positions_of(rows[:, :3], axes), quaternions_of(rows[:, 3:7], axes), rows[:, 7])
+    times = np.array([frame.time for frame in frames])
+    rate = float(1.0 / np.median(np.diff(times))) if len(times) > 1 else None
+    return MotionCapture(time=times, bodies=bodies, frame_rate=rate)
