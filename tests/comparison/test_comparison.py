@@ -182,8 +182,6 @@ def test_report_is_one_file_and_holds_all_numbers(
     assert "<b>" not in page
     for target in compared.targets:
         assert f"{target.errors[1].range.median:.4f}" in page
-    compared.figure(tmp_path / "figure.png", time=0.5, max_range=4.0)
-    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
     facts = json.loads(json.dumps(compared.to_dict(), allow_nan=False))
     assert facts["recordings"][1]["offset"] == OFFSET

@@ -64,5 +64,5 @@ def test_clock_drops_ranges_and_velocities_are_found(
         assert errors["num_velocity_within"] > 0.5 * errors["num_frames"]
     # Both see the same cylinder, in different units: the level stays, and the phase too.
     echo = targets["cylinder"]["echo"]
-    assert echo["ratio_spread_db"] < 1.0
+    assert echo["ratio_spread_db"] < 2.0  # few rays
     assert echo["phase_spread_deg"] < 60.0

@@ -40,6 +40,9 @@ _NEAR = 2.0
 _HUBER = 1.5
 """Errors beyond so many deviations count less, in proportion."""
 
+_BIAS = 0.3
+"""Deviation of a target's constant error of velocity, in parts of the spread of its errors."""
+
 _STEPS = 20
 _SETTLED = 1e-6
 """Change of the offset that ends the search [s]."""
@@ -71,9 +74,9 @@ def estimated_offset(
 
     A search finds the offset at which most frames have detections as far and as fast as the truth. Then the detection
     nearest to the truth of every target and frame is taken, and the offset moved to where their velocities fit best
-    (least squares, with less weight for errors beyond 1.5 deviations), each target with a bias of its own. Velocities
-    tell the offset as far as they change; ranges are left out, as the point that reflects is hardly the one whose truth
-    is known.
+    (least squares, with less weight for errors beyond 1.5 deviations), each target with a small bias of its own.
+    Velocities tell the offset as far as they change; ranges are left out, as the point that reflects is hardly the one
+    whose truth is known.
 
     Parameters
     ----------
@@ -213,12 +216,17 @@ def _nearest(found: Detections, known: Truth, widths: _Floats) -> _Floats:
 
 
 def _weighed(errors: _Floats, slopes: _Floats, least: float) -> tuple[float, float]:
-    """Slopes with errors, and slopes with slopes, by the weights of the errors and without their means.
+    """Sums of slopes times errors and of squared slopes, by the weights of the errors and less what is a bias.
 
-    Errors are weighed by their own spread, `least` at least [m/s].
+    Errors are weighed by their own spread, `least` at least [m/s]; the bias of a target is small against it.
     """
-    spread = max(1.4826 * float(np.median(np.abs(errors - np.median(errors)))), least)
-    weights = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(errors - np.median(errors)), least)) / spread**2
-    errors = errors - np.average(errors, weights=weights)
-    slopes = slopes - np.average(slopes, weights=weights)
-    return float(weights @ (slopes * errors)), float(weights @ (slopes * slopes))
+    middle = float(np.median(errors))
+    spread = max(1.4826 * float(np.median(np.abs(errors - middle))), least)
+    weights = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(errors - middle), least)) / spread**2
+    # Least squares for offset and bias, which is known to be zero but for its deviation.
+    total = weights.sum() + (_BIAS * spread) ** -2
+    by_slope, by_error = weights @ slopes, weights @ errors
+    return (
+        float(weights @ (slopes * errors) - by_slope * by_error / total),
+        float(weights @ (slopes * slopes) - by_slope**2 / total),
+    )
