@@ -157,6 +157,21 @@ def test_radars_may_differ_and_it_is_said_how(simulated: rc.Recording) -> None:
     assert "no phases: centre frequencies differ" in ball.echo.note
 
 
+def test_radar_without_velocities_is_compared_in_range(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    one_chirp = rc.bgt60tr13c(num_chirps=1)
+    still = rc.Scene([rc.PointTarget([2.0, 0.3, 0.0], name="post")])
+    a, b = (rc.Simulator(still, one_chirp, seed=k).record(0.0, 0.3, 40.0, progress=False) for k in (0, 1))
+    compared = rc.compare(a, b, progress=False)
+    for target in compared.targets:
+        for errors in target.errors:
+            assert errors.num_frames == errors.range.num_within == 12
+            assert np.isnan(errors.velocity.median)
+    compared.figure(tmp_path / "figure.png")
+    with pytest.raises(ValueError, match="offset: expected detections near the truth at some offset, got none"):
+        rc.compare(a, b, offset="auto", progress=False)
+
+
 def test_paths_are_read_and_name_the_recordings(
     simulated: rc.Recording, measured: rc.Recording, tmp_path: Path
 ) -> None:

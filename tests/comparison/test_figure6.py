@@ -66,3 +66,20 @@ def test_clock_drops_ranges_and_velocities_are_found(
     echo = targets["cylinder"]["echo"]
     assert echo["ratio_spread_db"] < 2.0  # few rays
     assert echo["phase_spread_deg"] < 60.0
+
+    # Topics that are not there are errors that name those that are.
+    for arguments, message in (
+        ([f"{bag}:/radar", "--truth", str(bag)], "topic: no topic '/radar/settings'"),
+        (
+            [str(bag), "--truth", str(bag)],
+            f"{bag}: expected {bag}:TOPIC with frames of a radar, of /measured, /simulated",
+        ),
+        (
+            [f"{bag}:/simulated", "--truth", str(bag), "--radar", "rader"],
+            f"--radar: expected a body of {bag}, got 'rader'",
+        ),
+    ):
+        assert main(["compare", *arguments]) == 1
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1
+        assert lines[0].startswith(f"radarcore: {message}")

@@ -71,11 +71,11 @@ def _parts(text: str) -> tuple[Path, str]:
 
 def _only_radar(bag: BagReader) -> str:
     """Topic of the only radar in a bag, or an error with those that there are."""
-    found = [
+    found = sorted(
         name.removesuffix(_SETTINGS)
         for name, topic in bag.topics.items()
         if topic.type == SETTINGS_TYPE and name.endswith(_SETTINGS)
-    ]
+    )
     if len(found) != 1:
         raise ValueError(
             f"{bag.path}: expected {bag.path}:TOPIC with frames of a radar, of {', '.join(found) or 'none'}"

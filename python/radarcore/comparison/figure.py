@@ -61,10 +61,13 @@ def draw(
     for k, side in enumerate(sides):
         ax = figure.add_subplot(maps[k])
         frame = _frame(comparison, side, when)
-        ax_names = frame_pictures.draw_map(ax, frame, max_range=end, max_velocity=fastest)
-        _show_targets(ax, side)
+        wf = frame.radar.waveform
+        if wf.num_chirps > 1 and wf.has_uniform_chirps:
+            named.append((ax, frame_pictures.draw_map(ax, frame, max_range=end, max_velocity=fastest)))
+            _show_targets(ax, side)
+        else:
+            frame_pictures.range_profile(frame, ax=ax, max_range=end)
         ax.set_title(f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
-        named.append((ax, ax_names))
 
     # Both over the truth.
     ranges = figure.add_subplot(grid[1])

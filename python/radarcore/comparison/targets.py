@@ -119,20 +119,20 @@ def measured(track: Track, found: Sequence[Detections], waveform: Waveform) -> N
     for k in np.flatnonzero(track.is_detected):
         one = found[track.frame[k]]
         near = np.stack([one.range, one.velocity], axis=1)
-        points[k] = near[np.square((near - points[k]) / _bins(waveform)).sum(axis=1).argmin()]
+        points[k] = near[_nearest_of(near, points[k], waveform)]
     return points
 
 
-def _bins(waveform: Waveform) -> NDArray[np.float64]:
-    """Widths of a bin of range and of velocity [m, m/s]."""
-    return np.array([waveform.range_resolution, waveform.velocity_resolution])
+def _nearest_of(points: NDArray[np.float64], place: NDArray[np.float64], waveform: Waveform) -> int:
+    """Index of the point nearest to a place, (point, 2) and (2,) [m, m/s]; by range alone without velocities."""
+    bins = np.array([waveform.range_resolution, waveform.velocity_resolution])
+    return int(np.nansum(np.square((points - place) / bins), axis=1).argmin())
 
 
 def _nearest(
     followers: Sequence[Track], found: Sequence[Detections], true: NDArray[np.float64], waveform: Waveform
 ) -> NDArray[np.float64]:
     """Range [m] and velocity [m/s] of the tracks in every frame, of several those nearest to the truth, (frame, 2)."""
-    bins = _bins(waveform)
     candidates: dict[int, list[NDArray[np.float64]]] = {}
     for follower in followers:
         for frame, point in zip(follower.frame, measured(follower, found, waveform), strict=True):
@@ -141,5 +141,5 @@ def _nearest(
     for frame, points_of_frame in candidates.items():
         if np.isfinite(true[frame]).all():
             all_points = np.stack(points_of_frame)
-            result[frame] = all_points[np.square((all_points - true[frame]) / bins).sum(axis=1).argmin()]
+            result[frame] = all_points[_nearest_of(all_points, true[frame], waveform)]
     return result
