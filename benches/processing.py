@@ -35,7 +35,7 @@ STAGES: dict[str, tuple[Any, str]] = {
     "transforms": (detection, "_map"),
     "CFAR, local maxima": (map_test.MapTest, "passed"),
     "sidelobes": (detection, "_without_sidelobes"),
-    "fit": (detection, "_fitted"),
+    "fit": (detection, "fit"),
     "directions": (detection, "plane_waves"),
 }
 """Where the functions of the stages of `rc.detect` are looked up."""

@@ -16,6 +16,7 @@
 //! - `bounces`: paths of several reflections, by shooting and bouncing rays.
 //! - `paths`: delay and amplitude of every path at every time of a frame, as bodies move and deform.
 //! - `synthesis`: sum over all paths, to a tolerance: direct, by recurrence, or by NUFFT with low-rank corrections.
+//! - `processing`: tones in the cells about peaks, and the steps of a tracker: what is called often on small arrays.
 //! - `python`: boundary, one file per stage.
 //!
 //! Folders import downwards only, and files of a folder without circles; `tests/layers.rs` has the table and holds it.
@@ -136,6 +137,7 @@ mod frame;
 mod geometry;
 mod numeric;
 mod paths;
+mod processing;
 #[cfg(feature = "python")]
 mod python;
 mod rays;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Folders and what each may import besides `error`, `constants` and `cancel`.
-const LAYERS: [(&str, &str); 10] = [
+const LAYERS: [(&str, &str); 11] = [
     ("numeric", ""),
     ("geometry", "numeric"),
     ("antennas", "numeric"),
@@ -13,13 +13,14 @@ const LAYERS: [(&str, &str); 10] = [
     ("scattering", "paths rays antennas geometry numeric"),
     ("bounces", "scattering paths rays antennas geometry numeric"),
     ("synthesis", "numeric"),
+    ("processing", "numeric"),
     (
         "frame",
         "bounces synthesis scattering paths rays antennas geometry numeric",
     ),
     (
         "python",
-        "frame bounces synthesis scattering paths rays antennas geometry numeric",
+        "frame bounces synthesis processing scattering paths rays antennas geometry numeric",
     ),
 ];
 

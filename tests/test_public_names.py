@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 PUBLIC = [
-    *("", "adapters", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
+    *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
     *("models", "models.robots", "plot", "processing", "sensor"),
 ]
 

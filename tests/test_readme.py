@@ -59,7 +59,11 @@ def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 assert capsys.readouterr().out == output
 
 
-@pytest.mark.parametrize("page", [p for p in pages_with("python") if p.name != "sensor.md"], ids=name)
+WITH_ANOTHER_SIDE = ("sensor.md", "coppeliasim.md")
+"""Pages whose examples need a board or a program, which the tests play."""
+
+
+@pytest.mark.parametrize("page", [p for p in pages_with("python") if p.name not in WITH_ANOTHER_SIDE], ids=name)
 def test_python_examples_run_and_print_what_the_page_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -79,6 +83,20 @@ def test_python_examples_of_sensors_run_with_an_emulated_board(
     with rc.sensor.virtual_board(simulator, speed=None) as board, PtyPort(board) as port:
         monkeypatch.setattr(rc, "open_sensor", lambda path=None: open_sensor(path or port.path))
         run_python(ROOT / "docs" / "sensor.md", capsys)
+
+
+def test_python_examples_of_coppeliasim_run_with_a_server(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from coppelia_stub import Stub
+    from radarcore.adapters import coppeliasim
+
+    connect = coppeliasim.CoppeliaSim
+    with Stub() as stub:
+        monkeypatch.setattr(
+            coppeliasim, "CoppeliaSim", lambda _, __, **options: connect("127.0.0.1", stub.port, **options)
+        )
+        run_python(ROOT / "docs" / "coppeliasim.md", capsys)
 
 
 @pytest.mark.parametrize("page", [p for p in pages_with("sh") if commands(p)], ids=name)

@@ -22,11 +22,20 @@ __all__ = [
     "Waveform",
     "__version__",
     "beat_signal",
+    "begun",
+    "between_cells",
     "cross_sections",
+    "expected",
+    "fit_tones",
+    "gated_pairs",
     "levels",
     "load_obj",
+    "local_maxima",
     "normal",
+    "predicted",
     "receive",
+    "training_medians",
+    "updated",
 ]
 
 __version__: str
@@ -69,6 +78,98 @@ def receive(ideal: NDArray[Any], *, output: str, deviation: float, seed: int, st
     """Deliver the samples of an ideal cube with white noise: "iq" in the memory of the ideal ones, or "real" parts.
 
     `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
+    """
+
+def local_maxima(power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
+    """True for cells (cell, 2) of a map (row, column) with power that none of their eight neighbours exceeds.
+
+    Powers are float32 or float64. Rows are cyclic, columns too with `is_cyclic`; without, the map is even about both
+    its ends, as the spectrum of real samples is.
+    """
+
+def between_cells(
+    power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Offsets of local maxima from the middle of their cells (cell, 2), and their heights (cell,).
+
+    By parabolas through the log power of each and its neighbours, along rows and along columns. As in `local_maxima`.
+    """
+
+def training_medians(
+    power: NDArray[Any], cells: NDArray[np.int64], *, guards: tuple[int, int], trainings: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Medians (cell,) of the cells at most `guards + trainings` rows and columns away, but those within `guards`.
+
+    Of a map (row, column) whose edges are edges, float32 or float64; NaN where there are none.
+    """
+
+def fit_tones(
+    cells: NDArray[Any],
+    peaks: NDArray[np.int64],
+    start: NDArray[np.float64],
+    series: NDArray[np.float64],
+    *,
+    num_cells: tuple[int, int],
+    is_cyclic: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Offsets (tone, 2), amplitudes (tone, look), energy gains (tone,) and information (tone, 2) of tones about peaks.
+
+    `cells` (look, row, column), complex64 or complex128; `peaks` (tone, 2) their rows and columns; `start` (tone, 2)
+    offsets near the tones; `series` as `radarcore.processing.tone_fit.Axes` describes them, for patches of `num_cells`
+    rows and columns. `is_cyclic`: columns go on at the other edge.
+    """
+
+def predicted(
+    state: NDArray[np.float64], covariance: NDArray[np.float64], *, time: float, density: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States (track, 2 d) and covariances (track, 2 d, 2 d) after a time [s], in d = 1, 2 or 3 dimensions.
+
+    Velocities are constant but for white acceleration of a power spectral density [m^2/s^3].
+    """
+
+def expected(
+    state: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Range [m], velocity [m/s], azimuth and elevation [rad] of tracks (track, d + 1), and their covariance.
+
+    Range and velocity are to second order.
+    """
+
+def gated_pairs(
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    measured: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    *,
+    periods: Sequence[float],
+    limits: Sequence[float],
+    velocity_known: float,
+) -> tuple[list[tuple[int, int]], NDArray[np.float64]]:
+    """Pairs of a track and a detection that are within their gates, by track, and their costs (pair,).
+
+    `measured` (detection, d + 1), NaN for what was not measured, and its covariance `noise`; `periods` of the four
+    coordinates; `limits` of the squared Mahalanobis distance of 0 to 4 measured values; `velocity_known` the largest
+    variance of an expected velocity with which the measured one counts. The cost is minus twice the log likelihood.
+    """
+
+def updated(
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    measured: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    pairs: Sequence[tuple[int, int]],
+    *,
+    periods: Sequence[float],
+    velocity_known: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States and covariances of all tracks after some have taken in a detection, as `gated_pairs` takes them."""
+
+def begun(
+    measured: NDArray[np.float64], noise: NDArray[np.float64], *, speed_deviation: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """States and covariances of tracks that begin with detections, which may have no velocity (NaN).
+
+    `speed_deviation` [m/s] is that of velocities that were not measured, along each axis.
     """
 
 def cross_sections(

@@ -196,6 +196,12 @@ def test_series_are_the_poses_as_they_were_sent() -> None:
     assert isinstance(TREE.series("lidar"), rc.Pose)
 
 
+def test_the_last_static_transform_holds_also_against_moving_ones() -> None:
+    places = [tf(transform("lift", "base_link", matrix(np.eye(3), [x, 0.0, 0.0]))) for x in (1.0, 2.0)]
+    motion = ros.TransformTree(MOVING, places).motion("lift", "base_link")
+    assert motion == rc.Pose([2.0, 0.0, 0.0])
+
+
 def test_a_single_transform_rests() -> None:
     tree = ros.TransformTree(MOVING[:1])
     assert isinstance(tree.motion("lift", "odom"), rc.Pose)

@@ -172,10 +172,12 @@ def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> No
     slow, fast = (np.exp(2j * np.pi * np.multiply.outer(offset, n) / 8) for offset in offsets.T)
     cells = np.fft.fftshift(np.fft.fft2(slow[:, :, None] * fast[:, None, :]), axes=(1, 2))[:, None]
     window = np.ones(8).tobytes()
-    found = fit(cells, np.full((3, 2), -4), offsets, axes_of((window, window), (8, 8)))
-    np.testing.assert_allclose(found.information, np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0), rtol=1e-9)
-    np.testing.assert_allclose(found.offset, offsets, atol=1e-12)
-    np.testing.assert_allclose(np.abs(found.amplitude[:, 0]), 1.0, rtol=1e-12)
+    middle, axes = np.full((1, 2), 4), axes_of((window, window), (8, 8))
+    for some, offset in zip(cells, offsets, strict=True):
+        found = fit(some, middle, offset[None], axes, is_cyclic=True)
+        np.testing.assert_allclose(found.information, [2 * [np.pi**2 / 3.0 * (1.0 - 1.0 / 64.0)]], rtol=1e-9)
+        np.testing.assert_allclose(found.offset, [offset], atol=1e-12)
+        np.testing.assert_allclose(np.abs(found.amplitude), 1.0, rtol=1e-12)
 
 
 def test_noise_of_neighbouring_cells_is_correlated_as_the_window_says() -> None:

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from radarcore.processing.assignment import assign, gate_limits
 from radarcore.processing.clustering import periods_of, wrapped
-from radarcore.processing.kalman import predict, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
-from radarcore.processing.state_space import begin, expect
 from radarcore.processing.tracker_settings import TrackerSettings
 from radarcore.processing.tracking import Tracker, track
 from radarcore.processing.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
+from tracker_reference import begin, expect, predict, update, white_acceleration
 
 NAN = np.nan
 RATE = 40.0
@@ -265,31 +264,33 @@ def test_person_of_many_detections_is_one_track() -> None:
     assert len(track(stream(values), cluster_distance=None, cluster_velocity=None)) > 4
 
 
+def pairs_of(tracks: Any, variances: Any, measured: Any) -> list[tuple[int, int]]:
+    """Pairs of tracks (track, 2) of a variance each and of detections (detection, 2) of variance 1/2."""
+    covariance = np.multiply.outer(np.array(variances), np.eye(2))
+    noise = np.broadcast_to(0.5 * np.eye(2), (len(measured), 2, 2)).copy()
+    gate: dict[str, Any] = {"periods": periods_of(None).tolist(), "velocity_known": np.inf, "probability": 0.99}
+    return assign(np.array(tracks, dtype=float), covariance, np.array(measured, dtype=float), noise, **gate)
+
+
 def test_assignment_is_the_best_of_all_not_the_nearest_first() -> None:
     """Tracks at 0 and 1, detections at 0.9 and 2.2: nearest first would leave 0 with 2.2, at 4.84 of 6.25 squared."""
-    innovation = (np.array([[0.9, 2.2]]) - np.array([[0.0], [1.0]]))[:, :, None]
-    half = np.full((2, 1, 1), 0.5)
-    tracks, found, _ = assign(innovation, half, half, 0.99)
-    assert list(zip(tracks.tolist(), found.tolist(), strict=True)) == [(0, 0), (1, 1)]
+    found = pairs_of([[0.0, 0.0], [1.0, 0.0]], [0.5, 0.5], [[0.9, NAN], [2.2, NAN]])
+    assert found == [(0, 0), (1, 1)]
 
 
 def test_nothing_is_assigned_beyond_the_gate() -> None:
     """Variance 1 in each of two coordinates: the gate of 99 % is a circle of radius sqrt(-2 ln 0.01)."""
     radius = np.sqrt(-2.0 * np.log(0.01))
     assert gate_limits(0.99)[2] == pytest.approx(radius**2)
-    half = np.full((1, 1, 1), 0.5) * np.eye(2)
     for scale, number in ((0.999, 1), (1.001, 0)):
-        innovation = scale * radius * np.array([[[np.sqrt(0.5), np.sqrt(0.5)]]])
-        assert len(assign(innovation, half, half, 0.99)[0]) == number
+        assert len(pairs_of([[0.0, 0.0]], [0.5], scale * radius * np.array([[np.sqrt(0.5), np.sqrt(0.5)]]))) == number
     # What was not measured at all belongs to nobody.
-    assert len(assign(np.full((1, 1, 2), NAN), half, half, 0.99)[0]) == 0
+    assert pairs_of([[0.0, 0.0]], [0.5], [[NAN, NAN]]) == []
 
 
 def test_well_known_track_keeps_its_detection_from_one_that_is_hardly_known() -> None:
     """A detection 1 sigma from a track of variance 1, and at 0.5 sigma of one of variance 100 (log determinant 4.6)."""
-    innovation = np.array([[[1.0]], [[5.0]]])
-    tracks, *_ = assign(innovation, np.array([[[0.5]], [[99.5]]]), np.full((1, 1, 1), 0.5), 0.99)
-    assert tracks.tolist() == [0]
+    assert pairs_of([[0.0, 0.0], [-4.0, 0.0]], [0.5, 99.5], [[1.0, NAN]]) == [(0, 0)]
 
 
 def test_clutter_confirms_no_more_tracks_than_predicted() -> None:
@@ -382,6 +383,51 @@ def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions
             low, high = chi_square_bounds(degrees)
             # Errors of angles of 0.03 rad leave 2 % to the orders beyond the second.
             assert 0.98 * low < found.sum() < 1.02 * high, (step, found.sum() / degrees)
+
+
+def test_smoothed_track_is_the_least_squares_of_all_detections() -> None:
+    """Normal equations of all detections and of the motion between them, at once; ten frames have no detection."""
+    number, density = 30, 0.5
+    frames = stream(moving(2.0, 0.8, number)[:, None], seed=3)
+    seen = np.delete(np.arange(number), slice(12, 22))
+    some = [frame if k in seen else detections(np.zeros((0, 2)), frame.time) for k, frame in enumerate(frames)]
+    (found,) = track(some, smooth=True, acceleration_density=density, **POINTS)
+
+    transition, disturbance = white_acceleration(1.0 / RATE, density, 1)
+    weight, known = np.linalg.inv(disturbance), np.diag(ERRORS[:2] ** -2.0)
+    information, score = np.zeros((number, 2, number, 2)), np.zeros((number, 2))
+    for k in seen:
+        information[k, :, k] += known
+        score[k] += known @ [frames[k].range[0], frames[k].velocity[0]]
+    for k in range(number - 1):
+        step = np.zeros((2, number, 2))  # the state less what the one before is expected to become
+        step[:, k + 1], step[:, k] = np.eye(2), -transition
+        information += np.einsum("iab,ij,jcd->abcd", step, weight, step)
+    covariance = np.linalg.inv(information.reshape(2 * number, -1))
+    state = (covariance @ score.ravel()).reshape(number, 2)
+    np.testing.assert_allclose(found.state, state, rtol=1e-8)
+    covariances = covariance.reshape(number, 2, number, 2)[np.arange(number), :, np.arange(number)]
+    np.testing.assert_allclose(found.state_covariance, covariances, rtol=1e-6, atol=1e-10)
+
+
+def test_smoothing_bridges_a_turn_that_was_not_seen() -> None:
+    """A target comes and turns round while it is behind something: predictions go on, smoothed states turn with it."""
+    time = np.arange(60) / RATE
+    values = np.stack([2.0 + 0.5 * (time - 0.75) ** 2, time - 0.75], axis=1)[:, None]
+    hidden = slice(24, 36)
+    seen = values.copy()
+    seen[hidden] = NAN
+    plain, smooth = (
+        track(stream(seen, noise=False), smooth=smooth, max_missed=12, **POINTS)[0] for smooth in (False, True)
+    )
+    for name in ("id", "num_hits"):
+        assert getattr(plain, name) == getattr(smooth, name)
+    np.testing.assert_array_equal(plain.is_detected, smooth.is_detected)
+    errors = [np.abs(one.velocity - values[:, 0, 1])[hidden].max() for one in (plain, smooth)]
+    assert errors[0] > 0.2  # 12 frames at 1 m/s^2
+    assert errors[1] < 0.02
+    assert (smooth.deviation[hidden, 0] < plain.deviation[hidden, 0]).all()
+    np.testing.assert_array_equal(smooth.state[-1], plain.state[-1])  # there is nothing later
 
 
 def test_stream_and_recording_give_the_same_tracks() -> None:

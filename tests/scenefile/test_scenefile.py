@@ -243,6 +243,15 @@ def test_arm_from_a_urdf_file_slides_in_metres(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]")
+def test_arm_by_name_has_its_kinematics_and_meshes(tmp_path: Path) -> None:
+    arm = '[[arm]]\nmodel = "ur5"\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }\n'
+    simulation = load(tmp_path, '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0.1\n' + arm)
+    # d4 + d6, and a2 + a3 of the maker's parameters; the flange looks along +y.
+    np.testing.assert_allclose(simulation.radar_motion.at(0.0).position, [0.81725, 0.29145, -0.005491], atol=2e-5)
+    assert simulation.scene.num_triangles == 5328  # of its collision meshes
+
+
+@pytest.mark.skipif(not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]")
 def test_real_meshes_of_arm_and_human(tmp_path: Path) -> None:
     arm = '[[arm]]\nmeshes = true\njoints = { kind = "rest", angles_deg = [0, -90, 90, 0, 90, 0] }\n'
     simulation = load(

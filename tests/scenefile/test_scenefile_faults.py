@@ -397,6 +397,12 @@ def test_missing_urdf_is_named_with_its_arm(tmp_path: Path) -> None:
     assert str(caught.value).startswith(f"{path}: arm[0] 'arm': model: ")
 
 
+@pytest.mark.parametrize(("model", "hint"), [("ur6", "did you mean "), ("robot", "known: ur3, ur5, ")])
+def test_unknown_arm_suggests_near_names(tmp_path: Path, model: str, hint: str) -> None:
+    path = write(tmp_path, f'[[arm]]\nmodel = "{model}"\njoints = {{ kind = "rest", angles_deg = [] }}\n')
+    check_fault(path, f"arm[0] 'arm': model: expected a URDF file or an arm by name, got '{model}'; {hint}")
+
+
 def test_missing_scene_file(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         rc.load_scene(tmp_path / "none.toml")

@@ -17,7 +17,7 @@ from radarcore._core import __version__
 from radarcore.cli import sensor, source
 from radarcore.cli.bag_options import add_options, check_options
 
-_WRITERS = ("demo", "simulate", "process")
+_WRITERS = ("demo", "simulate", "process", "view")
 """Commands whose results are written as they come."""
 
 
@@ -31,9 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
             return status
     except KeyboardInterrupt:
-        is_recording = (
-            options.command in ("demo", "simulate", "process") or getattr(options, "action", None) == "record"
-        )
+        is_recording = options.command in _WRITERS or getattr(options, "action", None) == "record"
         hint = "; what was written so far is readable" if is_recording else ""
         print(f"radarcore: interrupted{hint}", file=sys.stderr)
         return 130
@@ -97,6 +95,12 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
     source.add_config(plot)
     plot.set_defaults(run=_plot)
+
+    view = commands.add_parser("view", help="show a scene file or a recording in the viewer Rerun (extra `rerun`)")
+    view.add_argument("source", type=Path, help="recording, or scene file (TOML), which is simulated")
+    view.add_argument("-o", "--output", type=Path, metavar="FILE", help="write an .rrd file in place of opening it")
+    source.add_config(view)
+    view.set_defaults(run=_view)
 
     info = commands.add_parser("info", help="summarise a recording, a scene file or a bag, or report on a mesh")
     info.add_argument("source", type=Path, help="recording, scene file (TOML), ROS bag, or mesh (OBJ, STL, PLY, ...)")
@@ -246,6 +250,12 @@ def _plot(options: argparse.Namespace) -> int:
     )
     print(options.output)
     return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    from radarcore.cli import view
+
+    return view.run(options)
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -74,7 +74,9 @@ def found_in(
     wf = recording.radar.waveform
     period = recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
     num_dimensions = 1 if range_only else None
-    tracks = track(detections, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions)
+    tracks = track(
+        detections, smooth=True, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions
+    )
     return Found(recording, tuple(detections), tracks)
 
 
@@ -83,7 +85,7 @@ def estimates(found: Found, truth: Truth, bodies: Sequence[str]) -> dict[str, Es
 
     A track follows the body whose truth is nearest to it throughout. Of a thing of several parts, such as a person, all
     tracks of any part count: the estimate of a frame is that nearest to the truth of the named part. It is the
-    detection of a track, or what the track expects where it has none.
+    detection of a track or, where it has none, the state that those before and after tell (`track(smooth=True)`).
 
     Parameters
     ----------

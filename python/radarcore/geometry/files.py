@@ -1,4 +1,4 @@
-"""Mesh files: OBJ by the core, other formats by trimesh."""
+"""Mesh files: OBJ by the core, COLLADA by pycollada, other formats by trimesh."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check
+from radarcore.geometry.collada import load_collada
 from radarcore.geometry.mesh import Mesh
 
 SUFFIXES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
@@ -30,14 +31,15 @@ _LOOK = 100_000
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:
     """Read a mesh file as one body.
 
-    OBJ is read by the core; every other format by trimesh (``pip install radarcore[mesh]``).
+    OBJ is read by the core; DAE by pycollada and every other format by trimesh (``pip install radarcore[mesh]``).
 
     Parameters
     ----------
     path : path
-        OBJ, or STL, PLY, GLB, DAE, ... through trimesh.
+        OBJ, or STL, PLY, GLB, DAE, ...
     scale : float
-        Metres per unit of the file: 1e-3 for a file in millimetres.
+        Metres per unit of the file: 1e-3 for a file in millimetres. A DAE file says its unit and its up axis itself:
+        it is turned to z up and its metres are scaled.
     **options
         `crease_angle_deg`, `shading` and `progress` of `Mesh`.
 
@@ -48,10 +50,10 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     ValueError
         When the file does not hold what its format promises; names the line where it can.
     ImportError
-        When a format needs trimesh and it is not installed.
+        When a format needs trimesh or pycollada and it is not installed.
     """
     factor = check.positive("scale", scale, "m per unit")
-    vertices, triangles = _load_obj(path)[:2] if _is_obj(path) else _load_with_trimesh(Path(path))
+    vertices, triangles = _load_obj(path)[:2] if _is_obj(path) else _load_other(Path(path))
     return Mesh(vertices * factor, triangles, **options)
 
 
@@ -105,27 +107,35 @@ def _load_obj(path: str | PathLike[str]) -> Any:
         raise ValueError(f"{error}; {_beginning(Path(path))}") from None
 
 
-def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
+def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    """Vertices and triangles of a file that is no OBJ file."""
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not path.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    kind = path.suffix.lower()
+    try:
+        vertices, triangles = load_collada(path) if kind == ".dae" else _load_with_trimesh(path)
+    except ImportError:
+        raise
+    except Exception as error:  # whatever their many readers raise, the user wants the path
+        expected = (
+            "" if kind in SUFFIXES else f"expected a mesh file ({', '.join(SUFFIXES)}), got {kind or 'no suffix'}: "
+        )
+        raise ValueError(f"{path}: {expected}{error}; {_beginning(path)}") from error
+    if len(triangles) == 0:
+        raise ValueError(f"{path}: expected faces{_FORMS.get(kind, '')}, got none; {_beginning(path)}")
+    return vertices, triangles
+
+
+def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     try:
         import trimesh
     except ImportError as error:
         raise ImportError(
             f"{path}: reading {path.suffix or 'this'} files needs trimesh: pip install radarcore[mesh]"
         ) from error
-    try:
-        mesh = trimesh.load_mesh(path)
-    except Exception as error:  # whatever its many readers raise, the user wants the path
-        kind = path.suffix.lower()
-        expected = (
-            "" if kind in SUFFIXES else f"expected a mesh file ({', '.join(SUFFIXES)}), got {kind or 'no suffix'}: "
-        )
-        raise ValueError(f"{path}: {expected}{error}; {_beginning(path)}") from error
-    if len(mesh.faces) == 0:
-        raise ValueError(f"{path}: expected faces{_FORMS.get(path.suffix.lower(), '')}, got none; {_beginning(path)}")
+    mesh = trimesh.load_mesh(path)
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check
+from radarcore import _core, check
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
 from radarcore.processing.directions import plane_waves
@@ -22,7 +22,7 @@ from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_uni
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import fast_spectrum, transformed
-from radarcore.processing.tone_fit import REACH, Fit, fit
+from radarcore.processing.tone_fit import Fit, fit
 from radarcore.processing.windows import Window
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
@@ -37,9 +37,6 @@ _HIGHEST_RATE = 0.01
 
 _OFF_PEAK = 0.1
 """Error of the parabola through three cells, in noise [cells]."""
-
-_FLAT = 1e-30
-"""Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
 
 _FEW = 16
 """Maxima up to which they are worked out one by one."""
@@ -177,18 +174,17 @@ def detect(
     first, last = search.columns
     searched = power[:, first:last]
     noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
-    around = _surrounded(power, layout.is_iq)
     trained = _with_noise(searched)
-    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(around, row, column + first, layout))
+    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(power, row, column + first, layout))
     time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
     if len(rows) == 0:
         return _none(time)
 
     # Without sidelobes, and without what rounding of the samples may be.
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
-    offset, height = _between_cells(around, rows, columns + first)
-    peaks = offset + np.array([rows, columns + first])
-    kept = _without_sidelobes(peaks, height, searched[rows, columns], least, layout, search.least_part)
+    cell = np.array([rows, columns + first]).T
+    offset, height = _core.between_cells(power, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
+    kept = _without_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout, search.least_part)
     if len(kept) == 0:
         return _none(time)
 
@@ -197,7 +193,7 @@ def detect(
     noise = test.medians(trained, rows, columns) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     columns = columns + first
-    tones = _fitted(cells, rows, columns, offset.T[kept], layout)
+    tones = fit(cells, cell[kept], offset[kept], layout.axes, is_cyclic=layout.is_iq)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
     in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
@@ -352,42 +348,15 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 
 def _local_maxima(
-    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
+    power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
 ) -> NDArray[np.bool_]:
-    """True for cells that are to be tested and that no neighbour of eight exceeds; `around` as `_surrounded`."""
-    width = around.shape[1]
-    square = np.array([[-width - 1, -width, 1 - width, -1, 0, 1, width - 1, width, width + 1]])
-    power = around.ravel()[((rows + 1) * width + columns + 1)[:, None] + square]
-    cell = power[:, 4]
-    is_maximum: NDArray[np.bool_] = (cell >= power.max(axis=1)) & (cell > 0.0)
-    return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
-
-
-def _surrounded(power: NDArray[Any], is_iq: bool) -> NDArray[Any]:
-    """The map with a row and a column more on all sides.
+    """True for cells that are to be tested and that no neighbour of eight exceeds.
 
     Velocity is cyclic, range too with I/Q; the spectrum of real samples is even about both its ends.
     """
-    around = np.empty([length + 2 for length in power.shape], dtype=power.dtype)
-    around[1:-1, 1:-1] = power
-    around[0, 1:-1], around[-1, 1:-1] = power[-1], power[0]
-    left, right = (-2, 1) if is_iq or power.shape[1] < 2 else (2, -3)
-    around[:, 0], around[:, -1] = around[:, left], around[:, right]
-    return around
-
-
-def _between_cells(
-    around: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offsets of local maxima along rows and columns (axis, peak) and heights, by parabolas through the log power."""
-    width = around.shape[1]
-    cross = np.array([[0], [-width], [-1], [width], [1]])
-    levels = around.ravel()[(rows + 1) * width + columns + 1 + cross].astype(np.float64)
-    levels = np.log(np.maximum(levels, 1e-30 * levels[0]))
-    levels[1:] -= levels[0]
-    slope, curvature = levels[1:3] - levels[3:], np.minimum(levels[1:3] + levels[3:], -_FLAT)
-    offset = np.minimum(np.maximum(0.5 * slope / curvature, -0.5), 0.5)
-    return offset, np.exp(levels[0] - 0.25 * (slope * offset).sum(axis=0))
+    cells = np.ascontiguousarray(np.array([rows, columns]).T)
+    is_maximum: NDArray[np.bool_] = _core.local_maxima(power, cells, is_cyclic=layout.is_iq)
+    return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
 
 
 def _without_sidelobes(
@@ -475,21 +444,6 @@ def _many_without_sidelobes(
                 kept.append(index)
                 leaked[first:] += lobe
     return order[kept].tolist() if kept else []
-
-
-def _fitted(
-    cells: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], start: NDArray[np.float64], layout: Layout
-) -> Fit:
-    """The tones of the cells about some peaks."""
-    num_rows, num_columns = (min(2 * REACH + 1, length) for length in cells.shape[1:])
-    top, left = rows - num_rows // 2, columns - num_columns // 2
-    if not layout.is_iq:  # real samples have no columns beyond the edges
-        left = np.minimum(np.maximum(left, 0), cells.shape[2] - num_columns)
-    row = (top[:, None] + np.arange(num_rows)) % cells.shape[1]
-    column = (left[:, None] + np.arange(num_columns)) % cells.shape[2]
-    index = (row * cells.shape[2])[:, :, None] + column[:, None]
-    patches = cells.reshape(len(cells), -1).take(index, axis=1).swapaxes(0, 1)
-    return fit(patches, np.array([top - rows, left - columns]).T, start, layout.axes)
 
 
 def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,123 +1,19 @@
-"""Kalman filter of many targets at once: prediction and update in plain arrays, and the white-acceleration model.
+"""Kalman filters beyond their steps, which are in the core: distances of innovations, and smoothing.
 
-One row per target throughout: states (target, n), covariances (target, n, n). The formulas are those of Bar-Shalom, Li
-and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), chapters 5 and 6.
+The formulas are those of Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
+(2001).
 """
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import _core
 
 Array = NDArray[np.float64]
-
-
-@lru_cache(maxsize=64)
-def white_acceleration(interval: float, density: float, num_dimensions: int) -> tuple[Array, Array]:
-    """Motion at a constant velocity that white acceleration disturbs (their section 6.2.2).
-
-    Two intervals in a row give the same as one of their sum, so frames may come at uneven times.
-
-    Parameters
-    ----------
-    interval : float
-        Time to predict over [s].
-    density : float
-        Power spectral density of the acceleration along each axis [m^2/s^3]: the velocity changes by
-        ``sqrt(density * t)`` in a time t, one standard deviation.
-    num_dimensions : int
-        Axes d of the space; a state is d positions, then d velocities.
-
-    Returns
-    -------
-    transition, noise : (2 d, 2 d) float64
-        The matrices F and Q of ``predict``, read-only: kept for equal intervals.
-    """
-    moved, noise = _powers_of_time(num_dimensions)
-    t = interval
-    weights = np.array([density * t**3 / 3.0, density * t**2 / 2.0, density * t])
-    transition = _unit(2 * num_dimensions) + t * moved
-    return check.frozen(transition), check.frozen((weights @ noise).reshape(moved.shape))
-
-
-@cache
-def _unit(length: int) -> Array:
-    """Unit matrix, read-only."""
-    return check.frozen(np.eye(length))
-
-
-@cache
-def _powers_of_time(num_dimensions: int) -> tuple[Array, Array]:
-    """What the transition has per time (2 d, 2 d), and the noise of its cube, square and itself (3, 4 d^2)."""
-    d = num_dimensions
-    moved, noise = np.zeros((2 * d, 2 * d)), np.zeros((3, 2 * d, 2 * d))
-    here, rate = np.arange(d), d + np.arange(d)
-    moved[here, rate] = 1.0
-    noise[0, here, here] = noise[1, here, rate] = noise[1, rate, here] = noise[2, rate, rate] = 1.0
-    return moved, noise.reshape(3, -1)
-
-
-def predict(state: Array, covariance: Array, transition: Array, noise: Array) -> tuple[Array, Array]:
-    """States and covariances after a step: ``F x`` and ``F P F' + Q``."""
-    return state @ transition.T, transition @ covariance @ transition.T + noise
-
-
-def update(
-    state: Array,
-    covariance: Array,
-    innovation: Array,
-    jacobian: Array,
-    noise: Array,
-    inverse: Array | None = None,
-) -> tuple[Array, Array]:
-    """States and covariances after a measurement.
-
-    The covariance is updated in Joseph's form, ``(I - K H) P (I - K H)' + K R K'``, which rounding leaves symmetric
-    and positive definite where ``(I - K H) P`` in time does not.
-
-    Parameters
-    ----------
-    state, covariance : (target, n), (target, n, n) float64
-        Before the measurement.
-    innovation : (target, m) float64
-        Measured less predicted value; NaN for what was not measured, which then has no effect at all.
-    jacobian : (target, m, n) float64
-        Derivative H of the measured values by the state.
-    noise : (target, m, m) float64
-        Covariance R of the measurement.
-    inverse : (target, m, m) float64, optional
-        Of the covariance ``H P H' + R`` of the innovation, as `inverse_of_measured` gives it.
-    """
-    innovation, jacobian, noise = without_missing(innovation, jacobian, noise)
-    crossed = jacobian @ covariance
-    inverted: Any = np.linalg.inv(crossed @ jacobian.mT + noise) if inverse is None else inverse
-    gain = crossed.mT @ inverted
-    kept = _unit(state.shape[-1]) - gain @ jacobian
-    updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
-    return state + (gain @ innovation[..., None])[..., 0], 0.5 * (updated + updated.mT)
-
-
-def without_missing(innovation: Array, jacobian: Array, noise: Array) -> tuple[Array, Array, Array]:
-    """A measurement whose missing values (innovation NaN) depend on nothing: innovation 0, no slope, unit noise."""
-    missing = np.isnan(innovation)
-    if not missing.any():
-        return innovation, jacobian, noise
-    return (
-        np.where(missing, 0.0, innovation),
-        np.where(missing[..., None], 0.0, jacobian),
-        alone(noise, missing),
-    )
-
-
-def alone(covariance: Array, which: NDArray[np.bool_]) -> Array:
-    """Covariances (..., m, m) in which some coordinates (..., m) are independent of the others, with variance 1."""
-    crossed = which[..., :, None] | which[..., None, :]
-    return np.where(crossed, _unit(covariance.shape[-1]), covariance)
 
 
 def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Array]:
@@ -136,17 +32,40 @@ def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Arr
         ``v' S^-1 v`` and ``log(det(S))`` over what was measured: minus twice the log likelihood is their sum and
         ``log(2 pi)`` for each value.
     """
-    squares, inverse = inverse_of_measured(innovation, covariance)
+    missing = np.isnan(innovation)
+    if missing.any():
+        crossed = missing[..., :, None] | missing[..., None, :]
+        innovation = np.where(missing, 0.0, innovation)
+        covariance = np.where(crossed, np.eye(covariance.shape[-1]), covariance)  # independent of the others
+    inverse: Any = np.linalg.inv(covariance)
+    squares = np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0])
     return squares, -np.log(np.linalg.det(inverse))
 
 
-def inverse_of_measured(innovation: Array, covariance: Array) -> tuple[Array, Array]:
-    """Squared Mahalanobis distances as `normalized_squares`, and the inverses of the covariances (..., m, m).
+def smoothed(time: Array, state: Array, covariance: Array, density: float) -> tuple[Array, Array]:
+    """States and covariances of a target by all of its measurements, the later ones too.
 
-    Values that were not measured are independent of the others there, with variance 1.
+    The fixed-interval smoother of Rauch, Tung and Striebel (their section 8.6), backwards through what a filter of the
+    white-acceleration model has found.
+
+    Parameters
+    ----------
+    time : (row,) float64
+        Increasing [s].
+    state, covariance : (row, 2 d), (row, 2 d, 2 d) float64
+        After the measurement of each time.
+    density : float
+        Power spectral density of the acceleration along each axis [m^2/s^3].
     """
-    missing = np.isnan(innovation)
-    if missing.any():
-        innovation, covariance = np.where(missing, 0.0, innovation), alone(covariance, missing)
-    inverse: Any = np.linalg.inv(covariance)
-    return np.vecdot(innovation, (inverse @ innovation[..., None])[..., 0]), inverse
+    state, covariance = state.copy(), covariance.copy()
+    d = state.shape[1] // 2
+    for k in reversed(range(len(time) - 1)):
+        step, known = time[k + 1] - time[k], covariance[k].copy()
+        expected, spread = _core.predicted(state[k : k + 1], covariance[k : k + 1], time=step, density=density)
+        crossed = known.copy()  # with the transition F, the covariance P F' of this state and the next
+        crossed[:, :d] += step * known[:, d:]
+        gain: Any = np.linalg.solve(spread[0], crossed.T).T
+        state[k] += gain @ (state[k + 1] - expected[0])
+        changed = known + gain @ (covariance[k + 1] - spread[0]) @ gain.T
+        covariance[k] = 0.5 * (changed + changed.T)
+    return state, covariance

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import _core
 from radarcore.processing.constant_false_alarm import (
     DEFAULT_RANK,
     scaled_ranks,
@@ -24,10 +25,6 @@ _Indices = NDArray[np.intp]
 
 _MOST_BY_PRODUCTS = 128
 """Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
-
-
-_LOWER_UPPER = np.array([[-1], [0]])
-"""With the count, twice the indices of the two values in the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +100,9 @@ class MapTest:
 
     def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells that have any."""
-        ordered = self._around(power, rows, columns)
-        ordered.sort(axis=1)
-        middle = (self.counts[rows, columns] + _LOWER_UPPER) // 2
-        lower, upper = ordered[np.arange(len(rows)), middle].astype(np.float64)
-        return np.asarray(0.5 * lower + 0.5 * upper)
+        cells = np.ascontiguousarray(np.array([rows, columns]).T)
+        map_ = np.ascontiguousarray(power)
+        return _core.training_medians(map_, cells, guards=self.guards, trainings=self.trainings)
 
     def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
         """Training cells of some cells, inf where the map has none, (cell, training cell)."""

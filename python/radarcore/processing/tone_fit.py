@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import _core
+
 REACH = 4
 """Cells on each side of the peak that are used. With Hann windows over both axes the standard deviation is then 1.26 to
 1.34 times the least possible with all samples (2 cells: 1.48 to 1.63; the peak of the map alone: 1.87), while echoes
@@ -18,20 +20,8 @@ farther away still meet the sidelobes of the window."""
 _DEGREE = 24
 """Degree of the polynomials: pi^25 / 25! = 2e-13, for a peak one cell away from the middle."""
 
-_NUM_STEPS = 2
-"""Steps of Fisher's scoring from the parabola, which is 0.02 cells off: each about squares the error, or divides it by
-the ratio of the amplitudes of signal and noise. What is left is far below the noise up to 100 dB."""
-
-_FARTHEST = 1.0
-"""A fit that goes farther than this many cells from its start has lost the peak; the start is then kept."""
-
 _LEAST_VARIANCE = 1e-9
 """Parts of the noise below this, relative to a cell, are combinations of cells that the window makes zero."""
-
-_TINY = float(np.finfo(np.float64).tiny)
-_BOTH = np.arange(2)[:, None]
-"""Index of the axis."""
-_EXPONENTS = np.arange(_DEGREE + 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +37,12 @@ class Axes:
         as they are and as the conjugate of their product with the pseudo-inverse of the covariance of the noise, whose
         power is 1 in a single cell: complex numbers (2, 2, cell). They are in the cells of a patch that has `place`
         cells before the middle one.
+    num_cells : (int, int)
+        Rows and columns of a patch.
     """
 
     series: NDArray[np.float64]
+    num_cells: tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,50 +103,27 @@ def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conj
             series[i, :, 1, cells] = tone[1:] * np.arange(1, _DEGREE + 2)[:, None]
     places = np.stack([series[..., most - 1 - k : 2 * most - 1 - k] for k in range(most)], axis=1)
     through = (places @ inverse[:, None, None].mT).conj()
-    return Axes(np.stack([places, through], axis=3).reshape(2, most, _DEGREE + 1, -1).view(np.float64))
+    parts = np.stack([places, through], axis=3).reshape(2, most, _DEGREE + 1, -1)
+    return Axes(parts.view(np.float64), num_cells)
 
 
-def fit(cells: NDArray[Any], first: NDArray[np.intp], start: NDArray[np.float64], axes: Axes) -> Fit:
-    """Fit one tone to each patch of cells.
-
-    With noise of covariance C along an axis, ``t^H C^-1 x`` is what cells x have of a tone t: all that is needed is
-    products of this kind, of the tone and of its derivatives.
+def fit(
+    cells: NDArray[Any], peaks: NDArray[np.intp], start: NDArray[np.float64], axes: Axes, *, is_cyclic: bool
+) -> Fit:
+    """Fit one tone to the cells about each peak.
 
     Parameters
     ----------
-    cells : (tone, channel, row, column) complex
-        Cells of all channels about every peak, with amplitudes of their own.
-    first : (tone, 2) int
-        First row and column of each patch, relative to the middle cell that offsets count from.
+    cells : (channel, row, column) complex64 or complex128
+        Map of all channels, with amplitudes of their own.
+    peaks : (tone, 2) int
+        Rows and columns of the middle cells, which offsets count from.
     start : (tone, 2) float64
         Offset to start from.
     axes : Axes
+    is_cyclic : bool
+        Columns go on at the other edge, as rows do; otherwise none beyond the edges are used.
     """
-    number, num_channels, num_rows, num_columns = cells.shape
-    by_row = cells.swapaxes(1, 2).astype(np.complex128, order="C").reshape(number, num_rows, -1)
-    series = axes.series[_BOTH, -first.T]  # (axis, tone, degree, 8 cell)
-    offset = start.copy()
-    for _ in range(_NUM_STEPS):
-        # Tone and derivative in the cells, both through the inverse; their products with each other and the cells.
-        values = (offset.T[:, :, None, None] ** _EXPONENTS @ series).view(np.complex128)
-        values = values.reshape(2, number, 2, 2, -1)
-        pair, through = values[:, :, 0], values[:, :, 1]  # (axis, tone, 2, cell)
-        products = pair @ through.mT  # (axis, tone, 2, 2)
-        in_columns = through[0, :, :, :num_rows] @ by_row  # (tone, 2, channel, column), the last two in one
-        found = in_columns.reshape(number, -1, num_columns) @ through[1, :, :, :num_columns].mT
-        found = found.reshape(number, 2, num_channels, 2).mT  # (tone, 2, 2, channel): of rows, of columns
-
-        # What of the derivatives is across the tone: a change of phase is none of frequency.
-        along = products / products[..., :1, :1]
-        across = (along[..., 1, 1] - along[..., 1, 0] * along[..., 0, 1]).real.T
-        # Fisher's scoring.
-        energies = np.vecdot(found[:, :1, :1], found).real.reshape(number, 4)
-        slope = energies[:, 2:0:-1] / np.maximum(energies[:, :1], _TINY) - along[..., 1, 0].real.T
-        step = slope / np.maximum(across, _TINY)
-        offset += np.minimum(np.maximum(step, -0.5), 0.5)
-    lost = np.abs(offset - start) > _FARTHEST
-    if lost.any():
-        offset = np.where(lost.any(axis=1, keepdims=True), start, offset)
-    # The last step is too small to change the amplitude, whose slope is zero at the peak.
-    gain = np.multiply(*products[:, :, 0, 0].real)
-    return Fit(offset, found[:, 0, 0] / gain[:, None], gain, across)
+    both = np.ascontiguousarray(peaks, dtype=np.int64), np.ascontiguousarray(start)
+    map_ = np.ascontiguousarray(cells)
+    return Fit(*_core.fit_tones(map_, *both, axes.series, num_cells=axes.num_cells, is_cyclic=is_cyclic))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, compress
 from typing import Any
 
 import numpy as np
 
-from radarcore import check
+from radarcore import _core, check
 from radarcore.processing.assignment import assign
 from radarcore.processing.clustering import (
-    Indices,
     connected,
     coordinates,
     covariances,
@@ -24,9 +23,9 @@ from radarcore.processing.clustering import (
     wrapped,
 )
 from radarcore.processing.detection import detect
-from radarcore.processing.kalman import Array, predict, update, white_acceleration
+from radarcore.processing.kalman import Array, smoothed
 from radarcore.processing.point_cloud import Detections
-from radarcore.processing.state_space import SHORTEST_RANGE, begin, expect
+from radarcore.processing.state_space import SHORTEST_RANGE
 from radarcore.processing.tracker_settings import TrackerSettings
 from radarcore.processing.tracks import Tracks, TrackState, tracks_of
 from radarcore.recording.frame import Frame
@@ -72,6 +71,11 @@ class Tracker:
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun = 0
         self._periods = periods_of(self.settings.max_velocity)
+        half = self.settings.max_velocity or np.inf
+        self._gate: dict[str, Any] = {
+            "periods": self._periods.tolist(),
+            "velocity_known": (_KNOWN_WITHIN * half) ** 2,
+        }
         self._usual = np.diag(np.square(self.settings.deviations))
         self._clear(2)
 
@@ -115,23 +119,15 @@ class Tracker:
         told = self.num_dimensions + 1
         measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
 
-        expected = expect(self._state, self._covariance)
-        spread = expected.covariance + expected.curvature
-        innovation = self._innovations(measured, expected.value, spread)
-        tracks, found, inverse = assign(innovation, spread, noise, self.settings.gate)
-        self._state[tracks], self._covariance[tracks] = update(
-            self._state[tracks],
-            self._covariance[tracks],
-            innovation[tracks, found],
-            expected.jacobian[tracks],
-            noise[found] + expected.curvature[tracks],
-            inverse,
-        )
-        self._count(tracks)
+        brought = self._state, self._covariance, measured, noise
+        pairs = assign(*brought, **self._gate, probability=self.settings.gate)
+        if pairs:
+            self._state, self._covariance = _core.updated(*brought, pairs, **self._gate)
+        self._count([track for track, _ in pairs])
         self._end()
-        if len(found) < len(measured):
+        if len(pairs) < len(measured):
             is_left = np.ones(len(measured), dtype=bool)
-            is_left[found] = False
+            is_left[[found for _, found in pairs]] = False
             self._begin(measured[is_left], noise[is_left])
         return self._states()
 
@@ -149,7 +145,7 @@ class Tracker:
             values, covariance = self._clustered(values, covariance, detections)
 
         # Echoes come from anywhere on the target.
-        covariance = np.array(covariance, order="C")
+        values, covariance = np.ascontiguousarray(values), np.array(covariance, order="C")
         variance = covariance.reshape(len(values), told * told)[:, :: told + 1]
         variance[:, :2] += s.extent**2, s.velocity_extent**2
         angle = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
@@ -179,27 +175,17 @@ class Tracker:
         if self.settings.max_gap is not None:
             self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
         if self._lives:
-            d = self._state.shape[1] // 2
-            motion = white_acceleration(float(time - self.time), self.settings.acceleration_density, d)
-            self._state, self._covariance = predict(self._state, self._covariance, *motion)
+            self._state, self._covariance = _core.predicted(
+                self._state, self._covariance, time=time - self.time, density=self.settings.acceleration_density
+            )
         self.time = time
 
-    def _innovations(self, measured: Array, expected: Array, spread: Array) -> Array:
-        """Measured less expected values (track, detection, coordinate), by the shorter way around."""
-        periods = self._periods[: measured.shape[1]]
-        innovation = wrapped(measured - expected[:, None], periods)
-        if self.settings.max_velocity is not None:
-            unknown = spread[:, 1, 1] > (_KNOWN_WITHIN * self.settings.max_velocity) ** 2
-            if unknown.any():
-                innovation[unknown, :, 1] = np.nan
-        return innovation
-
-    def _count(self, tracks: Indices) -> None:
+    def _count(self, tracks: list[int]) -> None:
         """Count the frame for all tracks, and the detections of some."""
         for life in self._lives:
             life.age += 1
             life.missed += 1
-        for track in tracks.tolist():
+        for track in tracks:
             life = self._lives[track]
             life.missed, life.seen = 0, self.time
             life.hits += 1
@@ -246,7 +232,8 @@ class Tracker:
             return
         kept = measured[starts]
         kept[:, 1] = velocity[starts]
-        state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))  # even within the largest speed
+        # Velocities across are even within the largest speed.
+        state, covariance = _core.begun(kept, noise[starts], speed_deviation=s.max_speed / np.sqrt(3.0))
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
         for _ in range(number):
@@ -304,6 +291,7 @@ def track(
     source: Recording | Iterable[Detections | Frame],
     *,
     detector: Callable[[Frame], Detections] | None = None,
+    smooth: bool = False,
     **settings: Any,
 ) -> Tracks:
     """Track the targets of a recording.
@@ -318,6 +306,10 @@ def track(
         In the order of time. Lost frames and uneven intervals are bridged by the motion model.
     detector : callable, optional
         Detections of a frame; default: `detect`.
+    smooth : bool
+        Estimate every state from all detections of the track, the later ones too (Rauch, Tung and Striebel), instead of
+        from those until then. Tracks are the same, from the same detections; frames without one then lie between those
+        before and after.
     **settings
         Those of `TrackerSettings`.
 
@@ -350,4 +342,14 @@ def track(
             item = detect(item) if detector is None else detector(item)
         states.append(tracker.update(item))
         times.append(tracker.time)
-    return tracks_of(times, states)
+    tracks = tracks_of(times, states)
+    return _smoothed(tracks, tracker.settings.acceleration_density) if smooth else tracks
+
+
+def _smoothed(tracks: Tracks, density: float) -> Tracks:
+    """Tracks with states by all of their detections."""
+    kept = []
+    for one in tracks:
+        state, covariance = smoothed(one.time, one.state, one.state_covariance, density)
+        kept.append(replace(one, state=state, state_covariance=covariance))
+    return replace(tracks, tracks=tuple(kept))

@@ -283,12 +283,17 @@ class ArmTable(PlacedTable):
     """A robot arm; pose, motion and attached_to are those of its base."""
 
     name: str = _key("arm", "", "prefix of the names of the links")
-    model: str = _key("ur10", "", "ur10, or the path of a URDF file relative to the scene file")
+    model: str = _key(
+        "ur10",
+        "",
+        "ur10; ur3, ur5, panda, kinova, xarm7, so100 or so101 (extra `robots`); or the path of a URDF file relative to "
+        "the scene file",
+    )
     joints: Annotated[RestTable | JointTrajectoryTable | LineTable | JointStatesTable, Field(discriminator="kind")] = (
         _key(..., "", "angles or motion of the joints")
     )
     material: str | MaterialTable = _key("metal", "", _MATERIAL)
-    meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders")
+    meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders; other arms have theirs")
 
 
 class PatternTable(Table):

@@ -30,7 +30,7 @@ class TransformTree:
     messages : iterable of tf2_msgs/TFMessage
         Those of ``/tf``.
     static : iterable of tf2_msgs/TFMessage
-        Those of ``/tf_static``: the last one of a frame holds at all times.
+        Those of ``/tf_static``: the last one of a frame holds at all times, whatever ``/tf`` says of it.
 
     Raises
     ------

@@ -1,3 +1,4 @@
+from radarcore.models.robots.catalogue import arm_names as arm_names
 from radarcore.models.robots.data import is_available as is_available
 from radarcore.models.robots.data import through_obj as through_obj
 from radarcore.models.robots.links import Link as Link

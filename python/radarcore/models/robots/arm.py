@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.mesh import Mesh, merged_mesh
+from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Matrix, Pose, as_pose
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
 from radarcore.models.robots.joint_trajectory import JointTrajectory
@@ -96,7 +96,7 @@ class RobotArm:
             The file. Its root link is the arm's base.
         meshes : "collision", "visual" or None
             Geometry of the links. Box, cylinder, sphere and OBJ files need nothing else
-            installed; other files need trimesh (``pip install radarcore[mesh]``).
+            installed; DAE files need pycollada and others trimesh (``pip install radarcore[mesh]``).
         package_directories : mapping, optional
             Directories of ``package://name/...`` by name; default: the directory `name` that the file is in.
 
@@ -115,13 +115,38 @@ class RobotArm:
 
         model = urdf.read(path, geometry=meshes, package_directories=package_directories)
         try:
-            shapes = {
-                link: merged_mesh([(part.mesh(), part.origin) for part in parts]) if parts else None
-                for link, parts in model.links.items()
-            }
-            return cls(model.joints, shapes, name=model.name)
+            return cls(model.joints, urdf.shapes_of(model), name=model.name)
         except ValueError as error:
             raise ValueError(f"{fspath(path)}: {error}") from error
+
+    @classmethod
+    def named(cls, name: str, *, meshes: Literal["collision", "visual"] | None = "collision") -> RobotArm:
+        """A real arm by its name (``pip install radarcore[robots]``), from the package example-robot-data.
+
+        Parameters
+        ----------
+        name : str
+            ``"ur3"``, ``"ur5"``, ``"ur10"``, ``"panda"``, ``"kinova"``, ``"xarm7"``, ``"so100"``, ``"so101"``: all of
+            `radarcore.models.robots.arm_names`.
+        meshes : "collision", "visual" or None
+            Geometry of the links: the plain one that collisions are found with, or the detailed one of pictures, which
+            has twenty times as many triangles of most arms.
+
+        Raises
+        ------
+        KeyError
+            For an unknown name; suggests near ones.
+        ImportError
+            When the extra is not installed.
+
+        Notes
+        -----
+        Joints count from the base outwards. The fingers of the Panda's hand are closed and no joints.
+        """
+        from radarcore.models.robots import catalogue
+
+        joints, shapes = catalogue.read(name, meshes)
+        return cls(joints, shapes, name=name)
 
     @classmethod
     def ur10(cls) -> RobotArm:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radarcore import notice
 from radarcore.geometry import shapes
 from radarcore.geometry.files import load_mesh
-from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh import Mesh, merged_mesh
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots.joint import Joint
 
@@ -50,11 +50,15 @@ def read(
     *,
     geometry: Literal["collision", "visual"] | None = "collision",
     package_directories: Mapping[str, str | PathLike[str]] | None = None,
+    held: Collection[str] = (),
 ) -> Model:
-    """Read a URDF file; arguments and errors as in `RobotArm.from_urdf`. Mesh files are not read yet."""
+    """Read a URDF file; arguments and errors as in `RobotArm.from_urdf`. Mesh files are not read yet.
+
+    Joints that are `held` are fixed at zero.
+    """
     if geometry not in ("collision", "visual", None):
         raise ValueError(f"meshes: expected 'collision', 'visual' or None, got {geometry!r}")
-    reader = _Reader(Path(path), dict(package_directories or {}))
+    reader = _Reader(Path(path), dict(package_directories or {}), held)
     try:
         root = ET.parse(path).getroot()
     except ET.ParseError as error:
@@ -70,11 +74,19 @@ def read(
     return Model(root.get("name", "robot"), [reader.joint(element) for element in root.iterfind("joint")], links)
 
 
+def shapes_of(model: Model) -> dict[str, Mesh | None]:
+    """One mesh per link in the link's coordinates; None for links without a shape."""
+    return {
+        link: merged_mesh([(part.mesh(), part.origin) for part in parts]) if parts else None
+        for link, parts in model.links.items()
+    }
+
+
 class _Reader:
     """Turns elements of one file into records; every error names the file and the joint or link."""
 
-    def __init__(self, path: Path, package_directories: dict[str, str | PathLike[str]]) -> None:
-        self.path, self.package_directories = path, package_directories
+    def __init__(self, path: Path, package_directories: dict[str, str | PathLike[str]], held: Collection[str]) -> None:
+        self.path, self.package_directories, self.held = path, package_directories, held
 
     def error(self, text: str) -> ValueError:
         return ValueError(f"{self.path}: {text}")
@@ -110,7 +122,7 @@ class _Reader:
         kind = self.attribute(element, "type", where)
         if kind not in ("revolute", "continuous", "prismatic", "fixed"):
             raise self.error(f"{where}: expected revolute, continuous, prismatic or fixed, got {kind!r}")
-        if element.find("mimic") is not None:
+        if element.find("mimic") is not None and name not in self.held:
             notice.warn(f"{self.path}: {where} mimics another; it is a joint of its own here")
         parent, child = element.find("parent"), element.find("child")
         if parent is None or child is None:
@@ -119,7 +131,7 @@ class _Reader:
             )
         ends = self.attribute(parent, "link", where), self.attribute(child, "link", where)
         origin = self.origin(element, where)
-        if kind == "fixed":
+        if kind == "fixed" or name in self.held:
             return Joint(name, *ends, origin, kind="fixed")
 
         axis = element.find("axis")

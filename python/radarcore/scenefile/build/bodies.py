@@ -14,6 +14,7 @@ from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
+from radarcore.models.robots.catalogue import arm_names
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.material import Material
@@ -171,10 +172,17 @@ class Parts:
     def _arm_model(self, table: ArmTable) -> RobotArm:
         if table.model == "ur10":
             return RobotArm.ur10_meshes() if table.meshes else RobotArm.ur10()
+        if table.model in arm_names():
+            return RobotArm.named(table.model)
+        path = self._directory / table.model
+        with located("model: "):
+            if not path.suffix and not path.exists():
+                hint = check.near_names(table.model, arm_names())
+                raise ValueError(f"expected a URDF file or an arm by name, got {table.model!r}; {hint}")
         if table.meshes:
             raise ValueError("meshes: expected false for a URDF file, which names its own meshes, got true")
         with located("model: "):
-            return RobotArm.from_urdf(self._directory / table.model)
+            return RobotArm.from_urdf(path)
 
 
 def _check_names(tables: dict[str, AnyTable]) -> None:

@@ -1,0 +1,175 @@
+//! Frequencies of a tone from the cells about its peak, by maximum likelihood.
+
+use num_complex::Complex;
+use num_traits::AsPrimitive;
+
+type Complex64 = Complex<f64>;
+
+/// Steps of Fisher's scoring from the parabola, which is 0.02 cells off: each about squares the error, or divides it by
+/// the ratio of the amplitudes of signal and noise. What is left is far below the noise up to 100 dB.
+const NUM_STEPS: usize = 2;
+
+/// A fit that goes farther than this many cells from its start has lost the peak; the start is then kept.
+const FARTHEST: f64 = 1.0;
+
+/// Map of all channels, `(look, row, column)`.
+pub struct Cells<'a, T> {
+    pub values: &'a [Complex<T>],
+    pub shape: [usize; 3],
+    /// Columns are cyclic, as rows always are.
+    pub is_cyclic: bool,
+}
+
+/// Shape of a tone in neighbouring cells of slow and of fast time, and the noise in them.
+pub struct Axes<'a> {
+    /// Power series `(axis, place, degree, 8 cell)` by the distance from the middle cell, of a tone and of its
+    /// derivative, both as they are and as the conjugate of their product with the inverse of the noise's covariance:
+    /// complex numbers (2, 2, cell), in the cells of a patch that has `place` cells before the middle one.
+    pub series: &'a [f64],
+    /// Places and cells; the shorter axis has zeros beyond its own.
+    pub most: usize,
+    /// Rows and columns of a patch.
+    pub num_cells: [usize; 2],
+}
+
+/// The tone that fits best.
+pub struct Tone {
+    /// From the middle cell along slow and fast time [cells].
+    pub offset: [f64; 2],
+    /// Of every look.
+    pub amplitude: Vec<Complex64>,
+    /// Power over the noise of the cells together, for a tone of amplitude 1 and noise of 1 per cell.
+    pub energy_gain: f64,
+    /// Of the offset, see [`fit`].
+    pub information: [f64; 2],
+}
+
+/// Fit one tone to the cells about a peak from an offset near it.
+///
+/// With noise of covariance C along an axis, `t^H C^-1 x` is what cells x have of a tone t: all that is needed is
+/// products of this kind, of the tone and of its derivatives. `1 / (2 snr information)` is the variance of the offset
+/// [cells^2], the Cramér-Rao bound for these cells.
+pub fn fit<T: AsPrimitive<f64>>(cells: &Cells<T>, peak: [usize; 2], start: [f64; 2], axes: &Axes) -> Tone {
+    let ([num_looks, ..], [num_rows, num_columns]) = (cells.shape, axes.num_cells);
+    let (places, patch) = cells.patch(peak, axes.num_cells);
+    let mut offset = start;
+    let mut tone = None;
+    for _ in 0..NUM_STEPS {
+        // Tone and derivative in the cells, both through the inverse; their products with each other.
+        let [slow, fast] = [0, 1].map(|axis| axes.at(axis, places[axis], offset[axis]));
+        let products = [slow.products(), fast.products()];
+
+        // What the cells have of them: `found[i][j]` of the row's i and the column's j, 1 the derivative.
+        let mut found = [[(); 2]; 2].map(|row| row.map(|()| vec![Complex64::default(); num_looks]));
+        for (look, rows) in patch.chunks_exact(num_rows * num_columns).enumerate() {
+            for (row, cells) in rows.chunks_exact(num_columns).enumerate() {
+                let along = [0, 1].map(|j| dot(fast.through(j), cells));
+                for i in 0..2 {
+                    for j in 0..2 {
+                        found[i][j][look] += slow.through(i)[row] * along[j];
+                    }
+                }
+            }
+        }
+
+        // Fisher's scoring. What of the derivatives is across the tone: a change of phase is none of frequency.
+        let power = |of: &[Complex64]| found[0][0].iter().zip(of).map(|(a, b)| (a.conj() * b).re).sum::<f64>();
+        let total = power(&found[0][0]).max(f64::MIN_POSITIVE);
+        let mut information = [0.0; 2];
+        for (axis, slope) in [&found[1][0], &found[0][1]].into_iter().enumerate() {
+            let [[one, other], [derivative, square]] = products[axis];
+            information[axis] = (square / one - derivative / one * (other / one)).re;
+            let step = (power(slope) / total - (derivative / one).re) / information[axis].max(f64::MIN_POSITIVE);
+            offset[axis] += step.clamp(-0.5, 0.5);
+        }
+        // The last step is too small to change the amplitude, whose slope is zero at the peak.
+        let gain = products[0][0][0].re * products[1][0][0].re;
+        tone = Some((found, gain, information));
+    }
+    let ([[found, _], _], energy_gain, information) = tone.expect("there are steps");
+    if (0..2).any(|axis| (offset[axis] - start[axis]).abs() > FARTHEST) {
+        offset = start;
+    }
+    Tone {
+        offset,
+        amplitude: found.into_iter().map(|sum| sum / energy_gain).collect(),
+        energy_gain,
+        information,
+    }
+}
+
+impl<T: AsPrimitive<f64>> Cells<'_, T> {
+    /// Cells about a peak (look, row, column), and how many of its rows and columns are before it.
+    fn patch(&self, peak: [usize; 2], num_cells: [usize; 2]) -> ([usize; 2], Vec<Complex64>) {
+        let [num_looks, height, width] = self.shape;
+        let mut places = num_cells.map(|number| number / 2);
+        if !self.is_cyclic {
+            // No columns beyond the edges.
+            let left = peak[1].saturating_sub(places[1]).min(width - num_cells[1]);
+            places[1] = peak[1] - left;
+        }
+        let mut patch = Vec::with_capacity(num_looks * num_cells[0] * num_cells[1]);
+        for look in 0..num_looks {
+            for row in 0..num_cells[0] {
+                let row = (peak[0] + height + row - places[0]) % height;
+                for column in 0..num_cells[1] {
+                    let column = (peak[1] + width + column - places[1]) % width;
+                    let cell = self.values[(look * height + row) * width + column];
+                    patch.push(Complex::new(cell.re.as_(), cell.im.as_()));
+                }
+            }
+        }
+        (places, patch)
+    }
+}
+
+/// A tone and its derivative in the cells of an axis, both as they are and through the inverse.
+struct InCells {
+    values: Vec<Complex64>,
+    most: usize,
+}
+
+impl Axes<'_> {
+    /// The series of an axis at an offset.
+    fn at(&self, axis: usize, place: usize, offset: f64) -> InCells {
+        let length = 8 * self.most;
+        let per_place = self.series.len() / (2 * self.most);
+        let series = &self.series[(axis * self.most + place) * per_place..][..per_place];
+        let mut values = vec![0.0; length];
+        for coefficients in series.chunks_exact(length).rev() {
+            for (value, coefficient) in values.iter_mut().zip(coefficients) {
+                *value = *value * offset + coefficient;
+            }
+        }
+        InCells {
+            values: values
+                .as_chunks()
+                .0
+                .iter()
+                .map(|[re, im]| Complex::new(*re, *im))
+                .collect(),
+            most: self.most,
+        }
+    }
+}
+
+impl InCells {
+    /// The tone (0) or its derivative (1).
+    fn plain(&self, which: usize) -> &[Complex64] {
+        &self.values[which * self.most..][..self.most]
+    }
+
+    /// The conjugate of its product with the inverse.
+    fn through(&self, which: usize) -> &[Complex64] {
+        &self.values[(2 + which) * self.most..][..self.most]
+    }
+
+    fn products(&self) -> [[Complex64; 2]; 2] {
+        [0, 1].map(|i| [0, 1].map(|j| dot(self.plain(i), self.through(j))))
+    }
+}
+
+/// Sum of products, over the shorter of both.
+fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,321 @@
+//! Processing: tones in the cells about peaks, and the steps of a tracker, all targets at once.
+
+use num_complex::Complex;
+use num_traits::AsPrimitive;
+use numpy::{
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArray4, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use super::arrays::{matrix, numbers, shape_text};
+use crate::error::Error;
+use crate::processing::assignment::{Gate, Pair};
+use crate::processing::peaks;
+use crate::processing::targets::{self, OwnTargets, Targets};
+use crate::processing::tone_fit::{Axes, Cells, fit};
+
+/// Vectors (target, n) and matrices (target, n, n).
+type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+
+/// Pairs of tracks and detections, and a number of each.
+type Pairs<'py> = (Vec<Pair>, Bound<'py, PyArray1<f64>>);
+
+/// Places (peak, 2) and a number of each.
+type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// States and covariances of targets after a time, by the white-acceleration model.
+#[pyfunction(signature = (state, covariance, *, time, density))]
+pub(super) fn predicted<'py>(
+    py: Python<'py>,
+    state: PyReadonlyArray2<'py, f64>,
+    covariance: PyReadonlyArray3<'py, f64>,
+    time: f64,
+    density: f64,
+) -> PyResult<Arrays<'py>> {
+    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
+    arrays(py, targets::predicted(&tracks, time, density)?)
+}
+
+/// What is measured of targets, and its covariance.
+#[pyfunction(signature = (state, covariance))]
+pub(super) fn expected<'py>(
+    py: Python<'py>,
+    state: PyReadonlyArray2<'py, f64>,
+    covariance: PyReadonlyArray3<'py, f64>,
+) -> PyResult<Arrays<'py>> {
+    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
+    arrays(py, targets::expected(&tracks)?)
+}
+
+/// Tracks and detections within their gates, and the cost of each pair.
+#[pyfunction(signature = (state, covariance, measured, noise, *, periods, limits, velocity_known))]
+pub(super) fn gated_pairs<'py>(
+    py: Python<'py>,
+    state: PyReadonlyArray2<'py, f64>,
+    covariance: PyReadonlyArray3<'py, f64>,
+    measured: PyReadonlyArray2<'py, f64>,
+    noise: PyReadonlyArray3<'py, f64>,
+    periods: [f64; 4],
+    limits: [f64; 5],
+    velocity_known: f64,
+) -> PyResult<Pairs<'py>> {
+    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
+    let detections = of_arrays(["measured", "noise"], &measured, &noise, Some(tracks.length / 2 + 1))?;
+    let gate = Gate {
+        periods,
+        limits,
+        velocity_known,
+    };
+    let (pairs, costs) = py.detach(|| targets::gated_pairs(&tracks, &detections, &gate))?;
+    Ok((pairs, costs.into_pyarray(py)))
+}
+
+/// States and covariances of tracks that take in detections, pair by pair.
+#[pyfunction(signature = (state, covariance, measured, noise, pairs, *, periods, velocity_known))]
+pub(super) fn updated<'py>(
+    py: Python<'py>,
+    state: PyReadonlyArray2<'py, f64>,
+    covariance: PyReadonlyArray3<'py, f64>,
+    measured: PyReadonlyArray2<'py, f64>,
+    noise: PyReadonlyArray3<'py, f64>,
+    pairs: Vec<Pair>,
+    periods: [f64; 4],
+    velocity_known: f64,
+) -> PyResult<Arrays<'py>> {
+    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
+    let detections = of_arrays(["measured", "noise"], &measured, &noise, Some(tracks.length / 2 + 1))?;
+    let numbers = [state.shape()[0], measured.shape()[0]];
+    if let Some(pair) = pairs.iter().find(|pair| pair.0 >= numbers[0] || pair.1 >= numbers[1]) {
+        let expected = format!("indices below {} and {}", numbers[0], numbers[1]);
+        return Err(Error::value("pairs", expected, format!("{pair:?}")).into());
+    }
+    let gate = Gate {
+        periods,
+        limits: [0.0; 5],
+        velocity_known,
+    };
+    arrays(py, targets::updated(&tracks, &detections, &pairs, &gate)?)
+}
+
+/// States and covariances of tracks that begin with detections.
+#[pyfunction(signature = (measured, noise, *, speed_deviation))]
+pub(super) fn begun<'py>(
+    py: Python<'py>,
+    measured: PyReadonlyArray2<'py, f64>,
+    noise: PyReadonlyArray3<'py, f64>,
+    speed_deviation: f64,
+) -> PyResult<Arrays<'py>> {
+    let detections = of_arrays(["measured", "noise"], &measured, &noise, None)?;
+    let length = 2 * detections.length.saturating_sub(1);
+    arrays(py, targets::begun(length, &detections, speed_deviation)?)
+}
+
+/// Targets in arrays, of a number of coordinates if it is given.
+fn of_arrays<'a>(
+    names: [&str; 2],
+    values: &'a PyReadonlyArray2<'_, f64>,
+    covariances: &'a PyReadonlyArray3<'_, f64>,
+    length: Option<usize>,
+) -> PyResult<Targets<'a>> {
+    let shape = values.shape();
+    let (number, length) = (shape[0], length.unwrap_or(shape[1]));
+    Ok(Targets {
+        length,
+        values: numbers(names[0], values, [None, Some(length)])?,
+        covariances: numbers(names[1], covariances, [Some(number), Some(length), Some(length)])?,
+    })
+}
+
+fn arrays(py: Python<'_>, targets: OwnTargets) -> PyResult<Arrays<'_>> {
+    let length = targets.length;
+    let number = targets.values.len() / length;
+    let covariances = targets.covariances.into_pyarray(py);
+    Ok((
+        targets.values.into_pyarray(py).reshape([number, length])?,
+        covariances.reshape([number, length, length])?,
+    ))
+}
+
+/// Powers in single or double precision.
+#[derive(FromPyObject)]
+pub(super) enum Powers<'py> {
+    Single(PyReadonlyArray2<'py, f32>),
+    Double(PyReadonlyArray2<'py, f64>),
+}
+
+/// Evaluate an expression with the map of powers in their precision, and the indices of cells in it.
+macro_rules! in_map {
+    ($power:expr, $is_cyclic:expr, $cells:expr, |$map:ident, $indices:ident| $work:expr) => {
+        match $power {
+            Powers::Single(power) => {
+                let ($map, $indices) = map_and_cells(power, $is_cyclic, $cells)?;
+                $work
+            }
+            Powers::Double(power) => {
+                let ($map, $indices) = map_and_cells(power, $is_cyclic, $cells)?;
+                $work
+            }
+        }
+    };
+}
+
+/// True for cells of a map with power that none of their neighbours exceeds.
+#[pyfunction(signature = (power, cells, *, is_cyclic))]
+pub(super) fn local_maxima<'py>(
+    py: Python<'py>,
+    power: Powers<'py>,
+    cells: PyReadonlyArray2<'py, i64>,
+    is_cyclic: bool,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let found: Vec<_> = in_map!(&power, is_cyclic, &cells, |map, indices| {
+        indices.into_iter().map(|cell| map.is_local_maximum(cell)).collect()
+    });
+    Ok(found.into_pyarray(py))
+}
+
+/// Offsets from the middle of local maxima, and their heights, by parabolas through the log power.
+#[pyfunction(signature = (power, cells, *, is_cyclic))]
+pub(super) fn between_cells<'py>(
+    py: Python<'py>,
+    power: Powers<'py>,
+    cells: PyReadonlyArray2<'py, i64>,
+    is_cyclic: bool,
+) -> PyResult<Tops<'py>> {
+    let tops: Vec<_> = in_map!(&power, is_cyclic, &cells, |map, indices| {
+        indices.into_iter().map(|cell| map.top(cell)).collect()
+    });
+    let heights: Vec<_> = tops.iter().map(|top| top.height).collect();
+    let offsets = tops.iter().map(|top| top.offset).collect();
+    Ok((matrix(py, offsets)?, heights.into_pyarray(py)))
+}
+
+/// Medians of the training cells of some cells.
+#[pyfunction(signature = (power, cells, *, guards, trainings))]
+pub(super) fn training_medians<'py>(
+    py: Python<'py>,
+    power: Powers<'py>,
+    cells: PyReadonlyArray2<'py, i64>,
+    guards: [usize; 2],
+    trainings: [usize; 2],
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let found: Vec<_> = in_map!(&power, false, &cells, |map, indices| {
+        let medians = indices
+            .into_iter()
+            .map(|cell| map.training_median(cell, guards, trainings));
+        py.detach(|| medians.collect())
+    });
+    Ok(found.into_pyarray(py))
+}
+
+fn map_and_cells<'a, T: Element>(
+    power: &'a PyReadonlyArray2<'_, T>,
+    is_cyclic: bool,
+    cells: &PyReadonlyArray2<'_, i64>,
+) -> PyResult<(peaks::Map<'a, T>, Vec<[usize; 2]>)> {
+    let shape = [power.shape()[0], power.shape()[1]];
+    let power = numbers("power", power, [None; 2])?;
+    let map = peaks::Map {
+        power,
+        shape,
+        is_cyclic,
+    };
+    Ok((map, indices("cells", cells, shape)?))
+}
+
+/// Rows and columns, which a map of a shape must have.
+fn indices(name: &str, cells: &PyReadonlyArray2<'_, i64>, shape: [usize; 2]) -> PyResult<Vec<[usize; 2]>> {
+    let cells: &[[i64; 2]] = numbers(name, cells, [None, Some(2)])?.as_chunks().0;
+    let inside = |[row, column]: [i64; 2]| {
+        let index = [usize::try_from(row).ok()?, usize::try_from(column).ok()?];
+        (index[0] < shape[0] && index[1] < shape[1]).then_some(index)
+    };
+    let outside = |cell: &[i64; 2]| {
+        let expected = format!("cells of a map of shape {}", shape_text(shape.map(Some)));
+        Error::value(name, expected, format!("{cell:?}"))
+    };
+    let found: Result<_, _> = cells
+        .iter()
+        .map(|cell| inside(*cell).ok_or_else(|| outside(cell)))
+        .collect();
+    Ok(found?)
+}
+
+/// Cells of a map in single or double precision.
+#[derive(FromPyObject)]
+pub(super) enum Map<'py> {
+    Single(PyReadonlyArray3<'py, Complex<f32>>),
+    Double(PyReadonlyArray3<'py, Complex<f64>>),
+}
+
+/// Offsets, amplitudes, energy gains and information of the tones about peaks.
+type Tones<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<Complex<f64>>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray2<f64>>,
+);
+
+/// Fit a tone to the cells about each peak.
+#[pyfunction(signature = (cells, peaks, start, series, *, num_cells, is_cyclic))]
+pub(super) fn fit_tones<'py>(
+    py: Python<'py>,
+    cells: Map<'py>,
+    peaks: PyReadonlyArray2<'py, i64>,
+    start: PyReadonlyArray2<'py, f64>,
+    series: PyReadonlyArray4<'py, f64>,
+    num_cells: [usize; 2],
+    is_cyclic: bool,
+) -> PyResult<Tones<'py>> {
+    match cells {
+        Map::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        Map::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+    }
+}
+
+fn tones<'py, T: Element + AsPrimitive<f64>>(
+    py: Python<'py>,
+    cells: &PyReadonlyArray3<'py, Complex<T>>,
+    peaks: &PyReadonlyArray2<'py, i64>,
+    start: &PyReadonlyArray2<'py, f64>,
+    series: &PyReadonlyArray4<'py, f64>,
+    num_cells: [usize; 2],
+    is_cyclic: bool,
+) -> PyResult<Tones<'py>>
+where
+    Complex<T>: Element,
+{
+    let &[num_looks, num_rows, num_columns] = cells.shape() else {
+        unreachable!("three axes")
+    };
+    if num_cells[0] > num_rows || num_cells[1] > num_columns || num_cells.contains(&0) {
+        let expected = format!("1 to {num_rows} and 1 to {num_columns}");
+        return Err(Error::value("num_cells", expected, format!("{num_cells:?}")).into());
+    }
+    let most = num_cells[0].max(num_cells[1]);
+    let map = Cells {
+        values: numbers("cells", cells, [None; 3])?,
+        shape: [num_looks, num_rows, num_columns],
+        is_cyclic,
+    };
+    let axes = Axes {
+        series: numbers("series", series, [Some(2), Some(most), None, Some(8 * most)])?,
+        most,
+        num_cells,
+    };
+    let peaks = indices("peaks", peaks, [num_rows, num_columns])?;
+    let number = peaks.len();
+    let start: &[[f64; 2]] = numbers("start", start, [Some(number), Some(2)])?.as_chunks().0;
+    let tones: Vec<_> = py.detach(|| {
+        let both = peaks.iter().zip(start);
+        both.map(|(peak, start)| fit(&map, *peak, *start, &axes)).collect()
+    });
+    let amplitudes: Vec<_> = tones.iter().flat_map(|tone| &tone.amplitude).copied().collect();
+    let energy_gains: Vec<_> = tones.iter().map(|tone| tone.energy_gain).collect();
+    Ok((
+        matrix(py, tones.iter().map(|tone| tone.offset).collect())?,
+        amplitudes.into_pyarray(py).reshape([number, num_looks])?,
+        energy_gains.into_pyarray(py),
+        matrix(py, tones.iter().map(|tone| tone.information).collect())?,
+    ))
+}
