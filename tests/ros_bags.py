@@ -19,6 +19,8 @@ BAGS = {"mcap": "bag", "sqlite3": "bag", "ros1": "take.bag"}
 
 START_NS = 1_700_000_000_123_456_789
 EVERY_NS = 25_000_000
+NUM = 150
+"""Messages of a topic."""
 ARRAY = "std_msgs/msg/Int16MultiArray"
 POSE = "geometry_msgs/msg/PoseStamped"
 
@@ -39,10 +41,10 @@ def pose_of(position: Any, quaternion_xyzw: Any = (0.0, 0.0, 0.0, 1.0)) -> dict[
 
 
 def array_of(number: int) -> dict[str, Any]:
-    return {"layout": {"dim": [], "data_offset": 0}, "data": np.full(3000, number, np.int16)}
+    return {"layout": {"dim": [], "data_offset": 0}, "data": np.full(6000, number, np.int16)}
 
 
-def write_bag(path: Path, format: str, num: int = 300) -> Path:
+def write_bag(path: Path, format: str, num: int = NUM) -> Path:
     """`num` arrays that count on ``/array``, and as many poses on ``/arm/pose``."""
     with BagWriter(path, format) as bag:
         for k in range(num):

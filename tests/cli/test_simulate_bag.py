@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -260,6 +261,22 @@ def test_a_cut_bag_is_simulated_up_to_the_cut(tmp_path: Path, radar: Path, capsy
     assert len(rc.Recording.load(output)) in (4, 5)
 
 
+@pytest.mark.filterwarnings("default")
+def test_whole_millimetres_are_warned_of_once(tmp_path: Path, radar: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, output = tmp_path / "bag", tmp_path / "recording"
+    with BagWriter(bag) as written:
+        written.write("/depth/camera_info", info_of(START_NS), START_NS, type="sensor_msgs/msg/CameraInfo")
+        for k in range(NUM_IMAGES):
+            metres = np.nan_to_num(depth_of(DISTANCE - SPEED * 0.025 * k), posinf=0.0)
+            image = image_of(START_NS + k * EVERY_NS, np.rint(1000.0 * metres).astype(np.uint16), "16UC1")
+            written.write("/depth/image", image, START_NS + k * EVERY_NS, type="sensor_msgs/msg/Image")
+    assert main(["simulate", "--bag", str(bag), "--radar", str(radar), "-o", str(output)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert sum("16UC1 has whole millimetres" in line for line in lines) == 1
+    kinds = [re.sub(r"[\d.]+", "", line) for line in lines]
+    assert sorted(set(kinds)) == sorted(kinds)
+
+
 # --- info
 
 
@@ -273,3 +290,27 @@ def test_info_lists_topics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     facts = json.loads(capsys.readouterr().out)
     assert facts["topics"]["/camera/depth/camera_info"] == "1 sensor_msgs/msg/CameraInfo"
     assert (facts["ROS"], facts["messages"], facts["start [ns]"]) == (1, 13, START_NS)
+
+
+# --- The page
+
+
+def test_commands_of_the_page_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "bags.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for kind, text in blocks:
+        if 'BagWriter("take")' in text or 'BagWriter("depth.mcap")' in text:
+            exec(text.partition("\nwith ros.BagReader")[0], names)
+        elif kind == "toml":
+            Path("scene.toml").write_text(text, encoding="utf-8")
+    lines = [line.split() for kind, text in blocks if kind == "console" for line in text.splitlines()]
+    assert [line[1] for line in lines] == ["info", "simulate", "simulate", "process", "process"]
+    for _, *arguments in lines:
+        assert main(arguments) == 0, capsys.readouterr().err
+    assert capsys.readouterr().err == ""
+    assert len(rc.Recording.load("out/take")) == 10
+    assert len(rc.Recording.load("out/depth")) == 3

@@ -20,6 +20,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
+from radarcore.scenefile.build.simulation import frame_rate
 from radarcore.scenefile.load import load_radar, load_scene
 
 
@@ -57,7 +58,7 @@ def _scene(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, floa
 def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
     """Every frame from the newest depth image and the one before it."""
     radar = load_radar(options.radar)
-    rate = 1.0 / radar.waveform.frame_interval if options.rate is None else check.positive("rate", options.rate, "Hz")
+    rate = frame_rate(radar) if options.rate is None else check.positive("rate", options.rate, "Hz")
     angles = None if options.field_of_view is None else tuple(options.field_of_view)
     with _argument_names(bag.path):
         images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=angles)
@@ -69,14 +70,14 @@ def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, floa
         "kind": "depth images",
         "bag": {"path": str(bag.path), "start_ns": images.start_ns, "topic": images.topic},
     }
-    num_lost, told = 0, set[str]()
+    num_lost = 0
     with (
         RecordingWriter(options.output, radar, source=source, overwrite=options.overwrite) as writer,
         notice.progress(images, "simulating", "image", total=len(images)) as counted,
+        _each_kind_once(),
     ):
         for found in frame_images(counted, rate, max_age=max_age):
-            with _each_kind_once(told):
-                writer.append(_frame(found, radar, reflectance, options.threads))
+            writer.append(_frame(found, radar, reflectance, options.threads))
             num_lost += found.num_lost
     if num_lost:
         notice.warn(f"{bag.path}: {num_lost} frames left out: no two depth images within {max_age:g} s")
@@ -112,13 +113,18 @@ def _argument_names(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _each_kind_once(told: set[str]) -> Iterator[None]:
-    """Warnings that differ from earlier ones in more than numbers."""
-    with warnings.catch_warnings(record=True) as caught:
+def _each_kind_once() -> Iterator[None]:
+    """Shows warnings that differ from earlier ones in more than numbers: images are warned of one by one."""
+    told = set[str]()
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def show_new(message: Warning | str, *details: Any, **options: Any) -> None:
+            kind = re.sub(r"[\d.]+", "0", str(message))
+            if kind not in told:
+                told.add(kind)
+                show(message, *details, **options)
+
+        warnings.showwarning = show_new
         warnings.simplefilter("always")
         yield
-    for warning in caught:
-        kind = re.sub(r"[\d.]+", "0", str(warning.message))
-        if kind not in told:
-            told.add(kind)
-            notice.warn(str(warning.message), warning.category)

@@ -114,8 +114,12 @@ def _parser() -> argparse.ArgumentParser:
     schema.set_defaults(run=_schema)
 
     process = commands.add_parser("process", help="find detections and tracks in a recording of any length")
-    process.add_argument("source", type=Path, help="recording, or a bare .npy file with --config")
+    process.add_argument("source", type=Path, help="recording, bag with one, or a bare .npy file with --config")
     process.add_argument("-o", "--output", type=Path, metavar="DIR", help="write detections.csv and tracks.csv there")
+    process.add_argument(
+        "--bag", type=Path, metavar="BAG", help="write detections and range-velocity maps into a ROS bag"
+    )
+    process.add_argument("--samples", action="store_true", help="put the samples into that bag as well")
     process.add_argument("--overwrite", action="store_true", help="replace the results that are there")
     source.add_config(process)
     process.add_argument(

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.cli.source import moving, open_recording
+from radarcore.cli.source import AnyReader, moving, open_recording
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import Tracker
 from radarcore.processing.tracks import TrackState
-from radarcore.recording.reader import RecordingReader
+from radarcore.recording.frame import Frame
 
 FILES = ("detections.csv", "tracks.csv")
 """Files of the results."""
@@ -50,15 +50,18 @@ class _Summary:
 
 def run(options: argparse.Namespace) -> int:
     """Detect and track frame by frame, write results as they come, and print a summary."""
-    reader = open_recording(options.source, options.config)
     names = ("false_alarm_rate", "method", "min_range", "max_range")
     chosen = {name: value for name in names if (value := getattr(options, name)) is not None}
     tracks: dict[int, _Summary] = {}
     num_detections = 0
     began = time.perf_counter()
+    if options.samples and options.bag is None:
+        raise ValueError("--samples: expected --bag as well, got none")
     with ExitStack() as files:
+        reader = files.enter_context(open_recording(options.source, options.config))
         write = _writers(options.output, options.overwrite, files) if options.output is not None else None
-        for index, found, states in _processed(reader, options, chosen):
+        bag = _bag(reader, options, files) if options.bag is not None else None
+        for index, frame, part, found, states in _processed(reader, options, chosen):
             num_detections += len(found)
             believed = [state for state in states if state.is_confirmed]
             for state in believed:
@@ -66,6 +69,8 @@ def run(options: argparse.Namespace) -> int:
                 tracks.setdefault(state.id, new).add(index, state)
             if write is not None:
                 write(index, found, believed)
+            if bag is not None:
+                bag.write(frame, part, found)
     elapsed = time.perf_counter() - began
 
     duration = len(reader) * reader.radar.waveform.frame_interval  # of data
@@ -91,13 +96,15 @@ def run(options: argparse.Namespace) -> int:
     print(f"{elapsed:.1f} s, {duration / elapsed:.0f} x real time")
     if options.output is not None:
         print(" ".join(str(options.output / name) for name in FILES))
+    if options.bag is not None:
+        print(options.bag)
     return 0
 
 
 def _processed(
-    reader: RecordingReader, options: argparse.Namespace, chosen: dict[str, Any]
-) -> Iterator[tuple[int, Detections, Sequence[TrackState]]]:
-    """Index, detections and tracks of frame after frame, with a bar of the progress."""
+    reader: AnyReader, options: argparse.Namespace, chosen: dict[str, Any]
+) -> Iterator[tuple[int, Frame, Frame, Detections, Sequence[TrackState]]]:
+    """Index, frame, what was processed of it, detections and tracks of all frames, with a bar of the progress."""
     radars = reader.radar.sequences()
     sequence = check.index("sequence", options.sequence, len(radars))
     radar = radars[sequence]
@@ -105,11 +112,26 @@ def _processed(
     tracker = Tracker(
         max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if options.range_only else None
     )
-    frames = moving(reader) if options.remove_static else iter(reader)
+    frames = zip(reader, moving(reader), strict=True) if options.remove_static else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
-        for index, frame in enumerate(counted):
-            found = detect(frame.sequences()[sequence] if len(radars) > 1 else frame, **chosen)
-            yield index, found, tracker.update(found)
+        for index, (frame, filtered) in enumerate(counted):
+            part = filtered.sequences()[sequence]
+            found = detect(part, **chosen)
+            yield index, frame, part, found, tracker.update(found)
+
+
+def _bag(reader: AnyReader, options: argparse.Namespace, files: ExitStack) -> Any:
+    """Bag of the results."""
+    from radarcore.cli.bag_results import ResultBag
+
+    return ResultBag(
+        options.bag,
+        reader.radar,
+        reader.source,
+        with_samples=options.samples,
+        overwrite=options.overwrite,
+        files=files,
+    )
 
 
 def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.adapters.ros.bags import BagReader, is_bag
+from radarcore.adapters.ros.raw_frames import BagFrames
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_radar
+
+AnyReader = RecordingReader | BagFrames
+"""Frames that need not fit into memory."""
 
 
 def add_config(parser: argparse.ArgumentParser) -> None:
@@ -29,16 +35,24 @@ def add_config(parser: argparse.ArgumentParser) -> None:
 
 
 def load_recording(path: Path, config: Path | None) -> Recording:
-    """The recording at a path."""
+    """The recording at a path, or the one in a bag."""
+    if is_bag(path) and config is None:
+        with BagReader(path) as bag:
+            return BagFrames(bag).recording()
     return Recording.load(path, radar=_radar(path, config))
 
 
-def open_recording(path: Path, config: Path | None) -> RecordingReader:
-    """The frames of the recording at a path, one by one."""
-    return RecordingReader(path, radar=_radar(path, config))
+@contextmanager
+def open_recording(path: Path, config: Path | None) -> Iterator[AnyReader]:
+    """The frames of the recording at a path, or in a bag, one by one."""
+    if is_bag(path) and config is None:
+        with BagReader(path) as bag:
+            yield BagFrames(bag)
+    else:
+        yield RecordingReader(path, radar=_radar(path, config))
 
 
-def moving(reader: RecordingReader | Recording) -> Iterator[Frame]:
+def moving(reader: AnyReader | Recording) -> Iterator[Frame]:
     """The frames without what stands still throughout: their mean over all chirps of the recording, taken off."""
     mean: NDArray[Any] | float = 0.0
     for frame in _frames(reader):
@@ -47,8 +61,8 @@ def moving(reader: RecordingReader | Recording) -> Iterator[Frame]:
         yield replace(frame, cube=(frame.cube - mean).astype(frame.cube.dtype), raw=None)
 
 
-def _frames(reader: RecordingReader | Recording) -> Iterator[Frame]:
-    return iter(reader) if isinstance(reader, RecordingReader) else reader.frames()
+def _frames(reader: AnyReader | Recording) -> Iterator[Frame]:
+    return reader.frames() if isinstance(reader, Recording) else iter(reader)
 
 
 def _radar(path: Path, config: Path | None) -> Radar | None:

@@ -55,8 +55,10 @@ def _of_scene(path: Path, _: argparse.Namespace, viewer: Viewer) -> Iterator[Fra
 
 def _of_recording(path: Path, options: argparse.Namespace, _: Viewer) -> Iterator[Frame]:
     """Frames of a recording, however long."""
-    reader = open_recording(path, options.config)
-    with notice.progress(iter(reader), "reading", "frame", total=len(reader)) as counted:
+    with (
+        open_recording(path, options.config) as reader,
+        notice.progress(iter(reader), "reading", "frame", total=len(reader)) as counted,
+    ):
         for frame in counted:
             yield frame.sequences()[0]
 

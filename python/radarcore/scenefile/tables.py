@@ -452,8 +452,10 @@ class RunTable(Table):
     """Times and settings of the simulation."""
 
     start: float = _key(0.0, "s", "time of the first frame; of a bag by default its first pose")
-    stop: float = _key(1.0, "s", "no frame starts at or after it; of a bag by default its last pose")
-    rate: float = _key(40.0, "Hz", "frames per second")
+    stop: float = _key(
+        1.0, "s", "no frame starts at or after it; of a bag by default so that frames end with its poses"
+    )
+    rate: float = _key(40.0, "Hz", "frames per second; of a bag by default those of the radar")
     resolution: int | tuple[int, int] | None = _key(
         None,
         "",

@@ -9,6 +9,7 @@ import errno
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import lru_cache
 from heapq import merge
 from itertools import groupby
 from os import PathLike
@@ -17,14 +18,18 @@ from types import TracebackType
 from typing import Any
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_bags import database_size, sequential_reader
+from radarcore.adapters.ros.cut_bags import database_size, sequential_reader, unpacked_message
 from radarcore.adapters.ros.typestore import need_rosbags, typestore
+from radarcore.recording import infineon
 
 _SUFFIXES = (".mcap", ".db3", ".bag")
 """Of the files in a folder; the first that there are count."""
 
 _MOST_NAMES = 30
 """Topics that a message names."""
+
+_LONGEST_REASON = 200
+"""Characters of another library's message."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,6 @@ class BagReader:
             raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
         self._told = False
         self._stack = ExitStack()
-        self._stores: dict[tuple[str, str], Any] = {}
         self._readers, self.version = self._opened()
         self._connections = [connection for reader in self._readers for connection in reader.connections]
         self.topics = _topics(self._connections)
@@ -196,26 +200,23 @@ class BagReader:
         """Messages of one file, up to where it is damaged."""
         reader = own[0].owner
         try:
-            yield from reader.messages(connections=own, start=start, stop=stop)
+            for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
+                yield connection, time, data if self.version == 1 else unpacked_message(data)
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
-            self._warn(str(error) or type(error).__name__)
+            self._warn(_line(error))
 
     def _decoded(self, connection: Any, data: bytes) -> Any:
         from rosbags.serde import SerdeError
         from rosbags.typesys import TypesysError
 
-        key = (connection.msgtype, connection.msgdef.data)
         try:
-            if key not in self._stores:
-                self._stores[key] = _store(connection, self.version)
-            store = self._stores[key]
+            store = _store(connection.msgtype, connection.msgdef, self.version)
             if self.version == 1:
                 return store.deserialize_ros1(data, connection.msgtype)
             return store.deserialize_cdr(data, connection.msgtype)
         except (SerdeError, TypesysError, KeyError, ValueError) as error:
-            raise ValueError(
-                f"{self.path}: expected messages of {connection.msgtype} on {connection.topic!r}, got others ({error})"
-            ) from error
+            where = f"{check.printable(connection.msgtype)} on {connection.topic!r}"
+            raise ValueError(f"{self.path}: expected messages of {where}, got others ({_line(error)})") from error
 
     def _opened(self) -> tuple[list[Any], int]:
         """Readers of the bag, and the version of ROS."""
@@ -240,13 +241,11 @@ class BagReader:
                 for reader in readers:
                     stack.enter_context(reader)
                 self._stack = stack.pop_all()
-            if self.path.is_dir() and version == 2 and not is_described:
-                self._warn("a folder without metadata.yaml, its recorder was interrupted")
         except PermissionError:
             raise
         except Exception as error:  # of rosbags and what it uses: whatever a damaged file leads to
             if not fallbacks:
-                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({error})") from error
+                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({_line(error)})") from error
             readers = [self._stack.enter_context(reader) for reader in fallbacks]
             cuts = [reader.cut for reader in readers if reader.cut is not None]
             if cuts and not any(reader.connections for reader in readers):
@@ -254,14 +253,17 @@ class BagReader:
             # Whole files with topics of other encodings are read without those, and without a warning.
             if cuts or not isinstance(error, KeyError):
                 count = sum(reader.message_count for reader in readers)
-                self._warn(f"{cuts[0] if cuts else error}; {count} messages are whole")
+                self._warn(f"{cuts[0] if cuts else _line(error)}; {count} messages are whole")
+        else:
+            if self.path.is_dir() and version == 2 and not is_described:
+                self._warn("a folder without metadata.yaml, its recorder was interrupted")
         return readers, version
 
     def _warn(self, what: str) -> None:
         """One warning of a bag, however often its damage is met."""
         if not self._told:
             self._told = True
-            notice.warn(f"{self.path}: a bag that is cut or damaged: {check.printable(' '.join(what.split()))}")
+            notice.warn(f"{self.path}: a bag that is cut or damaged: {what}")
 
     def _names(self, types: tuple[str, ...]) -> str:
         """Names and types of the topics; those of some types first."""
@@ -273,9 +275,11 @@ class BagReader:
 
 
 def is_bag(path: str | PathLike[str]) -> bool:
-    """True for what looks like a bag: by its suffix, or the files in a folder."""
+    """True for what looks like a bag: by its suffix, or the files in a folder that is no recording."""
     place = Path(path)
     if place.is_dir():
+        if (place / "meta.json").is_file() or infineon.is_recording(place):
+            return False
         return (place / "metadata.yaml").is_file() or any(file.suffix in _SUFFIXES for file in place.iterdir())
     return place.suffix in _SUFFIXES
 
@@ -307,6 +311,12 @@ def _check_database(file: Path) -> None:
             raise ValueError(f"its writer left {left.name}")
 
 
+def _line(error: Exception) -> str:
+    """An error of another library, which may run over many lines, as a short one."""
+    text = check.printable(" ".join(str(error).split())).rstrip(".") or type(error).__name__
+    return text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}..."
+
+
 def _owner(connection: Any) -> int:
     return id(connection.owner)
 
@@ -320,17 +330,17 @@ def _topics(connections: Iterable[Any]) -> dict[str, Topic]:
     return dict(sorted(found.items()))
 
 
-def _store(connection: Any, version: int) -> Any:
-    """Types that the definition of a connection has; without one, those of ROS."""
+@lru_cache(maxsize=256)  # rosbags compiles a decoder for every type
+def _store(name: str, definition: Any, version: int) -> Any:
+    """Types that the definition of a message names; without one, those of ROS."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    definition = connection.msgdef
     if definition.format == MessageDefinitionFormat.NONE:
         return typestore(version)
     types: dict[str, Any] = {}
     if definition.format == MessageDefinitionFormat.MSG:
-        types |= get_types_from_msg(definition.data, connection.msgtype)
+        types |= get_types_from_msg(definition.data, name)
     else:
         line = "=" * 80 + "\n"  # between the definitions of several types
         parts = definition.data.split(line)[1:] if definition.data.startswith(f"{line}IDL: ") else [definition.data]

@@ -21,6 +21,8 @@ from zlib import crc32
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 SQLITE_MAGIC = b"SQLite format 3\0"
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""Start of a message that is packed; others of ROS 2 start with zero (CDR)."""
 
 Record = tuple[int, int, bytes]
 """Number of a connection, time [ns] and message."""
@@ -94,7 +96,7 @@ class SequentialReader:
             yield from self._records()
         except Cut as error:
             self.cut = str(error)
-        except (struct.error, KeyError, IndexError) as error:
+        except (struct.error, KeyError, IndexError, UnicodeDecodeError) as error:
             self.cut = f"a record is damaged ({error})"
 
     def _records(self) -> Iterator[Record]:
@@ -249,6 +251,11 @@ def sequential_reader(path: Path) -> SequentialReader:
             return kind(path)
     got = "an empty file" if not start else "another file"
     raise ValueError(f"{path}: expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got {got}")
+
+
+def unpacked_message(data: bytes) -> bytes:
+    """A message of ROS 2, which may be packed by itself: metadata.yaml says so, where there is one."""
+    return _unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
 
 
 def database_size(path: Path) -> int:
