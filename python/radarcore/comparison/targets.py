@@ -74,9 +74,7 @@ def found_in(
     wf = recording.radar.waveform
     period = recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
     num_dimensions = 1 if range_only else None
-    tracks = track(
-        detections, smooth=True, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions
-    )
+    tracks = track(detections, smooth=True, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions)
     return Found(recording, tuple(detections), tracks)
 
 
