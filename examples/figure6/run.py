@@ -124,7 +124,6 @@ def record(bag_path: Path, start: float, num_frames: int, ray_budget: int = 100_
             client.follow({name: Arrivals(name, arrived) for name in BODIES}),
         ):
             achieved = sensor.configure(noisier, if_gain_db=33)  # whose phases of the receivers are calibrated
-            faults.lost = PACKETS_LOST  # from here on: a radio-loud laboratory
             laboratory.on_step.append(on_step)
             writers = {
                 name: ros.FrameWriter(bag, of, topic=f"/{name}", start_ns=START_NS)
@@ -140,7 +139,9 @@ def record(bag_path: Path, start: float, num_frames: int, ray_budget: int = 100_
                     message = ros.to_pose_stamped(pose, time_ns=stamp, frame_id="world", types=bag.types)
                     bag.write(f"/optitrack/{name}/pose", message, stamp)
 
-            for frame in sensor.frames(num_frames):
+            for number, frame in enumerate(sensor.frames(num_frames, timeout=60.0)):
+                # Data are lost, but not the answers to the start and the stop.
+                faults.lost = PACKETS_LOST if number < num_frames - 1 else 0.0
                 write("measured", frame)
                 while not arrived.empty():
                     write(*arrived.get())
