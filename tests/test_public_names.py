@@ -11,17 +11,8 @@ from types import ModuleType
 import pytest
 
 PUBLIC = [
-    "",
-    "adapters",
-    "adapters.coppeliasim",
-    "adapters.mujoco",
-    "adapters.optitrack",
-    "adapters.ros",
-    "models",
-    "models.robots",
-    "plot",
-    "processing",
-    "sensor",
+    *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
+    *("models", "models.robots", "plot", "processing", "sensor"),
 ]
 
 

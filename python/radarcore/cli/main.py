@@ -136,8 +136,57 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--json", action="store_true", help="print the summary as JSON")
     process.set_defaults(run=_process)
 
+    _add_compare(commands)
     sensor.add_parser(commands)
     return parser
+
+
+def _add_compare(commands: Any) -> None:
+    """Add the command `compare`."""
+    parser = commands.add_parser("compare", help="compare recordings with each other and with the truth")
+    parser.add_argument("a", metavar="A", help="recording, or BAG:/TOPIC; its clock, or the truth's, is the time base")
+    parser.add_argument("b", metavar="B", nargs="?", help="recording, or BAG:/TOPIC, to compare with A")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="report (.html), or picture (.png, .pdf, .svg)"
+    )
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="motion capture (Motive's .csv, poses in a bag), or recording with truth (default: the recordings' own)",
+    )
+    parser.add_argument("--radar", metavar="NAME", help="body of motion capture that is the radar (default: radar)")
+    parser.add_argument(
+        "--radius",
+        metavar="NAME=M,...",
+        help="distance of the surfaces of bodies of motion capture before their origins [m]",
+    )
+    parser.add_argument(
+        "--offset",
+        metavar="S",
+        help="added to the times of the last recording it gives those of the time base [s], or auto (default: 0); "
+        "S,S for both",
+    )
+    parser.add_argument("--max-offset", type=float, metavar="S", help="largest offset that auto looks for [s]")
+    parser.add_argument(
+        "--targets",
+        metavar="NAME,...",
+        help="targets to compare; NAME=BODY names one anew (default: all that are seen)",
+    )
+    parser.add_argument(
+        "--method", choices=("ca", "os"), help="detection by cell averaging or ordered statistic (default: ca)"
+    )
+    parser.add_argument("--names", metavar="NAME,NAME", help="names of the recordings (default: those of their files)")
+    parser.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
+    parser.add_argument(
+        "--max-range", type=float, metavar="M", help="farthest range of detections, and of pictures [m]"
+    )
+    parser.add_argument(
+        "--range-only", action="store_true", help="leave out angles, of radars whose receivers are not calibrated"
+    )
+    parser.add_argument("--time", type=float, metavar="S", help="time of the maps (default: the middle)")
+    parser.add_argument("--json", action="store_true", help="print the tables as JSON")
+    parser.set_defaults(run=_compare)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -223,6 +272,12 @@ def _process(options: argparse.Namespace) -> int:
     from radarcore.cli import process
 
     return process.run(options)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from radarcore.cli import compare
+
+    return compare.run(options)
 
 
 def _schema(options: argparse.Namespace) -> int:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from radarcore import check, plot
-from radarcore.comparison.targets import compare, estimates, table
+from radarcore.comparison.statistics import TargetErrors, target_errors
+from radarcore.comparison.targets import estimates, found_in
 from radarcore.models.robots import data
 from radarcore.scenefile.load import load_scene
 
@@ -93,12 +94,18 @@ def run(
 
     # Detect and track, and compare with the truth.
     began = time.perf_counter()
-    found = estimates(recording, list(TARGETS.values()))
+    assert recording.truth is not None  # the simulator always gives it
+    found = estimates(found_in(recording), recording.truth, list(TARGETS.values()))
     elapsed_of_tracks = time.perf_counter() - began
     say(f"detected and tracked in {1e3 * elapsed_of_tracks / len(recording):.1f} ms per frame")
-    comparisons = [compare(recording, name, body, found[body]) for name, body in TARGETS.items()]
+    errors = []
+    for name, body in TARGETS.items():
+        true, one = recording.truth.select([body]), found[body]
+        bins = waveform.range_resolution, waveform.velocity_resolution
+        known = true.range[:, 0], true.velocity[:, 0]
+        errors.append(target_errors(name, (one.range, one.velocity), known, bins, one.num_tracks))
     say("")
-    for line in table(comparisons):
+    for line in _table(errors):
         say(line)
 
     # One picture.
@@ -119,8 +126,23 @@ def run(
         "seconds": elapsed,
         "real_time_factor": real_time_factor,
         "triangles": simulation.scene.num_triangles,
-        "targets": [asdict(comparison) for comparison in comparisons],
+        "targets": [one.to_dict() for one in errors],
         "scene": str(file),
         "recording": str(path),
         "picture": str(picture),
     }
+
+
+def _table(targets: Sequence[TargetErrors]) -> list[str]:
+    """The errors as lines of text."""
+    lines = [
+        "            frames            range error [bins]  velocity error [bins]  frames with errors below",
+        "            visible  tracked   median    largest    median    largest    1/2 range bin  1 velocity bin",
+    ]
+    lines += [
+        f"{one.name:<10}  {one.num_frames:>7}  {one.num_tracked:>7}   {one.range.median_bins:6.3f}    "
+        f"{one.range.largest_bins:7.3f}    {one.velocity.median_bins:6.3f}    {one.velocity.largest_bins:7.3f}    "
+        f"{one.range.num_within:>13}  {one.velocity.num_within:>14}"
+        for one in targets
+    ]
+    return lines

@@ -1,0 +1,282 @@
+"""Comparison of two recordings and the truth: on one time base, target by target."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radarcore import check
+from radarcore.comparison.alignment import aligned, offsets
+from radarcore.comparison.clock import TruthOverTime
+from radarcore.comparison.echoes import EchoDifference, echo_difference, pairs
+from radarcore.comparison.figure import draw
+from radarcore.comparison.record import Record, Side, TargetComparison
+from radarcore.comparison.reference import MovingTargets, RecordedTruth
+from radarcore.comparison.report import facts, html, text
+from radarcore.comparison.settings import differences
+from radarcore.comparison.statistics import TargetErrors, target_errors
+from radarcore.comparison.targets import Estimates, estimates, found_in, thing_of
+from radarcore.comparison.time_base import dropped_frames, middles, usual_interval
+from radarcore.motion.protocol import AnyMotion
+from radarcore.processing.point_cloud import Detections
+from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+AnyPath = str | os.PathLike[str]
+
+
+class Comparison(Record):
+    """Recordings and truth side by side, made by `radarcore.compare`; `str` of it is the tables."""
+
+    def __str__(self) -> str:
+        return "\n".join(text(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the series as plain numbers and texts, for JSON; what is not known is None."""
+        return facts(self)
+
+    def figure(
+        self, path: AnyPath | None = None, *, time: float | None = None, max_range: float | None = None
+    ) -> Figure:
+        """Range-velocity maps side by side, and range and velocity of both recordings over the truth.
+
+        Parameters
+        ----------
+        path : path, optional
+            Save here, in the format of the suffix; missing parents are made.
+        time : float, optional
+            Time of the maps, by the common base [s]; default: the middle of what the recordings have in common.
+        max_range : float, optional
+            End of the range axes [m]; default: a little beyond the targets.
+        """
+        return draw(self, path, time=time, max_range=max_range)
+
+    def report(self, path: AnyPath, *, time: float | None = None, max_range: float | None = None) -> None:
+        """Write tables and pictures as one HTML file, which needs no other.
+
+        Parameters
+        ----------
+        path : path
+            Missing parents are made.
+        time, max_range
+            As in `figure`.
+        """
+        page = html(self, time=time, max_range=max_range)
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        Path(path).write_text(page, encoding="utf-8")
+
+
+def compare(
+    recording_a: Recording | AnyPath,
+    recording_b: Recording | AnyPath | None = None,
+    truth: Mapping[str, Any] | Recording | AnyPath | None = None,
+    *,
+    targets: Sequence[str] | Mapping[str, str] | None = None,
+    radar_motion: AnyMotion | None = None,
+    radii: Mapping[str, float] | None = None,
+    offset: float | str | tuple[float | str, float | str] = 0.0,
+    max_offset: float | None = None,
+    names: Sequence[str] | None = None,
+    detector: Callable[[Frame], Detections] | None = None,
+    range_only: bool = False,
+    progress: bool = True,
+) -> Comparison:
+    """Compare a recording with another, with the truth, or with both: simulated, measured and true, target by target.
+
+    Each recording is detected and tracked on its own. A track is then given to the target whose truth it is nearest to
+    throughout; of the tracks of a thing with parts, such as a person, the nearest to the truth counts in every frame.
+
+    Parameters
+    ----------
+    recording_a, recording_b : Recording or path
+        Of any radars: I/Q or real, simulated or measured. What settings forbid to compare is left out and named.
+    truth : mapping, Recording or path, optional
+        Motions in the world, bodies or point targets by name; or a recording whose truth counts. The truth of a body is
+        its point nearest to the radar, that of a motion its origin, see `radii`. Default: the recordings' own truth,
+        that of A for B if B has none. Without any, the tracks of A are the targets of B. A motion that is not known at
+        some times (its method ``known``) has no truth there.
+    targets : sequence of str or mapping, optional
+        Targets to compare; a mapping gives the body of each by name. Default: all that were ever visible, of the parts
+        of one thing the one that was visible longest.
+    radar_motion : motion, optional
+        Sensor to world, for motions in the world; default: the world's own frame.
+    radii : mapping, optional
+        Distance by which the surface of a target is nearer than the origin of its motion [m], by name.
+    offset : float, "auto" or a pair of them
+        Added to the times of the last recording (B, or A alone) it gives those of the truth, and of A [s]. A pair: of A
+        and of B. "auto": estimated from detections and truth; that takes targets whose velocities change.
+    max_offset : float, optional
+        Largest offset that is estimated [s]; default: any at which half of the recording or of the truth is in common.
+    names : (str, str), optional
+        Names of the recordings in tables and pictures; default: those of their paths, or A and B.
+    detector : callable, optional
+        Detections of a frame; default: `detect` with less than one false alarm per frame.
+    range_only : bool
+        Track ranges and velocities, without angles: for radars whose receivers' phases are not calibrated.
+    progress : bool
+        Show progress bars when run in a terminal.
+
+    Returns
+    -------
+    comparison : Comparison
+        Tables (`str`), `figure`, `report` (HTML), `to_dict` (JSON) and all series.
+
+    Raises
+    ------
+    ValueError
+        For one recording without any truth; for names that are not there; when an offset cannot be estimated.
+
+    Examples
+    --------
+    >>> import radarcore as rc
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> simulated, noisy = (
+    ...     rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32), seed=seed).record(0.0, 0.3, progress=False)
+    ...     for seed in (0, 1)
+    ... )
+    >>> ball = rc.compare(simulated, noisy, progress=False)["ball"]
+    >>> ball.errors[1].num_frames, ball.errors[1].range.num_within, round(abs(ball.echo.ratio_db), 1)
+    (12, 12, 0.0)
+    """
+    given = [one for one in (recording_a, recording_b) if one is not None]
+    recordings = [_loaded(f"recording_{letter}", one) for letter, one in zip("ab", given, strict=False)]
+    shown = _names(given, names)
+    reference, source = _reference(truth, radar_motion, radii)
+    wanted = offsets(offset, len(recordings))
+    if reference is None and len(recordings) == 1 and recordings[0].truth is None:
+        raise ValueError("recording_b: expected another recording, or a truth to compare with, got neither")
+
+    # Detections and tracks of each, and all on one time base.
+    found = [found_in(one, detector=detector, range_only=range_only, progress=progress) for one in recordings]
+    base = aligned(found, wanted, reference, max_offset)
+    sides = []
+    for name, one, clock, known in zip(shown, found, base.clocks, base.truths, strict=True):
+        time = middles(one.recording, clock.seconds)
+        sides.append(Side(name, one, clock, dropped_frames(one.recording, clock.seconds), time, known.at(time)))
+
+    # Target by target.
+    compared = [_target(name, body, sides, not base.is_by_tracks) for name, body in _targets(targets, sides).items()]
+    return Comparison(
+        tuple(sides),
+        tuple(compared),
+        differences(recordings[0].radar, recordings[1].radar) if len(recordings) == 2 else (),
+        "" if base.is_by_tracks else source,
+    )
+
+
+def _loaded(name: str, given: Any) -> Recording:
+    """A recording, read if it is a path; with frames to compare."""
+    recording = Recording.load(given) if isinstance(given, str | os.PathLike) else given
+    if not isinstance(recording, Recording):
+        raise TypeError(f"{name}: expected Recording or a path, got {type(given).__name__}")
+    if len(recording) == 0:
+        raise ValueError(f"{name}: expected at least one frame, got none")
+    if recording.radar.waveform.is_cw:
+        raise ValueError(f"{name}: expected a radar that measures ranges, got one without a sweep")
+    return recording
+
+
+def _names(given: Sequence[Any], names: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the recordings: those given, those of their paths if they differ, or their letters."""
+    if names is not None:
+        if isinstance(names, str) or len(names) != len(given):
+            raise ValueError(f"names: expected {len(given)}, one per recording, got {names!r}")
+        return tuple(map(str, names))
+    of_paths = [Path(one).resolve().stem for one in given if isinstance(one, str | os.PathLike)]
+    return tuple(of_paths) if len(set(of_paths)) == len(given) else ("A", "B")[: len(given)]
+
+
+def _reference(
+    truth: Any, radar_motion: AnyMotion | None, radii: Mapping[str, float] | None
+) -> tuple[TruthOverTime | None, str]:
+    """The truth that was given, if any, and what it is in words."""
+    if isinstance(truth, Mapping):
+        return MovingTargets(truth, radar_motion, radii), "motions in the world"
+    for name, value in (("radar_motion", radar_motion), ("radii", radii)):
+        if value is not None:
+            raise TypeError(f"{name}: expected none without a truth of motions in the world, got one")
+    if truth is None:
+        return None, "the recordings' own"
+    recording = _loaded("truth", truth)
+    if recording.truth is None:
+        raise ValueError("truth: expected a recording with truth, got one without")
+    return RecordedTruth(middles(recording), recording.truth), "another recording's"
+
+
+def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[Side]) -> dict[str, str]:
+    """Name of every target, and the body that it is."""
+    known = list(dict.fromkeys(name for side in sides for name in side.truth.names))
+    if targets is not None:
+        if isinstance(targets, str):
+            raise TypeError(f"targets: expected several names, got the text {targets!r}")
+        chosen = dict(targets) if isinstance(targets, Mapping) else {str(name): str(name) for name in targets}
+        for body in chosen.values():
+            if body not in known:
+                raise ValueError(
+                    f"targets: expected bodies of the truth, got {body!r}; {check.near_names(body, known)}"
+                )
+        return chosen
+    visible = {name: sum(_num_visible(side.truth, name) for side in sides) for name in known}
+    longest: dict[str, str] = {}
+    for name, number in visible.items():
+        thing = thing_of(name)
+        if number > 0 and (thing not in longest or number > visible[longest[thing]]):
+            longest[thing] = name
+    return longest
+
+
+def _num_visible(truth: Truth, name: str) -> int:
+    """Frames in which a body has a truth."""
+    return int(np.isfinite(truth.select([name]).range).sum()) if name in truth.names else 0
+
+
+def _target(name: str, body: str, sides: Sequence[Side], has_truth: bool) -> TargetComparison:
+    """Estimates, errors and echoes of one target."""
+    followed, true, errors = [], [], []
+    for side in sides:
+        own = estimates(side.found, side.truth, [body])[body]
+        one = Estimates(side.time, own.range, own.velocity, own.num_tracks)
+        of_body = side.truth.select([body])
+        known = (of_body.range[:, 0], of_body.velocity[:, 0])
+        followed.append(one)
+        true.append(known)
+        errors.append(target_errors(name, (one.range, one.velocity), known, side.bins, one.num_tracks))
+    is_both = len(sides) == 2
+    return TargetComparison(
+        name=name,
+        estimates=tuple(followed),
+        truth=tuple(true) if has_truth else None,
+        errors=tuple(errors) if has_truth else (),
+        difference=_difference(name, followed, sides) if is_both else None,
+        echo=_echo(followed, sides) if is_both else None,
+    )
+
+
+def _difference(name: str, followed: Sequence[Estimates], sides: Sequence[Side]) -> TargetErrors:
+    """Estimates of B against those of A, joined between its frames."""
+    a, b = followed
+    unknown = np.full((len(a.time), 1), np.nan)
+    joined = RecordedTruth(a.time, Truth((name,), a.range[:, None], a.velocity[:, None], unknown, unknown)).at(b.time)
+    return target_errors(
+        name, (b.range, b.velocity), (joined.range[:, 0], joined.velocity[:, 0]), sides[1].bins, b.num_tracks
+    )
+
+
+def _echo(followed: Sequence[Estimates], sides: Sequence[Side]) -> EchoDifference:
+    """Echoes of B against those of A, in frames at most half an interval apart."""
+    a, b = followed
+    longest = 0.5 * max(usual_interval(side.recording) for side in sides) + 1e-6
+    return echo_difference(
+        (sides[0].recording, sides[1].recording),
+        (a.time, b.time),
+        (a.range, b.range),
+        (a.velocity, b.velocity),
+        pairs(a.time, b.time, longest),
+    )

@@ -1,0 +1,170 @@
+"""Amplitude and phase of a target's echo: of one recording against another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.processing.windows import window_weights
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame, unit_of
+from radarcore.recording.recording import Recording
+from radarcore.units import SPEED_OF_LIGHT
+
+_Floats = NDArray[np.float64]
+
+_SAME_FREQUENCY = 1e-3
+"""Relative difference of centre frequencies up to which phases are compared: 1 cm of range is then 1.4 degrees."""
+
+
+@dataclass(frozen=True)
+class EchoDifference:
+    """Echo of a target in recording B against that in A, over pairs of frames at about the same time.
+
+    Parameters
+    ----------
+    num_frames : int
+        Pairs of frames in which both have the target.
+    ratio_db : float
+        Amplitude of B over that of A, in the median [dB]; a constant of the receivers if the units differ.
+    ratio_spread_db : float
+        Standard deviation of the ratio [dB].
+    phase_deg : float
+        Phase of B less that of A, circular mean over the frames, all channels together [degrees]. What the target moves
+        between the two frames is taken off. NaN where phases cannot be compared.
+    phase_spread_deg : float
+        Circular standard deviation of the phase [degrees]: beyond about 100 the phases have nothing in common.
+    channel_phases_deg : tuple of float
+        Phase of every channel of B less that of A, against channel 0 [degrees]; empty where channels differ.
+    note : str
+        What cannot be compared, and why; empty if all can.
+    """
+
+    num_frames: int
+    ratio_db: float
+    ratio_spread_db: float
+    phase_deg: float
+    phase_spread_deg: float
+    channel_phases_deg: tuple[float, ...]
+    note: str
+
+
+def echo(frame: Frame, distance: float, velocity: float) -> NDArray[np.complex128]:
+    """Complex amplitude of the echo at a range and velocity in every channel, (channel,).
+
+    By Hann windows over fast and slow time, at exactly this place between the cells. The phase is that at the middle of
+    the frame and of the sampled band, ``4 pi range / wavelength`` and a constant: errors of place hardly change it. The
+    amplitude of a real tone is its peak value, as that of I/Q.
+
+    Parameters
+    ----------
+    frame : Frame
+    distance : float
+        Range at the middle of the frame [m].
+    velocity : float
+        Range rate [m/s].
+    """
+    wf = frame.radar.waveform
+    fast, slow = _tones(wf, distance, velocity)
+    total = np.abs(fast).sum() * np.abs(slow).sum()
+    cells: NDArray[np.complex128] = np.einsum("ncs,c,s->n", frame.cube, slow, fast) / total
+    return cells if np.iscomplexobj(frame.cube) else 2.0 * cells
+
+
+def _tones(wf: Waveform, distance: float, velocity: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Conjugate tones over fast and slow time, times the windows; without phase in their middles."""
+    doppler = 2.0 * velocity / wf.wavelength
+    beat = 2.0 * wf.slope * distance / SPEED_OF_LIGHT + doppler
+    # The Doppler frequency of the middle of the frame is also in the samples of each chirp.
+    middle_of_sweep = wf.adc_delay + 0.5 * wf.num_samples / wf.sample_rate
+    middle_of_frame = 0.5 * wf.duration - middle_of_sweep
+    fast = np.exp(-2j * np.pi * beat * (wf.sample_times - middle_of_sweep))
+    slow = np.exp(-2j * np.pi * doppler * (wf.chirp_times - middle_of_frame))
+    return (
+        fast * window_weights("window", "hann", wf.num_samples),
+        slow * window_weights("doppler_window", "hann", wf.num_chirps),
+    )
+
+
+def pairs(times_a: _Floats, times_b: _Floats, longest: float) -> NDArray[np.intp]:
+    """Frames of A and B at about the same time, (pair, 2): each of B with the nearest of A, within `longest` [s]."""
+    if len(times_a) == 0 or len(times_b) == 0:
+        return np.zeros((0, 2), dtype=np.intp)
+    nearest = np.abs(times_b[:, None] - times_a).argmin(axis=1)
+    is_near = np.abs(times_a[nearest] - times_b) <= longest
+    both: NDArray[np.intp] = np.stack([nearest, np.arange(len(times_b))], axis=1)[is_near]
+    return both
+
+
+def echo_difference(
+    recordings: tuple[Recording, Recording],
+    times: tuple[_Floats, _Floats],
+    ranges: tuple[_Floats, _Floats],
+    velocities: tuple[_Floats, _Floats],
+    paired: NDArray[np.intp],
+) -> EchoDifference:
+    """Amplitudes and phases of a target in two recordings.
+
+    Parameters
+    ----------
+    recordings : (A, B)
+    times : (A, B)
+        Middles of their frames, by the common base [s].
+    ranges, velocities : (A, B)
+        Of the target in every frame, as found; NaN where it was not [m, m/s].
+    paired : (pair, 2) int
+        See `pairs`.
+    """
+    both = [k for k in paired if all(np.isfinite(ranges[side][k[side]] + velocities[side][k[side]]) for side in (0, 1))]
+    radars = [recording.radar for recording in recordings]
+    waves = [radar.waveform for radar in radars]
+    units = {_unit(recording) for recording in recordings}
+    notes = [f"units of the samples differ ({' and '.join(sorted(units))})"] if len(units) > 1 else []
+    frequencies = [wf.center_frequency for wf in waves]
+    has_phases = abs(frequencies[1] - frequencies[0]) <= _SAME_FREQUENCY * frequencies[0]
+    if not has_phases:
+        notes.append("no phases: centre frequencies differ")
+    has_channels = radars[0].num_channels == radars[1].num_channels
+    if not has_channels:
+        notes.append("no phases: numbers of channels differ")
+    if not both:
+        return EchoDifference(0, *(np.nan,) * 4, channel_phases_deg=(), note="; ".join(notes))
+
+    levels, products = [], []
+    for i, j in both:
+        index = (i, j)
+        found = [echo(recordings[side][int(k)], ranges[side][k], velocities[side][k]) for side, k in enumerate(index)]
+        powers = [float(np.mean(np.abs(one) ** 2)) for one in found]
+        levels.append(10.0 * np.log10(powers[1] / powers[0]) if min(powers) > 0.0 else np.nan)
+        if has_phases and has_channels:
+            moved = 0.5 * (velocities[0][i] + velocities[1][j]) * (times[1][j] - times[0][i])
+            turn = 4.0 * np.pi / SPEED_OF_LIGHT * (frequencies[1] * moved + np.diff(frequencies)[0] * ranges[0][i])
+            products.append(found[1] * found[0].conj() * np.exp(-1j * turn))
+    known = np.array(levels)[np.isfinite(levels)]
+    ratio, spread = (float(np.median(known)), float(known.std())) if len(known) > 0 else (np.nan, np.nan)
+    phase, phase_spread, of_channels = _phases(np.array(products)) if products else (np.nan, np.nan, ())
+    return EchoDifference(len(both), ratio, spread, phase, phase_spread, of_channels, "; ".join(notes))
+
+
+def _phases(products: NDArray[np.complex128]) -> tuple[float, float, tuple[float, ...]]:
+    """Circular mean and deviation of the phases, and those of channels against the first, of (pair, channel)."""
+    together = products.sum(axis=1)
+    unit = together / np.maximum(np.abs(together), 1e-300)
+    mean = unit.mean()
+    length = min(max(abs(mean), 1e-12), 1.0)
+    of_channels = (products * unit.conj()[:, None]).sum(axis=0)
+    relative = np.angle(of_channels * of_channels[0].conj())
+    return (
+        float(np.rad2deg(np.angle(mean))),
+        float(np.rad2deg(np.sqrt(-2.0 * np.log(length)))),
+        tuple(np.rad2deg(relative).tolist()),
+    )
+
+
+def _unit(recording: Recording) -> str:
+    """Unit of the samples of a recording."""
+    unit: Any = recording.source.get("cube_unit") or (unit_of(recording[0]) if len(recording) > 0 else None)
+    return "sqrt(W)" if unit is None else str(unit)

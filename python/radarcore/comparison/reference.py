@@ -1,0 +1,197 @@
+"""Truth over time: of motions in the world, or as it was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.comparison.nearest_point import nearest_points
+from radarcore.geometry.pose import Pose
+from radarcore.motion.attached import Attached
+from radarcore.motion.function import as_motion
+from radarcore.motion.linear import Linear
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.recording.frame import TRUTH_FIELDS, Truth
+from radarcore.scene.body import Body, PointTarget
+
+_Floats = NDArray[np.float64]
+
+_LONGEST_STEP = 2.5
+"""Frames farther apart are not joined, in ordinary intervals."""
+
+_FRONT = 1e-3
+"""Least distance of a target in front of the radar [m]: what is beside or behind it is not visible."""
+
+
+class MovingTargets:
+    """Truth of targets that move in the world, seen from a radar that may move too.
+
+    Parameters
+    ----------
+    targets : mapping
+        Motions, bodies or point targets by name. The truth of a motion is that of its origin; of a body it is that of
+        the point of its surface which is nearest to the radar.
+    radar_motion : motion, optional
+        Sensor to world; default: the world's own frame.
+    radii : mapping, optional
+        Distance by which the surface of a target is nearer to the radar than the origin of its motion [m], by name.
+    """
+
+    def __init__(
+        self,
+        targets: Mapping[str, Any],
+        radar_motion: AnyMotion | None = None,
+        radii: Mapping[str, float] | None = None,
+    ) -> None:
+        if not isinstance(targets, Mapping):
+            raise TypeError(f"truth: expected motions by name, a Recording or a path, got {type(targets).__name__}")
+        if not targets:
+            raise ValueError("truth: expected at least one motion, got none")
+        self.names = tuple(map(str, targets))
+        self._radar = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
+        self._radii = {name: check.non_negative(f"radii[{name!r}]", r, "m") for name, r in (radii or {}).items()}
+        if unknown := [name for name in self._radii if name not in self.names]:
+            raise ValueError(
+                f"radii: expected names of the truth, got {unknown[0]!r}; {check.near_names(unknown[0], self.names)}"
+            )
+        self._bodies = {name: target if isinstance(target, Body) else None for name, target in targets.items()}
+        if with_radius := [name for name, body in self._bodies.items() if body is not None and name in self._radii]:
+            raise ValueError(f"radii: expected none for {with_radius[0]!r}, a body whose surface is known")
+        self._motions = {str(name): _motion_of(str(name), target) for name, target in targets.items()}
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time of the motions that have ends [s]; None if none has."""
+        ends = [ends for motion in (*self._motions.values(), self._radar) for ends in _ends(motion)]
+        return (max(first for first, _ in ends), min(last for _, last in ends)) if ends else None
+
+    def at(self, times: ArrayLike) -> Truth:
+        """Truth at times of the common base [s]; NaN in gaps of the motions, and for what is not before the radar."""
+        wanted = np.asarray(times, dtype=np.float64)
+        rows = np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan)
+        radar_known = known_at(self._radar, wanted)
+        for k, name in enumerate(self.names):
+            known = radar_known & known_at(self._motions[name], wanted)
+            if known.any():
+                rows[:, known, k] = self._seen(name, wanted[known])
+        return Truth(self.names, *rows)
+
+    def _seen(self, name: str, times: _Floats) -> _Floats:
+        """Range, velocity, azimuth and elevation of a target at times when it is known, (4, time)."""
+        motion, body = self._motions[name], self._bodies[name]
+        radar, target = poses_at(self._radar, times), poses_at(motion, times)
+        radar_rate, target_rate = _rates(self._radar, times), _rates(motion, times)
+
+        # The point of the target, in its own axes.
+        to_radar = radar[:, :, 3] - target[:, :, 3]
+        points = np.zeros((len(times), 3))
+        if body is not None:
+            seen_from = np.einsum("tji,tj->ti", target[:, :, :3], to_radar)
+            for k, time in enumerate(times if body.deformation is not None else times[:1]):
+                chosen = slice(k, k + 1) if body.deformation is not None else slice(None)
+                corners = body.vertices_at(float(time))[body.mesh.triangles]
+                points[chosen] = nearest_points(seen_from[chosen], corners)
+
+        # Its place and velocity as the radar has them, and the range rate along the line of sight.
+        place = np.einsum("tij,tj->ti", target[:, :, :3], points) - to_radar
+        velocity = np.einsum("tij,tj->ti", target_rate[:, :, :3], points) + target_rate[:, :, 3] - radar_rate[:, :, 3]
+        x, y, z = np.einsum("tji,tj->it", radar[:, :, :3], place)
+        distance = np.linalg.norm(place, axis=1)
+        rate = np.einsum("ti,ti->t", place, velocity) / np.maximum(distance, 1e-12)
+        nearer = distance - self._radii.get(name, 0.0)
+        seen = np.array([nearer, rate, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+        return np.where((x > _FRONT) & (nearer > _FRONT), seen, np.nan)
+
+
+class RecordedTruth:
+    """Truth of frames, continued between them: ranges along cubics with the velocities as slopes, the rest linear.
+
+    Parameters
+    ----------
+    times : (frame,) array_like
+        Middle of every frame, by the common base [s].
+    truth : Truth
+        Arrays (frame, body).
+    """
+
+    def __init__(self, times: ArrayLike, truth: Truth) -> None:
+        self.times, self.truth = np.asarray(times, dtype=np.float64), truth
+        self.names = truth.names
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """Times of the first and the last frame [s]; None without frames."""
+        return (float(self.times[0]), float(self.times[-1])) if len(self.times) > 0 else None
+
+    def at(self, times: ArrayLike) -> Truth:
+        """Truth at times of the common base [s]; NaN beyond the frames, in gaps, and where a neighbour has none."""
+        wanted = np.asarray(times, dtype=np.float64)
+        if len(self.times) == 0:
+            return Truth(self.names, *np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan))
+        right = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))
+        left, right = right - 1, np.minimum(right, len(self.times) - 1)
+        step = self.times[right] - self.times[left]
+        part = (wanted - self.times[left]) / np.where(step > 0.0, step, 1.0)
+        usual = float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+        slack = 1e-6 + 1e-9 * np.abs(wanted)  # rounding of times, those of an epoch among them
+        at_left, at_right = (np.abs(wanted - self.times[end]) <= slack for end in (left, right))
+        inside = (part >= 0.0) & (part <= 1.0) & (step <= _LONGEST_STEP * usual)
+
+        def between(values: _Floats) -> _Floats:
+            return (1.0 - part)[:, None] * values[left] + part[:, None] * values[right]
+
+        rows = []
+        for name in TRUTH_FIELDS:
+            values = getattr(self.truth, name)
+            found = between(values)
+            if name == "range":
+                found = found + self._bent(left, right, step, part)
+            found = np.where(inside[:, None], found, np.nan)
+            found = np.where(at_left[:, None], values[left], np.where(at_right[:, None], values[right], found))
+            rows.append(found)
+        return Truth(self.names, *rows)
+
+    def _bent(self, left: NDArray[np.intp], right: NDArray[np.intp], step: _Floats, part: _Floats) -> _Floats:
+        """The cubic through two ranges with given slopes, less the line through them [m]."""
+        line = self.truth.range[right] - self.truth.range[left]
+        before, after = (step[:, None] * self.truth.velocity[end] - line for end in (left, right))
+        t = part[:, None]
+        bent: _Floats = t * (1.0 - t) * ((1.0 - t) * before - t * after)
+        # Radars without velocities tell no slopes.
+        return np.where(np.isnan(bent), 0.0, bent)
+
+
+def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:
+    """Times at which a motion is known: not in its gaps nor beyond its ends, if it has any."""
+    if isinstance(motion, Attached):
+        return known_at(motion.parent, times) & known_at(motion.motion, times)
+    known: Callable[[ArrayLike], NDArray[np.bool_]] | None = getattr(motion, "known", None)
+    if known is not None:
+        return np.asarray(known(times), dtype=bool)
+    return np.ones(len(times), dtype=bool)
+
+
+def _ends(motion: Motion) -> list[tuple[float, float]]:
+    """First and last time of a motion that is a series [s], and of what it is attached to; of others nothing."""
+    if isinstance(motion, Attached):
+        return [*_ends(motion.parent), *_ends(motion.motion)]
+    times = getattr(motion, "times", None)
+    return [] if times is None else [(float(times[0]), float(times[-1]))]
+
+
+def _motion_of(name: str, target: object) -> Motion:
+    """Motion of a target: of a body its own, of a point one without turns."""
+    if isinstance(target, Body):
+        return target.motion
+    if isinstance(target, PointTarget):
+        return Linear(Pose(target.position), velocity=target.velocity)
+    return as_motion(f"truth[{name!r}]", target)
+
+
+def _rates(motion: Motion, times: _Floats) -> _Floats:
+    """Time derivatives of ``[rotation | position]`` at several times, (time, 3, 4)."""
+    return np.array([motion.rate_at(float(time)) for time in times]).reshape(-1, 3, 4)
