@@ -117,7 +117,7 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", abov
 def place_names_in_layout(
     ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False
 ) -> None:
-    """Names as `place_names` puts them, in a figure that has its layout: names do not change it, finding it takes long."""
+    """Names as `place_names` puts them, in a figure that has its layout: names do not change it, and it takes long."""
     names = once_per_thing(names)
     from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox
