@@ -3,7 +3,9 @@
 PYTHON ?= python3
 VENV = .venv
 BIN = $(VENV)/bin
-# Modules are compiled when they are first imported: most never are.
+# Modules are compiled when they are first imported, as most never are, and kept: some environments (of containers) say
+# not to keep them, and each of the many processes that the checks start would compile numpy and scipy again.
+unexport PYTHONDONTWRITEBYTECODE
 PIP = $(BIN)/pip --quiet --disable-pip-version-check
 PIP_INSTALL = $(PIP) install --no-compile
 

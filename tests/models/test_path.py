@@ -33,7 +33,7 @@ def test_path_turns_as_its_heading_and_curvature_say():
     path = FloorPath(WINDING, turn_radius=0.3)
     distance = np.linspace(-1.0, path.length + 1.0, 100_001)
     step = distance[1] - distance[0]
-    position, heading, curvature = sampled(path, distance)
+    position, heading, curvature = path.points_at(distance)
     middle = 0.5 * (heading[1:] + heading[:-1])
     # Largest change of curvature in a step: that of the turn by the smallest angle, 1 / (radius^2 angle), times the
     # slope in the middle of the smoothstep.

@@ -103,11 +103,21 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
 
 
 def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False) -> None:
-    """Names where each covers no other and no point, or not at all; limits and layout must be final.
+    """Names where each covers no other and no point, or not at all; limits must be final.
 
     Tries the inside of its box, then places to the right, left, above and below (or above and below first),
     further and further off, and takes the one that hides the least of the lines. Parts of one thing are named once.
     """
+    figure = ax.get_figure(root=True)
+    if names and figure is not None:
+        figure.draw_without_rendering()
+        place_names_in_layout(ax, names, outline=outline, above_first=above_first)
+
+
+def place_names_in_layout(
+    ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False
+) -> None:
+    """Names as `place_names` puts them, in a figure that has its layout: names do not change it, and it takes long."""
     names = once_per_thing(names)
     from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox
@@ -115,7 +125,6 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", abov
     figure = ax.get_figure(root=True)
     if not names or figure is None:
         return
-    figure.draw_without_rendering()
     pixels = figure.dpi / 72.0
     view = ax.get_window_extent()
     points = np.array([(name.x, name.y) for name in names])

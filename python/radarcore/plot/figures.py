@@ -70,8 +70,10 @@ def overview(
         names += [(ax, frame_pictures.mark(ax, across, up, truth.names)) for ax in panels[:2]]
 
     # Names come last, when everything has its place.
+    if names:
+        figure.draw_without_rendering()
     for ax, points in names:
-        canvas.place_names(ax, points)
+        canvas.place_names_in_layout(ax, points)
     canvas.save(figure, path)
     return figure
 
@@ -152,8 +154,9 @@ def experiment(
     ranges.set_title("Truth (lines) and estimates (dots)" if estimates else "Truth")
 
     # Names come last, when everything has its place.
-    canvas.place_names(from_above, scene_names, outline="white")
-    canvas.place_names(on_map, map_names)
+    figure.draw_without_rendering()
+    canvas.place_names_in_layout(from_above, scene_names, outline="white")
+    canvas.place_names_in_layout(on_map, map_names)
     canvas.save(figure, path)
     return figure
 
