@@ -55,7 +55,7 @@ lint-rust: $(VENV)/created | tests-rust
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
 	@cargo clippy --quiet --lib --locked -- -D warnings
 
-types: $(VENV)/dev $(VENV)/built
+types: $(VENV)/adapters $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
@@ -69,7 +69,7 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --doc
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
-tests-python: $(VENV)/robots $(VENV)/built
+tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/built
 	@echo "-- tests: Python"
 	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
 
@@ -135,6 +135,11 @@ $(VENV)/bench: requirements/bench.txt $(VENV)/dev
 $(VENV)/robots: requirements/robots.txt $(VENV)/dev
 	@echo "-- packages: requirements/robots.txt (131 MB)"
 	@$(PIP_INSTALL) --no-deps -r requirements/robots.txt
+	@touch $@
+
+$(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
+	@echo "-- packages: requirements/adapters.txt (300 MB)"
+	@$(PIP_INSTALL) --no-deps -r requirements/adapters.txt
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo

@@ -78,7 +78,8 @@ def main() -> None:
         fine = measure("", simulator(threads, **FINE), max(2, num_frames // 4))
         fine_rays = float(fine.counts["rays"].mean())
         times.setdefault("fine frame, all", []).append(float(np.median(fine.stages["all"])))
-        times.setdefault("record", []).append(recorded(simulator(threads), 2 if options.tiny else FRAMES_PER_THREAD * threads))
+        recorded_frames = num_frames if options.tiny else FRAMES_PER_THREAD * threads
+        times.setdefault("record", []).append(recorded(simulator(threads), recorded_frames))
     rows = [
         [name, *(f"{milliseconds(each)} ({seconds[0] / each:.1f}x)" for each in seconds)]
         for name, seconds in times.items()

@@ -46,7 +46,8 @@ def motions_of(path: Path, reference: str) -> dict[str, Motion]:
     """
     if not is_bag(path):
         capture = read_motive_csv(path)
-        return {name: capture.trajectory(name) for name in capture.names}
+        seen = [name for name in capture.names if capture[name].is_tracked.sum() >= 2]
+        return {name: capture.trajectory(name) for name in seen}
     with BagReader(path) as bag:
         of_frames, topic = _parts(reference)
         is_same = is_bag(of_frames) and of_frames.resolve() == path.resolve()
