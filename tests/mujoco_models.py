@@ -1,9 +1,7 @@
-"""MuJoCo for tests: loaded with a library that draws without a display, where there is one."""
+"""MuJoCo for tests; see `conftest.py` for what it draws with."""
 
 from __future__ import annotations
 
-import os
-import sys
 from ctypes.util import find_library
 from functools import cache
 from typing import Any
@@ -17,10 +15,6 @@ from radarcore.models import robots
 from radarcore.models.robots.data import UR10, data_file
 
 BACK_ENDS = {name: library for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if find_library(library)}
-
-# What mujoco draws with is chosen when it is imported.
-if "mujoco" not in sys.modules and "MUJOCO_GL" not in os.environ and BACK_ENDS:
-    os.environ["MUJOCO_GL"] = next(iter(BACK_ENDS))
 
 mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
 
