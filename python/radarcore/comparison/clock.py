@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.comparison.reference import RecordedTruth
 from radarcore.comparison.time_base import ClockOffset
+from radarcore.processing.clocks import rival_peak
 from radarcore.processing.point_cloud import Detections
 from radarcore.recording.frame import Truth
 
@@ -163,14 +164,12 @@ def _scores(found: Sequence[Detections], grid: _Floats, known: Truth, candidates
 
 def _rival(scores: _Floats, best: int) -> int | None:
     """Another offset with nearly the score of the best one, on another peak; None if there is none."""
-    left = best - int(np.argmax(np.append(np.diff(scores[: best + 1])[::-1] < 0.0, True)))
-    right = best + int(np.argmax(np.append(np.diff(scores[best:]) > 0.0, True)))
-    others = scores.copy()
-    others[left : right + 1] = -np.inf
-    rival = int(others.argmax())
+    rival = rival_peak(scores, best)
+    if rival is None:
+        return None
     # Targets at rest support all offsets alike: that part tells nothing.
     floor = scores.min()
-    return rival if others[rival] - floor > _ALIKE * (scores[best] - floor) else None
+    return rival if scores[rival] - floor > _ALIKE * (scores[best] - floor) else None
 
 
 def _fitted(
