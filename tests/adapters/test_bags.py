@@ -434,6 +434,8 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
             ValueError, match=r"type: expected std_msgs/msg/String, that of the topic '/a', got std_msgs"
         ):
             bag.write("/a", {"data": 1.0}, 0, type="std_msgs/msg/Float64")
+        with pytest.raises(ValueError, match=r"Int16MultiArray.data: expected numbers of type int16, got 1 to 40000"):
+            bag.write("/b", array_of(0) | {"data": [1, 40_000]}, 0, type=ARRAY)
         with pytest.raises(ValueError, match="time_ns: expected at least 0, got -1"):
             bag.write("/a", {"data": "x"}, -1)
     with pytest.raises(ValueError, match="expected an open bag, got one that is closed"):
