@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.comparison.reference import RecordedTruth
-from radarcore.comparison.time_base import ClockOffset
+from radarcore.comparison.time_base import RecordingOffset
 from radarcore.processing.clocks import rival_peak
 from radarcore.processing.point_cloud import Detections
 from radarcore.recording.frame import Truth
@@ -70,7 +70,7 @@ def estimated_offset(
     interval: float,
     longest: float | None = None,
     span: tuple[float, float] | None = None,
-) -> ClockOffset:
+) -> RecordingOffset:
     """Offset of the clock of some detections, by true ranges and velocities over time.
 
     A search finds the offset at which most frames have detections as far and as fast as the truth. Then the detection
@@ -174,7 +174,7 @@ def _rival(scores: _Floats, best: int) -> int | None:
 
 def _fitted(
     found: Sequence[Detections], truth: RecordedTruth, offset: float, widths: _Floats, interval: float
-) -> ClockOffset:
+) -> RecordingOffset:
     """Offset at which the velocities fit best, from one that is right to about an interval of the frames."""
     times = np.array([one.time for one in found])
     step = 0.1 * interval
@@ -202,7 +202,7 @@ def _fitted(
             "offset: expected a target in motion whose velocity changes, to align the clock by, got none that is seen; "
             "give the offset"
         )
-    return ClockOffset(offset, deviation, True)
+    return RecordingOffset(offset, deviation, True)
 
 
 def _nearest(found: Detections, known: Truth, widths: _Floats) -> _Floats:
