@@ -154,10 +154,11 @@ def pose_series(messages: Iterable[Any]) -> PoseSeries:
     given = list(messages)
     if not given:
         raise ValueError("messages: expected at least one, got none")
+    stamps = _stamps(given)
     frames = {frame_name(message.header.frame_id) for message in given}
     if len(frames) > 1:
         raise ValueError(f"messages: expected poses in one frame, got {', '.join(map(repr, sorted(frames)))}")
-    return PoseSeries(_stamps(given), poses_of([pose_numbers(message) for message in given]), frames.pop())
+    return PoseSeries(stamps, poses_of([pose_numbers(message) for message in given]), frames.pop())
 
 
 def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
@@ -166,9 +167,9 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
     """
     frame_id = ""
-    found: dict[str, tuple[list[int | None], list[tuple[float, ...]]]] = {}
+    found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
     for message in messages:
-        time_ns, frame_id = header_nanoseconds(message), frame_name(message.header.frame_id)
+        time_ns, frame_id = _stamp(message), frame_name(message.header.frame_id)
         # Drafts of the message have an underscore in it.
         for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
             numbers = pose_numbers(body.pose)
@@ -201,6 +202,10 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
         raise ValueError(f"names: no joint {', '.join(map(repr, missing))}; there is {', '.join(known)}")
     kept, rows = [], []
     for message in given:
+        if len(message.position) != len(message.name):
+            raise ValueError(
+                f"position: expected {len(message.name)} values, one per name, got {len(message.position)}"
+            )
         positions = dict(zip(message.name, message.position, strict=True))
         if all(name in positions for name in wanted):
             kept.append(message)
@@ -222,7 +227,13 @@ def frame_name(frame_id: str) -> str:
 
 
 def _stamps(messages: Sequence[Any]) -> NDArray[np.int64]:
-    return np.array([header_nanoseconds(message) for message in messages], dtype=np.int64)
+    return np.array([_stamp(message) for message in messages], dtype=np.int64)
+
+
+def _stamp(message: Any) -> int:
+    if (time_ns := header_nanoseconds(message)) is None:
+        raise ValueError(f"header: expected a stamp, got none in {type(message).__name__}")
+    return time_ns
 
 
 def _vector(types: Types, kind: str, pose: Pose) -> Any:
