@@ -93,9 +93,9 @@ class MotionCaptureServer:
             if name not in self._motions:
                 raise ValueError(f"occlusions: no body {name!r}; {check.near_names(name, self._motions)}")
         self._random = np.random.default_rng(seed)
-        self._group = None if multicast_address is None else (multicast_address, check.count("data_port", data_port))
+        self._group = None if multicast_address is None else (multicast_address, check.port("data_port", data_port))
         self._data_port = data_port
-        self._wanted_address = (address, check.count("command_port", command_port, 0))
+        self._wanted_address = (address, check.port("command_port", command_port, 0))
         self._socket: socket.socket | None = None
         self._clients: dict[tuple[str, int], float] = {}
         self._lock = threading.Lock()
