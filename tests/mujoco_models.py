@@ -13,13 +13,14 @@ import pytest
 
 import radarcore as rc
 from radarcore.adapters.mujoco import spec_from_urdf
+from radarcore.adapters.mujoco.library import gl_context
 from radarcore.models import robots
 from radarcore.models.robots.data import UR10, data_file
 
 BACK_ENDS = {name: library for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if find_library(library)}
 
 # What mujoco draws with is chosen when it is imported.
-if "mujoco" not in sys.modules and "MUJOCO_GL" not in os.environ and BACK_ENDS:
+if "mujoco" not in sys.modules and not os.environ.get("MUJOCO_GL") and BACK_ENDS:
     os.environ["MUJOCO_GL"] = next(iter(BACK_ENDS))
 
 mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
@@ -28,7 +29,7 @@ mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pi
 @cache
 def _why_nothing_is_drawn() -> str | None:
     try:
-        context = mujoco.GLContext(16, 16)
+        context = gl_context(16, 16)
         context.make_current()
         context.free()
     except Exception as error:

@@ -368,6 +368,7 @@ ctypes.CDLL.__init__ = refuse
 def test_without_a_library_to_draw_with_there_is_one_error_with_a_hint(tmp_path: Path, back_end: str) -> None:
     done = run(tmp_path, back_end, NO_LIBRARY)
     assert done.returncode == 1
+    assert "Exception ignored" not in done.stderr
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith(
         "ImportError: rendering needs an OpenGL library that draws without a display: Debian packages"
