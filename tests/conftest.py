@@ -6,5 +6,5 @@ import os
 from ctypes.util import find_library
 
 for name, library in (("osmesa", "OSMesa"), ("egl", "EGL")):
-    if "MUJOCO_GL" not in os.environ and find_library(library):
+    if not os.environ.get("MUJOCO_GL") and find_library(library):
         os.environ["MUJOCO_GL"] = name

@@ -11,6 +11,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.adapters.mujoco import spec_from_urdf
+from radarcore.adapters.mujoco.library import gl_context
 from radarcore.models import robots
 from radarcore.models.robots.data import UR10, data_file
 
@@ -22,7 +23,7 @@ mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pi
 @cache
 def _why_nothing_is_drawn() -> str | None:
     try:
-        context = mujoco.GLContext(16, 16)
+        context = gl_context(16, 16)
         context.make_current()
         context.free()
     except Exception as error:

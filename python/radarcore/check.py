@@ -80,6 +80,14 @@ def count(name: str, value: object, minimum: int = 1) -> int:
     return result
 
 
+def port(name: str, value: object, minimum: int = 1) -> int:
+    """Number of a port of TCP or UDP."""
+    result = count(name, value, minimum)
+    if result > 65_535:
+        raise ValueError(f"{name}: expected at most 65535, got {result}")
+    return result
+
+
 def index(name: str, value: object, length: int) -> int:
     """An index into `length` things, from the start; negative ones count from the end."""
     result = count(name, value, -length)

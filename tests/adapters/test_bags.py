@@ -77,6 +77,13 @@ def test_messages_come_back_in_order_with_their_times(path: Path, format: str) -
         assert [int(m.message.data[0]) for m in some] == [1, 2]
 
 
+def test_closed_bags_have_no_messages(tmp_path: Path) -> None:
+    with BagReader(write_bag(tmp_path / "bag", "mcap", 1)) as bag:
+        assert len(list(bag.messages())) == 2
+    with pytest.raises(ValueError, match="expected an open bag, got one that is closed"):
+        bag.messages("/array")
+
+
 def test_a_single_file_and_a_folder_without_metadata_are_bags_too(tmp_path: Path) -> None:
     for kind, suffix in (("mcap", ".mcap"), ("sqlite3", ".db3")):
         whole = write_bag(tmp_path / f"take{suffix}", kind, 5)
@@ -434,6 +441,8 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
             ValueError, match=r"type: expected std_msgs/msg/String, that of the topic '/a', got std_msgs"
         ):
             bag.write("/a", {"data": 1.0}, 0, type="std_msgs/msg/Float64")
+        with pytest.raises(ValueError, match=r"Int16MultiArray.data: expected numbers of type int16, got 1 to 40000"):
+            bag.write("/b", array_of(0) | {"data": [1, 40_000]}, 0, type=ARRAY)
         with pytest.raises(ValueError, match="time_ns: expected at least 0, got -1"):
             bag.write("/a", {"data": "x"}, -1)
     with pytest.raises(ValueError, match="expected an open bag, got one that is closed"):

@@ -244,6 +244,13 @@ def test_damaged_and_old_streams_are_refused(given: dict[int, list[bytes]], mess
 def test_wrong_requests_are_errors_that_name_them() -> None:
     with pytest.raises(ConnectionError, match="server: expected an address, got 'no such host'"):
         MotionCaptureClient("no such host").connect()
+    # 192.0.2.0/24 is for documentation: nobody has such an address.
+    with pytest.raises(
+        ConnectionError, match=r"local_address: expected an address of this computer, got '192\.0\.2\.1'"
+    ):
+        MotionCaptureClient(local_address="192.0.2.1").connect()
+    with pytest.raises(ValueError, match="command_port: expected at most 65535, got 99999"):
+        MotionCaptureClient(command_port=99_999)
     with pytest.raises(ValueError, match="client: expected a connection, got none"):
         MotionCaptureClient().frames()
     with pytest.raises(ValueError, match="server: expected an open one, got a closed one"):

@@ -46,6 +46,16 @@ def test_window_and_binning_see_the_same_directions() -> None:
     np.testing.assert_allclose(large_v, v[40:200].reshape(-1, 4).mean(axis=1), rtol=0, atol=1e-15)
 
 
+def test_camera_of_images_of_another_size_is_refused() -> None:
+    pixels = np.ones((40, 100), np.float32)
+    image = SimpleNamespace(height=40, width=100, encoding="32FC1", is_bigendian=0, step=400, data=pixels.tobytes())
+    window = SimpleNamespace(x_offset=100, y_offset=40, width=200, height=160)
+    cut = info(roi=window, binning_x=2, binning_y=4)
+    assert ros.from_ros_image(image, camera_info=cut).camera == ros.from_camera_info(cut)
+    with pytest.raises(ValueError, match=r"camera_info: .* of 100 x 40 pixels, got one of 640 x 480"):
+        ros.from_ros_image(image, camera_info=info())
+
+
 def test_rectified_camera_is_that_of_the_projection() -> None:
     p = [400.0, 0.0, 300.5, 0.0, 0.0, 410.0, 220.5, 0.0, 0.0, 0.0, 1.0, 0.0]
     assert ros.from_camera_info(info(p=p, d=[0.1, 0.0]), rectified=True) == rc.Camera(400.0, 410.0, 301.0, 221.0)

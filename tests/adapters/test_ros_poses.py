@@ -93,6 +93,7 @@ def test_trajectory_of_a_series_counts_from_the_given_stamp() -> None:
     [
         ([], "messages: expected at least one, got none"),
         ([stamped(0), stamped(1, frame_id="map")], "messages: expected poses in one frame, got 'map', 'world'"),
+        ([SimpleNamespace(pose=stamped(0).pose)], "header: expected a stamp, got none in SimpleNamespace"),
     ],
 )
 def test_series_of_nothing_or_of_two_frames_are_refused(messages: Any, text: str) -> None:
@@ -184,6 +185,11 @@ def test_joints_come_in_the_order_that_is_asked_for() -> None:
         (STATES, ["wrist"], "names: no joint 'wrist'; there is elbow, finger, shoulder"),
         (STATES[4:], None, "messages: expected at least one with positions, got none"),
         (STATES[:2], ["shoulder", "finger"], "names: expected joints of one message, got shoulder, finger"),
+        (
+            [SimpleNamespace(header=header(STAMP), name=["shoulder", "elbow"], position=[0.1])],
+            None,
+            "position: expected 2 values, one per name, got 1",
+        ),
     ],
 )
 def test_joints_that_are_not_there_are_refused(messages: Any, names: Any, text: str) -> None:

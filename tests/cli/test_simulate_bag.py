@@ -230,6 +230,15 @@ def test_a_bag_without_depth_says_what_it_has(tmp_path: Path, radar: Path, capsy
         written.write("/color", color, 1, type="sensor_msgs/msg/Image")
     line = fault(capsys, *given)
     assert line.endswith(f"expected depth images, 32FC1 or 16UC1, in {bag}, got none; there are /color (mono8)")
+    with BagWriter(bag, overwrite=True) as written:
+        info = info_of(1) | {"width": 2 * COLUMNS}
+        written.write("/depth/camera_info", info, 1, type="sensor_msgs/msg/CameraInfo")
+        image = image_of(1, depth_of(DISTANCE))
+        written.write("/depth/image", image, 1, type="sensor_msgs/msg/Image")
+    line = fault(capsys, *given)
+    assert line.startswith(
+        f"--info-topic: expected that of images of {COLUMNS} x {ROWS} pixels, got one of {2 * COLUMNS}"
+    )
     write_depth(tmp_path / "short", numbers=[0])
     line = fault(capsys, "--bag", tmp_path / "short", *given[2:])
     assert line.endswith("short: expected at least two depth images on /camera/depth/image_raw, got 1")

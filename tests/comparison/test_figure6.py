@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import mujoco_models  # noqa: F401  # loads MuJoCo, or skips
 from radarcore.cli.main import main
 from radarcore.models import robots
 
@@ -17,7 +18,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples" / "figure6"
 START, NUM_FRAMES = 0.6, 32
 """The arm begins to move at 0.75 s."""
 
-pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
 if sys.platform == "win32":

@@ -8,6 +8,7 @@ import pytest
 import radarcore as rc
 from radarcore.comparison.nearest_point import nearest_points
 from radarcore.comparison.reference import MovingTargets, RecordedTruth
+from radarcore.motion.inverse import Inverse
 
 TIMES = np.array([0.0, 0.1, 0.35])
 NAN = np.nan
@@ -60,6 +61,11 @@ def test_gaps_of_motions_and_what_is_behind_the_radar_have_no_truth() -> None:
     assert np.isnan(truth.range[:, 1]).all()
     attached = rc.Attached(caught, rc.Pose([0.0, 0.0, 0.1]))
     assert np.isnan(MovingTargets({"on top": attached}).at([0.5]).range).all()
+    # A frame of TF in another one that moves: the way back to the common root has gaps too.
+    back = rc.Attached(Inverse(caught), rc.Pose([9.0, 0.0, 0.0]))
+    seen = MovingTargets({"back": back})
+    assert np.isfinite(seen.at([0.15, 0.5, 1.05]).range[:, 0]).tolist() == [True, False, True]
+    assert seen.span == (0.0, 1.1)
     assert MovingTargets({"caught": caught, "still": rc.Pose([1.0, 0.0, 0.0])}).span == (0.0, 1.1)
     assert MovingTargets({"still": rc.Pose([1.0, 0.0, 0.0])}).span is None
 

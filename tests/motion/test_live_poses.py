@@ -216,6 +216,13 @@ def test_silly_updates_are_errors_that_name_them(call: Any, kind: type[Exception
         call()
 
 
+def test_no_times_are_no_poses() -> None:
+    live = updated(2.0)
+    live.update(2.5, START)
+    assert live.poses_at([]).shape == live.rates_at([]).shape == (0, 3, 4)
+    assert Motions([live, rc.Linear(START, velocity=[1.0, 0.0, 0.0])]).poses_at(np.empty(0)).shape == (0, 2, 3, 4)
+
+
 def test_time_may_start_again_after_clear() -> None:
     live = updated(2.0)
     live.clear()

@@ -98,6 +98,13 @@ def test_clocks_that_count_from_other_days_need_a_guess() -> None:
     assert abs(found.offset - 1.7e9 - 0.6) < 2e-3
 
 
+def test_offsets_that_leave_no_overlap_are_no_rivals() -> None:
+    distance = walker(6)
+    track, other = radar_track(6, distance), capture(6, distance, 120.0, 0.4)
+    widest = clock_offset(*track, *other, max_offset=100.0)
+    assert widest == clock_offset(*track, *other, max_offset=1.0)
+
+
 TIMES = np.arange(0.0, 20.0, 0.025)
 WALK = walker(5)(TIMES)
 STEADY = 3.0 + 0.2 * np.sin(2.0 * np.pi * TIMES)

@@ -104,7 +104,12 @@ def _frame(found: FrameImages, radar: Radar, reflectance: float, threads: int | 
 @contextmanager
 def _argument_names(path: Path) -> Iterator[None]:
     """Errors of topics by the names of their options."""
-    names = {"topic": "--depth-topic", "info_topic": "--info-topic", "camera": "--field-of-view"}
+    names = {
+        "topic": "--depth-topic",
+        "info_topic": "--info-topic",
+        "camera_info": "--info-topic",
+        "camera": "--field-of-view",
+    }
     try:
         yield
     except ValueError as error:

@@ -12,7 +12,7 @@ from radarcore import check
 from radarcore.comparison.clock import TruthOverTime, estimated_offset
 from radarcore.comparison.reference import RecordedTruth
 from radarcore.comparison.targets import Found, measured
-from radarcore.comparison.time_base import ClockOffset, middles, usual_interval
+from radarcore.comparison.time_base import RecordingOffset, middles, usual_interval
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
 
 AUTO = "auto"
@@ -27,14 +27,14 @@ class Alignment:
 
     Parameters
     ----------
-    clocks : tuple of ClockOffset
+    clocks : tuple of RecordingOffset
     truths : tuple of TruthOverTime
         By the common base.
     is_by_tracks : bool
         Whether there is no truth at all: it is then what A has tracked.
     """
 
-    clocks: tuple[ClockOffset, ...]
+    clocks: tuple[RecordingOffset, ...]
     truths: tuple[TruthOverTime, ...]
     is_by_tracks: bool
 
@@ -65,7 +65,7 @@ def aligned(
         Largest offset that is estimated [s].
     """
     if given is not None:
-        clocks: list[ClockOffset] = []
+        clocks: list[RecordingOffset] = []
         for one, offset in zip(found, wanted, strict=True):
             # A truth without an end is that of the time in which A was.
             span = given.span or (_span(found[0], clocks[0].seconds) if clocks else None)
@@ -73,7 +73,7 @@ def aligned(
         return Alignment(tuple(clocks), (given,) * len(found), is_by_tracks=False)
     if isinstance(wanted[0], str):
         raise ValueError("offset: expected a number for A, whose clock is the time base without a truth, got 'auto'")
-    first = ClockOffset(wanted[0])
+    first = RecordingOffset(wanted[0])
     has_truth = [one.recording.truth is not None for one in found]
     of_a = _own_truth(found[0], first.seconds) if has_truth[0] else _truth_of_tracks(found[0], first.seconds)
     if len(found) == 1:
@@ -83,7 +83,7 @@ def aligned(
     if wanted[1] == AUTO and has_truth[1] and not has_truth[0]:
         of_b = _own_truth(found[1], 0.0)
         back = _clock(found[0], AUTO, of_b, longest, of_b.span)
-        second = ClockOffset(first.seconds - back.seconds, back.deviation, back.is_estimated)
+        second = RecordingOffset(first.seconds - back.seconds, back.deviation, back.is_estimated)
     else:
         second = _clock(found[1], wanted[1], of_a, longest, of_a.span)
     of_b = _own_truth(found[1], second.seconds) if has_truth[1] else of_a
@@ -104,10 +104,10 @@ def _clock(
     truth: TruthOverTime,
     longest: float | None,
     span: tuple[float, float] | None,
-) -> ClockOffset:
+) -> RecordingOffset:
     """The offset of a recording, given or estimated."""
     if not isinstance(wanted, str):
-        return ClockOffset(wanted)
+        return RecordingOffset(wanted)
     wf = found.recording.radar.waveform
     return estimated_offset(
         found.detections,

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.comparison.reference import RecordedTruth
-from radarcore.comparison.time_base import ClockOffset
+from radarcore.comparison.time_base import RecordingOffset
+from radarcore.processing.clocks import rival_peak
 from radarcore.processing.point_cloud import Detections
 from radarcore.recording.frame import Truth
 
@@ -69,7 +70,7 @@ def estimated_offset(
     interval: float,
     longest: float | None = None,
     span: tuple[float, float] | None = None,
-) -> ClockOffset:
+) -> RecordingOffset:
     """Offset of the clock of some detections, by true ranges and velocities over time.
 
     A search finds the offset at which most frames have detections as far and as fast as the truth. Then the detection
@@ -163,19 +164,17 @@ def _scores(found: Sequence[Detections], grid: _Floats, known: Truth, candidates
 
 def _rival(scores: _Floats, best: int) -> int | None:
     """Another offset with nearly the score of the best one, on another peak; None if there is none."""
-    left = best - int(np.argmax(np.append(np.diff(scores[: best + 1])[::-1] < 0.0, True)))
-    right = best + int(np.argmax(np.append(np.diff(scores[best:]) > 0.0, True)))
-    others = scores.copy()
-    others[left : right + 1] = -np.inf
-    rival = int(others.argmax())
+    rival = rival_peak(scores, best)
+    if rival is None:
+        return None
     # Targets at rest support all offsets alike: that part tells nothing.
     floor = scores.min()
-    return rival if others[rival] - floor > _ALIKE * (scores[best] - floor) else None
+    return rival if scores[rival] - floor > _ALIKE * (scores[best] - floor) else None
 
 
 def _fitted(
     found: Sequence[Detections], truth: RecordedTruth, offset: float, widths: _Floats, interval: float
-) -> ClockOffset:
+) -> RecordingOffset:
     """Offset at which the velocities fit best, from one that is right to about an interval of the frames."""
     times = np.array([one.time for one in found])
     step = 0.1 * interval
@@ -203,7 +202,7 @@ def _fitted(
             "offset: expected a target in motion whose velocity changes, to align the clock by, got none that is seen; "
             "give the offset"
         )
-    return ClockOffset(offset, deviation, True)
+    return RecordingOffset(offset, deviation, True)
 
 
 def _nearest(found: Detections, known: Truth, widths: _Floats) -> _Floats:

@@ -12,7 +12,7 @@ from radarcore.comparison.echoes import EchoDifference
 from radarcore.comparison.settings import Difference
 from radarcore.comparison.statistics import TargetErrors
 from radarcore.comparison.targets import Estimates, Found
-from radarcore.comparison.time_base import ClockOffset, Dropped
+from radarcore.comparison.time_base import Dropped, RecordingOffset
 from radarcore.recording.frame import Truth
 from radarcore.recording.recording import Recording
 
@@ -26,7 +26,7 @@ class Side:
     name : str
     found : Found
         The recording, its detections and tracks.
-    offset : ClockOffset
+    offset : RecordingOffset
         Added to the times of the recording it gives those of the common base.
     dropped : tuple of Dropped
         Frames that are missing.
@@ -38,7 +38,7 @@ class Side:
 
     name: str
     found: Found
-    offset: ClockOffset
+    offset: RecordingOffset
     dropped: tuple[Dropped, ...]
     time: NDArray[np.float64]
     truth: Truth

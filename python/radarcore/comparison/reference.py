@@ -13,6 +13,7 @@ from radarcore.comparison.nearest_point import nearest_points
 from radarcore.geometry.pose import Pose
 from radarcore.motion.attached import Attached
 from radarcore.motion.function import as_motion
+from radarcore.motion.inverse import Inverse
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
@@ -169,6 +170,8 @@ def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:
     """Times at which a motion is known: not in its gaps nor beyond its ends, if it has any."""
     if isinstance(motion, Attached):
         return known_at(motion.parent, times) & known_at(motion.motion, times)
+    if isinstance(motion, Inverse):
+        return known_at(motion.motion, times)
     known: Callable[[ArrayLike], NDArray[np.bool_]] | None = getattr(motion, "known", None)
     if known is not None:
         return np.asarray(known(times), dtype=bool)
@@ -179,6 +182,8 @@ def _ends(motion: Motion) -> list[tuple[float, float]]:
     """First and last time of a motion that is a series [s], and of what it is attached to; of others nothing."""
     if isinstance(motion, Attached):
         return [*_ends(motion.parent), *_ends(motion.motion)]
+    if isinstance(motion, Inverse):
+        return _ends(motion.motion)
     times = getattr(motion, "times", None)
     return [] if times is None else [(float(times[0]), float(times[-1]))]
 

@@ -13,7 +13,7 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ClockOffset:
+class RecordingOffset:
     """Offset of a recording's clock.
 
     Parameters

@@ -98,9 +98,7 @@ class Pose:
         if not np.linalg.norm(q) > 0.0:
             order = "(x, y, z, w)" if name == "xyzw" else "(w, x, y, z)"
             raise ValueError(f"{name}: expected {order} of any length but zero")
-        w, *v = q / np.linalg.norm(q)
-        cross = cross_matrix(np.array(v))
-        return cls(position, np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+        return cls(position, rotations_of(q / np.linalg.norm(q)))
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Pose:
@@ -214,6 +212,21 @@ def rotations_about(vectors: Matrix) -> Matrix:
     # 1 - cos as 2 sin^2 keeps small angles exact.
     turned: Matrix = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(0.5 * angle) ** 2 * (k @ k)
     return turned
+
+
+def rotations_of(quaternions: Matrix) -> Matrix:
+    """Rotations (..., 3, 3) of unit quaternions (..., 4), order (w, x, y, z)."""
+    w, cross = quaternions[..., :1, None], cross_matrix(quaternions[..., 1:])
+    rotations: Matrix = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    return rotations
+
+
+def quaternion_of(rotation: Matrix) -> Matrix:
+    """Unit quaternion (4,), order (w, x, y, z) and w not negative, of a rotation (3, 3): `rotations_of` undone."""
+    from scipy.spatial.transform import Rotation
+
+    quaternion: Matrix = Rotation.from_matrix(rotation).as_quat(canonical=True)
+    return np.roll(quaternion, 1)
 
 
 def checked_maps(name: str, values: ArrayLike, number: int) -> Matrix:

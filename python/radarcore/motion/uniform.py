@@ -51,4 +51,4 @@ class Uniform:
 
 def _per_body(times: Matrix) -> Matrix:
     """Times as (n, 1, 1, 1) or (n, body, 1, 1)."""
-    return times.reshape(len(times), -1, 1, 1)
+    return (times if times.ndim == 2 else times[:, None])[..., None, None]

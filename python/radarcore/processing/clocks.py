@@ -220,12 +220,10 @@ def _check_peak(correlation: Array, best: int, offsets: Array, center: float, li
             f"max_offset: expected the best offset within {limit:g} s and the overlap, got it at the end, "
             f"{offsets[best]:.3g} s: allow more, or give longer records"
         )
-    # Down from the peak on both sides to the first minima; what is higher beyond them is another peak.
     others = np.where(np.isnan(correlation), -np.inf, correlation)
-    left = best - int(np.argmax(np.append(np.diff(others[: best + 1])[::-1] <= 0.0, True)))
-    right = best + int(np.argmax(np.append(np.diff(others[best:]) >= 0.0, True)))
-    others[left : right + 1] = -np.inf
-    rival = int(np.argmax(others))
+    rival = rival_peak(others, best)
+    if rival is None:
+        return
     misfit, other = (1.0 - value + _MISFIT_FLOOR for value in (highest, others[rival]))
     if other < _RIVAL * misfit:
         raise ValueError(
@@ -233,6 +231,25 @@ def _check_peak(correlation: Array, best: int, offsets: Array, center: float, li
             f"{offsets[rival]:.3g} s (correlations {highest:.3f} and {others[rival]:.3f}); give a smaller max_offset "
             f"or a motion that does not repeat itself"
         )
+
+
+def rival_peak(values: Array, best: int) -> int | None:
+    """Index of the highest value that is not on the slopes of a peak; None where all are.
+
+    Parameters
+    ----------
+    values : (n,) float64
+        Without NaN.
+    best : int
+        Index of the peak.
+    """
+    # Down from the peak on both sides to the first minima; what lies beyond them belongs to other peaks.
+    before = np.flatnonzero(values[:best] > values[1 : best + 1])
+    after = np.flatnonzero(values[best + 1 :] > values[best:-1])
+    left = int(before[-1]) + 1 if before.size else 0
+    right = best + int(after[0]) + 1 if after.size else len(values)
+    beyond = np.concatenate([np.arange(left), np.arange(right, len(values))])
+    return int(beyond[values[beyond].argmax()]) if beyond.size else None
 
 
 def _vertex(three: Array) -> float:

@@ -38,7 +38,7 @@ class Client:
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
         self.timeout = check.positive("timeout", timeout, "s")
-        self.address = f"tcp://{host}:{check.count('port', port)}"
+        self.address = f"tcp://{host}:{check.port('port', port)}"
         self.is_open = True
         self._remote = _remote(host, port, self)
         try:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.adapters.images import COPPELIASIM_AXES
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
 
@@ -32,8 +31,7 @@ def from_grey_buffer(data: bytes, resolution: Sequence[int]) -> NDArray[np.uint8
 
 def from_matrix(matrix: ArrayLike) -> Pose:
     """Pose of an object by ``sim.getObjectMatrix(handle, sim.handle_world)``: 12 numbers, three rows of four."""
-    rows = check.array("matrix", matrix, (12,)).reshape(3, 4)
-    return Pose(rows[:, 3], rows[:, :3])
+    return Pose.from_matrix(check.array("matrix", matrix, (12,)).reshape(3, 4))
 
 
 def from_shape_viz(items: Sequence[Mapping[str, Any]]) -> Mesh:
@@ -52,8 +50,3 @@ def from_shape_viz(items: Sequence[Mapping[str, Any]]) -> Mesh:
         triangles.append(np.asarray(item["indices"], dtype=np.int64).reshape(-1, 3) + num_vertices)
         num_vertices += len(vertices[-1])
     return Mesh(np.concatenate(vertices), np.concatenate(triangles))
-
-
-def radar_at(camera: Pose) -> Pose:
-    """Pose of a radar at a vision sensor: its x axis is the sensor's line of sight, its z axis up in the image."""
-    return camera @ Pose(rotation=COPPELIASIM_AXES)

@@ -14,7 +14,7 @@ from radarcore import check
 from radarcore.adapters.coppeliasim import decoders
 from radarcore.adapters.coppeliasim.client import PORT, Client, CoppeliaSimError
 from radarcore.adapters.coppeliasim.vision import VisionSensor
-from radarcore.adapters.images import COPPELIASIM_AXES
+from radarcore.adapters.planar_depth import radar_in_camera
 from radarcore.geometry.pose import Pose, transforms
 from radarcore.motion.attached import Attached
 from radarcore.motion.live import LiveGroup
@@ -135,7 +135,7 @@ class CoppeliaSim:
     def vision_sensor(self, path: str) -> VisionSensor:
         """Vision sensor by its path; a ValueError unless it is of perspective type."""
         handle = self.handle(path)
-        motion = Attached(self._motions([handle])[0], Pose(rotation=COPPELIASIM_AXES))
+        motion = Attached(self._motions([handle])[0], radar_in_camera("coppeliasim"))
         return VisionSensor(self.sim, handle, path, motion)
 
     @contextmanager

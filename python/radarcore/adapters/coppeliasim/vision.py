@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check, notice
 from radarcore.adapters.coppeliasim import decoders
 from radarcore.adapters.images import PlanarDepth, from_coppeliasim
+from radarcore.adapters.planar_depth import radar_in_camera
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import Motion
 
@@ -124,7 +125,7 @@ class VisionSensor:
         )
         grey = decoders.from_grey_buffer(*sim.getVisionSensorImg(number, _GREY))
         pose = decoders.from_matrix(sim.getObjectMatrix(number, sim.handle_world))
-        return VisionImage(planar, grey, decoders.radar_at(pose), time)
+        return VisionImage(planar, grey, pose @ radar_in_camera("coppeliasim"), time)
 
 
 def _rounding(near: float, far: float) -> float:

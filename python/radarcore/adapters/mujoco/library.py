@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from importlib.util import find_spec
 from types import ModuleType
+from typing import Any
 
 GL_HINT = (
     "an OpenGL library that draws without a display: Debian packages libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, or "
@@ -26,6 +27,16 @@ def mujoco_module() -> ModuleType:
     except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
         raise no_graphics(error) from error
     return mujoco  # type: ignore[no-any-return]  # untyped
+
+
+def gl_context(columns: int, rows: int) -> Any:
+    """A new context to draw into images of up to this size; where there is none, every library fails in its own way."""
+
+    class Context(mujoco_module().GLContext):  # type: ignore[misc]  # untyped
+        _context: Any = None
+        """Of a context that could not be made: it has nothing to free, and says nothing about it."""
+
+    return Context(columns, rows)
 
 
 def no_graphics(error: object) -> ImportError:

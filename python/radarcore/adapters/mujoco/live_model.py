@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.adapters.images import OPENGL_AXES
 from radarcore.adapters.mujoco.coating import geom_materials
 from radarcore.adapters.mujoco.kinematics import Places, poses, rates, settle
 from radarcore.adapters.mujoco.library import mujoco_module
 from radarcore.adapters.mujoco.names import names_of, number_of
 from radarcore.adapters.mujoco.tessellation import Meshes, kind_of, mesh_of
-from radarcore.geometry.pose import Pose, as_pose
+from radarcore.adapters.planar_depth import radar_in_camera
+from radarcore.geometry.pose import as_pose
 from radarcore.motion.attached import Attached
 from radarcore.motion.live import LiveGroup
 from radarcore.motion.protocol import Motion
@@ -23,9 +23,6 @@ from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
 from radarcore.sealed import sealed
-
-RADAR_IN_CAMERA = Pose(rotation=OPENGL_AXES)
-"""Pose of a radar that looks along a camera's line of sight, upright in its image."""
 
 RATES = ("model", "differences")
 """Where velocities come from: qvel, or differences of the poses of updates."""
@@ -165,7 +162,7 @@ class LiveModel:
             raise ValueError(f"camera: expected a camera or a site, got {'both' if given else 'neither'}")
         ((kind, name),) = given
         motion = self._motions[self._places.starts[kind] + number_of(self.model, kind, name)]
-        return Attached(motion, RADAR_IN_CAMERA) if kind == "camera" else motion
+        return Attached(motion, radar_in_camera("opengl")) if kind == "camera" else motion
 
     def geom_motion(self, geom: str) -> Motion:
         """Motion of a geom by name, whether the radar sees it or not."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.adapters.images import PlanarDepth, from_mujoco_pixels
-from radarcore.adapters.mujoco.library import mujoco_module, no_graphics
+from radarcore.adapters.mujoco.library import gl_context, mujoco_module, no_graphics
 from radarcore.adapters.mujoco.live_model import LiveModel
 from radarcore.adapters.mujoco.names import number_of
 from radarcore.geometry.pose import Matrix
@@ -132,7 +132,7 @@ class DepthView:
             for name, value in wanted.items():
                 setattr(quality, name, value)
             size.offwidth, size.offheight = self.columns, self.rows
-            self._gl = mujoco.GLContext(self.columns, self.rows)
+            self._gl = gl_context(self.columns, self.rows)
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # every back end fails in its own way

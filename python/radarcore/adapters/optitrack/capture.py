@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.pose import as_pose, transforms
+from radarcore.geometry.pose import as_pose, rotations_of, transforms
 from radarcore.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -47,12 +47,10 @@ class CapturedBody:
     @property
     def rotation(self) -> Array:
         """Body axes in the world, as columns, (n, 3, 3); NaN where the pose is not known."""
-        from scipy.spatial.transform import Rotation
-
         is_tracked = self.is_tracked
         rotation = np.full((len(is_tracked), 3, 3), np.nan)
-        if is_tracked.any():
-            rotation[is_tracked] = Rotation.from_quat(self.quaternion[is_tracked], scalar_first=True).as_matrix()
+        known = self.quaternion[is_tracked]
+        rotation[is_tracked] = rotations_of(known / np.linalg.norm(known, axis=1, keepdims=True))
         return rotation
 
 

@@ -97,7 +97,7 @@ class MotionCaptureClient:
         timeout: float = 2.0,
         axes: str = "z_up",
     ) -> None:
-        self._address = (server, check.count("command_port", command_port))
+        self._address = (server, check.port("command_port", command_port))
         self._local_address = local_address
         self._timeout = check.positive("timeout", timeout, "s")
         self._axes = check.choice("axes", axes, AXES)
@@ -121,7 +121,7 @@ class MotionCaptureClient:
         self.close()
         self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._command.bind((self._local_address, 0))
+            self._bind(self._command)
             self._info = decode_server_info(self._answer(Kind.CONNECT, b"Ping\0", Kind.SERVER_INFO))
             checked_version(self._info.version)
             if self._info.is_multicast:
@@ -308,6 +308,15 @@ class MotionCaptureClient:
             self._command.sendto(struct.pack("<HH", kind, len(payload)) + payload, self._address)
         except socket.gaierror as error:
             raise ConnectionError(f"server: expected an address, got {self._address[0]!r} ({error.strerror})") from None
+
+    def _bind(self, one: socket.socket) -> None:
+        """Bind to a free port of the chosen network interface."""
+        try:
+            one.bind((self._local_address, 0))
+        except OSError as error:
+            raise ConnectionError(
+                f"local_address: expected an address of this computer, got {self._local_address!r} ({error.strerror})"
+            ) from error
 
     def _joined(self, info: ServerInfo) -> socket.socket:
         """Socket that has joined the multicast group."""

@@ -9,13 +9,12 @@ import time as clock
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.adapters.optitrack.axes import AXES, motive_positions, motive_quaternions
 from radarcore.adapters.optitrack.natnet import SIZED, Kind, NatNetError, checked_version, packet_kind
 from radarcore.adapters.optitrack.stream import Version
-from radarcore.geometry.pose import Pose
+from radarcore.geometry.pose import Pose, quaternion_of
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion
 
@@ -94,9 +93,9 @@ class MotionCaptureServer:
             if name not in self._motions:
                 raise ValueError(f"occlusions: no body {name!r}; {check.near_names(name, self._motions)}")
         self._random = np.random.default_rng(seed)
-        self._group = None if multicast_address is None else (multicast_address, check.count("data_port", data_port))
+        self._group = None if multicast_address is None else (multicast_address, check.port("data_port", data_port))
         self._data_port = data_port
-        self._wanted_address = (address, check.count("command_port", command_port, 0))
+        self._wanted_address = (address, check.port("command_port", command_port, 0))
         self._socket: socket.socket | None = None
         self._clients: dict[tuple[str, int], float] = {}
         self._lock = threading.Lock()
@@ -234,7 +233,7 @@ class MotionCaptureServer:
                 self._seen[name] = motion.at(time) if is_tracked else Pose()
             pose = self._seen[name]  # of old where it is not tracked, as Motive's
             position = motive_positions(pose.position, self._axes)
-            w, *xyz = motive_quaternions(_quaternion(pose), self._axes)
+            w, *xyz = motive_quaternions(quaternion_of(pose.rotation), self._axes)
             bodies += struct.pack("<i3f4ffh", number, *position, *xyz, w, _MARKER_ERROR, is_tracked)
         count, empty = struct.pack("<i", len(self._motions)), struct.pack("<i", 0) + self._sized(b"")
         sections = [empty, empty, count + self._sized(bodies), *[empty] * (5 if self._version >= SIZED else 4)]
@@ -252,10 +251,3 @@ class MotionCaptureServer:
 
 def _packet(kind: int, payload: bytes) -> bytes:
     return struct.pack("<HH", kind, len(payload)) + payload
-
-
-def _quaternion(pose: Pose) -> NDArray[np.float64]:
-    """Order (w, x, y, z)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(pose.rotation).as_quat(scalar_first=True)

@@ -10,7 +10,7 @@ from radarcore import check
 from radarcore.adapters.planar_depth import PlanarDepth
 from radarcore.adapters.ros.bag_motions import IMAGES, first_stamp_ns
 from radarcore.adapters.ros.bags import BagReader
-from radarcore.adapters.ros.images import from_camera_info, from_ros_image
+from radarcore.adapters.ros.images import check_size, from_camera_info, from_ros_image
 from radarcore.geometry.camera import Camera
 
 _CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -167,4 +167,6 @@ def _camera_of(bag: BagReader, topic: str, info_topic: str | None) -> Camera:
     first: Any = next(bag.messages(name), None)
     if first is None:
         raise ValueError(f"info_topic: expected a message of {name!r}, got none")
+    if (image := next(bag.messages(topic), None)) is not None:
+        check_size(first.message, image.message)
     return from_camera_info(first.message)

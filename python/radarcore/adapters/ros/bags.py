@@ -104,7 +104,7 @@ class BagReader:
         self.path = Path(path)
         if not self.path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
-        self._told = False
+        self._told = self._closed = False
         self._stack = ExitStack()
         self._readers, self.version = self._opened()
         self._connections = [connection for reader in self._readers for connection in reader.connections]
@@ -123,7 +123,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the files."""
-        self._readers, self._connections = [], []
+        self._readers, self._connections, self._closed = [], [], True
         self._stack.close()
 
     def topic(self, name: str, *types: str, argument: str = "topic") -> Topic:
@@ -180,8 +180,10 @@ class BagReader:
         Raises
         ------
         ValueError
-            For a topic that is not there, and a message that is not what its definition says.
+            For a topic that is not there, a message that is not what its definition says, and when the bag is closed.
         """
+        if self._closed:
+            raise ValueError(f"{self.path}: expected an open bag, got one that is closed")
         names = None if topics is None else [topics] if isinstance(topics, str) else list(topics)
         wanted = self._connections
         if names is not None:

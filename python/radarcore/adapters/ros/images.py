@@ -55,6 +55,7 @@ def from_ros_image(
             f"camera: expected either camera or camera_info, got {'neither' if camera is None else 'both'}"
         )
     if camera_info is not None:
+        check_size(camera_info, message)
         camera = from_camera_info(camera_info)
     elif not isinstance(camera, Camera):
         camera = Camera.from_field_of_view(camera, rows, columns)  # type: ignore[arg-type]  # not None here
@@ -96,6 +97,20 @@ def from_camera_info(message: Any, *, centered: bool = False, rectified: bool = 
     left, top = (getattr(window, edge, 0) for edge in ("x_offset", "y_offset"))
     across, down = (max(int(getattr(message, name, 1)), 1) for name in ("binning_x", "binning_y"))
     return Camera(fx / across, fy / down, (x - left) / across, (y - top) / down)
+
+
+def check_size(camera_info: Any, image: Any) -> None:
+    """Refuse the camera of images of another size, as that of a topic beside the right one; zeros say nothing."""
+    window = getattr(camera_info, "roi", None)
+    told = []
+    for side, axis in (("width", "x"), ("height", "y")):
+        whole = int(getattr(window, side, 0)) or int(getattr(camera_info, side, 0))
+        told.append(whole // max(int(getattr(camera_info, f"binning_{axis}", 1)), 1))
+    size = [int(image.width), int(image.height)]
+    if all(told) and told != size:
+        raise ValueError(
+            f"camera_info: expected that of images of {size[0]} x {size[1]} pixels, got one of {told[0]} x {told[1]}"
+        )
 
 
 def _field(message: Any, name: str) -> Any:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.adapters.ros.messages import Types, header, make
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
-from radarcore.geometry.pose import Pose, as_pose, cross_matrix, transforms
+from radarcore.geometry.pose import Pose, as_pose, quaternion_of, rotations_of, transforms
 from radarcore.motion.trajectory import Trajectory
 
 
@@ -115,16 +115,13 @@ def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if (is_zero := lengths[:, 0] == 0.0).any():
         raise ValueError(f"orientation: expected a quaternion, got zeros at index {int(is_zero.argmax())}")
-    unit = quaternions / lengths
-    # R = 1 + 2 w [v] + 2 [v]^2 with the vector part v.
-    cross = cross_matrix(unit[:, :3])
-    rotations = np.eye(3) + 2.0 * unit[:, 3, None, None] * cross + 2.0 * cross @ cross
+    rotations = rotations_of(np.roll(quaternions / lengths, 1, axis=1))
     return tuple(map(as_pose, transforms(rotations, positions)))
 
 
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns]."""
-    x, y, z, w = _quaternion(pose)
+    w, x, y, z = quaternion_of(pose.rotation).tolist()
     placed = make(
         types,
         "geometry_msgs/msg/Pose",
@@ -139,7 +136,7 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
     """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names."""
     sent = []
     for name, pose in poses.items():
-        x, y, z, w = _quaternion(pose)
+        w, x, y, z = quaternion_of(pose.rotation).tolist()
         placed = make(
             types,
             "geometry_msgs/msg/Transform",
@@ -157,10 +154,11 @@ def pose_series(messages: Iterable[Any]) -> PoseSeries:
     given = list(messages)
     if not given:
         raise ValueError("messages: expected at least one, got none")
+    stamps = _stamps(given)
     frames = {frame_name(message.header.frame_id) for message in given}
     if len(frames) > 1:
         raise ValueError(f"messages: expected poses in one frame, got {', '.join(map(repr, sorted(frames)))}")
-    return PoseSeries(_stamps(given), poses_of([pose_numbers(message) for message in given]), frames.pop())
+    return PoseSeries(stamps, poses_of([pose_numbers(message) for message in given]), frames.pop())
 
 
 def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
@@ -169,9 +167,9 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
     """
     frame_id = ""
-    found: dict[str, tuple[list[int | None], list[tuple[float, ...]]]] = {}
+    found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
     for message in messages:
-        time_ns, frame_id = header_nanoseconds(message), frame_name(message.header.frame_id)
+        time_ns, frame_id = _stamp(message), frame_name(message.header.frame_id)
         # Drafts of the message have an underscore in it.
         for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
             numbers = pose_numbers(body.pose)
@@ -204,6 +202,10 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
         raise ValueError(f"names: no joint {', '.join(map(repr, missing))}; there is {', '.join(known)}")
     kept, rows = [], []
     for message in given:
+        if len(message.position) != len(message.name):
+            raise ValueError(
+                f"position: expected {len(message.name)} values, one per name, got {len(message.position)}"
+            )
         positions = dict(zip(message.name, message.position, strict=True))
         if all(name in positions for name in wanted):
             kept.append(message)
@@ -225,15 +227,13 @@ def frame_name(frame_id: str) -> str:
 
 
 def _stamps(messages: Sequence[Any]) -> NDArray[np.int64]:
-    return np.array([header_nanoseconds(message) for message in messages], dtype=np.int64)
+    return np.array([_stamp(message) for message in messages], dtype=np.int64)
 
 
-def _quaternion(pose: Pose) -> list[float]:
-    """Unit quaternion (x, y, z, w) with w >= 0."""
-    from scipy.spatial.transform import Rotation
-
-    numbers: list[float] = Rotation.from_matrix(pose.rotation).as_quat(canonical=True).tolist()
-    return numbers
+def _stamp(message: Any) -> int:
+    if (time_ns := header_nanoseconds(message)) is None:
+        raise ValueError(f"header: expected a stamp, got none in {type(message).__name__}")
+    return time_ns
 
 
 def _vector(types: Types, kind: str, pose: Pose) -> Any:

@@ -81,4 +81,7 @@ def _value(store: Any, description: Any, value: Any, where: str) -> Any:
     array = np.frombuffer(value, np.uint8) if isinstance(value, bytes | bytearray | memoryview) else np.asarray(value)
     if array.dtype.kind == "f" and np.dtype(dtype).kind != "f":
         raise ValueError(f"{where}: expected numbers of type {dtype}, got {array.dtype}")
-    return array.astype(dtype, copy=False).reshape(-1)
+    numbers = array.astype(dtype, copy=False).reshape(-1)
+    if array.dtype.kind in "iu" and not np.array_equal(numbers, array.reshape(-1)):
+        raise ValueError(f"{where}: expected numbers of type {dtype}, got {array.min()} to {array.max()}")
+    return numbers
