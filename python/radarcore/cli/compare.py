@@ -81,6 +81,8 @@ def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:
     radar = _RADAR if options.radar is None else options.radar
     if radar not in motions:
         raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
+    if len(motions) == 1:
+        raise ValueError(f"--truth: expected a body of {path} besides the radar {radar!r}, got none")
     radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(options.radius)}
     return {
         "truth": {name: motion for name, motion in motions.items() if name != radar},
