@@ -77,11 +77,15 @@ def _only_radar(bag: BagReader) -> str:
         for name, topic in bag.topics.items()
         if topic.type == SETTINGS_TYPE and name.endswith(_SETTINGS)
     )
-    if len(found) != 1:
-        raise ValueError(
-            f"{bag.path}: expected {bag.path}:TOPIC with frames of a radar, of {', '.join(found) or 'none'}"
-        )
+    if not found:
+        raise ValueError(f"{bag.path}: expected a bag with frames of a radar, got none; there are {_topics(bag)}")
+    if len(found) > 1:
+        raise ValueError(f"{bag.path}: expected {bag.path}:TOPIC with frames of a radar, of {', '.join(found)}")
     return found[0]
+
+
+def _topics(bag: BagReader) -> str:
+    return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
 
 
 def _body_of(topic: str) -> str:
