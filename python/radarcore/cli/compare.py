@@ -10,7 +10,7 @@ from typing import Any
 
 from radarcore import check, plot
 from radarcore.adapters.ros.bags import is_bag
-from radarcore.cli.captured import motions_of, name_of, recording_of
+from radarcore.cli.captured import motions_of, name_of
 from radarcore.cli.source import load_recording
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.comparison import compare
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     sources = [text for text in (options.a, options.b) if text is not None]
     settings = ("method", "min_range", "max_range")
     chosen = {name: value for name in settings if (value := getattr(options, name)) is not None}
-    recordings = [recording_of(text) for text in sources]
+    recordings = [load_recording(Path(text), None) for text in sources]
     compared = compare(
         *recordings,
         **_truth(options),
