@@ -56,4 +56,4 @@ if __name__ == "__main__":
         with coppeliasim.CoppeliaSim(host, int(port or 23000), timeout=float(timeout)) as scene:
             watch(scene, path)
     except coppeliasim.CoppeliaSimError as error:
-        print(error)
+        sys.exit(f"{error}")

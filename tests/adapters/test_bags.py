@@ -453,3 +453,15 @@ def test_missing_rosbags_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(ImportError, match=r"ROS bags need rosbags: pip install radarcore\[ros\]"):
         BagReader(tmp_path)
+
+
+def test_writer_that_is_interrupted_before_it_begins_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(self: BagWriter) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(BagWriter, "_opened", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        BagWriter(tmp_path / "take.mcap")
+    assert list(tmp_path.iterdir()) == []

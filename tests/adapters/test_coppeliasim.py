@@ -256,17 +256,18 @@ def test_everything_else_is_the_api_of_the_client(simulator: coppeliasim.Coppeli
     assert stub.first["lang"] == "python"
 
 
-def example(*arguments: str) -> str:
-    """What the example prints, in a fresh interpreter."""
+def example(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The example's run, in a fresh interpreter."""
     root = Path(__file__).resolve().parents[2]
     path = os.pathsep.join([str(Path(rc.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-W", "error", str(root / "examples" / "coppeliasim_scene.py"), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": path})
-    return done.stdout
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": path})
 
 
 def test_example_finds_the_plate_on_both_routes(stub: Stub) -> None:
-    lines = example(f"127.0.0.1:{stub.port}").splitlines()
+    done = example(f"127.0.0.1:{stub.port}")
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
     assert len(lines) == 20
     assert not stub.is_running
     for number, line in enumerate(lines, 1):
@@ -302,9 +303,10 @@ def test_no_server_is_one_error_with_address_and_hint_within_the_timeout() -> No
 
 
 def test_example_without_a_server_prints_the_hint() -> None:
-    printed = example(f"127.0.0.1:{free_port()}", "/radar", "0.3")
-    assert "is CoppeliaSim running" in printed
-    assert printed.count("\n") == 1
+    done = example(f"127.0.0.1:{free_port()}", "/radar", "0.3")
+    assert done.returncode == 1
+    assert "is CoppeliaSim running" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_server_that_falls_silent_is_one_error_and_the_connection_closed() -> None:

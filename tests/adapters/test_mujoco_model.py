@@ -389,3 +389,23 @@ def test_urdf_with_what_mujoco_cannot_read_says_so(tmp_path: Any) -> None:
     path.write_text(robot("package://parts/part.obj"))
     (body,) = LiveModel(spec_from_urdf(path, geometry="visual").compile()).bodies
     assert body.mesh.volume == pytest.approx(0.008, rel=1e-6)
+
+
+def test_what_is_not_of_the_model_is_refused() -> None:
+    model, _ = compiled(f'{CAMERA}<body><freejoint/><geom type="sphere" size="0.3"/></body>')
+    _, of_another = compiled(f'{CAMERA}<geom type="sphere" size="0.3"/>')
+    with pytest.raises(
+        TypeError, match=r"^model: expected MjModel, got str; mujoco.MjModel.from_xml_path reads files$"
+    ):
+        LiveModel("arm.xml")
+    live = LiveModel(model)
+    with pytest.raises(TypeError, match=r"^data: expected MjData, got MjModel$"):
+        live.update(model)
+    with pytest.raises(
+        ValueError, match=r"^data: expected that of this model, of \(nq, nbody\) = \(7, 2\), got \(0, 1\)$"
+    ):
+        live.update(of_another)
+    with pytest.warns(
+        UserWarning, match=r"^groups: expected some with geoms that are seen, got \(3,\); the model has \[0\]"
+    ):
+        LiveModel(model, groups=(3,))

@@ -111,3 +111,22 @@ def test_bad_input_is_one_line(
     assert printed.err.startswith(f"radarcore: {message}")
     assert len(printed.err.splitlines()) == 1
     assert not (folder / "report.txt").exists()
+
+
+def test_bag_without_frames_and_capture_of_the_radar_alone_are_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
+    from radarcore.adapters import ros
+
+    with ros.BagWriter(tmp_path / "poses.mcap") as bag:
+        for k in range(3):
+            pose = ros.to_pose_stamped(rc.Pose([1.0, 0.0, 0.0]), time_ns=k * 10**8, types=bag.types)
+            bag.write("/radar/pose", pose, k * 10**8)
+    path = str(tmp_path / "poses.mcap")
+    assert main(["compare", path]) == 1
+    there = "there are /radar/pose (geometry_msgs/msg/PoseStamped)"
+    assert capsys.readouterr().err == f"radarcore: {path}: expected a bag with frames of a radar, got none; {there}\n"
+    assert main(["compare", str(folder / "measured"), "--truth", path]) == 1
+    expected = f"radarcore: --truth: expected a body of {path} besides the radar 'radar', got none\n"
+    assert capsys.readouterr().err == expected

@@ -101,4 +101,21 @@ def test_bad_use_is_refused(recording: Path, tmp_path: Path, capsys: pytest.Capt
     assert "expected no such path, got a bag; --overwrite replaces it" in capsys.readouterr().err
     assert main(["process", str(recording), "--bag", str(tmp_path / "take.mcap"), "--overwrite"]) == 0
     assert main(["process", str(tmp_path / "take.mcap")]) == 1
-    assert "topic: no topic '/radar/settings' in" in capsys.readouterr().err
+    assert "expected a bag with frames of a radar, got none; there are /radar/map" in capsys.readouterr().err
+
+
+def test_one_of_several_recordings_in_a_bag_is_chosen_by_its_topic(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "two.mcap"
+    taken = rc.Recording.load(recording)
+    with ros.BagWriter(path) as bag:
+        ros.write_frames(bag, taken, topic="/simulated", start_ns=START_NS)
+        ros.write_frames(bag, taken[:2], topic="/measured", start_ns=START_NS)
+    assert main(["process", f"{path}:/measured", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 2
+    assert main(["info", f"{path}:/simulated", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == NUM_FRAMES
+    assert main(["process", str(path)]) == 1
+    expected = f"{path}: expected {path}:TOPIC with frames of a radar, of /measured, /simulated"
+    assert capsys.readouterr().err == f"radarcore: {expected}\n"

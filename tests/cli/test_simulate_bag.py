@@ -323,3 +323,19 @@ def test_commands_of_the_page_run(
     assert capsys.readouterr().err == ""
     assert len(rc.Recording.load("out/take")) == 10
     assert len(rc.Recording.load("out/depth")) == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--reflectance", "-2"], "reflectance: expected numbers from 0 to 1, got -2"),
+        (["--max-age", "-1"], "max_age: expected a positive number [s], got -1.0"),
+        (["--max-age", "0.001"], "--max-age: expected two depth images within it somewhere, got 0.001 s"),
+    ],
+)
+def test_wrong_options_leave_no_recording_behind(
+    tmp_path: Path, radar: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, output = write_depth(tmp_path / "bag"), tmp_path / "recording"
+    assert fault(capsys, "--bag", bag, "--radar", radar, "-o", output, *options) == message
+    assert not output.exists()

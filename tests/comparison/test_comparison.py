@@ -160,6 +160,27 @@ def test_radars_may_differ_and_it_is_said_how(simulated: rc.Recording) -> None:
     assert "no phases: centre frequencies differ" in ball.echo.note
 
 
+def test_recordings_of_other_scenes_have_targets_of_their_own(simulated: rc.Recording) -> None:
+    cart = rc.PointTarget([2.5, 0.0, 0.0], velocity=[0.4, 0.0, 0.0], rcs=0.1, name="cart")
+    other = rc.Simulator(rc.Scene([cart]), RADAR).record(0.0, 0.3, 40.0, progress=False)
+    compared = rc.compare(simulated, other, progress=False)
+    assert {target.name for target in compared.targets} == {"ball", "post", "cart"}
+    tracked = {target.name: [errors.num_tracked for errors in target.errors] for target in compared.targets}
+    assert tracked == {"ball": [40, 0], "post": [40, 0], "cart": [0, len(other)]}
+
+
+def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
+    with pytest.warns(UserWarning, match="offset: expected recordings with times in common, got A from 0.00"):
+        rc.compare(simulated, simulated, offset=1e4, progress=False)
+    short = rc.Recording(simulated.cube[:2], simulated.time[:2], RADAR, truth=simulated.truth[:2])
+    with pytest.warns(UserWarning, match="^A: expected at least one track, got none in 2 frames"):
+        rc.compare(short, progress=False)
+    with pytest.warns(UserWarning, match="truth: expected some body before the radar at the times of A from"):
+        rc.compare(simulated, truth={"ball": rc.Pose([-2.0, 0.0, 0.0])}, progress=False)
+    with pytest.warns(UserWarning, match="got 2200 m or more; are its lengths in metres?"):
+        rc.compare(simulated, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])}, progress=False)
+
+
 def test_radar_without_velocities_is_compared_in_range(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     one_chirp = rc.bgt60tr13c(num_chirps=1)

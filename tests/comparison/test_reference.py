@@ -96,3 +96,12 @@ def test_targets_that_are_none_are_refused() -> None:
         MovingTargets({"ball": 3.0})
     with pytest.raises(ValueError, match="truth: expected at least one motion, got none"):
         MovingTargets({})
+
+
+def test_recorded_truth_is_as_exact_by_clocks_that_count_since_1970() -> None:
+    """Float64 seconds since 1970 are known to 0.2 us; truth must not be that of a frame beside."""
+    times, ranges = np.array([0.0, 0.05, 0.1]), np.array([2.0, 2.05, 2.1])
+    rows = (ranges[:, None], np.ones((3, 1)), np.zeros((3, 1)), np.zeros((3, 1)))
+    epoch = 1_700_000_000.0
+    truth = RecordedTruth(epoch + times, rc.Truth(("cart",), *rows)).at(epoch + np.array([-0.01, 0.05, 0.08, 0.1, 0.2]))
+    np.testing.assert_allclose(truth.range[:, 0], [NAN, 2.05, 2.08, 2.1, NAN], atol=1e-6)

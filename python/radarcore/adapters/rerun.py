@@ -94,7 +94,10 @@ class Viewer:
             self._stream.spawn(default_blueprint=self._layout())
         else:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            self._stream.save(Path(path), default_blueprint=self._layout())
+            try:
+                self._stream.save(Path(path), default_blueprint=self._layout())
+            except RuntimeError as error:  # a folder that cannot be written to
+                raise OSError(f"{path}: expected a file that can be written; {error}") from error
         self._stream.log(_WORLD, rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def __enter__(self) -> Viewer:

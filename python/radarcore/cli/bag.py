@@ -71,14 +71,18 @@ def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, floa
         "bag": {"path": str(bag.path), "start_ns": images.start_ns, "topic": images.topic},
     }
     num_lost = 0
-    with (
-        RecordingWriter(options.output, radar, source=source, overwrite=options.overwrite) as writer,
-        notice.progress(images, "simulating", "image", total=len(images)) as counted,
-        _each_kind_once(),
-    ):
-        for found in frame_images(counted, rate, max_age=max_age):
-            writer.append(_frame(found, radar, reflectance, options.threads))
+    with notice.progress(images, "simulating", "image", total=len(images)) as counted, _each_kind_once():
+        chosen = frame_images(counted, rate, max_age=max_age)
+        # The first frame tells whether all arguments are right, before anything is written.
+        if (found := next(chosen, None)) is None:
+            raise ValueError(f"--max-age: expected two depth images within it somewhere, got {max_age:g} s")
+        frame = _frame(found, radar, reflectance, options.threads)
+        with RecordingWriter(options.output, radar, source=source, overwrite=options.overwrite) as writer:
+            writer.append(frame)
             num_lost += found.num_lost
+            for found in chosen:
+                writer.append(_frame(found, radar, reflectance, options.threads))
+                num_lost += found.num_lost
     if num_lost:
         notice.warn(f"{bag.path}: {num_lost} frames left out: no two depth images within {max_age:g} s")
     return Recording.load(options.output), rate
@@ -114,7 +118,10 @@ def _argument_names(path: Path) -> Iterator[None]:
         yield
     except ValueError as error:
         name, colon, text = str(error).partition(": ")
-        raise ValueError(f"{names[name]}: {text}" if colon and name in names else f"{path}: {error}") from error
+        if not (colon and name in names):
+            raise ValueError(f"{path}: {error}") from error
+        hint = "; or give --field-of-view" if name == "info_topic" else ""
+        raise ValueError(f"{names[name]}: {text}{hint}") from error
 
 
 @contextmanager

@@ -8,11 +8,9 @@ from radarcore.adapters.optitrack.motive_csv import read_motive_csv
 from radarcore.adapters.ros.bag_motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
 from radarcore.adapters.ros.stamps import nearest_nanoseconds
-from radarcore.cli.source import load_recording
+from radarcore.cli.source import only_radar, path_and_topic
 from radarcore.motion.protocol import Motion
-from radarcore.recording.recording import Recording
 
 _LONGEST_GAP = 0.1
 """Bodies that motion capture does not see for longer have a gap [s]."""
@@ -20,21 +18,10 @@ _LONGEST_GAP = 0.1
 _POSE = "pose"
 """Last part of topics that are called for a body: ``/natnet_ros/NAME/pose``."""
 
-_SETTINGS = "/settings"
-
-
-def recording_of(text: str) -> Recording:
-    """The recording at a path, or the frames on a topic of a bag, ``BAG:/TOPIC``."""
-    path, topic = _parts(text)
-    if not is_bag(path):
-        return load_recording(path, None)
-    with BagReader(path) as bag:
-        return BagFrames(bag, topic or _only_radar(bag)).recording()
-
 
 def name_of(text: str) -> str:
     """Name of a recording: the last part of its topic, or of its path."""
-    path, topic = _parts(text)
+    path, topic = path_and_topic(text)
     return topic.rpartition("/")[2] if topic else path.resolve().stem
 
 
@@ -49,9 +36,9 @@ def motions_of(path: Path, reference: str) -> dict[str, Motion]:
         seen = [name for name in capture.names if capture[name].is_tracked.sum() >= 2]
         return {name: capture.trajectory(name) for name in seen}
     with BagReader(path) as bag:
-        of_frames, topic = _parts(reference)
+        of_frames, topic = path_and_topic(reference)
         is_same = is_bag(of_frames) and of_frames.resolve() == path.resolve()
-        start = _start_of_frames(bag, topic or _only_radar(bag)) if is_same else first_stamp_ns(bag)
+        start = _start_of_frames(bag, topic or only_radar(bag)) if is_same else first_stamp_ns(bag)
         series = {}
         for found in bag.topics.values():
             messages = (one.message for one in bag.messages(found.name))
@@ -62,26 +49,6 @@ def motions_of(path: Path, reference: str) -> dict[str, Motion]:
         if not series:
             bag.only_topic(*POSES, *RIGID_BODIES, argument="--truth")  # says which topics there are
         return {name: one.trajectory(start, max_gap=_LONGEST_GAP) for name, one in series.items()}
-
-
-def _parts(text: str) -> tuple[Path, str]:
-    """Path, and topic of a bag or nothing."""
-    head, separator, tail = text.rpartition(":/")
-    return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(text), "")
-
-
-def _only_radar(bag: BagReader) -> str:
-    """Topic of the only radar in a bag, or an error with those that there are."""
-    found = sorted(
-        name.removesuffix(_SETTINGS)
-        for name, topic in bag.topics.items()
-        if topic.type == SETTINGS_TYPE and name.endswith(_SETTINGS)
-    )
-    if len(found) != 1:
-        raise ValueError(
-            f"{bag.path}: expected {bag.path}:TOPIC with frames of a radar, of {', '.join(found) or 'none'}"
-        )
-    return found[0]
 
 
 def _body_of(topic: str) -> str:

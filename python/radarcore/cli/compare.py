@@ -10,7 +10,7 @@ from typing import Any
 
 from radarcore import check, plot
 from radarcore.adapters.ros.bags import is_bag
-from radarcore.cli.captured import motions_of, name_of, recording_of
+from radarcore.cli.captured import motions_of, name_of
 from radarcore.cli.source import load_recording
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.comparison import compare
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     sources = [text for text in (options.a, options.b) if text is not None]
     settings = ("method", "min_range", "max_range")
     chosen = {name: value for name in settings if (value := getattr(options, name)) is not None}
-    recordings = [recording_of(text) for text in sources]
+    recordings = [load_recording(Path(text), None) for text in sources]
     compared = compare(
         *recordings,
         **_truth(options),
@@ -81,6 +81,8 @@ def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:
     radar = _RADAR if options.radar is None else options.radar
     if radar not in motions:
         raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
+    if len(motions) == 1:
+        raise ValueError(f"--truth: expected a body of {path} besides the radar {radar!r}, got none")
     radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(options.radius)}
     return {
         "truth": {name: motion for name, motion in motions.items() if name != radar},

@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate.set_defaults(run=_simulate)
 
     plot = commands.add_parser("plot", help="draw a recording or a scene file")
-    plot.add_argument("source", type=Path, help="recording, or scene file (TOML)")
+    plot.add_argument("source", type=Path, help="recording, BAG:/TOPIC, or scene file (TOML)")
     plot.add_argument("-o", "--output", type=Path, required=True, help="picture: .png, .pdf, .svg")
     plot.add_argument(
         "--kind",
@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     plot.set_defaults(run=_plot)
 
     view = commands.add_parser("view", help="show a scene file or a recording in the viewer Rerun (extra `rerun`)")
-    view.add_argument("source", type=Path, help="recording, or scene file (TOML), which is simulated")
+    view.add_argument("source", type=Path, help="recording, BAG:/TOPIC, or scene file (TOML), which is simulated")
     view.add_argument("-o", "--output", type=Path, metavar="FILE", help="write an .rrd file in place of opening it")
     source.add_config(view)
     view.set_defaults(run=_view)
@@ -114,7 +114,9 @@ def _parser() -> argparse.ArgumentParser:
     schema.set_defaults(run=_schema)
 
     process = commands.add_parser("process", help="find detections and tracks in a recording of any length")
-    process.add_argument("source", type=Path, help="recording, bag with one, or a bare .npy file with --config")
+    process.add_argument(
+        "source", type=Path, help="recording, bag with one, BAG:/TOPIC, or a bare .npy file with --config"
+    )
     process.add_argument("-o", "--output", type=Path, metavar="DIR", help="write detections.csv and tracks.csv there")
     process.add_argument(
         "--bag", type=Path, metavar="BAG", help="write detections and range-velocity maps into a ROS bag"

@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
             f"{number:>5}  {track.start:>8.2f}  {track.stop:>6.2f}  {track.hits:>8}  {track.nearest:>11.2f}  "
             f"{track.farthest:>12.2f}"
         )
-    print(f"{elapsed:.1f} s, {duration / elapsed:.0f} x real time")
+    print(f"{elapsed:.1f} s, {duration / elapsed:.2g} x real time")
     if options.output is not None:
         print(" ".join(str(options.output / name) for name in FILES))
     if options.bag is not None:

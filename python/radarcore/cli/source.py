@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
-from radarcore.adapters.ros.raw_frames import BagFrames
+from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.reader import RecordingReader
@@ -22,6 +22,8 @@ from radarcore.scenefile.load import load_radar
 
 AnyReader = RecordingReader | BagFrames
 """Frames that need not fit into memory."""
+
+_SETTINGS = "/settings"
 
 
 def add_config(parser: argparse.ArgumentParser) -> None:
@@ -34,20 +36,42 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_recording(path: Path, config: Path | None) -> Recording:
-    """The recording at a path, or the one in a bag."""
+def path_and_topic(source: str | Path) -> tuple[Path, str]:
+    """Path, and topic of a bag or nothing."""
+    head, separator, tail = str(source).rpartition(":/")
+    return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(source), "")
+
+
+def only_radar(bag: BagReader) -> str:
+    """Topic of the only radar in a bag, or an error with those that there are."""
+    found = sorted(
+        name.removesuffix(_SETTINGS)
+        for name, topic in bag.topics.items()
+        if topic.type == SETTINGS_TYPE and name.endswith(_SETTINGS)
+    )
+    if not found:
+        raise ValueError(f"{bag.path}: expected a bag with frames of a radar, got none; there are {_topics(bag)}")
+    if len(found) > 1:
+        raise ValueError(f"{bag.path}: expected {bag.path}:TOPIC with frames of a radar, of {', '.join(found)}")
+    return found[0]
+
+
+def load_recording(source: Path, config: Path | None) -> Recording:
+    """The recording at a path, or the frames of a bag, ``BAG`` or ``BAG:/TOPIC``."""
+    path, topic = path_and_topic(source)
     if is_bag(path) and config is None:
         with BagReader(path) as bag:
-            return BagFrames(bag).recording()
+            return BagFrames(bag, topic or only_radar(bag)).recording()
     return Recording.load(path, radar=_radar(path, config))
 
 
 @contextmanager
-def open_recording(path: Path, config: Path | None) -> Iterator[AnyReader]:
-    """The frames of the recording at a path, or in a bag, one by one."""
+def open_recording(source: Path, config: Path | None) -> Iterator[AnyReader]:
+    """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
+    path, topic = path_and_topic(source)
     if is_bag(path) and config is None:
         with BagReader(path) as bag:
-            yield BagFrames(bag)
+            yield BagFrames(bag, topic or only_radar(bag))
     else:
         yield RecordingReader(path, radar=_radar(path, config))
 
@@ -63,6 +87,10 @@ def moving(reader: AnyReader | Recording) -> Iterator[Frame]:
 
 def _frames(reader: AnyReader | Recording) -> Iterator[Frame]:
     return reader.frames() if isinstance(reader, Recording) else iter(reader)
+
+
+def _topics(bag: BagReader) -> str:
+    return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
 
 
 def _radar(path: Path, config: Path | None) -> Radar | None:

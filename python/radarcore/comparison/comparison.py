@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.comparison.alignment import aligned, offsets
 from radarcore.comparison.clock import TruthOverTime
 from radarcore.comparison.echoes import EchoDifference, echo_difference, pairs
 from radarcore.comparison.figure import draw
 from radarcore.comparison.record import Record, Side, TargetComparison
-from radarcore.comparison.reference import MovingTargets, RecordedTruth
+from radarcore.comparison.reference import MovingTargets, RecordedTruth, with_names
 from radarcore.comparison.report import facts, html, text
 from radarcore.comparison.settings import differences
 from radarcore.comparison.statistics import TargetErrors, target_errors
@@ -156,10 +156,14 @@ def compare(
     # Detections and tracks of each, and all on one time base.
     found = [found_in(one, detector=detector, range_only=range_only, progress=progress) for one in recordings]
     base = aligned(found, wanted, reference, max_offset)
+    times = [middles(one.recording, clock.seconds) for one, clock in zip(found, base.clocks, strict=True)]
+    truths = [known.at(time) for known, time in zip(base.truths, times, strict=True)]
+    bodies = tuple(dict.fromkeys(name for own in truths for name in own.names))
     sides = []
-    for name, one, clock, known in zip(shown, found, base.clocks, base.truths, strict=True):
-        time = middles(one.recording, clock.seconds)
-        sides.append(Side(name, one, clock, dropped_frames(one.recording, clock.seconds), time, known.at(time)))
+    for name, one, clock, time, own in zip(shown, found, base.clocks, times, truths, strict=True):
+        dropped = dropped_frames(one.recording, clock.seconds)
+        sides.append(Side(name, one, clock, dropped, time, with_names(own, bodies)))
+    _warn_of_nothing(sides)
 
     # Target by target.
     compared = [_target(name, body, sides, not base.is_by_tracks) for name, body in _targets(targets, sides).items()]
@@ -208,6 +212,23 @@ def _reference(
     if recording.truth is None:
         raise ValueError("truth: expected a recording with truth, got one without")
     return RecordedTruth(middles(recording), recording.truth), "another recording's"
+
+
+def _warn_of_nothing(sides: Sequence[Side]) -> None:
+    """Warn of what leaves tables empty: times apart, no truth, no track."""
+    spans = [f"{side.name} from {side.time[0]:.3f} to {side.time[-1]:.3f} s" for side in sides]
+    if len(sides) == 2 and (sides[0].time[-1] < sides[1].time[0] or sides[1].time[-1] < sides[0].time[0]):
+        notice.warn(f"offset: expected recordings with times in common, got {' and '.join(spans)}")
+    for side, span in zip(sides, spans, strict=True):
+        if len(side.found.tracks) == 0:
+            notice.warn(f"{side.name}: expected at least one track, got none in {len(side.time)} frames")
+        elif not np.isfinite(side.truth.range).any():
+            notice.warn(f"truth: expected some body before the radar at the times of {span}, got none")
+        elif (nearest := float(np.nanmin(side.truth.range))) > (limit := side.found.recording.radar.waveform.max_range):
+            notice.warn(
+                f"truth: expected ranges below {limit:.4g} m, the max_range of {side.name}, got {nearest:.4g} m or "
+                "more; are its lengths in metres?"
+            )
 
 
 def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[Side]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -138,7 +138,7 @@ class RecordedTruth:
         step = self.times[right] - self.times[left]
         part = (wanted - self.times[left]) / np.where(step > 0.0, step, 1.0)
         usual = float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
-        slack = 1e-6 + 1e-9 * np.abs(wanted)  # rounding of times, those of an epoch among them
+        slack = 1e-6 + 4.0 * np.spacing(np.abs(wanted))  # rounding of times, those since 1970 among them
         at_left, at_right = (np.abs(wanted - self.times[end]) <= slack for end in (left, right))
         inside = (part >= 0.0) & (part <= 1.0) & (step <= _LONGEST_STEP * usual)
 
@@ -164,6 +164,16 @@ class RecordedTruth:
         bent: _Floats = t * (1.0 - t) * ((1.0 - t) * before - t * after)
         # Radars without velocities tell no slopes.
         return np.where(np.isnan(bent), 0.0, bent)
+
+
+def with_names(truth: Truth, names: Sequence[str]) -> Truth:
+    """Truth of the bodies with these names, (frame, body); NaN for those that it does not know."""
+    rows = np.full((len(TRUTH_FIELDS), len(truth.range), len(names)), np.nan)
+    for k, name in enumerate(names):
+        if name in truth.names:
+            column = truth.names.index(name)
+            rows[:, :, k] = [getattr(truth, field)[:, column] for field in TRUTH_FIELDS]
+    return Truth(tuple(names), *rows)
 
 
 def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:

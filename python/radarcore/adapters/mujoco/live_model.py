@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -89,11 +90,17 @@ class LiveModel:
         rates: str = "model",
     ) -> None:
         mujoco = mujoco_module()
+        if not isinstance(model, mujoco.MjModel):
+            hint = "; mujoco.MjModel.from_xml_path reads files" if isinstance(model, str | os.PathLike) else ""
+            raise TypeError(f"model: expected MjModel, got {type(model).__name__}{hint}")
         self.model, self.groups = model, tuple(groups)
         self._by_differences = check.choice("rates", rates, RATES) == "differences"
         if model.nflex > 0 or model.nskin > 0:
             notice.warn("model: flexible bodies and skins are not seen by the radar: only geoms are taken")
         self.geoms = _geoms(model, self.groups, skip)
+        if not self.geoms and model.ngeom > 0:
+            there = sorted(set(model.geom_group.tolist()))
+            notice.warn(f"groups: expected some with geoms that are seen, got {self.groups}; the model has {there}")
 
         # Poses of what is at rest; all else moves with the group.
         self._places = Places.of(model)
@@ -129,6 +136,11 @@ class LiveModel:
             Velocities by differences of updates; default: as `rates` says. MuJoCo's Euler steps have velocities that
             are half a step behind the positions: between updates of every step, differences fit better.
         """
+        if not isinstance(data, mujoco_module().MjData):
+            raise TypeError(f"data: expected MjData, got {type(data).__name__}")
+        sizes, expected = (len(data.qpos), len(data.xpos)), (self.model.nq, self.model.nbody)
+        if sizes != expected:  # MuJoCo would write beyond its arrays
+            raise ValueError(f"data: expected that of this model, of (nq, nbody) = {expected}, got {sizes}")
         settle(self.model, data)
         if self._group is None:
             return

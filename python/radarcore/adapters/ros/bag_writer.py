@@ -77,7 +77,11 @@ class BagWriter:
             shutil.rmtree(self._part)
         self._part.mkdir()
         self._inner = self._part / (self.path.stem if suffix in _BY_SUFFIX and self.version == 2 else self.path.name)
-        self._bag = self._opened()
+        try:
+            self._bag = self._opened()
+        except BaseException:  # Ctrl-C among them: nothing is in it yet
+            shutil.rmtree(self._part)
+            raise
 
     def __enter__(self) -> BagWriter:
         return self
