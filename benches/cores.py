@@ -24,7 +24,7 @@ FINE = {"rcs_floor": 1e-3, "ray_budget": np.inf}
 """Settings of frames of many rays."""
 
 FRAMES_PER_THREAD = 20
-"""Frames of a recording per thread: the first of every thread has no tiles to take over."""
+"""Frames of a recording per thread, of at least five: the first of every thread has no tiles to take over."""
 
 TEXT = """\
 ## Cores
@@ -78,7 +78,7 @@ def main() -> None:
         fine = measure("", simulator(threads, **FINE), max(2, num_frames // 4))
         fine_rays = float(fine.counts["rays"].mean())
         times.setdefault("fine frame, all", []).append(float(np.median(fine.stages["all"])))
-        recorded_frames = num_frames if options.tiny else FRAMES_PER_THREAD * threads
+        recorded_frames = num_frames if options.tiny else FRAMES_PER_THREAD * max(5, threads)
         times.setdefault("record", []).append(recorded(simulator(threads), recorded_frames))
     rows = [
         [name, *(f"{milliseconds(each)} ({seconds[0] / each:.1f}x)" for each in seconds)]
