@@ -215,7 +215,7 @@ LOOP = [tf(transform("a", "b", np.eye(4)), transform("b", "c", np.eye(4)), trans
     [
         (
             lambda: TREE.motion("lidr", "map"),
-            "frame: no frame 'lidr'; did you mean 'lidar'.*; there is base_link, depth_optical_frame, lidar, lift,",
+            "frame: no frame 'lidr'; did you mean 'lidar'.*there is base_link, depth_optical_frame, lidar, lift,",
         ),
         (lambda: TREE.motion("lidar", "earth"), "within: no frame 'earth'; there is base_link,"),
         (

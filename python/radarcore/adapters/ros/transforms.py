@@ -144,8 +144,8 @@ class TransformTree:
         name = frame_name(frame)
         if name not in (frames := self.frames):
             near = check.near(name, frames)
-            meant = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-            raise ValueError(f"{argument}: no frame {name!r}{meant}; there is {', '.join(frames) or 'none'}")
+            meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+            raise ValueError(f"{argument}: no frame {name!r}; {meant}there is {', '.join(frames) or 'none'}")
         return name
 
 
