@@ -58,7 +58,7 @@ def _unit(length: int) -> Array:
 
 @cache
 def _powers_of_time(num_dimensions: int) -> tuple[Array, Array]:
-    """What the transition has per time (2 d, 2 d), and the noise of its cube, square and itself (3, 4 d^2)."""
+    """Transition per time (2 d, 2 d), and the noise of its cube, square and itself (3, 4 d^2)."""
     d = num_dimensions
     moved, noise = np.zeros((2 * d, 2 * d)), np.zeros((3, 2 * d, 2 * d))
     here, rate = np.arange(d), d + np.arange(d)

@@ -65,7 +65,7 @@ class Followed:
         self.laboratory, self.simulator, self.radar = laboratory, simulator, simulator.radar
 
     def with_radar(self, radar: rc.Radar) -> Followed:
-        """The same, for what the board is set to."""
+        """Simulator for the radar that the board is set to."""
         return Followed(self.laboratory, self.simulator.with_radar(radar))
 
     def frame(self, time: float) -> rc.Frame:
@@ -114,7 +114,7 @@ def record(bag_path: Path, start: float, num_frames: int, ray_budget: int = 100_
                 num_simulated += 1
 
         faults = Faults(seed=2)
-        measured = Simulated(Followed(laboratory, simulators[1]), start=start + CLOCK_OFFSET)  # type: ignore[arg-type]
+        measured = Simulated(Followed(laboratory, simulators[1]), start=start + CLOCK_OFFSET)
         with (
             MotionCaptureClient(command_port=server.command_port, timeout=60.0) as client,
             rc.sensor.virtual_board(measured, speed=None, faults=faults) as board,

@@ -12,7 +12,7 @@ use super::matrix::{Matrix, product, product_transposed};
 /// Nearer than this [m] there is no direction.
 pub const SHORTEST_RANGE: f64 = 1e-3;
 
-/// What is expected of the measurement of a target.
+/// Expected measurement of a target, and its covariance.
 pub struct Expected<const N: usize, const M: usize> {
     /// Range [m], velocity [m/s], azimuth, elevation [rad]: their mean, to second order.
     pub value: [f64; M],
@@ -20,7 +20,7 @@ pub struct Expected<const N: usize, const M: usize> {
     pub jacobian: Matrix<M, N>,
     /// Covariance of the values, to first order.
     pub covariance: Matrix<M, M>,
-    /// What second order adds to that covariance.
+    /// Second-order terms of that covariance.
     pub curvature: Matrix<M, M>,
 }
 

@@ -37,7 +37,7 @@ pub(super) fn predicted<'py>(
     arrays(py, targets::predicted(&tracks, time, density)?)
 }
 
-/// What is measured of targets, and its covariance.
+/// Measurements of targets, and their covariances.
 #[pyfunction(signature = (state, covariance))]
 pub(super) fn expected<'py>(
     py: Python<'py>,

@@ -54,7 +54,7 @@ def drawn() -> Iterator[tuple[LiveModel, Any, DepthView]]:
 
 
 def cast(live: LiveModel, camera: str = "radar") -> rc.DepthImage:
-    """The same view by our own rays."""
+    """View by our own rays."""
     simulator = rc.Simulator(
         live.scene,
         RADAR,
@@ -319,7 +319,7 @@ def test_closed_view_says_so() -> None:
 
 
 _CHOICES = ("DISPLAY", "WAYLAND_DISPLAY", "PYOPENGL_PLATFORM")
-"""What decides what is drawn with, besides MUJOCO_GL."""
+"""Variables that choose the library, besides MUJOCO_GL."""
 
 SCRIPT = """
 import ctypes.util, sys

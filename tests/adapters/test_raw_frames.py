@@ -61,7 +61,7 @@ def test_recordings_come_back_to_the_last_bit(tmp_path: Path, kind: str, name: s
 
 
 def test_codes_are_sent_as_they_are(tmp_path: Path) -> None:
-    """What a node of ROS sees: int16 with labels, and JSON that names the radar."""
+    """Message as a node of ROS sees it: int16 with labels, and JSON that names the radar."""
     with BagWriter(tmp_path / "bag") as bag:
         write_frames(bag, RECORDINGS["codes"]())
     with BagReader(tmp_path / "bag") as read:

@@ -1,21 +1,16 @@
 """Robot arms: kinematics against published values, URDF, exact velocities, and straight lines of the tool."""
 
 import importlib.metadata
-import math
-import re
 import sys
-import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import radarcore as rc
+from arms import CHECK_POSE, ROUNDING, matrix, some_trajectory
 from radarcore.models import robots
 from radarcore.models.robots import data
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
-from radarcore.models.robots.joint import Joint
-from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.models.robots.line import cartesian_line
 from radarcore.motion.group import Motions
 
@@ -23,7 +18,6 @@ needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
 )
 
-CHECK_POSE = np.array([0.0, -1.2, 1.6, -0.4, 1.5708, 0.0])
 MESH_TRIANGLES = {
     "base_link": 366,
     "shoulder_link": 986,
@@ -33,8 +27,6 @@ MESH_TRIANGLES = {
     "wrist_2_link": 840,
     "wrist_3_link": 486,
 }
-# Products of a dozen matrices of order one, in f64.
-ROUNDING = 1e-14
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +42,6 @@ def ur10_meshes():
 @pytest.fixture
 def ur10_urdf():
     return data.data_file(data.UR10)
-
-
-def matrix(pose):
-    return np.column_stack([pose.rotation, pose.position])
-
-
-def some_trajectory(num_joints=6, seed=3):
-    random = np.random.default_rng(seed)
-    return JointTrajectory([0.5, 0.9, 1.6, 2.0], random.uniform(-2.0, 2.0, (4, num_joints)))
 
 
 # Kinematics
@@ -317,188 +300,6 @@ def test_missing_trimesh_names_what_to_install(monkeypatch):
         RobotArm.ur10_meshes()
 
 
-# URDF
-
-URDF = """<?xml version="1.0"?>
-<robot name="machine">
-  <link name="base">
-    <collision><origin xyz="0 0 0.05"/><geometry><box size="0.4 0.3 0.1"/></geometry></collision>
-    <collision><origin xyz="1 0 0" rpy="0 1.5707963267948966 0"/>
-      <geometry><cylinder radius="0.1" length="0.6"/></geometry></collision>
-    <visual><geometry><mesh filename="missing.obj"/></geometry></visual>
-  </link>
-  <link name="slide"><collision><geometry><sphere radius="0.2"/></geometry></collision></link>
-  <link name="wheel">
-    <collision><origin xyz="0 0 1"/><geometry><mesh filename="{mesh}" scale="{scale}"/></geometry></collision>
-  </link>
-  <link name="elbow"/>
-  <link name="tip"/>
-  <joint name="rail" type="prismatic">
-    <parent link="base"/><child link="slide"/>
-    <origin xyz="0.1 0.2 0.3" rpy="0.4 -0.5 0.6"/>
-    <axis xyz="0 2 0"/><limit lower="-1" upper="2" velocity="0.5" effort="1"/>
-  </joint>
-  <joint name="spin" type="continuous">
-    <parent link="slide"/><child link="wheel"/><axis xyz="0 0 -1"/>
-  </joint>
-  <joint name="hinge" type="revolute">
-    <parent link="wheel"/><child link="elbow"/>
-    <origin xyz="0 0 0.5"/><limit lower="-1" upper="1" velocity="2" effort="1"/>
-  </joint>
-  <joint name="weld" type="fixed">
-    <parent link="elbow"/><child link="tip"/><origin xyz="0.3 0 0" rpy="0 0 1.5707963267948966"/>
-  </joint>
-</robot>
-"""
-
-TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-
-
-def write_urdf(directory: Path, text: str = URDF, mesh: str = "meshes/part.obj", scale: str = "1 2 3") -> Path:
-    (directory / "meshes").mkdir(exist_ok=True)
-    (directory / "meshes" / "part.obj").write_text(TETRAHEDRON)
-    path = directory / "machine.urdf"
-    path.write_text(text.replace("{mesh}", mesh).replace("{scale}", scale))
-    return path
-
-
-def about(axis, angle):
-    """Rotation about a coordinate axis, from the textbook."""
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    matrix = np.eye(3)
-    matrix[[i, i, j, j], [i, j, i, j]] = c, -s, s, c
-    return matrix
-
-
-def test_urdf_with_every_kind_of_joint_has_the_kinematics_on_paper(tmp_path):
-    arm = RobotArm.from_urdf(write_urdf(tmp_path))
-    assert arm.name == "machine"
-    assert list(arm.links) == ["base", "slide", "wheel", "elbow", "tip"]
-    assert arm.joint_names == ("rail", "spin", "hinge")
-    assert [joint.kind for joint in arm.joints] == ["prismatic", "revolute", "revolute", "fixed"]
-    assert [joint.limits for joint in arm.joints] == [(-1.0, 2.0), None, (-1.0, 1.0), None]
-    assert [joint.max_velocity for joint in arm.joints] == [0.5, None, 2.0, None]
-
-    # Roll, pitch and yaw about fixed axes; the axis is made a unit vector; a hinge without one turns about x.
-    rail, spin, hinge = 0.7, 0.9, -0.4
-    rotation = about("z", 0.6) @ about("y", -0.5) @ about("x", 0.4)
-    position = np.array([0.1, 0.2, 0.3]) + rotation @ [0.0, rail, 0.0]
-    rotation = rotation @ about("z", -spin)
-    np.testing.assert_allclose(arm.link_pose("wheel", [rail, spin, hinge]).rotation, rotation, atol=ROUNDING)
-    position = position + rotation @ [0.0, 0.0, 0.5]
-    rotation = rotation @ about("x", hinge)
-    tip = arm.link_pose("tip", [rail, spin, hinge])
-    np.testing.assert_allclose(tip.position, position + rotation @ [0.3, 0.0, 0.0], atol=ROUNDING)
-    np.testing.assert_allclose(tip.rotation, rotation @ about("z", 0.5 * np.pi), atol=ROUNDING)
-
-
-def test_velocities_through_a_prismatic_joint_equal_finite_differences(tmp_path):
-    moving = RobotArm.from_urdf(write_urdf(tmp_path), meshes=None).moving(some_trajectory(3))
-    motion, step = moving.link_motion("tip"), 1e-5
-    difference = (matrix(motion.at(1.2 + step)) - matrix(motion.at(1.2 - step))) / (2.0 * step)
-    np.testing.assert_allclose(motion.rate_at(1.2), difference, atol=1e-6)
-
-
-def test_urdf_shapes_have_their_size_and_place(tmp_path):
-    arm = RobotArm.from_urdf(write_urdf(tmp_path))
-    # Box and a cylinder turned to lie along x.
-    np.testing.assert_allclose(arm.links["base"].bounds, [[-0.2, -0.15, -0.1], [1.3, 0.15, 0.1]], atol=1e-9)
-    assert arm.links["base"].volume == pytest.approx(0.012 + np.pi * 0.006, rel=2e-3)  # facets inside the cylinder
-    np.testing.assert_allclose(arm.links["slide"].bounds, [[-0.2] * 3, [0.2] * 3], atol=2e-4)
-    np.testing.assert_allclose(arm.links["wheel"].bounds, [[0, 0, 1], [1, 2, 4]])
-    assert arm.links["wheel"].volume == pytest.approx(1.0)
-    assert arm.links["tip"] is None
-    assert not any(RobotArm.from_urdf(tmp_path / "machine.urdf", meshes=None).links.values())
-
-
-def test_mirrored_mesh_keeps_its_normals_outwards(tmp_path):
-    arm = RobotArm.from_urdf(write_urdf(tmp_path, scale="1 -2 3"))
-    assert arm.links["wheel"].volume == pytest.approx(1.0)
-    np.testing.assert_allclose(arm.links["wheel"].bounds, [[0, -2, 1], [1, 0, 4]])
-
-
-def test_packages_are_found_around_the_file_and_where_one_says(tmp_path):
-    (tmp_path / "factory").mkdir()
-    path = write_urdf(tmp_path / "factory", mesh="package://factory/meshes/part.obj")
-    assert RobotArm.from_urdf(path).links["wheel"] is not None
-    elsewhere = write_urdf(tmp_path, mesh="package://store/meshes/part.obj")
-    assert RobotArm.from_urdf(elsewhere, package_directories={"store": tmp_path}).links["wheel"] is not None
-    with pytest.raises(FileNotFoundError, match="package 'store' is not among package_directories"):
-        RobotArm.from_urdf(elsewhere)
-
-
-def test_missing_files_are_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"absent\.urdf"):
-        RobotArm.from_urdf(tmp_path / "absent.urdf")
-    with pytest.raises(FileNotFoundError, match=r"lost\.obj"):
-        RobotArm.from_urdf(write_urdf(tmp_path, mesh="meshes/lost.obj"))
-    with pytest.raises(FileNotFoundError, match=r"missing\.obj"):
-        RobotArm.from_urdf(write_urdf(tmp_path), meshes="visual")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("</robot>", "", r"\d\d: no element found"),
-        ('<link name="elbow"/>', '<link name="elbow">', r"\d\d: mismatched tag"),
-        ("robot", "sdf", "expected <robot>, got <sdf>"),
-        ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"', "joint 'rail', xyz: expected 3 numbers, got '0.1 0.2'"),
-        ('velocity="0.5"', 'velocity="fast"', "joint 'rail', velocity: expected 1 number, got 'fast'"),
-        ('type="fixed"', 'type="floating"', "joint 'weld': expected revolute, continuous, prismatic or fixed"),
-        ('<parent link="wheel"/>', "", "joint 'hinge': expected <parent> and <child>, got no <parent>"),
-        ('<child link="elbow"/>', '<child link="elbo"/>', "joint 'hinge', child: no link 'elbo'; did you mean 'elbow'"),
-        ('xyz="0 2 0"', 'xyz="0 0 0"', "joint 'rail', axis: expected a direction, got zero"),
-        ('radius="0.2"', 'radius="-0.2"', "link 'slide', collision, radius: expected positive numbers"),
-        ('<sphere radius="0.2"/>', "<cone/>", "expected mesh, box, cylinder or sphere, got <cone>"),
-        ('<sphere radius="0.2"/>', "", "link 'slide', collision: expected a <geometry> with a shape"),
-        ('<child link="tip"/>', '<child link="elbow"/>', "expected one to lead to every link"),
-        ('<link name="tip"/>', '<link name="tip"/><link name="stray"/>', "expected one link without a parent"),
-        ('scale="1 2 3"', 'scale="1 0 3"', "scale: expected numbers other than zero"),
-        ('radius="0.2"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
-        (
-            'xyz="0.1 0.2 0.3"',
-            'xyz="0.1 0.2 1e31"',
-            "joint 'rail', origin: position: expected coordinates within 1e.15 m",
-        ),
-        ('scale="1 2 3"', 'scale="1 2 1e308"', "vertices: expected coordinates below 1e15 m"),
-    ],
-)
-def test_bad_urdf_says_where_and_what(tmp_path, old, new, message):
-    path = write_urdf(tmp_path)
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new))
-    with pytest.raises(ValueError, match=rf"machine\.urdf:.*{message}"):
-        RobotArm.from_urdf(path)
-
-
-def test_mimicking_joints_are_announced(tmp_path):
-    path = write_urdf(tmp_path, URDF.replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 -1"/><mimic joint="rail"/>'))
-    with pytest.warns(UserWarning, match="joint 'spin' mimics another"):
-        assert "spin" in RobotArm.from_urdf(path).joint_names
-
-
-def test_joints_in_a_ring_are_refused():
-    joints = [Joint("a", "one", "two", kind="fixed"), Joint("b", "two", "one", kind="fixed")]
-    with pytest.raises(ValueError, match="hang on 'base', got a ring of"):
-        RobotArm(joints, {"base": None, "one": None, "two": None})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"kind": "ball"}, "kind: expected one of"),
-        ({"kind": "revolute"}, "axis: expected a direction for a revolute joint, got None for 'j'"),
-        ({"kind": "fixed", "axis": (0, 0, 1)}, "axis: expected None for a fixed joint"),
-        ({"axis": (0, 0, 0)}, "axis: expected a direction, got zero"),
-    ],
-)
-def test_bad_joints_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        Joint("j", "a", "b", **arguments)
-
-
 def test_unknown_names_are_answered_with_near_ones(ur10):
     with pytest.raises(KeyError, match="no link 'tool'; did you mean 'tool0'"):
         ur10.link_pose("tool", CHECK_POSE)
@@ -510,147 +311,3 @@ def test_unknown_names_are_answered_with_near_ones(ur10):
         ur10.link_pose("tool0", CHECK_POSE[:5])
     with pytest.raises(ValueError, match=r"joint_motion: expected shape \(6,\), got \(3,\)"):
         ur10.moving(some_trajectory(3))
-
-
-# Trajectories of the joints
-
-
-def test_joint_trajectory_passes_its_knots_smoothly_and_rests_at_both_ends():
-    times = np.array([1.0, 1.5, 2.5, 3.0])
-    angles = np.random.default_rng(5).normal(size=(4, 2))
-    motion = JointTrajectory(times, angles)
-    for time, row in zip(times, angles, strict=True):
-        np.testing.assert_allclose(motion.angles(time), row, atol=ROUNDING)
-    for time in (0.0, 1.0):
-        np.testing.assert_allclose(motion.angles(time), angles[0], atol=ROUNDING)
-    np.testing.assert_allclose(motion.angles(9.0), angles[-1], atol=ROUNDING)
-    for time in (0.0, 1.0, 3.0, 9.0):
-        np.testing.assert_allclose(motion.rates(time), 0.0, atol=100 * ROUNDING)
-    # C2: velocity is continuous, and so is its slope across the knots, up to a step's worth of the third derivative.
-    step = 1e-6
-    for knot in (1.5, 2.5):
-        left = (motion.rates(knot) - motion.rates(knot - step)) / step
-        right = (motion.rates(knot + step) - motion.rates(knot)) / step
-        np.testing.assert_allclose(left, right, atol=1e-3)  # the third derivative is of order 100
-    difference = (motion.angles(2.0 + step) - motion.angles(2.0 - step)) / (2.0 * step)
-    np.testing.assert_allclose(motion.rates(2.0), difference, atol=1e-8)
-
-
-def test_joint_trajectory_of_a_measurement_moves_at_its_ends():
-    """Straight lines stay straight; by default they would bend, to begin and end at rest."""
-    times = np.array([0.0, 0.1, 0.25, 0.4])
-    angles = times[:, None] * [1.0, -2.0] + [0.1, 0.2]
-    motion = JointTrajectory(times, angles, ends="moving")
-    for time in (0.0, 0.17, 0.4):
-        np.testing.assert_allclose(motion.rates(time), [1.0, -2.0], atol=1e-12)
-        np.testing.assert_allclose(motion.angles(time), time * np.array([1.0, -2.0]) + [0.1, 0.2], atol=1e-12)
-    np.testing.assert_allclose(JointTrajectory(times, angles).rates(0.0), [0.0, 0.0], atol=1e-12)
-    with pytest.raises(ValueError, match="ends: expected one of 'rest', 'moving', got 'free'"):
-        JointTrajectory(times, angles, ends="free")
-
-
-@pytest.mark.parametrize(
-    ("times", "angles", "message"),
-    [
-        ([0.0], [[1.0]], "times: expected at least two, got 1"),
-        ([0.0, 1.0, 1.0], [[0.0]] * 3, "times: expected increasing"),
-        ([0.0, 1.0], [[0.0]] * 3, r"angles: expected shape \(2, n\), got \(3, 1\)"),
-        ([0.0, 1.0], [0.0, 1.0], r"angles: expected shape \(2, n\), got \(2,\)"),
-        ([0.0, np.nan], [[0.0], [1.0]], "times: expected finite"),
-    ],
-)
-def test_bad_trajectories_are_refused(times, angles, message):
-    with pytest.raises(ValueError, match=message):
-        JointTrajectory(times, angles)
-
-
-def test_joints_beyond_their_limits_are_named_with_the_values(ur10):
-    # From rest to rest over 2 rad in 1 s: a cubic with its peak of 1.5 x 2 rad/s in the middle, away from the knots.
-    elbow = np.zeros((2, 6))
-    elbow[1, 0] = 2.0
-    with pytest.warns(UserWarning, match=r"'shoulder_pan_joint' moves at 3 rad/s at 0.5 s, its limit is 2.16 rad/s"):
-        JointTrajectory([0.0, 1.0], elbow, arm=ur10)
-    # Rest at 3.1 rad between slopes: the spline overshoots pi between the knots, which keep to it.
-    elbow = np.zeros((4, 6))
-    elbow[:, 2] = [0.0, 3.1, 3.1, 0.0]
-    with pytest.warns(UserWarning, match=r"'elbow_joint' is at 3.* rad at 7.5 s, its limits are -3.1"):
-        JointTrajectory([0.0, 5.0, 10.0, 15.0], elbow, arm=ur10)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        JointTrajectory([0.0, 2.0], [CHECK_POSE, CHECK_POSE + 0.5], arm=ur10)
-    with pytest.raises(ValueError, match=r"angles: expected shape \(2, 6\)"):
-        JointTrajectory([0.0, 1.0], [[0.0], [1.0]], arm=ur10)
-
-
-# Straight lines
-
-
-@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 1e200), (-0.3, 0.5, 0.4)])
-def test_line_is_straight_at_constant_speed_and_keeps_the_orientation(ur10, direction):
-    speed, duration, ramp = 0.25, 1.5, 0.25
-    line = cartesian_line(ur10, CHECK_POSE, direction, speed, duration, start_time=2.0)
-    tool = ur10.moving(line).link_motion("tool0")
-    start, unit = ur10.link_pose("tool0", CHECK_POSE), np.array(direction) / math.hypot(*direction)
-    for time in 2.0 + np.random.default_rng(7).uniform(0.0, duration, 300):
-        pose, velocity = tool.at(time), tool.rate_at(time)[:, 3]
-        way = pose.position - start.position
-        assert np.linalg.norm(way - (way @ unit) * unit) < 2e-6  # the bound that is promised, in any direction
-        np.testing.assert_allclose(pose.rotation, start.rotation, atol=2e-6)
-        if ramp <= time - 2.0 <= duration - ramp:
-            np.testing.assert_allclose(velocity, speed * unit, atol=1e-3)
-    # It begins and ends at rest, speed x (duration - ramp) apart, and the knots are exact.
-    end = start.position + speed * (duration - ramp) * unit
-    np.testing.assert_allclose(tool.at(9.0).position, end, atol=1e-9)
-    np.testing.assert_allclose(tool.rate_at(2.0)[:, 3], 0.0, atol=1e-9)
-    np.testing.assert_allclose(tool.rate_at(3.5)[:, 3], 0.0, atol=1e-9)
-    for time, row in zip(line.times, [line.angles(t) for t in line.times], strict=True):
-        way = ur10.link_pose("tool0", row).position - start.position
-        assert np.linalg.norm(way - (way @ unit) * unit) < 1e-9, time
-
-
-def test_ramps_of_a_line_have_a_bounded_acceleration(ur10):
-    speed, ramp = 0.25, 0.25
-    line = cartesian_line(ur10, CHECK_POSE, [1.0, 0.0, 0.0], speed, 1.0, ramp_time=ramp)
-    tool, step = ur10.moving(line).link_motion("tool0"), 1e-3
-    times = np.arange(-0.05, 1.05, step)
-    velocity = np.array([tool.rate_at(t)[0, 3] for t in times])
-    acceleration = np.diff(velocity) / step
-    assert np.abs(acceleration).max() <= 1.5 * speed / ramp * 1.01
-    # Continuous: no step larger than the jerk 6 speed / ramp^2 makes in one sample; a jump to 1 m/s^2 would be 40 x it.
-    assert np.abs(np.diff(acceleration)).max() < 1.5 * 6.0 * speed / ramp**2 * step
-
-
-@pytest.mark.parametrize(
-    ("angles", "direction", "speed", "duration", "message"),
-    [
-        (CHECK_POSE, [0.0, 1.0, 0.0], 2.0, 0.6, "asks too much of the arm: joint 'shoulder_pan_joint' moves at"),
-        (CHECK_POSE, [0.0, 0.0, 0.0], 0.25, 1.0, "direction: expected a direction, got zero"),
-        (CHECK_POSE, [1.0, 0.0, 0.0], -0.25, 1.0, "speed: expected a positive number"),
-        (CHECK_POSE, [1.0, 0.0, 0.0], 0.25, 0.4, "duration: expected at least two ramps, 0.5 s, got 0.4"),
-        (CHECK_POSE, [1.0, 0.0, 0.0], 1e-9, 1e9, "duration: expected at most 3600 s, got 1e.09"),
-    ],
-)
-def test_lines_that_cannot_be_are_refused(ur10, angles, direction, speed, duration, message):
-    with pytest.raises(ValueError, match=message):
-        cartesian_line(ur10, angles, direction, speed, duration)
-
-
-def test_line_ends_where_the_arm_is_stretched(ur10):
-    # Without a turn of the base, wrist_1 moves along the line as the tool does, until the arm is stretched.
-    wrist = ur10.link_pose("wrist_1_link", CHECK_POSE).position
-    reach = np.sqrt((0.612 + 0.5723) ** 2 - (wrist[2] - 0.1273) ** 2) - wrist[0]
-    with pytest.raises(ValueError, match="leaves the reach of 'tool0'") as refusal:
-        cartesian_line(ur10, CHECK_POSE, [1.0, 0.0, 0.0], 0.25, 8.0)
-    found = re.search(r"after (0\.\d+) of 1\.938 m", str(refusal.value))
-    assert found is not None
-    assert reach - 0.25 * 20e-3 < float(found[1]) < reach + 5e-4  # one distance of knots; the last digit
-    # It is accepted up to 5 mm before that: the line ends slowly, which keeps the elbow within its rate.
-    cartesian_line(ur10, CHECK_POSE, [1.0, 0.0, 0.0], 0.25, (reach - 0.005) / 0.25 + 0.25)
-
-
-def test_line_to_a_target_ends_there(ur10):
-    start = ur10.link_pose("tool0", CHECK_POSE).position
-    target = start + np.array([0.1, -0.2, 0.15])
-    way = target - start
-    line = cartesian_line(ur10, CHECK_POSE, way, 0.25, np.linalg.norm(way) / 0.25 + 0.25)
-    np.testing.assert_allclose(ur10.link_pose("tool0", line.angles(99.0)).position, target, atol=1e-9)

@@ -245,7 +245,7 @@ class Viewer:
 
 
 def _has_display() -> bool:
-    """Whether a window can open; only known of Linux."""
+    """True unless no window can open; only known of Linux."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 

@@ -96,7 +96,7 @@ def _radii(text: str | None) -> list[tuple[str, str]]:
 
 
 def _pairs(name: str, text: str | None) -> dict[str, str] | None:
-    """What follows each name of a list NAME=VALUE,...; the name itself without."""
+    """Values by the names of a list NAME=VALUE,...; a name without one is its own."""
     if text is None:
         return None
     pairs = [entry.strip().partition("=") for entry in text.split(",")]

@@ -193,7 +193,7 @@ def _pieces(
     of_end: Callable[[Uniform, Matrix], Matrix],
     of_segments: Callable[[Between], Matrix],
 ) -> Matrix:
-    """What holds before the first update, between updates, and after the last."""
+    """Poses or rates at times, before the first update, between updates, and after the last: (time, body, 3, 4)."""
     found = np.empty((len(times), *updates[0].maps.shape))
     place = np.searchsorted([update.time for update in updates], times, side="right")
     for number, end in ((0, updates[0]), (len(updates), updates[-1])):

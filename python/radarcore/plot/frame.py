@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 _BELOW_NOISE = 10.0
-"""What a line of powers shows below the mean of the noise [dB]: it would lie on the axis else."""
+"""Depth of the axis below the mean of the noise [dB]: a line of powers would lie on the axis else."""
 
 
 class Image(Protocol):

@@ -34,7 +34,7 @@ _BLOCK = 2**20
 """Numbers of an array worked on at a time, 16 MB."""
 
 _TINY = 1e-16
-"""What a cosine, or its square, counts as at the horizon: about that of the number next to pi / 2."""
+"""Least cosine, or its square, at the horizon: about that of the number next to pi / 2."""
 
 _Reals = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]

@@ -90,7 +90,7 @@ class MapTest:
 
     @cached_property
     def _bands(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """What is added: columns beside the guard cells, and of the whole window; then rows of both."""
+        """Masks of the cells that are added: columns beside the guard cells, and of the whole window; then rows."""
         rows, columns = (np.abs(np.subtract.outer(*2 * [np.arange(length)])) for length in self.counts.shape)
         (row_guard, column_guard), (row_training, column_training) = self.guards, self.trainings
         across, along = columns <= column_guard + column_training, rows <= row_guard + row_training

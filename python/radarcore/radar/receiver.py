@@ -165,7 +165,7 @@ class Receiver:
                 check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)
 
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
-        """The same for some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
+        """Settings of some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
 
         def own(value: Any) -> Any:
             return tuple(value[i] for i in indices) if isinstance(value, tuple) else value

@@ -18,7 +18,7 @@ COUNTS = "counts"
 """``source["cube_unit"]`` of samples that were integers."""
 
 UNKNOWN = "unknown"
-"""The same of other samples: nothing says that they are in sqrt(W)."""
+"""Unit of other samples: nothing says that they are in sqrt(W)."""
 
 
 def opened(path: Path, radar: Radar) -> Stored:

@@ -19,7 +19,7 @@ FULL_SCALE = "full scale"
 """``source["cube_unit"]`` of a recording whose samples are those of an ADC: from -1, code 0, to 1, the largest."""
 
 PARTS_OF_FULL_SCALE = "parts of full scale"
-"""The same of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
+"""Unit of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
 
 _MAX_LOST = np.iinfo(np.int32).max
 

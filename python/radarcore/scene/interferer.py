@@ -14,7 +14,7 @@ from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 
 START_PHASES = ("chirp", "frame")
-"""How long the phase of an interferer's oscillator is known."""
+"""Time for which the phase of an interferer's oscillator is known."""
 
 _LARGEST_DRIFT = 1e4
 """Largest drift of a clock [ppm]: that of no crystal, but of an oscillator without one."""

@@ -205,7 +205,7 @@ class CoppeliaSim:
         return [handle for handle in found if hidden or sim.getObjectInt32Param(handle, sim.objintparam_visible)]
 
     def _items(self, handle: int) -> list[Any]:
-        """What a shape shows: one item, or several of a compound shape."""
+        """Visible parts of a shape: one item, or several of a compound shape."""
         items: list[Any] = []
         while item := self.sim.getShapeViz(handle, len(items)):
             items.append(item)

@@ -105,7 +105,7 @@ class VisionSensor:
             )
 
     def image(self, *, metres: bool = True, handle: bool = False) -> VisionImage:
-        """What the sensor saw in the last step.
+        """Image of the last step.
 
         Parameters
         ----------

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 KINDS = {"geom": "geom", "camera": "cam", "site": "site"}
-"""What has a pose, and how MjModel and MjData name it."""
+"""Objects that have a pose, and the names of their fields in MjModel and MjData."""
 
 _FIXED = 0
 """mjCAMLIGHT_FIXED: a camera that sits on its body."""

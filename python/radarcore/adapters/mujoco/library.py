@@ -26,17 +26,14 @@ def mujoco_module() -> ModuleType:
         import mujoco
     except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
         raise no_graphics(error) from error
-    return mujoco  # type: ignore[no-any-return]  # untyped
+    module: ModuleType = mujoco
+    return module
 
 
 def gl_context(columns: int, rows: int) -> Any:
     """A new context to draw into images of up to this size; where there is none, every library fails in its own way."""
-
-    class Context(mujoco_module().GLContext):  # type: ignore[misc]  # untyped
-        _context: Any = None
-        """Of a context that could not be made: it has nothing to free, and says nothing about it."""
-
-    return Context(columns, rows)
+    # A context that could not be made has nothing to free, and says nothing about it.
+    return type("Context", (mujoco_module().GLContext,), {"_context": None})(columns, rows)
 
 
 def no_graphics(error: object) -> ImportError:

@@ -26,7 +26,7 @@ from radarcore.scene.scene import Scene
 from radarcore.sealed import sealed
 
 RATES = ("model", "differences")
-"""Where velocities come from: qvel, or differences of the poses of updates."""
+"""Sources of velocities: qvel, or differences of the poses of updates."""
 
 SHOWN_GROUPS = (0, 1, 2)
 """Groups that MuJoCo's viewers show: visual geoms, by convention."""

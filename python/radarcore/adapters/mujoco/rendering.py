@@ -23,7 +23,7 @@ _SPARE_GEOMS = 200
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a radar sees of a MuJoCo model, pixel by pixel; row 0 on top, column 0 on the left.
+    """View of a radar on a MuJoCo model, pixel by pixel; row 0 on top, column 0 on the left.
 
     Use: ``rc.frame_from_depth(radar=radar, **view.arguments)``.
 
@@ -148,7 +148,7 @@ class DepthView:
         self._option = _only_geoms(mujoco, live.groups)
 
     def view(self, data: Any) -> View:
-        """What is seen of the state of an MjData, whose poses and velocities `live` takes as its newest update."""
+        """View of the state of an MjData, whose poses and velocities `live` takes as its newest update."""
         self.live.update(data)
         time = float(data.time)
         buffer, geom = self._draw(data)
@@ -243,7 +243,7 @@ def _turning(rotation: Matrix, rate: Matrix) -> Matrix:
 
 
 def _only_geoms(mujoco: Any, groups: tuple[int, ...]) -> Any:
-    """What is drawn: geoms of the groups alone."""
+    """Options of the drawing: geoms of the groups alone."""
     option = mujoco.MjvOption()
     option.flags[:] = False
     option.flags[mujoco.mjtVisFlag.mjVIS_STATIC] = True

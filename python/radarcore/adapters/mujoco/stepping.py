@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 
 
 class FrameSource(Protocol):
-    """What makes a frame at a time [s]: a `Simulator` of the model's scene."""
+    """Maker of frames at a time [s]: a `Simulator` of the model's scene."""
 
     @property
     def radar(self) -> Radar:

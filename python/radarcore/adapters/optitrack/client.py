@@ -144,7 +144,7 @@ class MotionCaptureClient:
 
     @property
     def info(self) -> ServerInfo:
-        """What the server says of itself."""
+        """Name, versions and ports of the server."""
         if self._info is None:
             raise ValueError("client: expected a connection, got none; use it in a `with` statement, or connect()")
         return self._info

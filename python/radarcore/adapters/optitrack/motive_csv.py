@@ -42,7 +42,7 @@ class _Item:
 
 @dataclass(frozen=True)
 class _Header:
-    """What stands above the frames."""
+    """Header of a take: settings and columns."""
 
     settings: dict[str, str]
     items: list[_Item]

@@ -78,7 +78,7 @@ def checked_version(version: Version) -> Version:
 
 
 def decode_server_info(packet: bytes) -> ServerInfo:
-    """What a server says of itself; of versions that are not supported name and version alone."""
+    """Description of a server by itself; of versions that are not supported name and version alone."""
     data = _Reader(packet, Kind.SERVER_INFO)
     name = data.take(256).split(b"\0")[0].decode("utf-8", "replace")
     data.take(4)  # version of the program

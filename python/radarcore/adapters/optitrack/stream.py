@@ -1,4 +1,4 @@
-"""What NatNet streams: frames, names, and what a server says of itself."""
+"""Messages of NatNet: frames, names, and descriptions of servers."""
 
 from __future__ import annotations
 

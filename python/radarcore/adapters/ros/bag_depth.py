@@ -77,7 +77,7 @@ class DepthImages:
 
 
 class FrameImages(NamedTuple):
-    """What a frame of a radar is made from."""
+    """Source of a frame of a radar."""
 
     time: float
     """Start of the frame [s]."""

@@ -11,6 +11,7 @@ SQLite row by row.
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from bz2 import BZ2Decompressor
 from collections.abc import Collection, Iterator
 from io import BytesIO
@@ -28,12 +29,12 @@ Record = tuple[int, int, bytes]
 """Number of a connection, time [ns] and message."""
 
 
-class Cut(Exception):  # noqa: N818  # the end of what can be read
-    """What is wrong where a file cannot be read further."""
+class CutError(Exception):
+    """End of the readable part of a file, and the reason."""
 
 
 class _Channel(NamedTuple):
-    """What a connection is made of."""
+    """Topic of a connection, with type, encoding and definition of its messages."""
 
     topic: str
     type: str
@@ -41,7 +42,7 @@ class _Channel(NamedTuple):
     definition: str
 
 
-class SequentialReader:
+class SequentialReader(ABC):
     """A bag's file, read from the start; stands in for a reader of rosbags.
 
     Attributes
@@ -94,13 +95,14 @@ class SequentialReader:
         """Messages up to the cut."""
         try:
             yield from self._records()
-        except Cut as error:
+        except CutError as error:
             self.cut = str(error)
         except (struct.error, KeyError, IndexError, UnicodeDecodeError) as error:
             self.cut = f"a record is damaged ({error})"
 
+    @abstractmethod
     def _records(self) -> Iterator[Record]:
-        raise NotImplementedError
+        """Messages of the file, until it ends or a `CutError`."""
 
 
 class McapFile(SequentialReader):
@@ -118,7 +120,7 @@ class McapFile(SequentialReader):
                 if opcode == 0x0F:  # the end of the data: an index may follow
                     return
                 yield from self._messages(opcode, data, schemas)
-        raise Cut("it has no end")
+        raise CutError("it has no end")
 
     def _messages(self, opcode: int, data: bytes, schemas: dict[int, tuple[str, str, str]]) -> Iterator[Record]:
         if opcode == 0x03:
@@ -144,17 +146,17 @@ class McapFile(SequentialReader):
         (packed,) = struct.unpack_from("<Q", data, at)
         content = _unpacked(compression, data[at + 8 : at + 8 + packed])
         if len(content) == size and checksum and crc32(content) != checksum:
-            raise Cut("the checksum of a chunk is wrong")
+            raise CutError("the checksum of a chunk is wrong")
         found: list[Record] = []
         try:
             for opcode, inner in _mcap_records(BytesIO(content), len(content)):
                 found += self._messages(opcode, inner, schemas)
-        except Cut as error:
+        except CutError as error:
             yield from sorted(found, key=lambda record: record[1])
             raise error
         yield from sorted(found, key=lambda record: record[1])
         if len(content) != size:
-            raise Cut("it ends within a chunk")
+            raise CutError("it ends within a chunk")
 
 
 class Ros1File(SequentialReader):
@@ -175,7 +177,7 @@ class Ros1File(SequentialReader):
                 else:
                     yield from self._messages(operation, header, data)
         if index == 0:
-            raise Cut("it has no index")
+            raise CutError("it has no index")
 
     def _messages(self, operation: int, header: dict[str, bytes], data: bytes) -> Iterator[Record]:
         if operation == 7:
@@ -194,12 +196,12 @@ class Ros1File(SequentialReader):
         try:
             for inner, entry in _ros1_records(BytesIO(content), len(content)):
                 found += self._messages(inner["op"][0], inner, entry)
-        except Cut as error:
+        except CutError as error:
             yield from sorted(found, key=lambda record: record[1])
             raise error
         yield from sorted(found, key=lambda record: record[1])
         if len(content) != struct.unpack("<I", header["size"])[0]:
-            raise Cut("it ends within a chunk")
+            raise CutError("it ends within a chunk")
 
 
 class SqliteFile(SequentialReader):
@@ -217,7 +219,7 @@ class SqliteFile(SequentialReader):
                 if number in self._channels:
                     yield number, time, data
         except apsw.Error as error:
-            raise Cut(f"{type(error).__name__}: {error}") from error
+            raise CutError(f"{type(error).__name__}: {error}") from error
         finally:
             database.close()
 
@@ -269,7 +271,7 @@ def database_size(path: Path) -> int:
 
 
 def _connection(owner: SequentialReader, number: int, channel: _Channel, count: int) -> Any:
-    """What rosbags has for a topic."""
+    """Record of rosbags for a topic."""
     from rosbags.interfaces import (
         Connection,
         ConnectionExtRosbag1,
@@ -289,12 +291,12 @@ def _mcap_records(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes]]:
     while (at := file.tell()) < size:
         head = file.read(9)
         if len(head) < 9:
-            raise Cut("it ends within a record")
+            raise CutError("it ends within a record")
         opcode, length = struct.unpack("<BQ", head)
         if length > size - at - 9:
             if opcode == 0x06 and size - at - 9 > 64:
                 yield opcode, file.read()
-            raise Cut("it ends within a record")
+            raise CutError("it ends within a record")
         yield opcode, file.read(length)
 
 
@@ -305,20 +307,20 @@ def _ros1_records(file: IO[bytes], size: int) -> Iterator[tuple[dict[str, bytes]
         at = file.tell()
         try:
             data = _ros1_block(file, size)
-        except Cut:
+        except CutError:
             if header.get("op") == b"\x05":
                 file.seek(at + 4)
                 yield header, file.read()
             raise
         if "op" not in header:
-            raise Cut("a record has no operation")
+            raise CutError("a record has no operation")
         yield header, data
 
 
 def _ros1_block(file: IO[bytes], size: int) -> bytes:
     head = file.read(4)
     if len(head) < 4 or (length := struct.unpack("<I", head)[0]) > size - file.tell():
-        raise Cut("it ends within a record")
+        raise CutError("it ends within a record")
     return file.read(length)
 
 
@@ -329,7 +331,7 @@ def _ros1_fields(data: bytes) -> dict[str, bytes]:
         (length,) = struct.unpack_from("<I", data, at)
         name, equals, value = data[at + 4 : at + 4 + length].partition(b"=")
         if not equals or at + 4 + length > len(data):
-            raise Cut("a record is damaged")
+            raise CutError("a record is damaged")
         fields[name.decode(errors="replace")] = value
         at += 4 + length
     return fields
@@ -340,7 +342,7 @@ def _texts(data: bytes, at: int, count: int) -> tuple[list[str], int]:
     found = []
     for _ in range(count):
         if at + 4 > len(data):
-            raise Cut("a record is damaged")
+            raise CutError("a record is damaged")
         (length,) = struct.unpack_from("<I", data, at)
         found.append(data[at + 4 : at + 4 + length].decode(errors="replace"))
         at += 4 + length
@@ -354,9 +356,9 @@ def _unpacked(compression: str, data: bytes) -> bytes:
     try:
         return bytes(_decompressor(compression).decompress(data))
     except (RuntimeError, OSError, EOFError, ValueError) as error:
-        raise Cut(f"a chunk is damaged ({error})") from error
+        raise CutError(f"a chunk is damaged ({error})") from error
     except Exception as error:  # zstd has an error of its own, whose module depends on the version of Python
-        raise Cut(f"a chunk is damaged ({error})") from error
+        raise CutError(f"a chunk is damaged ({error})") from error
 
 
 def _decompressor(compression: str) -> Any:
@@ -372,7 +374,7 @@ def _decompressor(compression: str) -> Any:
         except ImportError:  # before Python 3.14
             from backports import zstd
         return zstd.ZstdDecompressor()
-    raise Cut(f"a chunk has the unknown compression {compression!r}")
+    raise CutError(f"a chunk has the unknown compression {compression!r}")
 
 
 def _database(path: Path) -> Any:

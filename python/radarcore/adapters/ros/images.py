@@ -50,15 +50,15 @@ def from_ros_image(
     rows, columns = check.count("height", message.height), check.count("width", message.width)
     order = ">" if message.is_bigendian else "<"
     metres = unit * unpacked("data", message.data, order + kind, rows, columns, int(message.step)).astype(np.float64)
-    if (camera is None) == (camera_info is None):
-        raise ValueError(
-            f"camera: expected either camera or camera_info, got {'neither' if camera is None else 'both'}"
-        )
+    if camera is not None and camera_info is not None:
+        raise ValueError("camera: expected either camera or camera_info, got both")
     if camera_info is not None:
         check_size(camera_info, message)
         camera = from_camera_info(camera_info)
+    elif camera is None:
+        raise ValueError("camera: expected either camera or camera_info, got neither")
     elif not isinstance(camera, Camera):
-        camera = Camera.from_field_of_view(camera, rows, columns)  # type: ignore[arg-type]  # not None here
+        camera = Camera.from_field_of_view(camera, rows, columns)
     if message.encoding == "16UC1":
         notice.warn(
             "encoding: 16UC1 has whole millimetres, 42 degrees of phase (rms) at 60 GHz and 53 at 77 GHz: good for "

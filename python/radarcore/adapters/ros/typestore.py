@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,8 @@ from radarcore.adapters.ros.messages import DEFINITIONS
 
 def need_rosbags() -> None:
     """Raise an ImportError that names the extra, unless rosbags is installed."""
-    try:
-        import rosbags  # noqa: F401  # only whether it is there
-    except ImportError as error:
-        raise ImportError("ROS bags need rosbags: pip install radarcore[ros]") from error
+    if find_spec("rosbags") is None:
+        raise ImportError("ROS bags need rosbags: pip install radarcore[ros]")
 
 
 @cache
