@@ -16,6 +16,25 @@ sample_rate = 2e6
 num_samples = 64
 """
 
+APPROACHING = """
+[radar]
+preset = "bgt60tr13c"
+stop_frequency = 60e9
+num_chirps = 8
+
+[[body]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+pose = { position = [1.5, 0.0, 0.0] }
+motion = { kind = "linear", velocity = [-0.5, 0.0, 0.0] }
+
+[run]
+stop = 0.3
+rate = 10.0
+resolution = 48
+"""
+"""A ball that approaches a BGT60TR13C: three frames."""
+
 BALL = '[[body]]\nname = "ball"\nshape = { kind = "sphere", radius = 0.1 }\npose = { position = [2.0, 0.0, 0.0] }\n'
 PARTS = "v 0 0 0\nv 0 1 0\nv 0 0 1\nv 0 1 1\nf 1 2 3\nusemtl steel\nf 2 4 3\nusemtl glass\nf 1 3 2\nf 2 3 4\n"
 """Text of an OBJ file with triangles of no material, of steel and of glass."""

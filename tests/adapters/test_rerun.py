@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.main import main
+from scene_files import APPROACHING
 
 pytest.importorskip("rerun", reason="needs the extra `rerun`: pip install radarcore[rerun]")
 
@@ -22,23 +23,7 @@ RADAR = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=64,
 MIDDLE = 0.5 * RADAR.waveform.duration
 BOX = rc.shapes.box([0.2, 0.4, 0.6])
 
-SCENE = """
-[radar]
-preset = "bgt60tr13c"
-stop_frequency = 60e9
-num_chirps = 8
-
-[[body]]
-name = "ball"
-shape = { kind = "sphere", radius = 0.1 }
-pose = { position = [1.5, 0.0, 0.0] }
-motion = { kind = "linear", velocity = [-0.5, 0.0, 0.0] }
-
-[run]
-stop = 0.5
-rate = 10.0
-resolution = 32
-"""
+SCENE = APPROACHING.replace("stop = 0.3", "stop = 0.5").replace("resolution = 48", "resolution = 32")
 
 
 class Content:

@@ -14,27 +14,10 @@ import pytest
 import radarcore as rc
 from radarcore.cli import plot
 from radarcore.cli.main import main
+from scene_files import APPROACHING
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 COMMAND = [sys.executable, "-m", "radarcore"]
-
-SCENE = """
-[radar]
-preset = "bgt60tr13c"
-stop_frequency = 60e9
-num_chirps = 8
-
-[[body]]
-name = "ball"
-shape = { kind = "sphere", radius = 0.1 }
-pose = { position = [1.5, 0.0, 0.0] }
-motion = { kind = "linear", velocity = [-0.5, 0.0, 0.0] }
-
-[run]
-stop = 0.3
-rate = 10.0
-resolution = 48
-"""
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -44,14 +27,14 @@ def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
     path = tmp_path / "scene.toml"
-    path.write_text(SCENE)
+    path.write_text(APPROACHING)
     return path
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("recorded")
-    (directory / "scene.toml").write_text(SCENE)
+    (directory / "scene.toml").write_text(APPROACHING)
     rc.load_scene(directory / "scene.toml").record(directory / "recording", progress=False)
     return directory / "recording"
 
@@ -100,7 +83,7 @@ def test_simulate_replaces_a_recording_only_when_told_to(scene: Path, tmp_path: 
 def test_a_fault_is_reported_in_one_line_and_nothing_is_written(
     tmp_path: Path, scene: Path, old: str, new: str, message: str
 ) -> None:
-    scene.write_text(SCENE.replace(old, new))
+    scene.write_text(APPROACHING.replace(old, new))
     done = run("simulate", scene, "-o", tmp_path / "new" / "recording")
     lines = done.stderr.splitlines()
     assert (done.returncode, done.stdout) == (1, "")
@@ -110,7 +93,7 @@ def test_a_fault_is_reported_in_one_line_and_nothing_is_written(
 
 
 def test_missing_mesh_and_missing_scene_are_one_line(tmp_path: Path, scene: Path) -> None:
-    scene.write_text(SCENE.replace('kind = "sphere", radius = 0.1', 'kind = "mesh", path = "part.obj"'))
+    scene.write_text(APPROACHING.replace('kind = "sphere", radius = 0.1', 'kind = "mesh", path = "part.obj"'))
     done = run("simulate", scene, "-o", tmp_path / "recording")
     part = tmp_path / "part.obj"
     assert done.stderr == f"radarcore: {scene}: body[0] 'ball': path: expected a mesh file, got none at {part}\n"
@@ -128,7 +111,7 @@ def test_bad_options_write_nothing(tmp_path: Path, scene: Path, capsys: pytest.C
 
 
 def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> None:
-    scene.write_text(SCENE.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
+    scene.write_text(APPROACHING.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
     output = tmp_path / "recording"
     # A background job of a shell ignores interrupts by default.
     program = (
@@ -177,7 +160,7 @@ def test_every_picture_of_sub_sequences(tmp_path: Path, kind: str, capsys: pytes
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     scene, picture = tmp_path / "scene.toml", tmp_path / "picture.png"
     radar = 'preset = "bgt60tr24"\nnum_chirps = 8\nalternating = true\nschedule = { kind = "tdm" }\nslope = 20e12\n'
-    scene.write_text(SCENE.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar))
+    scene.write_text(APPROACHING.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar))
     assert main(["plot", str(scene), "-o", str(picture), "--kind", kind, "--sequence", "1"]) == 0
     if kind != "experiment":
         assert main(["simulate", str(scene), "-o", str(tmp_path / "recording")]) == 0
