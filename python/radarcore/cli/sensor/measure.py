@@ -1,11 +1,9 @@
-"""The command `radarcore sensor`."""
+"""The commands `radarcore sensor record` and `view`, and the settings of a board that they take."""
 
 from __future__ import annotations
 
 import argparse
 import errno
-import json
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -14,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check
+from radarcore.cli.sensor.options import add_port, factor_of_real_time
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
@@ -23,22 +22,10 @@ from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.times import frame_times
 
 
-def add_parser(commands: Any) -> None:
-    """Add `sensor` with its own commands to those of `radarcore`."""
-    sensor = commands.add_parser("sensor", help="real sensors, and virtual sensors of simulated scenes")
-    actions = sensor.add_subparsers(dest="action", required=True, metavar="ACTION")
-
-    listing = actions.add_parser("list", help="list the boards that respond")
-    listing.add_argument("--json", action="store_true", help="print as JSON")
-    listing.set_defaults(run=_list)
-
-    info = actions.add_parser("info", help="print type and temperature of a board")
-    _add_port(info)
-    info.add_argument("--json", action="store_true", help="print as JSON")
-    info.set_defaults(run=_info)
-
+def add_parsers(actions: Any) -> None:
+    """Add `record` and `view` to the commands of `radarcore sensor`."""
     record = actions.add_parser("record", help="record from a board, until Ctrl-C or for a duration")
-    _add_port(record)
+    add_port(record)
     _add_settings(record)
     record.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
     record.add_argument("--overwrite", action="store_true", help="replace an existing recording")
@@ -60,7 +47,7 @@ def add_parser(commands: Any) -> None:
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     view.add_argument(
         "--speed",
-        type=_speed,
+        type=factor_of_real_time,
         default=1.0,
         metavar="X",
         help="replay speed of a recording or scene: factor of real time, or max (default: 1)",
@@ -73,39 +60,6 @@ def add_parser(commands: Any) -> None:
         help="subtract static clutter (default: for sensors and their recordings)",
     )
     view.set_defaults(run=_view)
-
-    serve = actions.add_parser("serve", help="serve a simulated scene or a recording by a board's protocol")
-    serve.add_argument("source", type=Path, metavar="SOURCE", help="scene file (TOML), or recording with ADC codes")
-    serve.add_argument("--protocol", choices=("strata", "comlib"), default="strata", help="default: %(default)s")
-    serve.add_argument("--link", type=Path, metavar="PATH", help="also make a symbolic link to the port")
-    serve.add_argument(
-        "--speed",
-        type=_speed,
-        default=1.0,
-        metavar="X",
-        help="factor of real time, or max: as fast as the client reads (default: 1)",
-    )
-    serve.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
-    serve.add_argument("--threads", type=int, metavar="N", help="threads of the simulator (default: all cores)")
-    serve.set_defaults(run=_serve)
-
-    report = actions.add_parser("report", help="collect the USB descriptors of the boards, for a bug report")
-    report.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file (default: print the report)")
-    report.set_defaults(run=_report)
-
-
-def _speed(text: str) -> float | None:
-    """Factor of real time, None for as fast as it goes."""
-    return None if text == "max" else float(text)
-
-
-def _add_port(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "port",
-        nargs="?",
-        metavar="PORT",
-        help="/dev/ttyACM0, COM3, usb:BUS-ADDRESS or usb:VENDOR:PRODUCT (default: the first board that responds)",
-    )
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
@@ -139,36 +93,6 @@ def _radar(options: argparse.Namespace) -> Radar:
 def _gains(options: argparse.Namespace) -> dict[str, Any]:
     given = {"if_gain_db": options.gain, "tx_power_level": options.power}
     return {name: value for name, value in given.items() if value is not None}
-
-
-def _list(options: argparse.Namespace) -> int:
-    from radarcore.sensor import list_sensors
-
-    found = list_sensors()
-    if options.json:
-        print(json.dumps([vars(info) for info in found], indent=2))
-        return 0
-    for info in found:
-        number = f", serial number {info.serial_number}" if info.serial_number else ""
-        print(f"{info.port}: {info.name}, {info.chip}, firmware {info.firmware}{number}")
-    if not found:
-        print("no radar board answers; `radarcore sensor report` lists what is on USB", file=sys.stderr)
-        return 1
-    return 0
-
-
-def _info(options: argparse.Namespace) -> int:
-    from radarcore.sensor import open_sensor
-
-    with open_sensor(options.port) as sensor:
-        facts = {**vars(sensor.info), "temperature [deg C]": round(sensor.temperature(), 1)}
-    if options.json:
-        print(json.dumps(facts, indent=2))
-    else:
-        width = max(map(len, facts))
-        for name, value in facts.items():
-            print(f"{name.replace('_', ' '):<{width}}  {value}")
-    return 0
 
 
 def _record(options: argparse.Namespace) -> int:
@@ -260,48 +184,3 @@ def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:
         if speed is not None:
             time.sleep(max(0.0, began + (at - run.start) / speed - time.monotonic()))
         yield frame
-
-
-def _serve(options: argparse.Namespace) -> int:
-    from radarcore.sensor.emulator.pty import PtyPort
-    from radarcore.virtual.board import virtual_board
-
-    if options.source.suffix == ".toml":
-        served: Any = load_scene(options.source)
-    else:
-        served = Recording.load(options.source)
-    with (
-        virtual_board(served, protocol=options.protocol, speed=options.speed, threads=options.threads) as board,
-        PtyPort(board, link=options.link) as port,
-    ):
-        print(f"listening on {options.link or port.path}", flush=True)
-        deadline = None if options.duration is None else time.monotonic() + options.duration
-        try:
-            while deadline is None or time.monotonic() < deadline:
-                time.sleep(0.2)
-                for line in board.news():
-                    print(line, file=sys.stderr, flush=True)
-        except KeyboardInterrupt:
-            print("stopped", file=sys.stderr)
-    return 0
-
-
-def _report(options: argparse.Namespace) -> int:
-    import platform
-
-    from radarcore._core import __version__
-    from radarcore.sensor import transport
-
-    report = {
-        "radarcore": __version__,
-        "system": platform.platform(),
-        "ports": [vars(port) for port in transport.find_ports()],
-        "usb": transport.describe_usb(),
-    }
-    text = json.dumps(report, indent=2) + "\n"
-    if options.output is None:
-        print(text, end="")
-    else:
-        options.output.write_text(text)
-        print(f"{options.output}: {len(report['usb'])} boards on USB, {len(report['ports'])} ports")
-    return 0
