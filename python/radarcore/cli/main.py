@@ -16,25 +16,26 @@ from typing import Any
 from radarcore._core import __version__
 from radarcore.cli import sensor, source
 from radarcore.cli.bag_options import add_options, check_options
+from radarcore.cli.ending import exit_status, interrupted_by_signals
 
 _WRITERS = ("demo", "simulate", "process", "view")
 """Commands whose results are written as they come."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit status: 0, 1 for bad input, 130 when interrupted."""
+    """Run a command; returns the exit status: 0, 1 for bad input, 130 when interrupted, 143 when told to end."""
     options = _parser().parse_args(arguments)
     try:
-        with warnings.catch_warnings():
+        with interrupted_by_signals(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
             status = int(options.run(options))
             sys.stdout.flush()
             return status
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         is_recording = options.command in _WRITERS or getattr(options, "action", None) == "record"
         hint = "; what was written so far is readable" if is_recording else ""
-        print(f"radarcore: interrupted{hint}", file=sys.stderr)
-        return 130
+        print(f"radarcore: {str(interrupt) or 'interrupted'}{hint}", file=sys.stderr)
+        return exit_status(interrupt)
     except BrokenPipeError:  # whoever reads our output has had enough: `radarcore schema | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import TracebackType
 
 from radarcore import check
@@ -10,7 +11,6 @@ from radarcore.scenefile.simulation import Simulation
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
-from radarcore.sensor.emulator.peripheral import StreamPeripheral
 from radarcore.sensor.emulator.source import FrameSource, Playback
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.simulate.simulator import Simulator
@@ -63,12 +63,13 @@ class VirtualBoard:
 
     def __init__(self, source: FrameSource, protocol: str, speed: float | None, faults: Faults | None) -> None:
         self._controller: Controller | None = None
-        self._board: StreamPeripheral
+        self._board: CdcBoard | ComLibEmulator
         self._measures: Chip | ComLibEmulator
+        self._counts: Controller | ComLibEmulator
         if protocol == "comlib":
-            self._board = self._measures = ComLibEmulator(source, speed=speed)
+            self._board = self._measures = self._counts = ComLibEmulator(source, speed=speed)
         else:
-            self._controller = Controller(source, speed=speed, faults=faults)
+            self._controller = self._counts = Controller(source, speed=speed, faults=faults)
             self._board, self._measures = CdcBoard(self._controller), self._controller.chip
         self._told: set[str] = set()
 
@@ -79,6 +80,20 @@ class VirtualBoard:
     def send(self, size: int, timeout: float) -> bytes:
         """Bytes for the client."""
         return self._board.send(size, timeout)
+
+    def hang_up(self) -> None:
+        """Tell the board that its client has gone."""
+        self._board.hang_up()
+
+    @property
+    def num_frames(self) -> int:
+        """Frames that clients have received, in all."""
+        return math.floor(self._counts.num_frames + 1e-6)  # of slices, which add up to whole frames but for rounding
+
+    @property
+    def num_lost(self) -> int:
+        """Frames that were measured and that clients did not take in time, in all."""
+        return self._measures.num_lost
 
     def news(self) -> list[str]:
         """News for whoever runs the board, each once: registers that give no frames, a scene that is too slow."""

@@ -7,7 +7,10 @@ import argparse
 
 def factor_of_real_time(text: str) -> float | None:
     """Factor of real time, None for as fast as it goes."""
-    return None if text == "max" else float(text)
+    try:
+        return None if text == "max" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number or max, got {text!r}") from None
 
 
 def add_port(parser: argparse.ArgumentParser) -> None:

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from radarcore import check
 from radarcore.cli.sensor.options import factor_of_real_time
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.simulation import Simulation
+
+if TYPE_CHECKING:
+    from radarcore.sensor.emulator.pty import PtyPort
+
+_BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
+"""Chip and protocol of the boards."""
 
 
 def add_parsers(actions: Any) -> None:
@@ -35,21 +45,71 @@ def _serve(options: argparse.Namespace) -> int:
     from radarcore.sensor.emulator.pty import PtyPort
     from radarcore.virtual.board import virtual_board
 
-    if options.source.suffix == ".toml":
-        served: Any = load_scene(options.source)
-    else:
-        served = Recording.load(options.source)
+    duration = None if options.duration is None else check.positive("--duration", options.duration, "s")
+    source, settings = _source(options.source)
+    chip, protocol = _BOARDS[options.protocol]
     with (
-        virtual_board(served, protocol=options.protocol, speed=options.speed, threads=options.threads) as board,
+        virtual_board(source, protocol=options.protocol, speed=options.speed, threads=options.threads) as board,
         PtyPort(board, link=options.link) as port,
     ):
-        print(f"listening on {options.link or port.path}", flush=True)
-        deadline = None if options.duration is None else time.monotonic() + options.duration
         try:
-            while deadline is None or time.monotonic() < deadline:
-                time.sleep(0.2)
-                for line in board.news():
-                    print(line, file=sys.stderr, flush=True)
+            name = options.link or port.path
+            print(f"listening on {name}")
+            print(f"{options.source} as a {chip}, protocol {protocol}; {settings}")
+            print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
+            _wait(duration, _Clients(port).news, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
+    print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
     return 0
+
+
+def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:
+    """Print news as they come, for a duration or until an interrupt."""
+    deadline = math.inf if duration is None else time.monotonic() + duration
+    while time.monotonic() < deadline:
+        time.sleep(0.2)
+        for lines in news:
+            for line in lines():
+                print(line, file=sys.stderr, flush=True)
+
+
+def _source(path: Path) -> tuple[Simulation | Recording, str]:
+    """Source of the frames, and what settings a client may have."""
+    if path.suffix == ".toml":
+        return load_scene(path), "the client sets samples, chirps and rate"
+    recording = Recording.load(path)
+    raw = recording.raw
+    if raw is None or len(raw) == 0:
+        raise ValueError(
+            f"{path}: expected at least one frame with codes of an ADC, got none; of a simulated recording, serve the "
+            "scene file"
+        )
+    num_rx, num_chirps, num_samples = raw.shape[1:]
+    rate = 1.0 / recording.radar.waveform.frame_interval
+    shape = f"{num_rx} receivers, {num_chirps} chirps and {num_samples} samples"
+    return recording, f"{len(raw)} frames over and over, recorded at {rate:.4g} Hz; the client must set {shape}"
+
+
+class _Clients:
+    """News of programs that have the port open side by side, as a program that does not lock it may."""
+
+    def __init__(self, port: PtyPort) -> None:
+        self._port = port
+        self._next = 0.0
+        self._told: set[int] = set()
+
+    def news(self) -> list[str]:
+        """A line when another program joins."""
+        began = time.monotonic()
+        if began < self._next:
+            return []
+        found = self._port.clients()
+        # Looking through all processes shall take a fiftieth of the time at most.
+        self._next = began + max(0.5, 50.0 * (time.monotonic() - began))
+        has_joined = len(found) > 1 and not self._told >= found.keys()
+        self._told = set(found) if len(found) > 1 else set()
+        if not has_joined:
+            return []
+        programs = ", ".join(f"{name} (process {number})" for number, name in found.items())
+        return [f"{self._port.path} is open in several programs, each gets a part of the answers: {programs}"]

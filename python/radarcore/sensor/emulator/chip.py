@@ -94,6 +94,10 @@ class Chip:
         self.complains = False
         """An overflow has not been told yet; whoever tells it clears this."""
         self.failure: Exception | None = None
+        self.frame_size = 0
+        """Samples of a frame of the newest measurement, of all receivers."""
+        self.num_lost = 0
+        """Frames that overflows have cost, in all; those that a host did not wait for are not counted."""
         self.slowest = np.inf
         """Smallest rate of the source so far, relative to real time; 1 when it keeps up."""
         self._began = time.monotonic()
@@ -199,9 +203,10 @@ class Chip:
         with self._lock:
             self._lock.notify_all()
 
-    def overflow(self) -> None:
-        """Lose the content of the FIFO and stop, as when it is not read in time."""
+    def overflow(self, num_more: int = 0) -> None:
+        """Lose the content of the FIFO and `num_more` samples, and stop, as when it is not read in time."""
         with self._lock:
+            self.num_lost += -(-(self._fill + num_more) // max(self.frame_size, 1))
             self.has_overflown = self.complains = True
             self._run += 1
             self._fifo.clear()
@@ -261,6 +266,7 @@ class Chip:
                 cube = cube.copy()
                 cube[0] = test_pattern(cube[0].size).reshape(cube[0].shape)
             samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
+            self.frame_size = len(samples)
             active = settings.num_chirps * settings.chirp_time
             for first in range(0, len(samples), piece):
                 part = samples[first : first + piece]
@@ -314,6 +320,6 @@ class Chip:
                 self._fifo.append((samples, when))
                 self._fill += len(samples)
         if not has_room:
-            self.overflow()
+            self.overflow(len(samples))
         self._on_samples()
         return has_room

@@ -110,6 +110,8 @@ class ComLibEmulator:
     ) -> None:
         self.temperature = check.number("temperature", temperature, "degrees Celsius")
         self.failure: Exception | None = None
+        self.num_frames = self.num_lost = 0
+        """Frames that were sent, and frames that were over before they were asked for, in all."""
         self._source = source
         self._speed = None if speed is None else check.positive("speed", speed)
         self._initial_rate = round(check.positive("sample_rate", sample_rate, "Hz"))
@@ -155,6 +157,13 @@ class ComLibEmulator:
         with self._changed:
             self._is_unplugged = True
             self._changed.notify_all()
+
+    def hang_up(self) -> None:
+        """Forget half a request and answers nobody has taken; settings and the measurement stay."""
+        with self._changed:
+            self._parser.reset()
+            self._waiting.clear()
+            self._out.clear()
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, cut anywhere."""
@@ -266,7 +275,7 @@ class ComLibEmulator:
         _check(self._num_over > self._next_index, Status.BUSY)
         # The newest frame: older ones are over.
         index = self._num_over - 1
-        self._next_index = index + 1
+        num_over, self._next_index = index - self._next_index, index + 1
         radar = self.radar
         try:
             codes = np.asarray(self._source.frame(radar, index, index * radar.waveform.frame_interval))
@@ -284,6 +293,8 @@ class ComLibEmulator:
             is_interleaved=self._is_interleaved,
         )
         messages = [Message(_BASE, frame.encode())]
+        self.num_frames += 1
+        self.num_lost += num_over
         if self.temperature != self._told_temperature:
             messages.append(self._tell_temperature())
         return messages

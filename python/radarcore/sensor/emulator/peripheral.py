@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
@@ -21,6 +21,14 @@ class StreamPeripheral(Protocol):
 
     def send(self, size: int, timeout: float) -> bytes:
         """Bytes of one transfer to the host: 1 to `size`, none when nothing is to be sent within `timeout` [s]."""
+
+
+@runtime_checkable
+class HearsHangUp(Protocol):
+    """A board that is told when its client has gone, as USB boards are by their control lines."""
+
+    def hang_up(self) -> None:
+        """Forget the request that has come in part, and the answers that have not been sent; the rest goes on."""
 
 
 class VendorPeripheral(Protocol):

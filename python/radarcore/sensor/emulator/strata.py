@@ -98,6 +98,8 @@ class Controller:
         self.packets: deque[DataPacket] = deque()
         self.num_sent = 0
         """Data packets that were taken, in all."""
+        self.num_frames = 0.0
+        """Frames whose slices were taken, in all, and parts of frames."""
         self._num_slices = 0
         self._counter = 0
         self._slice_size: int | None = None
@@ -232,6 +234,8 @@ class Controller:
         self.num_sent += 1
         if packet.is_last:
             self._num_slices -= 1
+            if packet.error is None and self._slice_size is not None:
+                self.num_frames += self._slice_size / max(self.chip.frame_size, 1)
             self._collect()
             self.chip.wake()
         return packet
@@ -328,6 +332,12 @@ class CdcBoard:
             if faults.happens("stall"):
                 self._pause = time.monotonic() + faults.stall_time
             self._out += faults.damage(encoded)
+
+    def hang_up(self) -> None:
+        """Forget half a request and answers nobody has taken; registers and the measurement stay."""
+        self._parser.reset()
+        with self.controller.arrived:
+            self._out.clear()
 
     def unplug(self) -> None:
         """Take the board off the bus, whatever is under way."""
