@@ -1,0 +1,324 @@
+"""`radarcore sensor serve` in processes of its own: how it ends, its link, and clients that come, go and misbehave."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from boards import CLI, SWING, Numbered, numbered, python
+from radarcore.cli.main import main
+from radarcore.sensor import SensorError, open_sensor, virtual_board
+from radarcore.sensor.bgt60.registers import start_words
+from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
+from radarcore.sensor.emulator.link import server_of
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.packets import Avian, Code, Component, Info, Kind, Request
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="ends of pseudo terminals and /proc are Linux's")
+
+RADAR = achieved(Settings.from_radar(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3))).to_radar()
+PATIENCE = 30.0
+"""Longest time that a process may take [s]; a busy machine takes a second to start one."""
+VERSION = packets.encode_request(Request(Kind.READ, Code.BOARD_INFO, Info.VERSION, 0, 16, b""))
+LONG = packets.encode_request(Request(Kind.WRITE, Code.COMPONENT, Component.AVIAN, Avian.EXECUTE, 400, bytes(400)))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recorded") / "rec"
+    raw = np.stack([numbered((3, 8, 32), number) for number in range(4)])
+    cube = (raw * 2.0 / 4095.0 - 1.0).astype(np.float32)
+    times = np.arange(4) * RADAR.waveform.frame_interval
+    rc.Recording(cube, times, RADAR, source={"cube_unit": "full scale"}).save(path)
+    return path
+
+
+@contextmanager
+def serving(*arguments):
+    """A server that listens; killed at the end if it still runs."""
+    with python(CLI, "sensor", "serve", *arguments) as server:
+        try:
+            line = server.stdout.readline()
+            assert line.startswith("listening on "), server.stderr.read()
+            yield server
+        finally:
+            if server.poll() is None:
+                server.kill()
+
+
+def end(process, number):
+    """Output and errors of a process that a signal ends."""
+    process.send_signal(number)
+    return process.communicate(timeout=PATIENCE)
+
+
+def is_soon(true):
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        if true():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_signals_end_a_server_alike(recording, tmp_path, number):
+    link = tmp_path / "radar"
+    with serving(recording, "--link", link) as server:
+        assert "BGT60TR13C, protocol Strata; 4 frames over and over" in server.stdout.readline()
+        assert f"radarcore sensor view {link}" in server.stdout.readline()
+        with open_sensor(str(link)) as sensor:
+            sensor.configure(RADAR)
+            assert len(list(sensor.frames(5))) == 5
+        out, err = end(server, number)
+    assert (server.returncode, err) == (0, "stopped\n")
+    assert not link.is_symlink()
+    number_of_frames, _, rest = out.strip().partition(" ")
+    assert 5 <= int(number_of_frames) <= 12  # a few were on their way
+    assert rest == "frames delivered, 0 lost"
+
+
+def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
+    link = tmp_path / "radar"
+    master, terminal = os.openpty()
+    server = subprocess.Popen(
+        [sys.executable, "-c", CLI, "sensor", "serve", recording, "--link", link],
+        stdin=terminal,
+        stdout=terminal,
+        stderr=terminal,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, 0x540E, 0),  # TIOCSCTTY: as a shell's in that terminal
+    )
+    with server:
+        try:
+            os.close(terminal)
+            assert os.read(master, 12) == b"listening on"
+            assert link.is_symlink()
+            os.close(master)
+            assert server.wait(PATIENCE) == 0
+        finally:
+            server.kill()
+    assert not link.is_symlink()
+
+
+def test_recorder_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
+    output = tmp_path / "rec"
+    with PtyPort(CdcBoard(Controller(Numbered()))) as port:
+        options = ("--rate", "40", "--chirps", "8", "--samples", "32")
+        with python(CLI, "sensor", "record", port.path, "-o", output, *options) as recorder:
+            cube = output / "cube.npy"
+            assert is_soon(lambda: cube.exists() and cube.stat().st_size > 5 * 4 * 3 * 8 * 32)
+            out, err = end(recorder, signal.SIGTERM)
+    assert recorder.returncode == 0, err  # as long as was wanted
+    assert "0 lost" in out
+    recorded = rc.Recording.load(output)
+    assert len(recorded) >= 4
+    assert recorded.raw.dtype == np.uint16
+
+
+def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
+    scene, output = tmp_path / "swing.toml", tmp_path / "rec"
+    scene.write_text(SWING)
+    with python(CLI, "simulate", scene, "-o", output) as process:
+        cube = output / "cube.npy"
+        assert is_soon(lambda: cube.exists() and cube.stat().st_size > 1_000_000)
+        _, err = end(process, signal.SIGTERM)
+    assert process.returncode == 143
+    assert "radarcore: ended by SIGTERM; what was written so far is readable" in err
+    with pytest.warns(UserWarning, match="its writer was interrupted"):
+        assert len(rc.Recording.load(output)) > 0
+
+
+def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
+    scene = tmp_path / "swing.toml"
+    scene.write_text(SWING)
+    # A scene that takes as long to build as one of huge meshes.
+    slow = "import time, radarcore.cli.sensor.serve as serve\ndef build(path):\n print('builds', flush=True)\n"
+    slow += " time.sleep(60)\nserve.load_scene = build\n"
+    with python(slow + CLI, "sensor", "serve", scene, "--link", tmp_path / "radar") as server:
+        assert server.stdout.readline() == "builds\n"
+        _, err = end(server, signal.SIGINT)
+    assert (server.returncode, err) == (130, "radarcore: interrupted\n")
+    assert not (tmp_path / "radar").is_symlink()
+
+
+# Links
+
+
+def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refused(recording, tmp_path, capsys):
+    link = tmp_path / "radar"
+    with serving(recording, "--link", link) as server:
+        assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
+        message = f"radarcore: {link}: served by process {server.pid}; end that one, or choose another name\n"
+        assert capsys.readouterr().err == message
+        end(server, signal.SIGKILL)
+    left = link.readlink()  # nobody could remove it
+    # Another terminal may get the number of the port meanwhile.
+    board = CdcBoard(Controller(Numbered()))
+    others = [os.openpty() for _ in range(3)]
+    try:
+        assert str(left) in [os.ttyname(slave) for _, slave in others]
+        assert server_of(link) is None
+        with PtyPort(board, link=link) as port:
+            assert str(link.readlink()) == port.path != str(left)
+            assert server_of(link) == os.getpid()
+    finally:
+        for file in sum(others, ()):
+            os.close(file)
+    assert not link.is_symlink()
+    # Or the next server itself gets it, or nobody.
+    link.symlink_to(left)
+    with PtyPort(board, link=link) as port:
+        assert str(link.readlink()) == port.path
+    assert not link.is_symlink()
+
+
+def test_links_are_made_nowhere_but_where_nothing_is(tmp_path, monkeypatch):
+    board = CdcBoard(Controller(Numbered()))
+    file, folder, foreign, device = (tmp_path / name for name in ("file", "folder", "foreign", "device"))
+    file.write_bytes(b"abc")
+    folder.mkdir()
+    device.symlink_to("/dev/ttyACM999")  # a board that is not plugged in, by a name that its owner gave
+    master, slave = os.openpty()
+    foreign.symlink_to(os.ttyname(slave))  # as another program makes one for its pty
+    for link, message in (
+        (file, "expected a name that is free, got that of a file"),
+        (folder, "expected a name that is free, got that of a folder"),
+        (foreign, f"got a link to {os.ttyname(slave)}, which no server of radarcore has made"),
+        (device, "got a link to /dev/ttyACM999, which no server of radarcore has made"),
+        (tmp_path / "none" / "radar", f"expected a link in a folder that exists, got none named {tmp_path}/none"),
+    ):
+        with pytest.raises(OSError, match=message) as raised:
+            PtyPort(board, link=link)
+        assert raised.value.filename == str(link)
+    os.close(master)
+    os.close(slave)
+    assert file.read_bytes() == b"abc"
+    assert str(device.readlink()) == "/dev/ttyACM999"
+
+    # A relative name is that of its folder, wherever the program goes.
+    monkeypatch.chdir(folder)
+    with PtyPort(board, link="radar"):
+        assert (folder / "radar").is_char_device()
+        monkeypatch.chdir(tmp_path)
+    assert list(folder.iterdir()) == []
+
+
+# Clients
+
+
+def test_second_client_is_told_that_the_port_is_in_use():
+    with PtyPort(CdcBoard(Controller(Numbered()))) as port, open_sensor(port.path) as sensor:
+        message = f"{port.path}: the port is in use by another program"
+        with pytest.raises(SensorError, match=message):
+            open_sensor(port.path)
+        if os.geteuid() == 0:  # users whom root lets in, too
+            Path(port.path).chmod(0o666)
+            os.seteuid(65534)
+            try:
+                with pytest.raises(SensorError, match=message):
+                    open_sensor(port.path)
+            finally:
+                os.seteuid(0)
+        sensor.configure(RADAR)
+        assert [frame.stats["lost_before"] for frame in sensor.frames(3)] == [0, 0, 0], "the first goes on"
+
+
+def test_server_tells_of_programs_that_share_the_port_without_a_lock(recording, tmp_path):
+    link = tmp_path / "radar"
+    with serving(recording, "--link", link) as server:
+        clients = []
+        for _ in range(2):
+            with link.open("rb") as file:
+                clients.append(subprocess.Popen(["sleep", "60"], stdin=file))
+        line = server.stderr.readline()
+        for client in clients:
+            assert f"sleep (process {client.pid})" in line
+            client.kill()
+            client.wait()
+        assert "is open in several programs" in line
+
+
+def client_of(port, data):
+    """A program that sends bytes, reads nothing and ends."""
+    file = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+    os.write(file, data)
+    os.close(file)
+
+
+def test_clients_that_end_half_way_leave_nothing_to_the_next():
+    controller = Controller(Numbered())
+    board = CdcBoard(controller)
+    with PtyPort(board) as port:
+        for number in (4, 9, 200, len(LONG) - 1):
+            client_of(port, VERSION + LONG[:number])
+            assert is_soon(lambda: not port._has_client.is_set() and not board._parser._buffer)
+            file = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            with pytest.raises(BlockingIOError):
+                os.read(file, 1)  # the answer to the one before
+            os.close(file)
+        # A client comes back again and again; registers stay as they are, as on a board.
+        for _ in range(3):
+            with open_sensor(port.path, protocol="strata") as sensor:
+                sensor.configure(RADAR)
+                assert [frame.stats["lost_before"] for frame in sensor.frames(2)] == [0, 0]
+        kept = dict(controller.chip.registers)
+        client_of(port, VERSION)
+        assert is_soon(lambda: not port._has_client.is_set())
+        assert controller.chip.registers == kept
+
+
+def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recording, tmp_path):
+    link = tmp_path / "radar"
+    with serving(recording, "--link", link) as server:
+        output = tmp_path / "rec"
+        options = ("--rate", "40", "--chirps", "8", "--samples", "32")
+        with python(CLI, "sensor", "record", link, "-o", output, *options) as client:
+            cube = output / "cube.npy"
+            assert is_soon(lambda: cube.exists() and cube.stat().st_size > 5 * 4 * 3 * 8 * 32)
+            client.kill()
+        time.sleep(0.5)  # frames that nobody reads
+        with open_sensor(str(link)) as sensor:
+            sensor.configure(RADAR)
+            assert [frame.stats["lost_before"] for frame in sensor.frames(5)] == [0] * 5
+        assert server.poll() is None
+
+
+def test_client_that_never_reads_fills_no_memory():
+    board = CdcBoard(Controller(Numbered(), speed=50.0))
+    with PtyPort(board) as port:
+        file = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        num_taken, last = 0, time.monotonic()
+        while time.monotonic() - last < 0.3:  # until nothing more is taken
+            try:
+                num_taken += os.write(file, VERSION * 100)
+                last = time.monotonic()
+            except BlockingIOError:
+                time.sleep(0.005)
+            # The system's buffers have room for some 20 000 bytes, and the board answers 22 to each 10.
+            assert num_taken < 300_000, "it takes requests without end"
+        assert len(board._out) < 500_000
+        os.close(file)
+        assert is_soon(lambda: not port._has_client.is_set())
+        with open_sensor(port.path, protocol="strata") as sensor:
+            sensor.configure(RADAR)
+            assert len(list(sensor.frames(2))) == 2
+
+
+def test_frames_that_nobody_takes_are_counted_as_lost():
+    with virtual_board(Numbered(), speed=20.0) as board:
+        chip = board._controller.chip
+        chip.execute(start_words(registers_of(Settings.from_radar(RADAR), 768)))  # data are not started
+        assert is_soon(lambda: chip.has_overflown)
+        # 16384 samples have room for 21 frames of 768; the next one is lost with them.
+        assert (board.num_frames, board.num_lost) == (0, 22)
