@@ -42,22 +42,14 @@ def test_tone_has_the_level_frequency_and_phase_of_an_echo_of_its_delay(high_pas
 
 
 def test_second_tone_has_a_level_delay_and_phase_of_its_own() -> None:
-    first, second = {"level_db": -30.0, "delay": 0.1e-9, "phase_deg": 20.0}, (-45.0, 0.5e-9, (40.0, -50.0))
-    rx = {"rx": [[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]]}
-    names = ("echo_db", "echo_delay", "echo_phase_deg")
-    found = cube(
-        rc.Receiver(leakage=rc.Leakage(**first, **dict(zip(names, second, strict=True))), high_pass=80e3), **rx
-    )
-    parts = [
-        rc.Leakage(**first),
-        rc.Leakage(**dict(zip(("level_db", "delay", "phase_deg"), second, strict=True))),
-    ]
-    expected = sum(cube(rc.Receiver(leakage=part, high_pass=80e3), **rx) for part in parts)
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    rx = [[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]]
+    both = rc.Leakage(level_db=-30.0, delay=0.1e-9, echo_db=-45.0, echo_delay=0.5e-9, echo_phase_deg=(40.0, -50.0))
+    first = rc.Leakage(level_db=-30.0, delay=0.1e-9)
+    second = rc.Leakage(level_db=-45.0, delay=0.5e-9, phase_deg=(40.0, -50.0))
+    found, *parts = (cube(rc.Receiver(leakage=leakage, high_pass=80e3), rx=rx) for leakage in (both, first, second))
+    np.testing.assert_allclose(found, parts[0] + parts[1], rtol=1e-5)
     receiver = rc.Receiver(leakage=rc.Leakage(echo_db=(-30.0, -40.0), echo_phase_deg=(1.0, 2.0)))
-    assert rc.Receiver.from_dict(receiver.to_dict()) == rc.Receiver(
-        leakage=rc.Leakage(echo_db=[-30.0, -40.0], echo_phase_deg=[1.0, 2.0])
-    )
+    assert rc.Receiver.from_dict(receiver.to_dict()) == receiver
     assert receiver.of_receivers([1]).leakage == rc.Leakage(echo_db=(-40.0,), echo_phase_deg=(2.0,))
 
 
