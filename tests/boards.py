@@ -93,6 +93,8 @@ def opened(controller: Controller, transport: str = "cdc", **options: Any) -> It
 SWING = """
 [radar]
 preset = "bgt60tr13c"
+# Without the leakage and the offsets of the board.
+receiver = { output = "real", noise_figure_db = 12.0, high_pass = 8e4 }
 
 [run]
 stop = 60.0

@@ -41,6 +41,18 @@ def test_tone_has_the_level_frequency_and_phase_of_an_echo_of_its_delay(high_pas
     np.testing.assert_array_equal(found[0, 1:], found[0, :1].repeat(2, axis=0))
 
 
+def test_second_tone_has_a_level_delay_and_phase_of_its_own() -> None:
+    rx = [[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]]
+    both = rc.Leakage(level_db=-30.0, delay=0.1e-9, echo_db=-45.0, echo_delay=0.5e-9, echo_phase_deg=(40.0, -50.0))
+    first = rc.Leakage(level_db=-30.0, delay=0.1e-9)
+    second = rc.Leakage(level_db=-45.0, delay=0.5e-9, phase_deg=(40.0, -50.0))
+    found, *parts = (cube(rc.Receiver(leakage=leakage, high_pass=80e3), rx=rx) for leakage in (both, first, second))
+    np.testing.assert_allclose(found, parts[0] + parts[1], rtol=1e-5)
+    receiver = rc.Receiver(leakage=rc.Leakage(echo_db=(-30.0, -40.0), echo_phase_deg=(1.0, 2.0)))
+    assert rc.Receiver.from_dict(receiver.to_dict()) == receiver
+    assert receiver.of_receivers([1]).leakage == rc.Leakage(echo_db=(-40.0,), echo_phase_deg=(2.0,))
+
+
 def test_step_decays_from_the_first_sample_and_phase_180_starts_below() -> None:
     leakage = rc.Leakage(step_db=-40.0, step_phase_deg=180.0, step_time=2e-6)
     found = cube(rc.Receiver(output="real", leakage=leakage, high_pass=80e3))

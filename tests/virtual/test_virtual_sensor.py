@@ -130,8 +130,8 @@ def test_angles_of_a_board_are_right_with_the_phases_of_its_receivers():
     )
 
 
-def test_gain_of_the_client_scales_the_samples(swing):
-    source = Simulated(rc.load_scene(swing).simulator())
+def test_gain_of_the_client_scales_the_samples():
+    source = Simulated(rc.Simulator(rc.Scene([rc.PointTarget([1.5, 0.0, 0.0])]), CLIENT), receiver="ideal")
     radar = achieved(Settings.from_radar(CLIENT)).to_radar()
     low, high = (source.frame(radar, 0, 0.0, if_gain_db=gain).astype(float) - 2047.5 for gain in (30.0, 50.0))
     # Noise is the same; rounding to codes is half a code.
@@ -144,7 +144,7 @@ def test_level_is_that_of_the_radar_equation():
     point = rc.PointTarget([1.0, 0.0, 0.0], rcs=1.0)
     radar = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=1)
     simulator = rc.Simulator(rc.Scene([point]), radar, resolution=8)
-    codes = Simulated(simulator).frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
+    codes = Simulated(simulator, receiver="ideal").frame(radar, 0, 0.0, if_gain_db=40.0).astype(float) - 2047.5
     wavelength = radar.waveform.wavelength
     gain = 10.0**0.35
     power = 2.51e-3 * gain**2 * wavelength**2 / (4.0 * np.pi) ** 3
@@ -229,27 +229,30 @@ class Paced:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "lines"),
+    ("seconds", "speed", "lines"),
     [
-        (lambda index: 0.1, ["the scene takes long to simulate and runs at 0.5 x the speed that was asked for"]),
+        (lambda index: 0.1, 1.0, ["simulated at 0.5 of real time over the last 10 s"] * 3),
+        (lambda index: 0.05, 2.0, ["simulated at 1 of real time (2 asked for) over the last 10 s"] * 2),
         # The first frame cannot be made ahead, and a host is busy now and then.
-        (lambda index: {0: 0.5, 10: 0.06, 70: 0.2}.get(index, 0.0), []),
+        (lambda index: {0: 0.5, 10: 0.06, 70: 0.2}.get(index, 0.0), 1.0, []),
     ],
-    ids=["slow", "late now and then"],
+    ids=["slow", "slower than asked for", "late now and then"],
 )
-def test_serve_tells_of_a_scene_that_is_slow_and_of_no_other(seconds, lines, monkeypatch):
+def test_serve_tells_every_ten_seconds_of_a_scene_that_is_slow_and_of_no_other(seconds, speed, lines, monkeypatch):
     clock = Clock()
     monkeypatch.setattr("radarcore.sensor.emulator.chip.time", clock)
     settings = Settings.from_radar(rc.bgt60tr13c(num_chirps=8, frame_interval=50e-3))
-    with virtual_board(Paced(seconds, clock.wait)) as board:
+    with virtual_board(Paced(seconds, clock.wait), speed=speed) as board:
         chip = board._controller.chip
         monkeypatch.setattr(chip._lock, "wait", clock.wait)
         monkeypatch.setattr(chip, "_on_samples", chip._empty)  # a client that is never late
-        chip.execute(start_words(registers_of(replace(settings, num_frames=200), 6144)))
+        num_frames = 410 if lines else 600  # half a minute of 0.1 s or 0.05 s each
+        chip.execute(start_words(registers_of(replace(settings, num_frames=num_frames), 6144)))
         chip._thread.join()
         told = board.news()
-        assert [line.partition(";")[0] for line in told] == lines
-        assert board.news() == [], "once"
+        assert [line.partition(":")[0] for line in told[: len(lines)]] == lines
+        assert len(told) - len(lines) in ((0, 1) if lines else (0,))
+        assert board.news() == [], "each once"
 
 
 def test_board_answers_while_a_frame_takes_long_to_simulate():

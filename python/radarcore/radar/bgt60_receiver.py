@@ -111,10 +111,10 @@ def measured_receiver(if_gain_db: int = 23, high_pass: float = 80e3, *, bandwidt
         low_pass=515e3,
         low_pass_order=4,
         kick_db=20.0 * log10(_KICK_AT_50_DB * over_50 / noise),
-        kick_time=2e-6,
+        kick_time=0.75e-6,
         gain_db=gain_db,
         full_scale=_FULL_SCALE,
-        dc_offset=(-0.049, 0.051, 0.075),
+        dc_offset=(-0.060, 0.040, 0.093),
         adc_bits=_BITS,
         adc_noise_lsb=0.9,
         chirp_offset_lsb=(0.78, 1.02, 0.18),
@@ -137,14 +137,18 @@ def _leakage(bandwidth: float) -> Leakage:
 
     if abs(bandwidth) < _NARROW_SWEEP:
         return Leakage(step_db=level_db(700.0, 50.0), step_time=1.125e-6)
-    # Before the high-pass of 80 kHz, which leaves 0.19 of a tone of 15.7 kHz.
-    tone = [level_db(lsb, 23.0) for lsb in (4042.0, 1803.0, 1105.0)]
-    step = [level_db(lsb, 23.0) for lsb in (384.0, 15.0, 270.0)]
+    # Before the high-pass of 80 kHz, which leaves 0.19 of a tone of 15.7 kHz and 0.72 of one of 83 kHz.
+    tone = [level_db(lsb, 23.0) for lsb in (4010.0, 1674.0, 1340.0)]
+    echo = [level_db(lsb, 23.0) for lsb in (45.4, 59.7, 24.6)]
+    step = [level_db(lsb, 23.0) for lsb in (422.8, 16.7, 332.4)]
     return Leakage(
         level_db=tuple(tone),
         delay=0.10e-9,
-        phase_deg=(107.0, 39.0, 38.0),
+        phase_deg=(109.0, 36.2, 39.7),
+        echo_db=tuple(echo),
+        echo_delay=0.53e-9,
+        echo_phase_deg=(145.3, -95.4, -5.8),
         step_db=tuple(step),
         step_phase_deg=(0.0, 0.0, 180.0),
-        step_time=2.5e-6,
+        step_time=3e-6,
     )

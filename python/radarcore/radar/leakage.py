@@ -11,13 +11,16 @@ from radarcore.radar.levels import level
 PerReceiver = float | tuple[float, ...]
 """One number for all receivers, or one of each."""
 
+PER_RECEIVER = ("level_db", "phase_deg", "echo_db", "echo_phase_deg", "step_db", "step_phase_deg")
+"""Fields of `Leakage` that may have one number per receiver."""
+
 
 @check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Leakage:
-    """Leakage from a transmitter to the receivers: a tone of very low frequency, and what turning on leaves.
+    """Leakage from a transmitter to the receivers: tones of very low frequency, and what turning on leaves.
 
-    Both are the same in every chirp. Levels and phases are numbers, or sequences with one per receiver.
+    All are the same in every chirp. Levels and phases are numbers, or sequences with one per receiver.
 
     Parameters
     ----------
@@ -27,6 +30,12 @@ class Leakage:
         Delay [s]; the high-pass sees the beat frequency ``slope * delay``.
     phase_deg : float or sequence of float
         Phase on top of that of the delay [degrees].
+    echo_db : float or sequence of float, optional
+        Power of a second tone, which comes off a cover, a housing or the board, as `level_db` [dB]. None: no such tone.
+    echo_delay : float
+        Its delay [s].
+    echo_phase_deg : float or sequence of float
+        Its phase on top of that of the delay [degrees].
     step_db : float or sequence of float, optional
         What is left, at the first sample, of the step as the transmitter turns on, behind the high-pass; over the power
         of one transmitter [dB]. None: no step.
@@ -39,19 +48,32 @@ class Leakage:
     level_db: PerReceiver | None = None
     delay: float = 0.0
     phase_deg: PerReceiver = 0.0
+    echo_db: PerReceiver | None = None
+    echo_delay: float = 0.0
+    echo_phase_deg: PerReceiver = 0.0
     step_db: PerReceiver | None = None
     step_phase_deg: PerReceiver = 0.0
     step_time: float = 2e-6
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        for name in ("level_db", "step_db"):
+        for name in ("level_db", "echo_db", "step_db"):
             if (value := getattr(self, name)) is not None:
                 put(self, name, per_receiver(name, value, "dB", is_level=True))
-        put(self, "delay", check.non_negative("delay", self.delay, "s"))
-        put(self, "phase_deg", per_receiver("phase_deg", self.phase_deg, "degrees"))
-        put(self, "step_phase_deg", per_receiver("step_phase_deg", self.step_phase_deg, "degrees"))
+        for name in ("delay", "echo_delay"):
+            put(self, name, check.non_negative(name, getattr(self, name), "s"))
+        for name in ("phase_deg", "echo_phase_deg", "step_phase_deg"):
+            put(self, name, per_receiver(name, getattr(self, name), "degrees"))
         put(self, "step_time", check.positive("step_time", self.step_time, "s"))
+
+    @property
+    def tones(self) -> list[tuple[PerReceiver, float, PerReceiver]]:
+        """Levels [dB], delay [s] and phases [degrees] of the tones that there are."""
+        both = (
+            (self.level_db, self.delay, self.phase_deg),
+            (self.echo_db, self.echo_delay, self.echo_phase_deg),
+        )
+        return [(level_db, delay, phase_deg) for level_db, delay, phase_deg in both if level_db is not None]
 
 
 def per_receiver(name: str, value: Any, unit: str, *, is_level: bool = False) -> PerReceiver:

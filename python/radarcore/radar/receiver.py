@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from radarcore import check
-from radarcore.radar.leakage import Leakage, PerReceiver, check_per_receiver, per_receiver
+from radarcore.radar.leakage import PER_RECEIVER, Leakage, PerReceiver, check_per_receiver, per_receiver
 from radarcore.radar.levels import level
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
@@ -161,7 +161,7 @@ class Receiver:
         check_per_receiver("receiver.dc_offset", self.dc_offset, num_rx)
         check_per_receiver("receiver.chirp_offset_lsb", self.chirp_offset_lsb, num_rx)
         if self.leakage is not None:
-            for name in ("level_db", "phase_deg", "step_db", "step_phase_deg"):
+            for name in PER_RECEIVER:
                 check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)
 
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
@@ -172,8 +172,7 @@ class Receiver:
 
         chosen = {name: own(getattr(self, name)) for name in ("rx_phase_deg", "dc_offset", "chirp_offset_lsb")}
         if self.leakage is not None:
-            names = ("level_db", "phase_deg", "step_db", "step_phase_deg")
-            leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in names})
+            leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in PER_RECEIVER})
             return replace(self, leakage=leakage, **chosen)
         return replace(self, **chosen)
 

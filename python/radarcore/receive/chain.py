@@ -14,7 +14,7 @@ from radarcore.radar.receiver import Receiver
 from radarcore.receive import adc
 from radarcore.receive.draws import Draws
 from radarcore.receive.imbalance import unbalance
-from radarcore.receive.leakage import leakage_step, leakage_tone
+from radarcore.receive.leakage import leakage_step, leakage_tones
 from radarcore.receive.noise import kick, thermal_noise
 from radarcore.receive.phase_noise import phase_differences
 
@@ -60,11 +60,11 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) 
         signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
     if (leakage := receiver.leakage) is not None:
         by_receiver = signal.reshape(-1, len(radar.rx), *signal.shape[1:])
-        if leakage.level_db is not None:
-            tone = leakage_tone(leakage, receiver, radar)[:, None] * _leaking(radar)
+        for delay, leaked in leakage_tones(leakage, receiver, radar):
+            tone = leaked[:, None] * _leaking(radar)
             by_receiver += tone
             # The phase noise of an echo of its delay.
-            for share, turn in zip(phase_noise_shares(receiver, radar.waveform, leakage.delay), turns, strict=True):
+            for share, turn in zip(phase_noise_shares(receiver, radar.waveform, delay), turns, strict=True):
                 added = np.float32(share) * turn
                 by_receiver += tone * (added if len(added) == 1 else added.reshape(by_receiver.shape))
         if leakage.step_db is not None:

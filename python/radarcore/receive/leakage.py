@@ -1,4 +1,4 @@
-"""Leakage of the transmitter: a slow tone and the step of turning on, the same in every chirp."""
+"""Leakage of the transmitter: slow tones and the step of turning on, the same in every chirp."""
 
 from __future__ import annotations
 
@@ -14,15 +14,20 @@ from radarcore.radar.receiver import Receiver
 
 
 @lru_cache(maxsize=16)
-def leakage_tone(leakage: Leakage, receiver: Receiver, radar: Radar) -> NDArray[np.complex64]:
-    """Tone behind the filters (rx, sample) [sqrt(W)], an echo of its delay, docs/theory.md eq. (1)."""
-    assert leakage.level_db is not None
-    waveform, tau = radar.waveform, leakage.delay
+def leakage_tones(leakage: Leakage, receiver: Receiver, radar: Radar) -> list[tuple[float, NDArray[np.complex64]]]:
+    """Delays [s], and tones behind the filters (rx, sample) [sqrt(W)]: echoes of them, docs/theory.md eq. (1)."""
+    return [(delay, _tone(level_db, delay, phase_deg, receiver, radar)) for level_db, delay, phase_deg in leakage.tones]
+
+
+def _tone(
+    level_db: ArrayLike, tau: float, phase_deg: ArrayLike, receiver: Receiver, radar: Radar
+) -> NDArray[np.complex64]:
+    waveform = radar.waveform
     phase = (
         waveform.start_frequency * tau - 0.5 * waveform.slope * tau**2 + waveform.slope * tau * waveform.sample_times
     )
     gain = filter_gain(receiver, np.array(waveform.slope * tau))
-    tone = gain * _phasors(leakage.level_db, leakage.phase_deg, radar)[:, None] * np.exp(2j * np.pi * phase)
+    tone = gain * _phasors(level_db, phase_deg, radar)[:, None] * np.exp(2j * np.pi * phase)
     return _read_only(tone)
 
 

@@ -8,15 +8,19 @@ from types import TracebackType
 from radarcore import check
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.simulation import Simulation
-from radarcore.sensor.emulator.chip import Chip
+from radarcore.sensor.emulator.chip import PACE_TIME, Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
+from radarcore.sensor.emulator.peripheral import LATENCY
 from radarcore.sensor.emulator.source import FrameSource, Playback
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.simulate.simulator import Simulator
-from radarcore.virtual.source import Simulated
+from radarcore.virtual.source import RECEIVERS, Simulated
 
 PROTOCOLS = ("strata", "comlib")
+
+_KEEPS_UP = 0.95
+"""Part of the speed that was asked for below which a scene is slow."""
 
 
 def virtual_board(
@@ -25,6 +29,8 @@ def virtual_board(
     protocol: str = "strata",
     speed: float | None = 1.0,
     threads: int | None = None,
+    receiver: str = "measured",
+    latency: float = LATENCY,
     faults: Faults | None = None,
 ) -> VirtualBoard:
     """A board that measures a simulated scene, a recording or any frames, for a pty or an emulated USB bus.
@@ -33,43 +39,54 @@ def virtual_board(
     ----------
     source : Simulator, Simulation, Recording or FrameSource
         Source of the samples: a scene from its time 0, or from the start of a scene file's run. The client's registers
-        say how: samples, chirps, bandwidth, times and gains.
+        say how: samples, ramps, times, receivers, gains and power.
     protocol : "strata" or "comlib"
     speed : float or None
         Seconds of the sensor per second of the host; None: as fast as the client reads. A scene that takes longer to
         simulate comes slower, with right time stamps.
     threads : int, optional
         Threads for a scene file's simulator; default: all cores.
+    receiver : "measured" or "ideal"
+        Receivers behind a simulated scene: those of a BGT60TR13C as measured, with leakage and offsets, or the gains
+        and noise of the data sheet alone. A scene whose radar has a receiver with more than thermal noise keeps its own
+        effects.
+    latency : float
+        Time from a request to its answer, at least [s].
     faults : Faults, optional
         Faults of a Strata board.
     """
     check.choice("protocol", protocol, PROTOCOLS)
+    check.choice("receiver", receiver, RECEIVERS)
+    check.non_negative("latency", latency, "s")
     if speed is not None:
         speed = check.positive("speed", speed)
     frames: FrameSource
     if isinstance(source, Simulator):
-        frames = Simulated(source)
+        frames = Simulated(source, receiver=receiver)
     elif isinstance(source, Simulation):
-        frames = Simulated(source.simulator(threads=threads), start=source.run.start)
+        frames = Simulated(source.simulator(threads=threads), start=source.run.start, receiver=receiver)
     elif isinstance(source, Recording):
         frames = Playback(source)
     else:
         frames = source
-    return VirtualBoard(frames, protocol, speed, faults)
+    return VirtualBoard(frames, protocol, speed, latency, faults)
 
 
 class VirtualBoard:
     """A `StreamPeripheral` made by `virtual_board`; a context manager."""
 
-    def __init__(self, source: FrameSource, protocol: str, speed: float | None, faults: Faults | None) -> None:
+    def __init__(
+        self, source: FrameSource, protocol: str, speed: float | None, latency: float, faults: Faults | None
+    ) -> None:
+        self._speed = speed
         self._controller: Controller | None = None
         self._board: CdcBoard | ComLibEmulator
         self._measures: Chip | ComLibEmulator
         self._counts: Controller | ComLibEmulator
         if protocol == "comlib":
-            self._board = self._measures = self._counts = ComLibEmulator(source, speed=speed)
+            self._board = self._measures = self._counts = ComLibEmulator(source, speed=speed, latency=latency)
         else:
-            self._controller = self._counts = Controller(source, speed=speed, faults=faults)
+            self._controller = self._counts = Controller(source, speed=speed, latency=latency, faults=faults)
             self._board, self._measures = CdcBoard(self._controller), self._controller.chip
         self._told: set[str] = set()
 
@@ -96,15 +113,21 @@ class VirtualBoard:
         return self._measures.num_lost
 
     def news(self) -> list[str]:
-        """News for whoever runs the board, each once: registers that give no frames, a scene that is too slow."""
-        found = {}
-        if self._measures.failure is not None:
-            found[str(self._measures.failure)] = f"the client's settings give no frames: {self._measures.failure}"
-        if isinstance(self._measures, Chip) and self._measures.slowest < 0.95:
-            pace = f"{self._measures.slowest:.2g} x the speed that was asked for"
-            found["slow"] = f"the scene takes long to simulate and runs at {pace}; a lower run.ray_budget helps"
-        news = [line for what, line in found.items() if what not in self._told]
-        self._told.update(found)
+        """News for whoever runs the board: registers that give no frames, once; every ten seconds of a slow scene."""
+        news = []
+        failure = self._measures.failure
+        if failure is not None and str(failure) not in self._told:
+            self._told.add(str(failure))
+            news.append(f"the client's settings give no frames: {failure}")
+        if isinstance(self._measures, Chip) and self._speed is not None:
+            while self._measures.paces:
+                pace = self._measures.paces.popleft()
+                if pace < _KEEPS_UP * self._speed:
+                    asked = "" if self._speed == 1.0 else f" ({self._speed:g} asked for)"
+                    news.append(
+                        f"simulated at {pace:.2g} of real time{asked} over the last {PACE_TIME:g} s: the scene takes "
+                        "long; a lower run.ray_budget helps"
+                    )
         return news
 
     def close(self) -> None:

@@ -14,9 +14,12 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording.codes import FULL_SCALE_VOLT, to_codes
-from radarcore.sensor.emulator.source import MIDDLE, codes_of
+from radarcore.scene.scene import Scene
+from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
 from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
+
+RECEIVERS = ("measured", "ideal")
 
 _IMPEDANCE = 50.0
 """Impedance of the receiver's input [ohm]."""
@@ -24,19 +27,31 @@ _IMPEDANCE = 50.0
 _CONVERSION_GAIN_DB = 14.0
 """Gain from the receiver's input to the voltage before the baseband [dB], typical value of the data sheet."""
 
-
 _SAME_PLACE = 1e-4
 """Distance within which a receiver is taken for one of the chip's [m]."""
 
+_NUM_AHEAD = 2
+"""Frames that are simulated ahead: a frame that takes longer than others is then not late."""
+
+_MOST_RADARS = 16
+"""Radars whose simulators are kept: a frame of the chip has up to eight kinds of ramps."""
+
+_OF_THE_ADC = ("gain_db", "full_scale", "adc_bits", "output", "noise_figure_db")
+"""Settings of the chain that a receiver without codes cannot switch off."""
+
 
 class Simulated:
-    """Frames of a simulated scene through the gains of the data sheet; the next frame is simulated ahead.
+    """Frames of a simulated scene, as the receivers and the ADC of the chip make codes of them.
 
-    The echo's power at the receiver's input goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain
-    behind it and an ADC of 12 bits that spans 1.21 V to either side. Filters, leakage and the offsets of a real
-    receiver are left out, unless the simulator's radar has the chip's receiver as measured
-    (``bgt60tr13c(receiver="measured")``): that is then the sensor's, at the gain that its registers have, without the
-    effects that are None in the simulator's.
+    The chain is that of the chip as measured (``bgt60tr13c(receiver="measured")``), with leakage, offsets, filters and
+    noise, at the gain and the high-pass that the registers have. A simulator's radar with a receiver of its own keeps
+    that: effects that are None there are left out. Ideal is a chain of the data sheet's figures alone: the echo's power
+    at the receiver's input, with thermal noise, goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain
+    behind it and an ADC of 12 bits that spans 1.21 V to either side. So do radars whose receivers are at other places
+    than the chip's.
+
+    Echoes and leakage have the power that the registers set; there are none with the transmitter off, and none of a
+    constant wave, whose echoes of 0 Hz the high-pass leaves out. The next frames are simulated ahead.
 
     Parameters
     ----------
@@ -44,49 +59,84 @@ class Simulated:
         Scene and settings; the radar is what the sensor is set to.
     start : float
         Time of the scene when the sensor starts to measure [s].
+    receiver : "measured" or "ideal"
     """
 
-    def __init__(self, simulator: Simulator, *, start: float = 0.0) -> None:
+    def __init__(self, simulator: Simulator, *, start: float = 0.0, receiver: str = "measured") -> None:
         self.start = check.number("start", start, "s")
+        check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
-        receiver = simulator.radar.receiver
-        self._chain = receiver if receiver is not None and receiver.has_codes else None
+        self._simulators: dict[Radar, Simulator] = {}
+        own = simulator.radar.receiver
+        self._own = None if own is None or own.is_plain else own
+        self._is_ideal = receiver == "ideal" and self._own is None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="radarcore-simulate")
-        self._ahead: tuple[Radar, int, Future[NDArray[np.float64]]] | None = None
+        self._ahead: dict[tuple[Radar, int], tuple[float, Future[NDArray[np.float64]]]] = {}
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        places: list[int] = []
-        if self._chain is not None and (places := _places(radar)):
-            chain = measured_receiver(
-                round(if_gain_db), self._chain.high_pass or HIGHPASS_CUTOFFS[-1], bandwidth=radar.waveform.bandwidth
-            )
-            radar = _with_receiver(radar, _switched(chain, self._chain).of_receivers(places))
-        ahead, self._ahead = self._ahead, None
-        if ahead is not None and ahead[:2] == (radar, index):
-            samples = ahead[2].result()
-        else:
-            samples = self._pool.submit(self._samples, radar, time).result()
-        following = self._pool.submit(self._samples, radar, time + radar.waveform.frame_interval)
-        self._ahead = (radar, index + 1, following)
-        if places:
+        radar, has_codes = self._received(radar, if_gain_db)
+        samples = self._taken(radar, index, time)
+        for k in range(1, _NUM_AHEAD + 1):
+            self._begin(radar, index + k, time + k * radar.waveform.frame_interval)
+        if has_codes:
             return to_codes(samples)
         gain = np.sqrt(power_from_db(_CONVERSION_GAIN_DB + if_gain_db))
         # Samples are the real part of an amplitude whose square is the power; a tone has half its peak's square.
         volt = gain * np.sqrt(2.0 * _IMPEDANCE) * samples
         return codes_of(volt * (MIDDLE / FULL_SCALE_VOLT))
 
+    def _received(self, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
+        """The radar with the chain of its receivers, and True where that gives codes."""
+        receiver = radar.receiver or Receiver(output="real")
+        places = [] if self._is_ideal else _places(radar)
+        if not places:
+            return _with_receiver(radar, replace(receiver, high_pass=None)), False
+        own = self._own
+        cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
+        chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
+        if own is not None:
+            chain = _switched(chain, own)
+        if radar.waveform.is_cw:
+            chain = replace(chain, high_pass=None)
+        return _with_receiver(radar, chain.of_receivers(places)), True
+
+    def _taken(self, radar: Radar, index: int, time: float) -> NDArray[np.float64]:
+        """Samples of a frame, simulated ahead or now; frames ahead of others are forgotten."""
+        begin = self._ahead.pop((radar, index), None)
+        for key in [key for key in self._ahead if not 0 <= key[1] - index <= _NUM_AHEAD]:
+            self._ahead.pop(key)[1].cancel()
+        if begin is not None and abs(begin[0] - time) < 0.5 * radar.waveform.sample_times[-1]:
+            return begin[1].result()
+        return self._pool.submit(self._samples, radar, time).result()
+
+    def _begin(self, radar: Radar, index: int, time: float) -> None:
+        if (radar, index) not in self._ahead:
+            self._ahead[radar, index] = time, self._pool.submit(self._samples, radar, time)
+
     def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
         """Real samples [sqrt(W)], or parts of full scale of the measured receiver."""
-        if self._simulator.radar != radar:
-            self._simulator = self._simulator.with_radar(radar)
-        samples: NDArray[np.float64] = self._simulator.frame(self.start + time).cube
+        samples: NDArray[np.float64] = self._simulator_of(radar).frame(self.start + time).cube
         return samples
+
+    def _simulator_of(self, radar: Radar) -> Simulator:
+        found = self._simulators.get(radar)
+        if found is None:
+            while len(self._simulators) >= _MOST_RADARS:
+                del self._simulators[next(iter(self._simulators))]
+            if radar.waveform.is_cw or radar.tx_power_dbm <= NO_POWER_DBM:
+                seed = getattr(self._simulator, "seed", 0)
+                found = Simulator(Scene(), radar, resolution=8, seed=seed)
+            else:
+                found = self._simulator.with_radar(radar)
+            self._simulators[radar] = found
+        return found
 
 
 def _switched(chain: Receiver, own: Receiver) -> Receiver:
     """The chain without the effects that another receiver has switched off, and with its widths of codes."""
-    names = [field.name for field in fields(own) if field.name != "gain_db"]  # that of the registers
+    kept = ("gain_db",) if own.has_codes else _OF_THE_ADC  # the gain is that of the registers
+    names = [field.name for field in fields(own) if field.name not in kept]
     off = {name: None for name in names if getattr(own, name) is None}
     return replace(chain, **{"adc_odd_width": own.adc_odd_width} | off)  # type: ignore[arg-type]  # None is legal there
 

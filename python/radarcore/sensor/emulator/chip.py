@@ -10,12 +10,11 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.registers import (
     CHIP_ID,
     FIFO_RESET,
@@ -30,8 +29,8 @@ from radarcore.sensor.bgt60.registers import (
     SW_RESET,
     temperature_code,
 )
-from radarcore.sensor.bgt60.settings import Settings, settings_of
 from radarcore.sensor.bgt60.slices import slice_size_of
+from radarcore.sensor.emulator.sequence import Ramps, Sequence, constant_wave_of, sequence_of
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.packing import test_pattern
 
@@ -48,8 +47,15 @@ _STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
 _FSTAT_OVERFLOW = 1 << 23
 _FSTAT_EMPTY = 1 << 20
 
-_PACE_TIME = 4.0
+_DEEP_SLEEP, _IDLE, _INTERCHIRP, _ACTIVE = 5, 3, 2, 1
+"""Power modes (STAT0.PM)."""
+_WAKING = {_DEEP_SLEEP: _IDLE, _IDLE: _INTERCHIRP, _INTERCHIRP: _ACTIVE}
+"""Modes that follow each other in CW mode, one with every trigger."""
+_POWER_MODE = 0b111 << 5  # in STAT0
+
+PACE_TIME = 10.0
 """Time over which the rate of a source is measured [s of the host]: a busy host is late now and then."""
+_MOST_PACES = 8
 
 
 class Chip:
@@ -98,8 +104,10 @@ class Chip:
         """Samples of a frame of the newest measurement, of all receivers."""
         self.num_lost = 0
         """Frames that overflows have cost, in all; those that a host did not wait for are not counted."""
-        self.slowest = np.inf
-        """Smallest rate of the source so far, relative to real time; 1 when it keeps up."""
+        self.paces: deque[float] = deque(maxlen=_MOST_PACES)
+        """Rates of the source over `PACE_TIME` [s of the sensor per s of the host], until somebody takes them."""
+        self._power_mode = _DEEP_SLEEP
+        self._wave = (0, 0.0)  # constant wave: triggers that gave samples, and when the first came
         self._began = time.monotonic()
         self._latest = 0.0  # time stamp of the newest samples
         self.registers: dict[int, int] = {}
@@ -121,6 +129,7 @@ class Chip:
         with self._lock:
             self.registers = dict(RESET_VALUES)
             self.registers[CHIP_ID] = self.chip_id
+            self._wave = (0, 0.0)
         self._empty()
 
     def _empty(self) -> None:
@@ -130,7 +139,7 @@ class Chip:
             self.has_overflown = False
             self._lock.notify_all()
 
-    def execute(self, words: Sequence[int]) -> list[int]:
+    def execute(self, words: Iterable[int]) -> list[int]:
         """Answers to SPI words, in order: status on top of the register's value before the word."""
         answers = []
         for word in words:
@@ -145,7 +154,7 @@ class Chip:
         """Value of a register; those that do not exist are zero."""
         with self._lock:
             if address == STAT0:
-                return self.registers[address] | _STAT0_READY
+                return self.registers[address] & ~_POWER_MODE | self._power_mode << 5 | _STAT0_READY
             if address == SADC_RESULT:
                 return temperature_code(self.temperature)
             if address == FSTAT:
@@ -170,8 +179,11 @@ class Chip:
             self._stop()
         if main & FIFO_RESET:
             self._empty()
-        if main & FRAME_START and not main & _CW_MODE:  # a continuous wave has no frames
-            self._start()
+        if main & FRAME_START:
+            if main & _CW_MODE:
+                self._trigger_wave()
+            else:
+                self._start()
 
     def has_samples(self, num_samples: int) -> bool:
         """True when the FIFO holds at least `num_samples`."""
@@ -209,6 +221,7 @@ class Chip:
             self.num_lost += -(-(self._fill + num_more) // max(self.frame_size, 1))
             self.has_overflown = self.complains = True
             self._run += 1
+            self._power_mode = _DEEP_SLEEP
             self._fifo.clear()
             self._fill = 0
             self._lock.notify_all()
@@ -220,17 +233,38 @@ class Chip:
             self._thread.join()
 
     def _start(self) -> None:
+        """Measure frames as the registers say, from now on."""
         self._stop()
         try:
-            settings = settings_of(self.registers)
-            radar = settings.to_radar()
+            sequence = sequence_of(self.registers)
         except ValueError as error:  # no frame comes of such registers
             self.failure = error
             return
-        self.slowest = np.inf
+        self._power_mode = _ACTIVE
+        self.paces.clear()
+        self._begin(sequence)
+
+    def _trigger_wave(self) -> None:
+        """One state further in CW mode, in which each waits for a trigger: the last one samples, and comes again."""
+        if self._power_mode != _ACTIVE:
+            self._power_mode = _WAKING[self._power_mode]
+            return
+        try:
+            sequence = constant_wave_of(self.registers)
+        except ValueError as error:
+            self.failure = error
+            return
+        number, began = self._wave if self._wave[0] else (0, self._uptime())
+        self._wave = number + 1, began
+        self._stop()
+        self._power_mode = _INTERCHIRP
+        self._begin(sequence, first_index=number, origin=began)
+
+    def _begin(self, sequence: Sequence, *, first_index: int = 0, origin: float | None = None) -> None:
+        """Measure in a thread; `origin` is the time stamp of the time 0 of the source, now by default [s]."""
         piece = slice_size_of(self.registers)
         is_test = bool(self.registers[SFCTL] & _LFSR_EN)
-        arguments = (self._run, settings, radar, piece, is_test, self._thread)
+        arguments = (self._run, sequence, piece, is_test, self._thread, first_index, origin)
         self._thread = threading.Thread(target=self._measure, args=arguments, name="radarcore-sequencer", daemon=True)
         self._thread.start()
 
@@ -238,40 +272,47 @@ class Chip:
         """End the measurement; its thread ends with the frame that the source is at, which may take long."""
         with self._lock:
             self._run += 1
+            self._power_mode = _DEEP_SLEEP
             self._lock.notify_all()
 
     def _measure(
         self,
         run: int,
-        settings: Settings,
-        radar: Radar,
+        sequence: Sequence,
         piece: int,
         is_test: bool,
         previous: threading.Thread | None,
+        first_index: int,
+        origin: float | None,
     ) -> None:
         """Frames into the FIFO until `run` is over; the source is that of `previous` until that has ended."""
         if previous is not None:
             previous.join()
-        first_stamp = self._uptime()
-        began, index = time.monotonic(), 0
+        stamp = self._uptime()
+        first_stamp = stamp if origin is None else origin
+        first_start = stamp - first_stamp
+        began, number = time.monotonic() - first_start / (self.speed or 1.0), 0
         paced_from: tuple[float, float] | None = None
-        while self._run == run and (settings.num_frames == 0 or index < settings.num_frames):
-            start = index * settings.frame_time
+        # A board has samples after their chirp.
+        sizes = np.array([ramps.chirp_size for ramps in sequence.ramps])[sequence.order]
+        counts, ends = np.concatenate([[0], np.cumsum(sizes)]), np.concatenate([[0.0], sequence.ends])
+        while self._run == run and (sequence.num_frames == 0 or number < sequence.num_frames):
+            start = first_start + number * sequence.frame_time
             try:
-                cube = self.source.frame(radar, index, start, if_gain_db=settings.if_gain_db)
+                cubes = [
+                    self.source.frame(ramps.radar, first_index + number, start, if_gain_db=ramps.if_gain_db)
+                    for ramps in sequence.ramps
+                ]
             except Exception as error:  # a source that fails ends the measurement, not the board
                 self.failure = error
                 return
-            if is_test and settings.rx_mask & 1:
-                cube = cube.copy()
-                cube[0] = test_pattern(cube[0].size).reshape(cube[0].shape)
-            samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
+            if is_test:
+                cubes = [_with_test_pattern(cube, ramps) for cube, ramps in zip(cubes, sequence.ramps, strict=True)]
+            samples = sequence.stream(cubes)
             self.frame_size = len(samples)
-            active = settings.num_chirps * settings.chirp_time
             for first in range(0, len(samples), piece):
                 part = samples[first : first + piece]
-                # A real sensor has measured samples after their chirp.
-                moment = start + (first + len(part)) / len(samples) * active
+                moment = start + float(np.interp(first + len(part), counts, ends))
                 late = self._wait_until(run, began, moment)
                 if first == 0:
                     # A source that is late makes the sensor late, but not its chirps shorter.
@@ -279,7 +320,10 @@ class Chip:
                     paced_from = self._pace(paced_from, moment)
                 if not self._put(run, part, first_stamp + moment):
                     return
-            index += 1
+            number += 1
+        with self._lock:
+            if self._run == run and origin is None:
+                self._power_mode = _DEEP_SLEEP  # all frames that were asked for
 
     def _uptime(self) -> float:
         """Time since power-up [s], not before what has been measured."""
@@ -291,9 +335,9 @@ class Chip:
         now = time.monotonic()
         if begin is None or self.speed is None:  # the first frame could not be made ahead
             return now, moment
-        if now - begin[0] < _PACE_TIME:
+        if now - begin[0] < PACE_TIME:
             return begin
-        self.slowest = min(self.slowest, (moment - begin[1]) / (self.speed * (now - begin[0])))
+        self.paces.append((moment - begin[1]) / (now - begin[0]))
         return now, moment
 
     def _wait_until(self, run: int, began: float, moment: float) -> float:
@@ -323,3 +367,12 @@ class Chip:
             self.overflow(len(samples))
         self._on_samples()
         return has_room
+
+
+def _with_test_pattern(cube: NDArray[np.uint16], ramps: Ramps) -> NDArray[np.uint16]:
+    """Codes whose RX1, if in use, has the test sequence of the chip."""
+    if not ramps.has_first_rx:
+        return cube
+    cube = cube.copy()
+    cube[0] = test_pattern(cube[0].size).reshape(cube[0].shape)
+    return cube

@@ -94,6 +94,8 @@ class ComLibEmulator:
         Silence after which an incomplete message is given up [s].
     buffer_size : int
         Largest payload of a request [bytes].
+    latency : float
+        Time from a request to its answer, at least [s].
     """
 
     def __init__(
@@ -107,6 +109,7 @@ class ComLibEmulator:
         temperature: float = 40.0,
         resync_timeout: float = 10.0,
         buffer_size: int = 512,
+        latency: float = 0.0,
     ) -> None:
         self.temperature = check.number("temperature", temperature, "degrees Celsius")
         self.failure: Exception | None = None
@@ -118,6 +121,7 @@ class ComLibEmulator:
         if not _MIN_RATE <= self._initial_rate <= _MAX_RATE:
             raise ValueError(f"sample_rate: expected {_MIN_RATE} to {_MAX_RATE} Hz, got {sample_rate}")
         self._resync_timeout = check.positive("resync_timeout", resync_timeout, "s")
+        self._latency = check.non_negative("latency", latency, "s")
         self._is_interleaved = is_interleaved
         self._info = Info(56_000_000, 64_000_000, 2, len(_RX), 31, 1, 1, 0, int(is_interleaved), 0, "BGT60TR24B")
         types = [EndpointType.RBAS, EndpointType.RFMC, EndpointType.RADX][: 3 if has_adc else 2]
@@ -207,7 +211,9 @@ class ComLibEmulator:
         return max(0.0, self._last_byte + self._resync_timeout - time.monotonic())
 
     def _work(self) -> float:
-        """Answer what has come, up to a frame that is not ready; time until it is [s]."""
+        """Answer what has come, up to what is not ready; time until it is [s]."""
+        if self._waiting and (early := self._last_byte + self._latency - time.monotonic()) > 0.0:
+            return early
         while self._waiting:
             item = self._waiting[0]
             if isinstance(item, Message):

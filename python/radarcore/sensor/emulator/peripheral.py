@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+LATENCY = 1e-3
+"""Shortest time from a request to its answer [s]: boards take about that, and some hosts fail with less."""
+
 
 class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
     """The board refuses a control transfer."""

@@ -15,6 +15,9 @@ from radarcore.recording.recording import Recording
 MIDDLE = 2047.5
 """Code without a signal: half of full scale."""
 
+NO_POWER_DBM = -1000.0
+"""Power of a transmitter that is off [dBm]."""
+
 
 class FrameSource(Protocol):
     """Source of codes for any settings of an emulated sensor."""
@@ -25,7 +28,8 @@ class FrameSource(Protocol):
         Parameters
         ----------
         radar : Radar
-            As the registers of the sensor have it.
+            As the registers of the sensor have it: ramps, receivers in use, power of the transmitter (`NO_POWER_DBM`
+            if it is off) and, in its receiver, the high-pass.
         index : int
             Number of the frame since the start.
         time : float

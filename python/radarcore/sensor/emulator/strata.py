@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass, field, replace
 
+from radarcore import check
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.faults import Faults
-from radarcore.sensor.emulator.peripheral import Stall, Unplugged
+from radarcore.sensor.emulator.peripheral import LATENCY, Stall, Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.errors import RequestError
 from radarcore.sensor.packing import pack_msb
@@ -75,6 +77,8 @@ class Controller:
         Slices carry the time.
     most_payload : int
         Bytes of samples per packet; slices that are larger come in several packets.
+    latency : float
+        Time from a request to its answer, at least [s]; real boards take about 1 ms, and hosts may count on that.
     faults : Faults, optional
     """
 
@@ -87,8 +91,10 @@ class Controller:
         temperature: float = 25.0,
         has_timestamps: bool = True,
         most_payload: int = 3072,
+        latency: float = LATENCY,
         faults: Faults | None = None,
     ) -> None:
+        self.latency = check.non_negative("latency", latency, "s")
         self.identity = Identity() if identity is None else identity
         self.has_timestamps = has_timestamps
         self.most_payload = most_payload
@@ -200,11 +206,13 @@ class Controller:
             self.chip.reset()
             self.chip.complains = False
             return b""
-        if self.chip.complains:
-            # Told once, by the next function that touches registers.
+        # An overflow is told once, by the next function that touches registers; it does its work all the same.
+        complains = self.chip.complains
+        answer = self._registers(kind, index, request.payload)
+        if complains:
             self.chip.complains = False
             raise RequestError("overflow", Status.UNEXPECTED_VALUE)
-        return self._registers(kind, index, request.payload)
+        return answer
 
     def _registers(self, kind: int, index: int, payload: bytes) -> bytes:
         chip = self.chip
@@ -279,12 +287,14 @@ class CdcBoard:
         self.controller = controller
         self._parser = BoardParser()
         self._out = bytearray()
+        self._answers: deque[tuple[float, bytes]] = deque()  # when they are due, and their bytes
         self._is_gone = False
         self._pause = 0.0
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host; answers wait for `send`."""
         self._check()
+        came = time.monotonic()
         for found in self._parser.feed(data):
             if isinstance(found, Request):
                 response = self.controller.handle(found)
@@ -294,7 +304,7 @@ class CdcBoard:
                 response = Response(Kind.WRITE, found.status, b"")
             packet = packets.encode_response(response)
             with self.controller.arrived:
-                self._out += self.controller.faults.damage(packet)
+                self._answers.append((came + self.controller.latency, self.controller.faults.damage(packet)))
                 self.controller.arrived.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
@@ -306,16 +316,25 @@ class CdcBoard:
                 self._check()
                 paused = self._pause - time.monotonic()
                 if paused <= 0.0:
+                    self._answer()
                     self._fill(size)
                     if self._out:
                         number = min(faults.transfer_size(size), len(self._out))
                         sent = bytes(self._out[:number])
                         del self._out[:number]
                         return sent
-                left = deadline - time.monotonic()
+                now = time.monotonic()
+                left = deadline - now
                 if left <= 0.0:
                     return b""
-                arrived.wait(min(left, paused) if paused > 0.0 else left)
+                next_events = [self._pause - now] if paused > 0.0 else [due - now for due, _ in self._answers]
+                arrived.wait(max(min([left, *next_events]), 0.0))
+
+    def _answer(self) -> None:
+        """Answers that are due, behind what is to be sent."""
+        now = time.monotonic()
+        while self._answers and self._answers[0][0] <= now:
+            self._out += self._answers.popleft()[1]
 
     def _fill(self, size: int) -> None:
         """Data packets behind what is to be sent, one or as many as go into a transfer."""
@@ -338,6 +357,7 @@ class CdcBoard:
         self._parser.reset()
         with self.controller.arrived:
             self._out.clear()
+            self._answers.clear()
 
     def unplug(self) -> None:
         """Take the board off the bus, whatever is under way."""
@@ -350,6 +370,7 @@ class CdcBoard:
         self.controller.power_up()
         with self.controller.arrived:
             self._out.clear()
+            self._answers.clear()
         self._parser.reset()
         self._is_gone = False
 
@@ -365,10 +386,12 @@ class VendorBoard:
         self.controller = controller
         self._is_gone = False
         self._answer: tuple[tuple[int, int, int], Response] | None = None
+        self._asked = -math.inf  # when
 
     def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
         """A write, or the first half of a transfer."""
         self._check()
+        self._asked = time.monotonic()
         asked = Request(request_type, request, value, index, len(data), data)
         response = self.controller.handle(asked)
         if request_type == Kind.TRANSFER:
@@ -378,16 +401,25 @@ class VendorBoard:
         """A read, the second half of a transfer, or the status of what was before."""
         self._check()
         if (request_type, request, value) == (Kind.READ, Code.BOARD_INFO, Info.STATUS):
+            self._take_time()
             return self.controller.last_status
         if request_type == Kind.FETCH:
+            self._take_time()
             answer, self._answer = self._answer, None
             if answer is None or answer[0] != (request, value, index) or answer[1].status != 0:
                 raise Stall
             return answer[1].payload[:length]
+        self._asked = time.monotonic()
         response = self.controller.handle(Request(request_type, request, value, index, length, b""))
+        self._take_time()
         if response.status != 0:
             raise Stall
         return response.payload
+
+    def _take_time(self) -> None:
+        """Wait until the last request may be answered."""
+        if (left := self._asked + self.controller.latency - time.monotonic()) > 0.0:
+            time.sleep(left)
 
     def send(self, size: int, timeout: float) -> bytes:
         """Data packet."""

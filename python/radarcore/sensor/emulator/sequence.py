@@ -1,0 +1,355 @@
+"""Frames of the chip from its registers: any shapes, rising and falling ramps, and a constant wave.
+
+What a host of the board sets is one rising or falling ramp, whose settings are `radarcore.sensor.bgt60.settings`. The
+chip does more: a frame is FRAME_LEN + 1 groups, each of which is one of up to four shapes, in turn, repeated 2^REPS
+times. A shape is a rising ramp and, unless FSD, RSD and RTD are zero, a falling one; the names say nothing about the
+signs of the slopes. Either has its own samples, frequencies and channel set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.radar.bgt60 import CLOCK, FIRST_SAMPLE, MIN_DIVIDER
+from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.waveform import Waveform
+from radarcore.sensor.bgt60.registers import (
+    ADC0,
+    CCR0,
+    CCR1,
+    CCR2,
+    CCR3,
+    CSU1_0,
+    CSU1_1,
+    CSU1_2,
+    MAIN,
+    PACR2,
+    PLL1_0,
+    PLL1_7,
+    image_of,
+    signed,
+)
+from radarcore.sensor.bgt60.settings import ADC_DELAY, NUM_RX, settings_of
+from radarcore.sensor.bgt60.timing import frequency_of, timer_cycles
+from radarcore.sensor.emulator.source import NO_POWER_DBM
+
+_POWER_RANGE_DB = 15.0
+"""Power at the highest of the levels over that at the lowest [dB], of the data sheet."""
+
+_HIGHEST_LEVEL = 31
+_DIVSET = 20  # of a clock of 80 MHz
+_MOST_SAMPLES = 1 << 26
+"""Largest frame [samples]: that of 4096 of the longest chirps is smaller."""
+
+_LEAST_SIZE = 1024
+"""Samples for which a ramp counts that has fewer."""
+
+_PAUSE = 3.0 / CLOCK
+"""Shortest frame of a constant wave beyond its samples [s]."""
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """All ramps of a frame that are alike: of a shape, rising or falling.
+
+    Attributes
+    ----------
+    radar : Radar
+        Waveform with the starts of the ramps within the frame, receivers in use, power, and in its receiver the
+        high-pass.
+    if_gain_db : int
+        Gain of the baseband [dB].
+    has_first_rx : bool
+        RX1 is in use.
+    """
+
+    radar: Radar
+    if_gain_db: int
+    has_first_rx: bool
+
+    @property
+    def chirp_size(self) -> int:
+        """Samples of a ramp, all receivers together."""
+        return self.radar.num_channels * self.radar.waveform.num_samples
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Frames of the chip.
+
+    Attributes
+    ----------
+    ramps : tuple of Ramps
+    order : (chirp,) int
+        Number in `ramps` of every sampled ramp of a frame, in the order of time.
+    ends : (chirp,) float64
+        When each is over, its pause included, after the start of the frame [s]: the board has its samples then.
+    frame_time : float
+        From one frame to the next [s].
+    num_frames : int
+        Frames until the chip stops; 0: endless.
+    """
+
+    ramps: tuple[Ramps, ...]
+    order: NDArray[np.intp]
+    ends: NDArray[np.float64]
+    frame_time: float
+    num_frames: int
+
+    @property
+    def frame_size(self) -> int:
+        """Samples of a frame."""
+        sizes = np.array([ramps.chirp_size for ramps in self.ramps])
+        return int(sizes[self.order].sum())
+
+    def stream(self, cubes: list[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+        """Codes as they go into the FIFO, from those of all `ramps` (rx, chirp, sample): receivers in turn."""
+        streams = [np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(cube.shape[1], -1) for cube in cubes]
+        if len(streams) == 1:
+            return streams[0].reshape(-1)
+        seen = [0] * len(streams)
+        pieces = []
+        for which in self.order:
+            pieces.append(streams[which][seen[which]])
+            seen[which] += 1
+        return np.concatenate(pieces)
+
+
+def tx_power_dbm(level: int) -> float:
+    """Power of the transmitter [dBm] at a level (TX1_DAC), from 0 to 31.
+
+    The law is not public. The data sheet has a range of about 15 dB and 4 dBm at 31; between, steps of equal dB.
+    """
+    return bgt60tr13c().tx_power_dbm - _POWER_RANGE_DB * (1.0 - level / _HIGHEST_LEVEL)
+
+
+def sequence_of(registers: Mapping[int, int]) -> Sequence:
+    """Frames that registers stand for.
+
+    Raises
+    ------
+    ValueError
+        For registers from which no samples follow.
+    """
+    return _Image(registers).sequence()
+
+
+def constant_wave_of(registers: Mapping[int, int]) -> Sequence:
+    """One frame of samples without a ramp, at the frequency where that of shape 1 begins.
+
+    Raises
+    ------
+    ValueError
+        For registers from which no samples follow.
+    """
+    image = _Image(registers)
+    image.check()
+    ramps = image.ramps(0, 0, [0], step=0)
+    if ramps is None:
+        raise ValueError(f"registers: expected samples of a receiver, got 0x{image[CSU1_1]:06X} at 0x{CSU1_1:02X}")
+    waveform = ramps.radar.waveform
+    end = float(waveform.sample_times[-1])
+    return Sequence((ramps,), np.zeros(1, np.intp), np.array([end]), end + _PAUSE, 1)
+
+
+class _Image:
+    """Fields of a whole register image."""
+
+    def __init__(self, registers: Mapping[int, int]) -> None:
+        self._registers = image_of(registers)
+        self.divider = self.field(ADC0, 23, 14)
+
+    def __getitem__(self, address: int) -> int:
+        return self._registers[address]
+
+    def field(self, address: int, high: int, low: int) -> int:
+        return self._registers[address] >> low & (1 << high - low + 1) - 1
+
+    def check(self) -> None:
+        """Refuse what gives no samples, or none of which anything is known."""
+        for address, is_good, expected in (
+            (ADC0, self.divider >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}"),
+            (PACR2, self.field(PACR2, 4, 0) == _DIVSET, f"DIVSET of {_DIVSET}"),
+        ):
+            if not is_good:
+                raise ValueError(f"registers: expected {expected}, got 0x{self[address]:06X} at 0x{address:02X}")
+
+    def sequence(self) -> Sequence:
+        """Frames of all shapes."""
+        self.check()
+        shapes = []
+        for shape in range(4):
+            if not self.field(PLL1_7 + 8 * shape, 4, 4):
+                break  # the chip goes back to the first one
+            shapes.append(shape)
+        if not shapes:
+            raise ValueError(
+                f"registers: expected shape 1 to be on (PLL1_7.SH_EN), got 0x{self[PLL1_7]:06X} at 0x{PLL1_7:02X}"
+            )
+        starts, order, frame = self._starts(shapes)
+        ramps: list[Ramps] = []
+        numbers: dict[tuple[int, int], int] = {}
+        for key, times in starts.items():
+            if (found := self.ramps(*key, times)) is not None:
+                numbers[key] = len(ramps)
+                ramps.append(found)
+        sampled = [numbers[key] for key, _ in order if key in numbers]
+        if not sampled:
+            raise ValueError(f"registers: expected samples of a receiver, got 0x{self[CSU1_1]:06X} at 0x{CSU1_1:02X}")
+        # The last one pauses as one before it would, whatever the frame's end is.
+        (last, _), start = order[-1]
+        pause = self._rest(PLL1_7 + 8 * last) if len(order) > 1 else 0
+        overs = [start for _, start in order[1:]] + [start + self._chirp(*order[-1][0]) + self._return(last) + pause]
+        ends = [over / CLOCK for (key, _), over in zip(order, overs, strict=True) if key in numbers]
+        return Sequence(
+            tuple(self._exact(one, frame) for one in ramps),
+            np.array(sampled, np.intp),
+            np.array(ends),
+            frame / CLOCK,
+            self.field(CCR2, 11, 0),
+        )
+
+    def _starts(
+        self, shapes: list[int]
+    ) -> tuple[dict[tuple[int, int], list[int]], list[tuple[tuple[int, int], int]], int]:
+        """Starts of the ramps by (shape, 0 up or 1 down), all of them in order, and the time of a frame [cycles]."""
+        groups = self.field(CCR2, 23, 12) + 1
+        starts: dict[tuple[int, int], list[int]] = {}
+        order: list[tuple[tuple[int, int], int]] = []
+        now, size = 0, sum(self._group_size(shapes[group % len(shapes)]) for group in range(groups))
+        if size > _MOST_SAMPLES:
+            raise ValueError(
+                f"registers: expected frames of fewer samples, got {groups} groups of shapes at 0x{CCR2:02X}"
+            )
+        for group in range(groups):
+            shape = shapes[group % len(shapes)]
+            for _ in range(1 << self.field(PLL1_7 + 8 * shape, 3, 0)):
+                for side in (0, 1) if self._is_triangle(shape) else (0,):
+                    starts.setdefault((shape, side), []).append(now)
+                    order.append(((shape, side), now))
+                    now += self._chirp(shape, side)
+                now += self._return(shape)
+            is_last = group == groups - 1
+            now += self._rest(CCR1 if is_last else PLL1_7 + 8 * shape)
+        return starts, order, now
+
+    def _group_size(self, shape: int) -> int:
+        """Samples of a shape and its repetitions, about."""
+        each = max(NUM_RX * sum(self._num_samples(shape, side) for side in (0, 1)), _LEAST_SIZE)
+        return each << self.field(PLL1_7 + 8 * shape, 3, 0)
+
+    def _is_triangle(self, shape: int) -> bool:
+        """True where a true ramp follows the first one, and not only a return."""
+        base = PLL1_0 + 8 * shape
+        return bool(self[base + 4] or self[base + 5] or self.field(base + 6, 13, 0))
+
+    def _chirp(self, shape: int, side: int) -> int:
+        """Cycles of a ramp: the longer one of sampling and ramp, and the delay at its end."""
+        fast_down = 0
+        if not self._is_triangle(shape) and (mode := self.field(PACR2, 7, 6)):
+            timer = self.field(PACR2, 16, 8)
+            fast_down = timer + 1 if timer else {1: 40, 2: 56, 3: 24}[mode]
+        ramp_time = 8 * self.field(PLL1_0 + 8 * shape + 2 + 4 * side, 13, 0)
+        sampling = self._first_sample + self._num_samples(shape, side) * self.divider
+        ramp = self._ramp_start + ramp_time + fast_down + 8 * self.field(CCR0, 8, 0) + 5
+        return max(sampling, ramp) + self._end_delay(shape, side)
+
+    def _return(self, shape: int) -> int:
+        """Cycles of the delay after a return that is no ramp."""
+        return 0 if self._is_triangle(shape) else self._end_delay(shape, 1)
+
+    def _end_delay(self, shape: int, side: int) -> int:
+        delay = self.field(PLL1_0 + 8 * shape + 2 + 4 * side, 23, 16)
+        return 8 * delay + 5 if delay else 2
+
+    def _rest(self, address: int) -> int:
+        """Cycles of the delay in a register, waking included."""
+        init = timer_cycles(self.field(CCR0, 21, 14), self.field(CCR0, 23, 22)) + timer_cycles(
+            self.field(CCR3, 21, 14), self.field(CCR3, 23, 22)
+        )
+        wake_up = timer_cycles(self.field(MAIN, 11, 4), self.field(MAIN, 15, 12))
+        waking = (0, init, init + wake_up, init + wake_up)[self.field(address, 10, 9)]
+        return timer_cycles(self.field(address, 18, 11), self.field(address, 23, 19)) + waking
+
+    @property
+    def _ramp_start(self) -> int:
+        """Cycles from the start of a chirp to that of its ramp."""
+        return 8 * self.field(CCR1, 8, 0) + 10
+
+    @property
+    def _first_sample(self) -> int:
+        """Cycles from the start of a chirp to its first sample."""
+        return 8 * self.field(CCR3, 8, 0) + 8 * self.field(CCR3, 13, 9) + 1
+
+    def _num_samples(self, shape: int, side: int) -> int:
+        """APU or APD."""
+        return self.field(PLL1_0 + 8 * shape + 3, *((11, 0), (23, 12))[side])
+
+    def ramps(self, shape: int, side: int, starts: list[int], *, step: int | None = None) -> Ramps | None:
+        """Ramps that start at some cycles of a frame; None without samples, ADC or receivers."""
+        channel_set = 7 * shape + 3 * side
+        switches, levels, baseband = (self[address + channel_set] for address in (CSU1_0, CSU1_1, CSU1_2))
+        rx_mask = levels >> 20 & (1 << NUM_RX) - 1
+        num_samples = self._num_samples(shape, side)
+        if num_samples == 0 or rx_mask == 0 or not levels >> 10 & 1:
+            return None
+        rx = (rx_mask & -rx_mask).bit_length() - 1
+        base = PLL1_0 + 8 * shape + 4 * side
+        step = signed(self[base + 1]) if step is None else step
+        # Frequencies count from the time that lies 249 cycles before the first sample.
+        start = signed(self[base]) + step * (self._first_sample - FIRST_SAMPLE - self._ramp_start)
+        slope = step * (frequency_of(1) - frequency_of(0)) * CLOCK
+        waveform = Waveform(
+            start_frequency=frequency_of(start),
+            slope=slope,
+            sample_rate=CLOCK / self.divider,
+            num_samples=num_samples,
+            num_chirps=len(starts),
+            chirp_times=np.array(starts) / CLOCK,
+            frame_interval=(starts[-1] + self._chirp(shape, side)) / CLOCK,
+            adc_delay=ADC_DELAY,
+        )
+        preset = bgt60tr13c()
+        is_on = bool(switches & 1)
+        radar = Radar(
+            waveform,
+            tx=preset.tx,
+            rx=preset.rx[[i for i in range(NUM_RX) if rx_mask >> i & 1]],
+            pattern=preset.pattern,
+            tx_power_dbm=tx_power_dbm(levels & 0x1F) if is_on else NO_POWER_DBM,
+            receiver=Receiver(
+                output="real",
+                noise_figure_db=12.0,
+                high_pass=HIGHPASS_CUTOFFS[baseband >> 5 * rx & 0b11] if step else None,  # echoes of 0 Hz
+            ),
+        )
+        # Gains beyond 30 dB are not the second amplifier's.
+        vga = min(baseband >> 5 * rx + 2 & 0b111, 6)
+        return Ramps(radar, (18 if baseband >> 20 + rx & 1 else 30) + 5 * vga, bool(rx_mask & 1))
+
+    def _exact(self, ramps: Ramps, frame: int) -> Ramps:
+        """The same ramps in a frame of so many cycles; the waveform of the settings where these say as much."""
+        try:
+            waveform = settings_of(self._registers).to_radar().waveform
+        except ValueError:
+            waveform = replace(ramps.radar.waveform, frame_interval=frame / CLOCK)
+        radar = ramps.radar
+        return Ramps(
+            Radar(
+                waveform,
+                tx=radar.tx,
+                rx=radar.rx,
+                pattern=radar.pattern,
+                tx_power_dbm=radar.tx_power_dbm,
+                receiver=radar.receiver,
+            ),
+            ramps.if_gain_db,
+            ramps.has_first_rx,
+        )

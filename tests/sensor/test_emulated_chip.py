@@ -1,0 +1,348 @@
+"""The emulated chip and its controller: overflows, answers in time, ramps of all kinds, a constant wave."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from boards import Numbered, numbered
+from chip_settings import V1, image
+from comlib_boards import Ramp
+from radarcore.radar.radar import Radar
+from radarcore.sensor.bgt60.registers import (
+    CCR2,
+    CSU1_0,
+    CSU1_1,
+    FIFO_RESET,
+    FRAME_START,
+    FSM_RESET,
+    MAIN,
+    PLL1_0,
+    PLL1_1,
+    PLL1_2,
+    PLL1_3,
+    PLL1_4,
+    PLL1_5,
+    PLL1_6,
+    PLL1_7,
+    SADC_RESULT,
+    SFCTL,
+    STAT0,
+    start_words,
+    temperature_of,
+    write_word,
+)
+from radarcore.sensor.bgt60.settings import settings_of
+from radarcore.sensor.comlib.messages import Message
+from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.emulator.sequence import sequence_of, tx_power_dbm
+from radarcore.sensor.emulator.source import NO_POWER_DBM, Noise
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
+from radarcore.sensor.packing import unpack_msb
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.packets import Avian, Code, Component, Data, DataPacket, Info, Kind, Request, Status
+
+CW_MODE = 1 << 16
+EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
+READ_VERSION = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
+
+
+class Told:
+    """Codes of one number for each kind of ramp, and what was asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[Radar, int, float, float]] = []
+
+    def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
+        self.asked.append((radar, index, time, if_gain_db))
+        wf = radar.waveform
+        rising = 1000 if wf.slope > 0.0 else 2000
+        codes = rising + 16 * np.arange(wf.num_chirps)[:, None] + np.arange(radar.num_channels)[:, None, None]
+        return np.broadcast_to(codes, (radar.num_channels, wf.num_chirps, wf.num_samples)).astype(np.uint16)
+
+
+def ask(controller: Controller, request: Request) -> bytes:
+    response = controller.handle(request)
+    assert response.status == 0, f"status {response.status:#x}"
+    return response.payload
+
+
+def execute(controller: Controller, words: list[int]) -> int:
+    """Status of words that are sent to the chip."""
+    return controller.handle(Request.write(*EXECUTE, packets.encode_commands(words))).status
+
+
+def read(controller: Controller, address: int) -> int:
+    (answer,) = packets.decode_values(
+        ask(controller, Request.transfer(*EXECUTE, packets.encode_commands([address << 25])))
+    )
+    return answer & 0xFFFFFF
+
+
+def begin(controller: Controller, registers: dict[int, int], slice_size: int) -> None:
+    """What the vendor's host sends to start."""
+    configuration = bytes.fromhex("10 00 00 00 00 00 00 00 60 00") + slice_size.to_bytes(2, "little")
+    ask(controller, Request.write(Code.DATA, Data.CONFIGURE, 0, configuration))
+    ask(controller, Request.write(Code.DATA, Data.START, 0))
+    assert execute(controller, start_words(registers)) == 0
+
+
+def packet(controller: Controller, timeout: float = 5.0) -> DataPacket:
+    """The next data packet."""
+    deadline = time.monotonic() + timeout
+    with controller.arrived:
+        while (found := controller.take_packet()) is None:
+            assert controller.chip.failure is None, controller.chip.failure
+            assert controller.arrived.wait(deadline - time.monotonic()), "no packet"
+    return found
+
+
+def triangle(**changes: int) -> dict[int, int]:
+    """One receiver, four pairs of a rising ramp of 64 samples and a falling one of 32, back from where it ends."""
+    registers = image(V1)
+    start, step, ramp_time = (registers[address] for address in (PLL1_0, PLL1_1, PLL1_2))
+    end = (start + step * 8 * ramp_time) & 0xFFFFFF
+    registers |= {
+        CSU1_1: registers[CSU1_1] & 0x0FFFFF | 1 << 20,
+        0x13: registers[CSU1_0],
+        0x14: registers[CSU1_1] & 0x0FFFFF | 1 << 20,
+        0x15: registers[0x12],
+        PLL1_3: 64 | 32 << 12,
+        PLL1_4: end,
+        PLL1_5: -step & 0xFFFFFF,
+        PLL1_6: ramp_time,
+        CCR2: 3 << 12,
+        SFCTL: registers[SFCTL] & ~0x1FFF | (4 * 96 // 2 - 1),
+    }
+    return registers | {int(name[1:], 16): value for name, value in changes.items()}
+
+
+# Overflows.
+
+
+def test_words_are_executed_under_an_overflow_and_the_board_can_be_stopped_and_started_again() -> None:
+    """As a host that does not send a refused request twice."""
+    controller = Controller(Numbered(), speed=1.0)
+    registers = image(V1) | {0x2D: 0x62FC0A, 0x37: 0x393B10, CCR2: 7 << 12, SFCTL: 0x102000 | (3 * 8 * 64 // 2 - 1)}
+    size = 3 * 8 * 64
+    begin(controller, registers, size)
+    assert packet(controller).error is None
+    controller.chip.overflow()
+    controller._collect()
+    while packet(controller).error != Status.OVERFLOW:
+        pass
+    ask(controller, Request.write(Code.DATA, Data.STOP, 0))
+    # Told once, and done all the same.
+    stop = [write_word(MAIN, registers[MAIN] | FSM_RESET | FIFO_RESET)]
+    assert execute(controller, stop) == Status.UNEXPECTED_VALUE
+    assert not controller.chip.has_overflown
+    for _ in range(2):
+        begin(controller, registers, size)
+        for number in range(3):
+            codes = np.empty(size, np.uint16)
+            codes[:] = unpack_msb(packet(controller).payload)
+            expected = numbered((3, 8, 64), number).transpose(1, 2, 0).reshape(-1)
+            np.testing.assert_array_equal(codes, expected)
+        ask(controller, Request.write(Code.DATA, Data.STOP, 0))
+        assert execute(controller, stop) == 0
+        with controller.arrived:
+            while controller.take_packet() is not None:
+                pass
+    controller.close()
+
+
+def test_answers_under_an_overflow_are_those_of_the_next_request() -> None:
+    controller = Controller(Numbered())
+    controller.chip.overflow()
+    request = Request.transfer(*EXECUTE, packets.encode_commands([write_word(PLL1_0, 5)]))
+    assert controller.handle(request).status == Status.UNEXPECTED_VALUE
+    assert read(controller, PLL1_0) == 5
+    controller.close()
+
+
+# Answers in time.
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.03])
+def test_answers_of_a_byte_stream_take_their_time(latency: float) -> None:
+    board = CdcBoard(Controller(Numbered(), latency=latency))
+    began = time.monotonic()
+    board.receive(packets.encode_request(READ_VERSION))
+    assert (board.send(4096, 0.0) == b"") == (latency > 0.0)
+    if latency:
+        assert len(board.send(4096, 1.0)) == 22
+    assert latency <= time.monotonic() - began < latency + 0.2
+    board.controller.close()
+
+
+def test_answers_of_vendor_requests_and_comlib_take_their_time() -> None:
+    board = VendorBoard(Controller(Numbered(), latency=0.03))
+    calls: list[Any] = [
+        lambda: board.control_in(Kind.READ, Code.BOARD_INFO, Info.VERSION, 0, 16),
+        lambda: (
+            board.control_out(Kind.WRITE, Code.DATA, Data.STOP, 0, b""),
+            board.control_in(Kind.READ, Code.BOARD_INFO, Info.STATUS, 1, 4),
+        ),
+        lambda: (
+            board.control_out(Kind.TRANSFER, Code.BOARD_INFO, Info.EXTENDED_VERSION, 0, b""),
+            board.control_in(Kind.FETCH, Code.BOARD_INFO, Info.EXTENDED_VERSION, 0, 256),
+        ),
+    ]
+    for call in calls:
+        began = time.monotonic()
+        call()
+        assert 0.03 <= time.monotonic() - began < 0.2
+    board.controller.close()
+    comlib = ComLibEmulator(Ramp(), latency=0.03)
+    began = time.monotonic()
+    comlib.receive(Message(0, b"\x00").encode())
+    assert comlib.send(4096, 0.0) == b""
+    assert comlib.send(4096, 1.0)
+    assert 0.03 <= time.monotonic() - began < 0.2
+
+
+def test_real_time_boards_answer_after_a_millisecond() -> None:
+    assert Controller(Numbered()).latency == 1e-3
+    with pytest.raises(ValueError, match=r"latency: expected .*, got -1"):
+        Controller(Numbered(), latency=-1.0)
+
+
+# Ramps.
+
+
+def test_registers_of_one_ramp_are_the_radar_of_the_settings() -> None:
+    registers = image(V1)
+    sequence, settings = sequence_of(registers), settings_of(registers)
+    (ramps,) = sequence.ramps
+    assert ramps.radar.waveform == settings.to_radar().waveform
+    assert (ramps.if_gain_db, ramps.radar.receiver.high_pass) == (23, 80e3)
+    assert ramps.radar.tx_power_dbm == 4.0
+    assert sequence.frame_size == settings.frame_size
+    assert sequence.frame_time == settings.frame_time
+    np.testing.assert_allclose(sequence.ends, settings.chirp_time * np.arange(1, 65), rtol=1e-12)
+
+
+def test_power_of_the_transmitter_is_that_of_the_registers() -> None:
+    registers = image(V1)
+    levels = [tx_power_dbm(level) for level in range(32)]
+    np.testing.assert_allclose([levels[0], levels[31]], [-11.0, 4.0])
+    assert (np.diff(levels) > 0.0).all()
+    (weak,) = sequence_of(registers | {CSU1_1: registers[CSU1_1] & ~0x1F | 10}).ramps
+    assert weak.radar.tx_power_dbm == levels[10]
+    (off,) = sequence_of(registers | {CSU1_0: registers[CSU1_0] & ~1}).ramps
+    assert off.radar.tx_power_dbm == NO_POWER_DBM
+
+
+def test_falling_ramps_of_a_shape_are_sampled_after_its_rising_ones() -> None:
+    registers = triangle()
+    sequence = sequence_of(registers)
+    rising, falling = (ramps.radar.waveform for ramps in sequence.ramps)
+    assert (rising.num_samples, falling.num_samples) == (64, 32)
+    assert falling.slope == -rising.slope
+    assert rising.num_chirps == falling.num_chirps == 4
+    # Both ramps wait for the PLL: 90 cycles, the ramp, 117 at its end, and 2 more.
+    chirp = (90 + 8 * registers[PLL1_2] + 117 + 2) / 80e6
+    np.testing.assert_allclose(falling.chirp_times - rising.chirp_times, chirp, rtol=1e-9)
+    # The ramp back starts where the first one ends, and its samples as late in it.
+    top = rising.start_frequency + rising.slope * (8 * registers[PLL1_2] / 80e6 - 150 / 80e6)
+    assert falling.start_frequency - falling.slope * 150 / 80e6 == pytest.approx(top, rel=1e-12)
+    assert sequence.frame_size == 4 * 96
+
+    source = Told()
+    controller = Controller(source, speed=None)
+    begin(controller, registers, 4 * 96)
+    for frame in range(2):
+        codes = unpack_msb(packet(controller).payload).reshape(4, 96)
+        for pair in range(4):
+            np.testing.assert_array_equal(codes[pair, :64], 1000 + 16 * pair)
+            np.testing.assert_array_equal(codes[pair, 64:], 2000 + 16 * pair)
+        assert [index for _, index, *_ in source.asked[2 * frame :][:2]] == [frame, frame]
+    controller.close()
+
+
+def test_shapes_take_turns_and_repeat() -> None:
+    """Two shapes, the second twice at once and with two receivers; five groups, so that the first comes three times."""
+    registers = image(V1)
+    second = {address + 8: registers[address] for address in range(PLL1_0, PLL1_7 + 1)}
+    second |= {PLL1_3 + 8: 16, PLL1_7 + 8: registers[PLL1_7] | 1}
+    second |= {0x17: registers[CSU1_0], 0x18: registers[CSU1_1] & 0x0FFFFF | 0b101 << 20, 0x19: registers[0x12]}
+    registers |= second | {CSU1_1: registers[CSU1_1] & 0x0FFFFF | 0b010 << 20, CCR2: 4 << 12}
+    sequence = sequence_of(registers)
+    one, two = sequence.ramps
+    assert (one.radar.num_channels, one.radar.waveform.num_chirps, one.radar.waveform.num_samples) == (1, 3, 64)
+    assert (two.radar.num_channels, two.radar.waveform.num_chirps, two.radar.waveform.num_samples) == (2, 4, 16)
+    np.testing.assert_array_equal(sequence.order, [0, 1, 1, 0, 1, 1, 0])
+    assert sequence.frame_size == 3 * 64 + 4 * 2 * 16
+    stream = sequence.stream([Told().frame(ramps.radar, 0, 0.0) for ramps in sequence.ramps])
+    assert len(stream) == sequence.frame_size
+    np.testing.assert_array_equal(stream[64:68], [1000, 1001, 1000, 1001])
+    assert (np.diff(sequence.ends) > 0.0).all()
+    assert sequence.frame_time > sequence.ends[-1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({PLL1_7: 0}, "shape 1 to be on"),
+        ({PLL1_3: 0}, "samples of a receiver"),
+        ({CSU1_1: 0x0FF41F}, "samples of a receiver"),
+        ({0x01: 0x000210}, "ADC_DIV of at least 20"),
+        ({0x05: 0x0805B5}, "DIVSET of 20"),
+        ({PLL1_7: 0x39391F, CCR2: 0xFFF000}, "frames of fewer samples"),
+    ],
+)
+def test_registers_without_samples_say_so(changes: dict[int, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        sequence_of(image(V1) | changes)
+
+
+# Constant wave.
+
+
+def test_constant_wave_goes_from_state_to_state_with_every_trigger_and_samples_in_the_last() -> None:
+    source = Told()
+    controller = Controller(source, speed=None)
+    registers = image(V1) | {PLL1_1: 0, CSU1_1: 0x5FF41F, PLL1_3: 128}
+    configuration = bytes.fromhex("10 00 00 00 00 00 00 00 60 00 00 01")
+    ask(controller, Request.write(Code.DATA, Data.CONFIGURE, 0, configuration))
+    ask(controller, Request.write(Code.DATA, Data.START, 0))
+    assert execute(controller, start_words(registers)[:-1]) == 0
+    trigger = [write_word(MAIN, registers[MAIN] | CW_MODE | FRAME_START)]
+    modes = [read(controller, STAT0) >> 5 & 7]
+    for _ in range(3):
+        execute(controller, trigger)
+        modes.append(read(controller, STAT0) >> 5 & 7)
+    assert modes == [5, 3, 2, 1], "deep sleep, idle, between chirps, active"
+    for number in range(2):
+        execute(controller, trigger)
+        codes = unpack_msb(packet(controller).payload)
+        assert len(codes) == 2 * 128
+        radar, index, _, gain = source.asked[-1]
+        assert (radar.waveform.slope, radar.waveform.num_chirps, index, gain) == (0.0, 1, number, 23)
+        assert read(controller, STAT0) >> 5 & 7 == 2
+        execute(controller, trigger)
+    assert read(controller, MAIN) & CW_MODE
+    execute(controller, [write_word(MAIN, registers[MAIN] | FSM_RESET)])
+    assert read(controller, STAT0) >> 5 & 7 == 5
+    controller.close()
+
+
+def test_temperature_is_read_in_idle_mode_without_a_frame() -> None:
+    controller = Controller(Noise(), temperature=41.5)
+    words = "19000000 1F000BE0 11000000 13001000 17000F80 09800000 011F8271 0D000000"
+    assert execute(controller, [int(word, 16) for word in words.split()]) == 0
+    assert read(controller, STAT0) & 0b100
+    assert execute(controller, [0x17000D80]) == 0
+    assert read(controller, STAT0) & 0b1
+    assert read(controller, STAT0) >> 5 & 7 == 3
+    assert execute(controller, [0x0F010F10]) == 0
+    result = read(controller, SADC_RESULT)
+    assert result >> 10 & 1 == 0
+    assert temperature_of(result & 0x3FF) == pytest.approx(41.5, abs=0.3)
+    assert controller.chip.failure is None
+    assert controller.num_sent == 0
+    controller.close()
