@@ -43,6 +43,14 @@ def recording(tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def board():
+    """A board in this process."""
+    controller = Controller(Numbered())
+    yield CdcBoard(controller)
+    controller.close()
+
+
 @contextmanager
 def serving(*arguments):
     """A server that listens; killed at the end if it still runs."""
@@ -111,9 +119,9 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
     assert not link.is_symlink()
 
 
-def test_recorder_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
+def test_recorder_that_is_told_to_end_leaves_a_readable_recording(tmp_path, board):
     output = tmp_path / "rec"
-    with PtyPort(CdcBoard(Controller(Numbered()))) as port:
+    with PtyPort(board) as port:
         options = ("--rate", "40", "--chirps", "8", "--samples", "32")
         with python(CLI, "sensor", "record", port.path, "-o", output, *options) as recorder:
             cube = output / "cube.npy"
@@ -155,7 +163,7 @@ def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
 # Links
 
 
-def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refused(recording, tmp_path, capsys):
+def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refused(recording, tmp_path, capsys, board):
     link = tmp_path / "radar"
     with serving(recording, "--link", link) as server:
         assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
@@ -164,7 +172,6 @@ def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refus
         end(server, signal.SIGKILL)
     left = link.readlink()  # nobody could remove it
     # Another terminal may get the number of the port meanwhile.
-    board = CdcBoard(Controller(Numbered()))
     others = [os.openpty() for _ in range(3)]
     try:
         assert str(left) in [os.ttyname(slave) for _, slave in others]
@@ -183,8 +190,7 @@ def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refus
     assert not link.is_symlink()
 
 
-def test_links_are_made_nowhere_but_where_nothing_is(tmp_path, monkeypatch):
-    board = CdcBoard(Controller(Numbered()))
+def test_links_are_made_nowhere_but_where_nothing_is(tmp_path, monkeypatch, board):
     file, folder, foreign, device = (tmp_path / name for name in ("file", "folder", "foreign", "device"))
     file.write_bytes(b"abc")
     folder.mkdir()
@@ -217,8 +223,8 @@ def test_links_are_made_nowhere_but_where_nothing_is(tmp_path, monkeypatch):
 # Clients
 
 
-def test_second_client_is_told_that_the_port_is_in_use():
-    with PtyPort(CdcBoard(Controller(Numbered()))) as port, open_sensor(port.path) as sensor:
+def test_second_client_is_told_that_the_port_is_in_use(board):
+    with PtyPort(board) as port, open_sensor(port.path) as sensor:
         message = f"{port.path}: the port is in use by another program"
         with pytest.raises(SensorError, match=message):
             open_sensor(port.path)
@@ -256,9 +262,7 @@ def client_of(port, data):
     os.close(file)
 
 
-def test_clients_that_end_half_way_leave_nothing_to_the_next():
-    controller = Controller(Numbered())
-    board = CdcBoard(controller)
+def test_clients_that_end_half_way_leave_nothing_to_the_next(board):
     with PtyPort(board) as port:
         for number in (4, 9, 200, len(LONG) - 1):
             client_of(port, VERSION + LONG[:number])
@@ -272,10 +276,10 @@ def test_clients_that_end_half_way_leave_nothing_to_the_next():
             with open_sensor(port.path, protocol="strata") as sensor:
                 sensor.configure(RADAR)
                 assert [frame.stats["lost_before"] for frame in sensor.frames(2)] == [0, 0]
-        kept = dict(controller.chip.registers)
+        kept = dict(board.controller.chip.registers)
         client_of(port, VERSION)
         assert is_soon(lambda: not port._has_client.is_set())
-        assert controller.chip.registers == kept
+        assert board.controller.chip.registers == kept
 
 
 def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recording, tmp_path):
@@ -294,8 +298,7 @@ def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recor
         assert server.poll() is None
 
 
-def test_client_that_never_reads_fills_no_memory():
-    board = CdcBoard(Controller(Numbered(), speed=50.0))
+def test_client_that_never_reads_fills_no_memory(board):
     with PtyPort(board) as port:
         file = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         num_taken, last = 0, time.monotonic()
@@ -322,3 +325,14 @@ def test_frames_that_nobody_takes_are_counted_as_lost():
         assert is_soon(lambda: chip.has_overflown)
         # 16384 samples have room for 21 frames of 768; the next one is lost with them.
         assert (board.num_frames, board.num_lost) == (0, 22)
+
+
+def test_answers_come_after_the_latency_asked_for(recording, tmp_path):
+    link = tmp_path / "radar"
+    with serving(recording, "--link", link, "--latency", "0.3", "--receiver", "ideal"):
+        file = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        began = time.monotonic()
+        os.write(file, VERSION)
+        assert os.read(file, 1) == b"\xc0"
+        assert time.monotonic() - began >= 0.3
+        os.close(file)

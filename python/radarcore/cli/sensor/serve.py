@@ -36,6 +36,16 @@ def add_parsers(actions: Any) -> None:
         metavar="X",
         help="factor of real time, or max: as fast as the client reads (default: 1)",
     )
+    serve.add_argument(
+        "--latency", type=float, default=1e-3, metavar="S", help="seconds from a request to its answer (default: 0.001)"
+    )
+    serve.add_argument(
+        "--receiver",
+        choices=("measured", "ideal"),
+        default="measured",
+        help="receivers behind a scene: with leakage and offsets of the chip as measured, or by the data sheet alone "
+        "(default: %(default)s)",
+    )
     serve.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
     serve.add_argument("--threads", type=int, metavar="N", help="threads of the simulator (default: all cores)")
     serve.set_defaults(run=_serve)
@@ -49,7 +59,14 @@ def _serve(options: argparse.Namespace) -> int:
     source, settings = _source(options.source)
     chip, protocol = _BOARDS[options.protocol]
     with (
-        virtual_board(source, protocol=options.protocol, speed=options.speed, threads=options.threads) as board,
+        virtual_board(
+            source,
+            protocol=options.protocol,
+            speed=options.speed,
+            threads=options.threads,
+            receiver=options.receiver,
+            latency=options.latency,
+        ) as board,
         PtyPort(board, link=options.link) as port,
     ):
         try:
