@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,7 @@ class Simulated:
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
         self._simulators: dict[Radar, Simulator] = {}
+        self._known: dict[tuple[Radar, float], tuple[Radar, bool]] = {}  # as received
         own = simulator.radar.receiver
         self._own = None if own is None or own.is_plain else own
         self._is_ideal = receiver == "ideal" and self._own is None
@@ -78,7 +80,10 @@ class Simulated:
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        radar, has_codes = self._received(radar, if_gain_db)
+        if (known := self._known.get((radar, if_gain_db))) is None:
+            _make_room(self._known)
+            known = self._known[radar, if_gain_db] = self._received(radar, if_gain_db)
+        radar, has_codes = known
         samples = self._taken(radar, index, time)
         for k in range(1, _NUM_AHEAD + 1):
             self._begin(radar, index + k, time + k * radar.waveform.frame_interval)
@@ -127,10 +132,15 @@ class Simulated:
     def _simulator_of(self, radar: Radar) -> Simulator:
         found = self._simulators.get(radar)
         if found is None:
-            while len(self._simulators) >= _MOST_RADARS:
-                del self._simulators[next(iter(self._simulators))]
+            _make_room(self._simulators)
             found = self._simulators[radar] = self._simulator.with_radar(radar)
         return found
+
+
+def _make_room(kept: dict[Any, Any]) -> None:
+    """Forget what was added first, where there is no room for one more."""
+    while len(kept) >= _MOST_RADARS:
+        del kept[next(iter(kept))]
 
 
 def _nothing(radar: Radar) -> NDArray[np.complex64]:
