@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.radar.baseband import phase_noise_delays
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.receive.chain import receive
 from radarcore.recording.codes import FULL_SCALE_VOLT, to_codes
-from radarcore.scene.scene import Scene
 from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
 from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
@@ -44,11 +46,13 @@ class Simulated:
     """Frames of a simulated scene, as the receivers and the ADC of the chip make codes of them.
 
     The chain is that of the chip as measured (``bgt60tr13c(receiver="measured")``), with leakage, offsets, filters and
-    noise, at the gain and the high-pass that the registers have. A simulator's radar with a receiver of its own keeps
-    that: effects that are None there are left out. Ideal is a chain of the data sheet's figures alone: the echo's power
-    at the receiver's input, with thermal noise, goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain
-    behind it and an ADC of 12 bits that spans 1.21 V to either side. So do radars whose receivers are at other places
-    than the chip's.
+    noise, at the gain and the high-pass that the registers have. Its phase noise is left out: it costs as much as the
+    echoes themselves, and at the ranges of the chip it is far below the other noise. A simulator's radar with a
+    receiver of its own keeps that: effects that are None there are left out, and phase noise counts.
+
+    Ideal is a chain of the data sheet's figures alone: the echo's power at the receiver's input, with thermal noise,
+    goes through 50 ohm, the conversion gain of the mixer (14 dB), the gain behind it and an ADC of 12 bits that spans
+    1.21 V to either side. So it is for radars whose receivers are at other places than the chip's.
 
     Echoes and leakage have the power that the registers set; there are none with the transmitter off, and none of a
     constant wave, whose echoes of 0 Hz the high-pass leaves out. The next frames are simulated ahead.
@@ -67,6 +71,7 @@ class Simulated:
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
         self._simulators: dict[Radar, Simulator] = {}
+        self._known: dict[tuple[Radar, float], tuple[Radar, bool]] = {}  # as received
         own = simulator.radar.receiver
         self._own = None if own is None or own.is_plain else own
         self._is_ideal = receiver == "ideal" and self._own is None
@@ -75,7 +80,10 @@ class Simulated:
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        radar, has_codes = self._received(radar, if_gain_db)
+        if (known := self._known.get((radar, if_gain_db))) is None:
+            _make_room(self._known)
+            known = self._known[radar, if_gain_db] = self._received(radar, if_gain_db)
+        radar, has_codes = known
         samples = self._taken(radar, index, time)
         for k in range(1, _NUM_AHEAD + 1):
             self._begin(radar, index + k, time + k * radar.waveform.frame_interval)
@@ -95,8 +103,7 @@ class Simulated:
         own = self._own
         cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
         chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
-        if own is not None:
-            chain = _switched(chain, own)
+        chain = replace(chain, phase_noise=None) if own is None else _switched(chain, own)
         if radar.waveform.is_cw:
             chain = replace(chain, high_pass=None)
         return _with_receiver(radar, chain.of_receivers(places)), True
@@ -116,21 +123,30 @@ class Simulated:
 
     def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
         """Real samples [sqrt(W)], or parts of full scale of the measured receiver."""
-        samples: NDArray[np.float64] = self._simulator_of(radar).frame(self.start + time).cube
+        start = self.start + time
+        if radar.waveform.is_cw or radar.tx_power_dbm <= NO_POWER_DBM:
+            return receive(_nothing(radar), radar, start, seed=getattr(self._simulator, "seed", 0))
+        samples: NDArray[np.float64] = self._simulator_of(radar).frame(start).cube
         return samples
 
     def _simulator_of(self, radar: Radar) -> Simulator:
         found = self._simulators.get(radar)
         if found is None:
-            while len(self._simulators) >= _MOST_RADARS:
-                del self._simulators[next(iter(self._simulators))]
-            if radar.waveform.is_cw or radar.tx_power_dbm <= NO_POWER_DBM:
-                seed = getattr(self._simulator, "seed", 0)
-                found = Simulator(Scene(), radar, resolution=8, seed=seed)
-            else:
-                found = self._simulator.with_radar(radar)
-            self._simulators[radar] = found
+            _make_room(self._simulators)
+            found = self._simulators[radar] = self._simulator.with_radar(radar)
         return found
+
+
+def _make_room(kept: dict[Any, Any]) -> None:
+    """Forget what was added first, where there is no room for one more."""
+    while len(kept) >= _MOST_RADARS:
+        del kept[next(iter(kept))]
+
+
+def _nothing(radar: Radar) -> NDArray[np.complex64]:
+    """Beat signal without an echo, and its parts with phase noise, as `receive` takes them over."""
+    parts = 1 if radar.receiver is None else 1 + len(phase_noise_delays(radar.receiver, radar.waveform))
+    return np.zeros((parts * radar.num_channels, radar.waveform.num_chirps, radar.waveform.num_samples), np.complex64)
 
 
 def _switched(chain: Receiver, own: Receiver) -> Receiver:
