@@ -208,7 +208,7 @@ def test_plot_says_what_is_wrong(
 @pytest.mark.parametrize("kind", plot.VIEWS)
 def test_pictures_take_what_can_be_chosen_of_them(scene: Path, recording: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    values = {"channel": ["1"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
     chosen = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
     source = scene if kind == "experiment" else recording
     assert main(["plot", str(source), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen]) == 0
