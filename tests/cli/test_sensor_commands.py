@@ -61,6 +61,7 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     assert "BGT60TR13C, firmware 2.6.0" in text
     assert "frame interval      50 ms asked, 50.0" in text  # the nearest that the chip's timers can do
     assert "7 frames in " in text
+    assert "sees 10 m in steps of 62.7 cm, +-4.15 m/s in steps of 1.04 m/s, at 20 Hz" in text
     recording = rc.Recording.load(output)
     assert recording.cube.shape == (7, 3, 8, 32)
     settings = recording.source["infineon"]
@@ -105,7 +106,10 @@ def test_report_is_json(capsys, tmp_path):
         (["info", "/dev/none"], "/dev/none"),
         (["record", "/dev/none", "-o", "rec"], "/dev/none"),
         (["record", "PORT", "-o", "rec", "--rate", "0"], "--rate: expected a positive number"),
-        (["record", "PORT", "-o", "rec", "--rate", "1000"], "frame_interval: expected at least"),
+        (
+            ["record", "PORT", "-o", "rec", "--rate", "1000", "--chirps", "64"],
+            "--rate: expected at most 390 Hz beside --chirps 64, got 1 kHz",
+        ),
         (["record", "PORT", "-o", "rec", "--gain", "70"], "if_gain_db: expected 18 dB to 60 dB, got 70 dB"),
         (["record", "PORT", "-o", "rec", "--duration", "-1"], "duration: expected a positive number"),
         (["record", "PORT", "-o", "rec", "--radar", "none.toml"], "none.toml"),
