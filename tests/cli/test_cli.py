@@ -255,7 +255,10 @@ def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:
         done = run("info", source)
         assert (done.returncode, done.stderr) == (0, "")
         assert "ball" in done.stdout
-        assert "range bin [m]" in done.stdout
+        lines = dict(line.split("  ", 1) for line in done.stdout.splitlines())
+        waveform = rc.load_scene(scene).radar.waveform
+        assert lines["range bin"].strip() == f"{1e2 * waveform.range_resolution:.6g} cm"
+        assert lines["sample rate"].strip() == "2 MHz"
 
 
 def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
