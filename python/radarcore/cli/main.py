@@ -100,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     view = commands.add_parser("view", help="show a scene file or a recording in the viewer Rerun (extra `rerun`)")
     view.add_argument("source", type=Path, help="recording, BAG:/TOPIC, or scene file (TOML), which is simulated")
     view.add_argument("-o", "--output", type=Path, metavar="FILE", help="write an .rrd file in place of opening it")
+    static.add_static(view)
     source.add_config(view)
     view.set_defaults(run=_view)
 

@@ -59,6 +59,9 @@ def add_parsers(actions: Any) -> None:
         default=None,
         help="subtract static clutter (default: for sensors and their recordings)",
     )
+    view.add_argument(
+        "--keep-static", dest="remove_static", action="store_false", default=None, help="leave static clutter in"
+    )
     view.set_defaults(run=_view)
 
 
