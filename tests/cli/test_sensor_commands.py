@@ -128,6 +128,16 @@ def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, mo
     assert not (tmp_path / "rec").exists() or not any((tmp_path / "rec").iterdir())
 
 
+def test_settings_of_a_board_are_refused_beside_a_recording(capsys, tmp_path):
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    wf = rc.bgt60tr13c().waveform.replace(num_chirps=2)
+    rc.Recording(np.zeros((2, 1, 2, 128), "f4"), np.arange(2.0), rc.Radar(wf)).save(tmp_path / "rec")
+    view = ["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]
+    assert main([*view, "--max-velocity", "2"]) == 1
+    assert "--max-velocity: expected a board, which it sets, got " in capsys.readouterr().err
+    assert main([*view, "--max-range", "2"]) == 0
+
+
 def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, scene):
     assert main(["simulate", str(scene), "-o", str(tmp_path / "rec")]) == 0
     assert main(["sensor", "serve", str(tmp_path / "rec")]) == 1

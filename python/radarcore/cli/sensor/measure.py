@@ -13,7 +13,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.cli.sensor.options import add_port, factor_of_real_time
-from radarcore.cli.sensor.settings import add_settings, gains_of, radar_of, sight
+from radarcore.cli.sensor.settings import add_settings, gains_of, radar_of, refuse_settings, sight
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
@@ -117,6 +117,7 @@ def _view(options: argparse.Namespace) -> int:
             output=options.output,
             every=options.every,
             title=title,
+            max_range=options.max_range,
             remove_static=options.remove_static,
             hold=not is_sensor,
             say=print,
@@ -132,10 +133,12 @@ def _frames(options: argparse.Namespace, stack: ExitStack) -> tuple[Iterator[Fra
     if source is not None and not source.startswith(("usb:", "/dev/", "COM")):
         path = Path(source)
         if path.suffix == ".toml":
+            refuse_settings(options, source)
             return _paced(load_scene(path), speed), source, False
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)
         if not path.is_char_device():
+            refuse_settings(options, source)
             return Recording.load(path).replay(speed=speed), source, False
     from radarcore.sensor import open_sensor
 

@@ -40,7 +40,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the settings of a board."""
     settings = parser.add_argument_group("settings of a board")
     settings.add_argument("--radar", type=Path, metavar="SCENE", help="take the radar of a scene file (TOML)")
-    settings.add_argument("--max-range", type=float, metavar="M", help="see at least so far [m] (default: 10)")
+    settings.add_argument(
+        "--max-range", type=float, metavar="M", help="see at least so far [m] (default: 10); end of the range axis"
+    )
     settings.add_argument(
         "--max-velocity", type=float, metavar="V", help="tell velocities apart up to this, both ways [m/s] (default: 4)"
     )
@@ -73,6 +75,13 @@ def radar_of(options: argparse.Namespace) -> Radar:
         check.count(option, value) if name.startswith("num_") else check.positive(option, value, unit)
     radar = _designed(wishes) if options.radar is None else _changed(load_scene(options.radar).radar, wishes)
     return radar if options.rx is None else _with_receivers(radar, _indices(options.rx))
+
+
+def refuse_settings(options: argparse.Namespace, source: str) -> None:
+    """Refuse settings of a board beside a recording or scene, whose range alone may be cut in the view."""
+    names = ("radar", "max_velocity", "bandwidth", "rx", "rate", "chirps", "samples", "gain", "power")
+    if (given := next((name for name in names if getattr(options, name) is not None), None)) is not None:
+        raise ValueError(f"--{given.replace('_', '-')}: expected a board, which it sets, got {source}")
 
 
 def gains_of(options: argparse.Namespace) -> dict[str, Any]:
