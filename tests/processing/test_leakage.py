@@ -95,6 +95,24 @@ def test_frames_are_filtered_as_they_come() -> None:
         assert abs(peak.range - (2.0 + 0.8 * 25e-3 * number)) < 0.5 * frame.radar.waveform.range_resolution
 
 
+def test_source_of_frames_ends_with_what_is_made_of_them() -> None:
+    ended: list[bool] = []
+
+    def frames() -> Iterator[rc.Frame]:
+        try:
+            while True:
+                yield frame
+        finally:
+            ended.append(True)
+
+    frame = measured(num_chirps=2).frame()
+    moving = rc.remove_running_mean(frames(), time_constant=1.0)
+    next(moving)
+    with pytest.raises(ValueError, match="increasing times"):
+        next(moving)
+    assert ended, "a sensor would stop"
+
+
 def test_frames_that_do_not_belong_together_are_refused() -> None:
     frame = measured().frame()
     with pytest.raises(ValueError, match="increasing times"):

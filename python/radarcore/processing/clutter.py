@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Any, overload
 
@@ -185,16 +185,22 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
     """Frames without the running mean of those so far."""
     mean: NDArray[Any] = np.zeros(1)
     before: Frame | None = None
-    for number, frame in enumerate(frames):
-        check_frame("cube", frame)
-        check_alike("cube", frame, frame.radar if before is None else before.radar, None)
-        require_one_waveform(frame.radar)
-        interval = 0.0 if before is None else frame.time - before.time
-        if before is not None and not interval > 0.0:
-            raise ValueError(f"cube: expected frames of increasing times, got {frame.time:g} s after {before.time:g} s")
-        mean = updated_mean(mean, frame.cube, number, interval, time_constant)
-        yield with_samples(frame, frame.cube - mean, frame.radar)
-        before = frame
+    try:
+        for number, frame in enumerate(frames):
+            check_frame("cube", frame)
+            check_alike("cube", frame, frame.radar if before is None else before.radar, None)
+            require_one_waveform(frame.radar)
+            interval = 0.0 if before is None else frame.time - before.time
+            if before is not None and not interval > 0.0:
+                raise ValueError(
+                    f"cube: expected frames of increasing times, got {frame.time:g} s after {before.time:g} s"
+                )
+            mean = updated_mean(mean, frame.cube, number, interval, time_constant)
+            yield with_samples(frame, frame.cube - mean, frame.radar)
+            before = frame
+    finally:
+        if isinstance(frames, Generator):  # a sensor ends measuring
+            frames.close()
 
 
 def updated_mean(
