@@ -30,3 +30,48 @@ def db_from_amplitude(amplitude: ArrayLike, floor_db: float = -400.0) -> NDArray
     magnitude = np.abs(np.asarray(amplitude))
     level: NDArray[np.float64] = 20.0 * np.log10(np.maximum(magnitude, 10.0 ** (floor_db / 20.0)))
     return level
+
+
+_STEPS: dict[str, tuple[tuple[float, str], ...]] = {
+    "Hz": ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"), (1.0, "Hz")),
+    "Hz/s": ((1e12, "MHz/us"), (1e9, "kHz/us"), (1.0, "Hz/s")),
+    "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")),
+    "m": ((1.0, "m"), (1e-2, "cm"), (1e-3, "mm")),
+    "m/s": ((1.0, "m/s"), (1e-2, "cm/s"), (1e-3, "mm/s")),
+}
+"""Units in which people write numbers of SI units, and their size, the largest first."""
+
+UNITS = tuple(_STEPS)
+"""SI units that `quantity` writes in others."""
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A number of an SI unit as people write it: ``6e10`` Hz are "60 GHz".
+
+    Parameters
+    ----------
+    value : float
+        In `unit`.
+    unit : str
+        SI unit; of others than Hz, Hz/s, s, m and m/s it is taken as it is.
+    digits : int
+        Largest number of digits.
+    """
+    steps = _STEPS.get(unit, ((1.0, unit),))
+    nearly = 1.0 - 0.5 * 10.0**-digits  # what is rounded to 1 is written so
+    fitting = (step for step in steps if abs(value) >= nearly * step[0])
+    size, name = next(fitting, steps[-1]) if value else (1.0, unit)
+    return f"{value / size:.{digits}g} {name}".rstrip()
+
+
+def frequency_of(text: str) -> float:
+    """Frequency [Hz] of a text such as "1.5 GHz", "500MHz" or "2e9 Hz"; ValueError without its unit."""
+    sizes = {name.lower(): size for size, name in _STEPS["Hz"]}
+    given = text.strip().lower()
+    name = next((name for name in sizes if given.endswith(name)), None)
+    try:
+        if name is None:
+            raise ValueError
+        return float(given.removesuffix(name)) * sizes[name]
+    except ValueError:
+        raise ValueError(f"expected a frequency with its unit, as 1.5GHz or 500MHz, got {text!r}") from None

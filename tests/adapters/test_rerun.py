@@ -243,6 +243,20 @@ def test_command_shows_a_scene_and_a_recording(tmp_path: Path, capsys: pytest.Ca
     assert not any(entity.startswith("/world/bodies") for entity in recorded.entities)
 
 
+def test_map_of_a_sensors_recording_is_without_its_leakage(tmp_path: Path) -> None:
+    radar = rc.bgt60tr13c(receiver="measured", num_chirps=8)
+    scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
+    simulated = rc.Simulator(scene, radar).record(0.0, 0.1, progress=False)
+    replace(simulated, truth=None).save(tmp_path / "recording")
+    for words, expected in (([], 2.0), (["--keep-static"], 0.0)):
+        path = tmp_path / f"run{len(words)}.rrd"
+        assert main(["view", str(tmp_path / "recording"), "-o", str(path), *words]) == 0
+        tensor = Content(path).at("/radar/range_velocity", "Tensor:data")[0][1][0]
+        levels = np.array(tensor["buffer"]).reshape(tensor["shape"])
+        brightest = int(np.unravel_index(levels.argmax(), levels.shape)[1])
+        assert abs(radar.waveform.range_axis(radar.waveform.num_samples)[brightest] - expected) < 0.16  # one bin
+
+
 def test_without_a_path_the_viewer_is_opened_and_told_all(monkeypatch: pytest.MonkeyPatch) -> None:
     import rerun
 
@@ -275,6 +289,7 @@ def test_no_display_says_how_to_save(
         (["none", "-o", "run.rrd"], "none: no such recording"),
         (["none.toml", "-o", "run.png"], "run.png: expected a file for Rerun (.rrd), got suffix '.png'"),
         (["a.toml", "-o", "run.rrd", "--config", "b.toml"], "a.toml: expected no --config with a scene file"),
+        (["a.toml", "-o", "run.rrd", "--remove-static"], "a.toml: expected no --remove-static with a scene file"),
     ],
 )
 def test_bad_arguments_are_one_line(

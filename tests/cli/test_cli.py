@@ -208,7 +208,7 @@ def test_plot_says_what_is_wrong(
 @pytest.mark.parametrize("kind", plot.VIEWS)
 def test_pictures_take_what_can_be_chosen_of_them(scene: Path, recording: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    values = {"channel": ["1"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
     chosen = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
     source = scene if kind == "experiment" else recording
     assert main(["plot", str(source), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen]) == 0
@@ -255,7 +255,10 @@ def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:
         done = run("info", source)
         assert (done.returncode, done.stderr) == (0, "")
         assert "ball" in done.stdout
-        assert "range bin [m]" in done.stdout
+        lines = dict(line.split("  ", 1) for line in done.stdout.splitlines())
+        waveform = rc.load_scene(scene).radar.waveform
+        assert lines["range bin"].strip() == f"{1e2 * waveform.range_resolution:.6g} cm"
+        assert lines["sample rate"].strip() == "2 MHz"
 
 
 def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

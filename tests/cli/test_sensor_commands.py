@@ -61,6 +61,7 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     assert "BGT60TR13C, firmware 2.6.0" in text
     assert "frame interval      50 ms asked, 50.0" in text  # the nearest that the chip's timers can do
     assert "7 frames in " in text
+    assert "sees 10 m in steps of 62.7 cm, +-4.15 m/s in steps of 1.04 m/s, at 20 Hz" in text
     recording = rc.Recording.load(output)
     assert recording.cube.shape == (7, 3, 8, 32)
     settings = recording.source["infineon"]
@@ -105,7 +106,10 @@ def test_report_is_json(capsys, tmp_path):
         (["info", "/dev/none"], "/dev/none"),
         (["record", "/dev/none", "-o", "rec"], "/dev/none"),
         (["record", "PORT", "-o", "rec", "--rate", "0"], "--rate: expected a positive number"),
-        (["record", "PORT", "-o", "rec", "--rate", "1000"], "frame_interval: expected at least"),
+        (
+            ["record", "PORT", "-o", "rec", "--rate", "1000", "--chirps", "64"],
+            "--rate: expected at most 390 Hz beside --chirps 64, got 1 kHz",
+        ),
         (["record", "PORT", "-o", "rec", "--gain", "70"], "if_gain_db: expected 18 dB to 60 dB, got 70 dB"),
         (["record", "PORT", "-o", "rec", "--duration", "-1"], "duration: expected a positive number"),
         (["record", "PORT", "-o", "rec", "--radar", "none.toml"], "none.toml"),
@@ -122,6 +126,16 @@ def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, mo
     assert len(lines) == 1
     assert message in lines[0]
     assert not (tmp_path / "rec").exists() or not any((tmp_path / "rec").iterdir())
+
+
+def test_settings_of_a_board_are_refused_beside_a_recording(capsys, tmp_path):
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    wf = rc.bgt60tr13c().waveform.replace(num_chirps=2)
+    rc.Recording(np.zeros((2, 1, 2, 128), "f4"), np.arange(2.0), rc.Radar(wf)).save(tmp_path / "rec")
+    view = ["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]
+    assert main([*view, "--max-velocity", "2"]) == 1
+    assert "--max-velocity: expected a board, which it sets, got " in capsys.readouterr().err
+    assert main([*view, "--max-range", "2"]) == 0
 
 
 def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, scene):

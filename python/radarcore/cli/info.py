@@ -9,6 +9,7 @@ from typing import Any
 
 from radarcore.adapters.ros.bags import is_bag
 from radarcore.cli import bag
+from radarcore.cli.measured import measured_facts
 from radarcore.cli.source import load_recording
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
@@ -16,6 +17,7 @@ from radarcore.radar.radar import Radar
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.simulate.times import frame_times
+from radarcore.units import UNITS, quantity
 
 
 def run(options: argparse.Namespace) -> int:
@@ -31,7 +33,8 @@ def run(options: argparse.Namespace) -> int:
             if name == "topics":
                 print("\n".join(f"  {topic}  {text}" for topic, text in value.items()))
             else:
-                print(f"{name:<{width}}  {_fact_text(value)}")
+                label, text = _in_units(name, value)
+                print(f"{label:<{width}}  {text}")
     return 0
 
 
@@ -82,7 +85,8 @@ def _recording_facts(path: Path, config: Path | None) -> dict[str, Any]:
         "dtype": str(recording.cube.dtype),
         "bodies": None if recording.truth is None else list(recording.truth.names),
         **_radar_facts(recording.radar),
-        "lost frames": None if recording.lost is None else int(recording.lost.sum()),
+        **measured_facts(recording.source),
+        "lost frames": "not counted" if recording.lost is None else int(recording.lost.sum()),
         "source": source,
     }
 
@@ -102,6 +106,7 @@ def _radar_facts(radar: Radar) -> dict[str, Any]:
         "samples per chirp": wf.num_samples,
         "chirps per frame": radar.num_chirps,
         "chirp interval [s]": wf.chirp_interval,
+        "frame interval [s]": wf.frame_interval,
         "range bin [m]": None if wf.is_cw else wf.range_resolution,
         "largest range [m]": None if wf.is_cw else radar.max_range,
         "velocity bin [m/s]": wf.velocity_resolution,
@@ -116,6 +121,14 @@ def _pattern_facts(radar: Radar) -> dict[str, str]:
     every = [("transmitter", radar.tx_patterns), ("receiver", radar.rx_patterns)]
     facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
     return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(radar.tx_patterns[0])}
+
+
+def _in_units(name: str, value: Any) -> tuple[str, str]:
+    """Name and text of a fact: numbers in the units in which people write them."""
+    label, _, unit = name.removesuffix("]").rpartition(" [")
+    if isinstance(value, int | float) and unit in (*UNITS, "dB"):
+        return label, quantity(value, unit, 6)
+    return name, _fact_text(value)
 
 
 def _fact_text(value: Any) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore._core import __version__
-from radarcore.cli import sensor, source
+from radarcore.cli import sensor, source, static
 from radarcore.cli.bag_options import add_options, check_options
 from radarcore.cli.ending import exit_status, interrupted_by_signals
 
@@ -91,15 +91,17 @@ def _parser() -> argparse.ArgumentParser:
         "--sequence", type=int, default=0, metavar="N", help="index of the sub-sequence, of several (default: 0)"
     )
     plot.add_argument("--channel", type=int, metavar="N", help="one channel (default: the powers of all, added)")
+    plot.add_argument("--min-range", type=float, metavar="M", help="start of the range gate [m]")
     plot.add_argument("--max-range", type=float, metavar="M", help="end of the range axis, or of the range gate [m]")
     plot.add_argument("--max-velocity", type=float, metavar="V", help="end of the velocity axis to either side [m/s]")
-    plot.add_argument("--remove-static", action="store_true", default=None, help="leave out what stands still")
+    static.add_static(plot)
     source.add_config(plot)
     plot.set_defaults(run=_plot)
 
     view = commands.add_parser("view", help="show a scene file or a recording in the viewer Rerun (extra `rerun`)")
     view.add_argument("source", type=Path, help="recording, BAG:/TOPIC, or scene file (TOML), which is simulated")
     view.add_argument("-o", "--output", type=Path, metavar="FILE", help="write an .rrd file in place of opening it")
+    static.add_static(view)
     source.add_config(view)
     view.set_defaults(run=_view)
 
@@ -134,7 +136,7 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument("--method", choices=("ca", "os"), help="cell averaging or ordered statistic (default: ca)")
     process.add_argument("--min-range", type=float, metavar="M", help="nearest range of detections [m]")
     process.add_argument("--max-range", type=float, metavar="M", help="farthest range of detections [m]")
-    process.add_argument("--remove-static", action="store_true", help="leave out what stands still throughout")
+    static.add_static(process)
     process.add_argument("--range-only", action="store_true", help="track ranges and velocities, without angles")
     process.add_argument("--json", action="store_true", help="print the summary as JSON")
     process.set_defaults(run=_process)
@@ -245,7 +247,8 @@ def _simulate(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from radarcore.cli import plot as draw
 
-    view = {name: getattr(options, name) for name in ("channel", "max_range", "max_velocity", "remove_static")}
+    names = ("channel", "min_range", "max_range", "max_velocity", "remove_static")
+    view = {name: getattr(options, name) for name in names}
     draw.draw(
         options.source,
         options.output,

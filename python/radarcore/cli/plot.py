@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from radarcore import check, plot
-from radarcore.cli.source import load_recording, moving
+from radarcore.cli.source import load_recording
+from radarcore.cli.static import moving, moving_frame, removes_static
+from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
 from radarcore.recording.frame import Frame
@@ -50,18 +52,20 @@ KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experimen
 
 
 VIEWS = {
-    "overview": ("max_range",),
+    "overview": ("channel", "max_range", "max_velocity", "remove_static"),
     "chirp": ("channel",),
-    "range-profile": ("channel", "max_range"),
-    "map": ("channel", "max_range", "max_velocity"),
-    "detections": ("max_range", "max_velocity"),
-    "range-angle": ("max_range",),
+    "range-profile": ("channel", "max_range", "remove_static"),
+    "map": ("channel", "max_range", "max_velocity", "remove_static"),
+    "detections": ("channel", "min_range", "max_range", "max_velocity", "remove_static"),
+    "range-angle": ("max_range", "remove_static"),
     "range-time": ("channel", "max_range", "remove_static"),
-    "spectrogram": ("channel", "max_range", "max_velocity", "remove_static"),
-    "tracks": ("max_range", "remove_static"),
+    "spectrogram": ("channel", "min_range", "max_range", "max_velocity", "remove_static"),
+    "tracks": ("min_range", "max_range", "remove_static"),
     "experiment": ("max_range",),
 }
 """Options of the pictures."""
+
+_WITHOUT_STATIC = "static echoes removed"
 
 
 def draw(
@@ -91,7 +95,9 @@ def draw(
     config : path, optional
         File with the radar of a bare ``.npy`` file.
     **view
-        `channel`, `max_range` [m], `max_velocity` [m/s], `remove_static`: those that the picture has, see `VIEWS`.
+        `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
+        `remove_static`: take off what stands still throughout, of a frame of a scene what does within the frame.
+        Default: of recordings of sensors, see `removes_static`.
     """
     plot.require()
     check.choice("kind", kind, KINDS)
@@ -99,9 +105,11 @@ def draw(
     if picture.suffix.lower() not in suffixes:
         raise ValueError(f"{picture}: expected a picture ({', '.join(suffixes)}), got suffix {picture.suffix!r}")
     chosen = {name: value for name, value in view.items() if value is not None}
-    if wrong := chosen.keys() - VIEWS.get(kind, ()):
-        kinds = ", ".join(name for name, names in VIEWS.items() if wrong <= set(names))
-        raise ValueError(f"{sorted(wrong)[0]}: expected a picture of kind {kinds}, got {kind!r}")
+    if wrong := sorted(
+        name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ())
+    ):
+        kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
+        raise ValueError(f"{wrong[0]}: expected a picture of kind {kinds}, got {kind!r}")
     if source.suffix == ".toml":
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
@@ -116,13 +124,17 @@ def _of_recording(recording: Recording, path: Path, kind: str, number: int | Non
         raise ValueError(f"{path}: expected a scene file for a picture of kind {kind!r}, got a recording")
     if len(recording) == 0:
         raise ValueError(f"{path}: expected at least one frame, got none")
+    can_remove = "remove_static" in VIEWS[kind]  # a picture of samples shows them as they are
+    removes = can_remove and removes_static(recording, view.pop("remove_static", None))
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](recording, **view).figure
+        return OF_RECORDINGS[kind](recording, **view, remove_static=removes).figure
     index = _number(number, len(recording))
+    shown = moving_frame(recording, index) if removes else recording[index]
     if kind == "overview":
-        return plot.overview(recording[index], None, **view)
-    ax = OF_FRAMES[kind](recording[index], **view)
-    ax.set_title(f"{ax.get_title()}, frame {index} of {len(recording)}")
+        return plot.overview(recording[index], None, moving=shown if removes else None, **view)
+    ax = OF_FRAMES[kind](shown, **view)
+    told = ["", _WITHOUT_STATIC] if removes else []
+    ax.set_title(f"{ax.get_title()}, frame {index} of {len(recording)}" + "\n".join(told))
     return ax.figure
 
 
@@ -135,8 +147,9 @@ def _sequence(whole: Part, number: int) -> Part:
 def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: int, view: dict[str, Any]) -> Any:
     run, simulator = simulation.run, simulation.simulator()
     angles = simulator.view_deg
+    removes = bool(view.pop("remove_static", False))
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](_sequence(simulation.record(), sequence), **view).figure
+        return OF_RECORDINGS[kind](_sequence(simulation.record(), sequence), **view, remove_static=removes).figure
     if kind == "experiment":
         return plot.experiment(
             _sequence(simulation.record(), sequence),
@@ -154,23 +167,39 @@ def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: i
     if kind in OF_IMAGES:
         return OF_IMAGES[kind](simulator.depth_image(middle)).figure
     frame = _sequence(simulator.frame(time), sequence)
+    seen = remove_mean(frame) if removes else frame
     if kind == "overview":
-        return plot.overview(frame, simulator.depth_image(middle), **view)
-    return OF_FRAMES[kind](frame, **view).figure
+        return plot.overview(frame, simulator.depth_image(middle), moving=seen if removes else None, **view)
+    return OF_FRAMES[kind](seen, **view).figure
 
 
 def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _detections(frame: Frame, *, max_range: float | None = None, max_velocity: float | None = None) -> Axes:
-    """The range-velocity map with what is detected in it."""
-    found = detect(frame, max_range=max_range)
-    return plot.range_doppler_map(frame, detections=found, max_range=max_range, max_velocity=max_velocity)
+def _detections(
+    frame: Frame,
+    *,
+    channel: int | None = None,
+    min_range: float | None = None,
+    max_range: float | None = None,
+    max_velocity: float | None = None,
+) -> Axes:
+    """The range-velocity map, of one channel or all, with what is detected in all of them."""
+    found = detect(frame, min_range=min_range, max_range=max_range)
+    return plot.range_doppler_map(frame, channel, detections=found, max_range=max_range, max_velocity=max_velocity)
 
 
-def _tracks(recording: Recording, *, max_range: float | None = None, remove_static: bool = False) -> Axes:
+def _tracks(
+    recording: Recording,
+    *,
+    min_range: float | None = None,
+    max_range: float | None = None,
+    remove_static: bool = False,
+) -> Axes:
     """Tracks in range over time, and the true ranges of all bodies where they are known."""
     frames = moving(recording) if remove_static else recording.frames()
-    found = track(frames, detector=partial(detect, max_range=max_range), num_dimensions=1)
-    return plot.tracks(recording, found)
+    found = track(frames, detector=partial(detect, min_range=min_range, max_range=max_range), num_dimensions=1)
+    ax = plot.tracks(recording, found)
+    ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
+    return ax

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.cli.source import AnyReader, moving, open_recording
+from radarcore.cli.source import AnyReader, open_recording
+from radarcore.cli.static import moving, removes_static
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import Tracker
@@ -112,7 +113,8 @@ def _processed(
     tracker = Tracker(
         max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if options.range_only else None
     )
-    frames = zip(reader, moving(reader), strict=True) if options.remove_static else ((one, one) for one in reader)
+    removes = removes_static(reader, options.remove_static)
+    frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):
             part = filtered.sequences()[sequence]

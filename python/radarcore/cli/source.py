@@ -5,17 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import Frame
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_radar
@@ -74,19 +68,6 @@ def open_recording(source: Path, config: Path | None) -> Iterator[AnyReader]:
             yield BagFrames(bag, topic or only_radar(bag))
     else:
         yield RecordingReader(path, radar=_radar(path, config))
-
-
-def moving(reader: AnyReader | Recording) -> Iterator[Frame]:
-    """The frames without what stands still throughout: their mean over all chirps of the recording, taken off."""
-    mean: NDArray[Any] | float = 0.0
-    for frame in _frames(reader):
-        mean = mean + frame.cube.mean(axis=1, keepdims=True, dtype=np.result_type(frame.cube, np.float64)) / len(reader)
-    for frame in _frames(reader):
-        yield replace(frame, cube=(frame.cube - mean).astype(frame.cube.dtype), raw=None)
-
-
-def _frames(reader: AnyReader | Recording) -> Iterator[Frame]:
-    return reader.frames() if isinstance(reader, Recording) else iter(reader)
 
 
 def _topics(bag: BagReader) -> str:

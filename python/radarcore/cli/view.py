@@ -9,6 +9,7 @@ from pathlib import Path
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.source import open_recording
+from radarcore.cli.static import moving, removes_static
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import Tracker
 from radarcore.radar.radar import Radar
@@ -25,6 +26,10 @@ def run(options: argparse.Namespace) -> int:
     frames = _of_scene if source.suffix == ".toml" else _of_recording
     if source.suffix == ".toml" and options.config is not None:
         raise ValueError(f"{source}: expected no --config with a scene file, which has its radar, got {options.config}")
+    if source.suffix == ".toml" and options.remove_static:
+        raise ValueError(
+            f"{source}: expected no --remove-static with a scene file, whose frames are shown as they come"
+        )
     number = 0
     with Viewer(options.output) as viewer:
         tracker: Tracker | None = None
@@ -54,13 +59,12 @@ def _of_scene(path: Path, _: argparse.Namespace, viewer: Viewer) -> Iterator[Fra
 
 
 def _of_recording(path: Path, options: argparse.Namespace, _: Viewer) -> Iterator[Frame]:
-    """Frames of a recording, however long."""
-    with (
-        open_recording(path, options.config) as reader,
-        notice.progress(iter(reader), "reading", "frame", total=len(reader)) as counted,
-    ):
-        for frame in counted:
-            yield frame.sequences()[0]
+    """Frames of a recording, however long; those of a sensor without what stands still."""
+    with open_recording(path, options.config) as reader:
+        frames = moving(reader) if removes_static(reader, options.remove_static) else iter(reader)
+        with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
+            for frame in counted:
+                yield frame.sequences()[0]
 
 
 def _tracker(radar: Radar) -> Tracker:

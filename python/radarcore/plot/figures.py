@@ -28,7 +28,10 @@ def overview(
     image: Image | None,
     path: str | os.PathLike[str] | None = None,
     *,
+    channel: int | None = None,
     max_range: float | None = None,
+    max_velocity: float | None = None,
+    moving: Frame | None = None,
 ) -> Figure:
     """Frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
 
@@ -40,14 +43,20 @@ def overview(
         Depth image at the time of the frame; None (a measured frame): without the two images.
     path : path, optional
         Save here, in the format of the suffix; missing parents are made.
-    max_range : float, optional
-        End of the range axis [m]; default: the largest unambiguous range.
+    channel : int, optional
+        One channel; default: the chirp of the first, and the powers of all, added.
+    max_range, max_velocity : float, optional
+        Ends of the axes of range and velocity [m], [m/s]; default: as in `range_doppler_map`.
+    moving : Frame, optional
+        The frame without what stands still, such as `remove_mean` gives: its powers are drawn, and the chirp as it
+        was received.
 
     Returns
     -------
     figure : matplotlib Figure
     """
     wf = frame.radar.waveform
+    seen, told = (frame, "") if moving is None else (moving, ", static echoes removed")
     names: list[tuple[Axes, list[Name]]] = []
     figure = canvas.new_figure(11.0, 8.2 if image is not None else 4.4)
     panels = list(figure.subplots(2 if image is not None else 1, 2).flat)
@@ -59,12 +68,14 @@ def overview(
         frame_pictures.reflectance_image(image, panels[1]).set_title("Reflectance")
 
     # The measured frame.
-    frame_pictures.chirp(frame, ax=panels[-2]).set_title("First chirp, channel 0")
+    of_chirp = 0 if channel is None else channel
+    frame_pictures.chirp(frame, of_chirp, ax=panels[-2]).set_title(f"First chirp, channel {of_chirp}")
     if wf.num_chirps > 1 and wf.has_uniform_chirps:
-        names.append((panels[-1], frame_pictures.draw_map(panels[-1], frame, max_range=max_range)))
-        panels[-1].set_title("Range and velocity")
+        drawn = frame_pictures.draw_map(panels[-1], seen, channel, max_range=max_range, max_velocity=max_velocity)
+        names.append((panels[-1], drawn))
+        panels[-1].set_title(f"Range and velocity{told}")
     else:
-        frame_pictures.range_profile(frame, ax=panels[-1], max_range=max_range).set_title("Range")
+        frame_pictures.range_profile(seen, channel, panels[-1], max_range=max_range).set_title(f"Range{told}")
     if image is not None and (truth := frame.truth) is not None:
         across, up = np.tan(truth.azimuth), np.tan(truth.elevation) / np.cos(truth.azimuth)
         names += [(ax, frame_pictures.mark(ax, across, up, truth.names)) for ax in panels[:2]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Any, overload
 
@@ -16,7 +17,7 @@ from radarcore.processing.inputs import (
     require_uniform_chirps,
     with_samples,
 )
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, check_alike, check_frame
 from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
@@ -121,10 +122,12 @@ def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame
 @overload
 def remove_running_mean(cube: Recording, time: None = ..., *, time_constant: float) -> Recording: ...
 @overload
+def remove_running_mean(cube: Iterator[Frame], time: None = ..., *, time_constant: float) -> Iterator[Frame]: ...
+@overload
 def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: float) -> NDArray[Any]: ...
 def remove_running_mean(
-    cube: ArrayLike | Recording, time: ArrayLike | None = None, *, time_constant: float
-) -> NDArray[Any] | Recording:
+    cube: ArrayLike | Recording | Iterator[Frame], time: ArrayLike | None = None, *, time_constant: float
+) -> NDArray[Any] | Recording | Iterator[Frame]:
     """Take off the running mean of the frames so far: what has stood still for longer than `time_constant`.
 
     The mean of all frames at first, of those of the last `time_constant` later (an exponential decay, by the frames'
@@ -132,17 +135,18 @@ def remove_running_mean(
 
     Parameters
     ----------
-    cube : (frame, ..., chirp, sample) float32, float64, complex64 or complex128, or Recording
-        Beat signal; a recording of one waveform.
+    cube : (frame, ..., chirp, sample) float32, float64, complex64 or complex128, or Recording, or iterator of Frame
+        Beat signal; a recording or frames of one waveform. Frames are filtered as they come, such as those of
+        ``sensor.frames()``.
     time : (frame,) array_like, optional
-        Of every frame of a cube [s], increasing; a recording has its own.
+        Of every frame of a cube [s], increasing; a recording and frames have their own.
     time_constant : float
         [s].
 
     Returns
     -------
-    moving : array of the shape and dtype of `cube`, or Recording
-        Of a recording one without codes.
+    moving : array of the shape and dtype of `cube`, or Recording, or iterator of Frame
+        Of a recording and of frames without codes.
 
     Raises
     ------
@@ -155,8 +159,12 @@ def remove_running_mean(
         require_one_waveform(cube.radar)
         moved = remove_running_mean(cube.cube, cube.time, time_constant=time_constant)
         return with_samples(cube, moved, cube.radar)
+    if isinstance(cube, Iterator):
+        if time is not None:
+            raise TypeError("time: expected none with frames, which have their times")
+        return _moving_frames(cube, check.positive("time_constant", time_constant, "s"))
     if isinstance(cube, Frame):
-        raise TypeError("cube: expected a Recording or a cube of several frames, got one Frame")
+        raise TypeError("cube: expected a Recording, frames or a cube of several frames, got one Frame")
     if time is None:
         raise TypeError("time: expected the times of the frames [s] with a cube that is no Recording, got none")
     samples = checked_samples(cube, "(frame, ..., chirp, sample)")
@@ -171,6 +179,28 @@ def remove_running_mean(
         mean = updated_mean(mean, frame, i, times[i] - times[max(0, i - 1)], constant)
         moving[i] = frame - mean
     return moving
+
+
+def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Frame]:
+    """Frames without the running mean of those so far."""
+    mean: NDArray[Any] = np.zeros(1)
+    before: Frame | None = None
+    try:
+        for number, frame in enumerate(frames):
+            check_frame("cube", frame)
+            check_alike("cube", frame, frame.radar if before is None else before.radar, None)
+            require_one_waveform(frame.radar)
+            interval = 0.0 if before is None else frame.time - before.time
+            if before is not None and not interval > 0.0:
+                raise ValueError(
+                    f"cube: expected frames of increasing times, got {frame.time:g} s after {before.time:g} s"
+                )
+            mean = updated_mean(mean, frame.cube, number, interval, time_constant)
+            yield with_samples(frame, frame.cube - mean, frame.radar)
+            before = frame
+    finally:
+        if isinstance(frames, Generator):  # a sensor ends measuring
+            frames.close()
 
 
 def updated_mean(

@@ -21,16 +21,26 @@ from radarcore.processing.inputs import (
     require_uniform_chirps,
 )
 from radarcore.processing.noise import filtered_rows, median_of_unit_mean, rounding_noise
+from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
 
 _PADDING = 4
 """Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
 
 _FALSE_ALARMS = 1e-6
 """Frames of noise with a peak, by the default of `min_snr_db`."""
+
+_NEAREST = 3.0
+"""Range bins next to the radar that leakage from its own transmitter fills: less than a cycle per chirp, and two of the
+window's main lobe."""
+
+_SIDELOBES = 3.0
+"""Amplitude of what leakage adds to bins beyond, over that of the window's sidelobes: 2 where those of a tone and its
+mirror image add up, and half as much again, as leakage is no tone."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +73,7 @@ def strongest_peak(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
     *,
-    min_range: float = 0.0,
+    min_range: float | None = None,
     max_range: float | None = None,
     min_velocity: float | None = None,
     max_velocity: float | None = None,
@@ -83,6 +93,12 @@ def strongest_peak(
     they count as noise, and a weak one within limits may then need a `min_snr_db` of its own. `detect` finds several
     targets, and compares each with what is around it.
 
+    **Leakage.** A sensor hears its own transmitter, most of all in its nearest range bins and far louder than any echo.
+    Of a frame with samples of an ADC (`Frame.raw`, or in parts of full scale), measured or simulated with such a
+    receiver, a peak is therefore sought beyond three range bins, and not among what may be sidelobes of the leakage.
+    With `min_range` given, 0 included, limits are all there is, as for any other frame. What stands still is an echo
+    like others: `remove_running_mean` takes it off.
+
     From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
     their mirror image and are less accurate.
 
@@ -93,7 +109,8 @@ def strongest_peak(
     waveform : Waveform or Radar, optional
         Of a cube; a frame has its own. Chirps at equal intervals.
     min_range, max_range : float, optional
-        Limits of the range at the middle of the frame [m]; default: all that the waveform tells apart.
+        Limits of the range at the middle of the frame [m]; default: all that the waveform tells apart, of samples of an
+        ADC all but the leakage.
     min_velocity, max_velocity : float, optional
         Limits of the velocity, receding positive [m/s]; default: none. A single chirp has no velocity to limit.
     window, doppler_window : str, tuple or None
@@ -117,6 +134,7 @@ def strongest_peak(
     # Check all arguments before any work.
     require_one_frame("cube", cube)
     require_transmitters_apart(cube, waveform)
+    has_leakage = isinstance(cube, Frame) and unit_of(cube) in (FULL_SCALE, PARTS_OF_FULL_SCALE)
     cube, waveform = cube_and_waveform(cube, waveform)
     samples = checked_samples(
         cube,
@@ -131,7 +149,8 @@ def strongest_peak(
         raise ValueError(
             f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
-    range_limits = limits("range", "m", min_range, max_range)
+    leaks = min_range is None and has_leakage and not waveform.is_cw
+    range_limits = limits("range", "m", 0.0 if min_range is None else min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
         waveform.require_range()
     velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
@@ -182,6 +201,8 @@ def strongest_peak(
         is_peak &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
     if has_velocity:
         is_peak &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
+    if leaks and has_range:
+        is_peak &= power > _leakage(power, fast_weights, is_cyclic=np.iscomplexobj(samples))
     if not is_peak.any():
         return None
     row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
@@ -217,6 +238,19 @@ def strongest_peak(
         velocity_index=velocity_index % num_chirps,
         snr_db=snr_db,
     )
+
+
+def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, is_cyclic: bool) -> NDArray[np.float64]:
+    """Largest power that leakage explains, (doppler, range): all in the nearest bins, and sidelobes of that beyond.
+
+    Every velocity has its own: what differs from chirp to chirp, such as offsets, is in the nearest bins as well.
+    """
+    bins = np.arange(power.shape[1]) / _PADDING
+    if is_cyclic:
+        bins = np.minimum(bins, len(fast_weights) - bins)
+    is_near = bins <= _NEAREST
+    sidelobes = np.square(_SIDELOBES * envelope(fast_weights.tobytes(), bins))
+    return np.where(is_near, np.inf, sidelobes * power[:, is_near].max(axis=1, keepdims=True))
 
 
 def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> float:

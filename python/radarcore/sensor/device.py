@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+from datetime import datetime
 from os import PathLike
 from types import TracebackType
 from typing import Any
@@ -375,8 +376,13 @@ class Sensor:
         return Recording.load(path)
 
     def source(self) -> dict[str, Any]:
-        """Origin of the frames, for `Recording.source`."""
-        return {"sensor": dict(vars(self.info)), "cube_unit": FULL_SCALE, **self._board.details()}
+        """Origin of frames that are measured from now on, for `Recording.source`."""
+        now = datetime.now().astimezone()
+        details = self._board.details()
+        if "infineon" in details:  # in the words of that format
+            details["infineon"]["date_captured"] = now.strftime("%Y-%m-%dT%H:%M:%S%z")
+        date = now.isoformat(timespec="seconds")
+        return {"sensor": dict(vars(self.info)), "date": date, "cube_unit": FULL_SCALE, **details}
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""

@@ -1,4 +1,4 @@
-"""The commands `radarcore sensor record` and `view`, and the settings of a board that they take."""
+"""The commands `radarcore sensor record` and `view`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.cli.sensor.options import add_port, factor_of_real_time
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.cli.sensor.settings import add_settings, gains_of, radar_of, refuse_settings, sight
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
@@ -26,7 +26,7 @@ def add_parsers(actions: Any) -> None:
     """Add `record` and `view` to the commands of `radarcore sensor`."""
     record = actions.add_parser("record", help="record from a board, until Ctrl-C or for a duration")
     add_port(record)
-    _add_settings(record)
+    add_settings(record)
     record.add_argument("-o", "--output", type=Path, required=True, help="recording: a new directory")
     record.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     length = record.add_mutually_exclusive_group()
@@ -42,7 +42,7 @@ def add_parsers(actions: Any) -> None:
         metavar="SOURCE",
         help="recording, scene file (TOML), or port of a board (default: the first board that responds)",
     )
-    _add_settings(view)
+    add_settings(view)
     view.add_argument("-o", "--output", type=Path, metavar="DIR", help="write pictures to DIR, open no window")
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     view.add_argument(
@@ -59,51 +59,22 @@ def add_parsers(actions: Any) -> None:
         default=None,
         help="subtract static clutter (default: for sensors and their recordings)",
     )
+    view.add_argument(
+        "--keep-static", dest="remove_static", action="store_false", default=None, help="leave static clutter in"
+    )
     view.set_defaults(run=_view)
-
-
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    settings = parser.add_argument_group("settings of a board")
-    settings.add_argument("--radar", type=Path, metavar="SCENE", help="take the radar of a scene file (TOML)")
-    settings.add_argument("--rate", type=float, metavar="HZ", help="frames per second")
-    settings.add_argument("--chirps", type=int, metavar="N", help="chirps per frame")
-    settings.add_argument("--samples", type=int, metavar="N", help="samples per chirp")
-    settings.add_argument("--gain", type=int, metavar="DB", help="IF gain, 18 to 60 dB")
-    settings.add_argument("--power", type=int, metavar="LEVEL", help="transmit power, 0 to 31")
-
-
-def _radar(options: argparse.Namespace) -> Radar:
-    """Radar from the options."""
-    given = {"num_chirps": options.chirps, "num_samples": options.samples}
-    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    if options.rate is not None:
-        if not options.rate > 0.0:
-            raise ValueError(f"--rate: expected a positive number of frames per second, got {options.rate:g}")
-        changes["frame_interval"] = 1.0 / options.rate
-    if options.radar is None:
-        return bgt60tr13c(**changes)
-    radar = load_scene(options.radar).radar
-    if not changes:
-        return radar
-    values = radar.to_dict()
-    values["waveform"] = radar.waveform.replace(**changes).to_dict()
-    return Radar.from_dict(values)
-
-
-def _gains(options: argparse.Namespace) -> dict[str, Any]:
-    given = {"if_gain_db": options.gain, "tx_power_level": options.power}
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def _record(options: argparse.Namespace) -> int:
     from radarcore.sensor import open_sensor
 
     with open_sensor(options.port, capture=options.capture) as sensor:
-        wanted = _radar(options)
-        achieved = sensor.configure(wanted, **_gains(options))
+        wanted = radar_of(options)
+        achieved = sensor.configure(wanted, **gains_of(options))
         print(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
         for line in _differences(wanted, achieved):
             print(f"  {line}")
+        print(f"  {sight(achieved)}")
         began = time.perf_counter()
         try:
             recording = sensor.record(
@@ -146,6 +117,7 @@ def _view(options: argparse.Namespace) -> int:
             output=options.output,
             every=options.every,
             title=title,
+            max_range=options.max_range,
             remove_static=options.remove_static,
             hold=not is_sensor,
             say=print,
@@ -161,15 +133,18 @@ def _frames(options: argparse.Namespace, stack: ExitStack) -> tuple[Iterator[Fra
     if source is not None and not source.startswith(("usb:", "/dev/", "COM")):
         path = Path(source)
         if path.suffix == ".toml":
+            refuse_settings(options, source)
             return _paced(load_scene(path), speed), source, False
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)
         if not path.is_char_device():
+            refuse_settings(options, source)
             return Recording.load(path).replay(speed=speed), source, False
     from radarcore.sensor import open_sensor
 
     sensor = stack.enter_context(open_sensor(source))
-    sensor.configure(_radar(options), **_gains(options))
+    achieved = sensor.configure(radar_of(options), **gains_of(options))
+    print(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
     return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
 
 

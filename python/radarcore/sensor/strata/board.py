@@ -278,6 +278,7 @@ class StrataBoard:
                 "aaf_cutoff_Hz": 500000,
                 "hp_cutoff_Hz": round(settings.highpass_cutoff),
                 "if_gain_dB": settings.if_gain_db,
+                "rx_antennas": [index + 1 for index in settings.rx_indices],
                 "tx_power_level": settings.tx_power_level,
                 "firmware_version": self.info.firmware,
                 "uuid": str(int(self.info.serial_number.replace("-", "") or "0", 16)),

@@ -1,0 +1,133 @@
+"""A sensor's own leakage is no peak, no detection and no track; a person in front of it is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+WIDE = {"start_frequency": 58e9, "stop_frequency": 63.5e9, "num_samples": 64}
+"""Sweep of the chip's settings at power-up."""
+
+
+def measured(*points: rc.PointTarget, num_chirps: int = 16, **settings: Any) -> rc.Simulator:
+    """Simulator of the chip's whole chain, leakage and codes included."""
+    radar = rc.bgt60tr13c(receiver="measured", if_gain_db=23, num_chirps=num_chirps, **settings)
+    return rc.Simulator(rc.Scene(list(points)), radar)
+
+
+@pytest.fixture(scope="module")
+def real() -> rc.Recording:
+    """Recording of a real sensor, in front of which a person moves."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
+    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
+    if not path.exists():
+        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
+    return rc.Recording.load(path)
+
+
+@pytest.mark.parametrize("settings", [{}, WIDE], ids=["1 GHz", "5.5 GHz"])
+def test_leakage_alone_is_no_peak(settings: dict[str, Any]) -> None:
+    frame = measured(**settings).frame()
+    loudest = rc.strongest_peak(frame, min_range=0.0)
+    assert loudest is not None
+    assert loudest.range_index == 0, "there is leakage"
+    assert loudest.snr_db > 50.0
+    assert rc.strongest_peak(frame) is None
+    assert len(rc.detect(frame)) == 0
+
+
+@pytest.mark.parametrize(("settings", "distance"), [({}, 2.0), (WIDE, 0.6)], ids=["1 GHz", "5.5 GHz"])
+def test_echo_is_found_beside_leakage_that_is_much_louder(settings: dict[str, Any], distance: float) -> None:
+    frame = measured(rc.PointTarget([distance, 0.0, 0.0], rcs=0.02), **settings).frame()
+    wf = frame.radar.waveform
+    loudest, peak = rc.strongest_peak(frame, min_range=0.0), rc.strongest_peak(frame)
+    assert loudest is not None
+    assert peak is not None
+    assert loudest.power > 1e3 * peak.power
+    # Noise at 17 dB and more is a tenth of a bin; what leakage leaves there adds some.
+    assert abs(peak.range - distance) < 0.5 * wf.range_resolution
+    found = rc.detect(frame)
+    assert len(found) == 1
+    assert abs(found.range[0] - distance) < 0.5 * wf.range_resolution
+
+
+def test_limit_of_range_that_is_given_is_the_only_one() -> None:
+    """What a user asks for is what is searched, leakage or not; samples of no ADC have no leakage to leave out."""
+    frame = measured().frame()
+    width = frame.radar.waveform.range_resolution
+    near = rc.strongest_peak(frame, min_range=0.5 * width, max_range=8.0 * width)
+    assert near is not None, "a sidelobe of the leakage"
+    ideal = rc.Simulator(rc.Scene([rc.PointTarget([1.5 * width, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=16)).frame()
+    peak = rc.strongest_peak(ideal)
+    assert peak is not None
+    assert abs(peak.range - 1.5 * width) < 0.5 * width, "an ideal echo in the nearest bins is one"
+
+
+def test_mean_of_frames_that_come_is_that_of_their_recording(real: rc.Recording) -> None:
+    some = real[:20]
+    came = list(rc.remove_running_mean(some.frames(), time_constant=0.5))
+    whole = rc.remove_running_mean(some, time_constant=0.5)
+    for frame, expected in zip(came, whole.frames(), strict=True):
+        np.testing.assert_array_equal(frame.cube, expected.cube)
+        assert (frame.time, frame.raw) == (expected.time, None)
+
+
+def test_frames_are_filtered_as_they_come() -> None:
+    simulator = measured(rc.PointTarget([2.0, 0.0, 0.0], rcs=1.0, velocity=[0.8, 0.0, 0.0]), num_chirps=32)
+    taken = []
+
+    def frames() -> Iterator[rc.Frame]:
+        for number in range(6):
+            taken.append(number)
+            yield simulator.frame(25e-3 * number)
+
+    for number, frame in enumerate(rc.remove_running_mean(frames(), time_constant=1.0)):
+        assert taken[-1] == number, "none is taken ahead"
+        peak = rc.strongest_peak(frame)
+        assert peak is not None
+        assert abs(peak.range - (2.0 + 0.8 * 25e-3 * number)) < 0.5 * frame.radar.waveform.range_resolution
+
+
+def test_source_of_frames_ends_with_what_is_made_of_them() -> None:
+    ended: list[bool] = []
+
+    def frames() -> Iterator[rc.Frame]:
+        try:
+            while True:
+                yield frame
+        finally:
+            ended.append(True)
+
+    frame = measured(num_chirps=2).frame()
+    moving = rc.remove_running_mean(frames(), time_constant=1.0)
+    next(moving)
+    with pytest.raises(ValueError, match="increasing times"):
+        next(moving)
+    assert ended, "a sensor would stop"
+
+
+def test_frames_that_do_not_belong_together_are_refused() -> None:
+    frame = measured().frame()
+    with pytest.raises(ValueError, match="increasing times"):
+        list(rc.remove_running_mean(iter([frame, frame]), time_constant=1.0))
+    with pytest.raises(TypeError, match="expected Frame, got ndarray"):
+        list(rc.remove_running_mean(iter([frame.cube]), time_constant=1.0))  # type: ignore[list-item]
+    with pytest.raises(TypeError, match="time: expected none with frames"):
+        rc.remove_running_mean(iter([frame]), [0.0], time_constant=1.0)  # type: ignore[call-overload]
+
+
+def test_person_is_the_strongest_peak_of_every_frame_of_a_real_sensor(real: rc.Recording) -> None:
+    """The person sits at 0.33 to 0.40 m, as a spectrum of the recording without its mean shows."""
+    for index in range(0, len(real), 8):
+        loudest, peak = (rc.strongest_peak(real[index], min_range=low) for low in (0.0, None))
+        assert loudest is not None
+        assert loudest.range < 0.01, "the leakage"
+        assert peak is not None
+        assert 0.33 < peak.range < 0.40
