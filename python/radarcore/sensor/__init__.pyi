@@ -9,5 +9,6 @@ from radarcore.sensor.errors import SensorDisconnectedError as SensorDisconnecte
 from radarcore.sensor.errors import SensorError as SensorError
 from radarcore.sensor.errors import SensorNotFoundError as SensorNotFoundError
 from radarcore.sensor.errors import SensorTimeoutError as SensorTimeoutError
+from radarcore.sensor.selftest import Check as Check
 from radarcore.virtual.board import VirtualBoard as VirtualBoard
 from radarcore.virtual.board import virtual_board as virtual_board

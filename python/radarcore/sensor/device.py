@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -29,6 +29,7 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
+from radarcore.sensor.selftest import GROUPS, Check, run_checks
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
@@ -382,6 +383,32 @@ class Sensor:
         """Temperature of the chip [degrees Celsius]."""
         self._check_open()
         return self._board.temperature()
+
+    def selftest(self, groups: Collection[str] = GROUPS, *, duration: float = 2.5) -> Iterator[Check]:
+        """Check the board, one thing after the other; ends what is being measured.
+
+        Parameters
+        ----------
+        groups : collection of str
+            Some of ``"identity"``, ``"registers"``, ``"pattern"``, ``"noise"`` and ``"frames"``.
+        duration : float
+            Length of the measurement whose frame rate is checked [s].
+
+        Returns
+        -------
+        checks : iterator of Check
+            Name, result (``"PASS"``, ``"FAIL"``, ``"SKIP"``), what was measured and expected; each comes when it is
+            done. The board needs `configure` afterwards.
+        """
+        self._check_open()
+        if isinstance(groups, str):
+            groups = (groups,)
+        for group in groups:
+            check.choice("groups", group, GROUPS)
+        seconds = check.positive("duration", duration, "s")
+        self.stop()
+        self.radar = None
+        return run_checks(self._board, groups, duration=seconds)
 
     def close(self) -> None:
         """End measuring and give the port back; may be called twice."""
