@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check
+from radarcore.cli import sensor_selftest
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
@@ -92,6 +93,8 @@ def add_parser(commands: Any) -> None:
     report = actions.add_parser("report", help="collect the USB descriptors of the boards, for a bug report")
     report.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file (default: print the report)")
     report.set_defaults(run=_report)
+
+    sensor_selftest.add_parser(actions)
 
 
 def _speed(text: str) -> float | None:
