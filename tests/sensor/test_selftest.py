@@ -221,7 +221,7 @@ def test_silent_board_is_named_soon():
 
     checks = checks_of(controller(Failing()), "pattern")
     assert failed(checks) == ["test pattern"]
-    assert "0 of 3 frames came in 2.1 s" in checks["test pattern"].measured
+    assert "0 of 3 frames came in 2.2 s" in checks["test pattern"].measured
 
 
 def test_board_that_is_gone_fails_one_check_and_skips_the_rest():

@@ -237,7 +237,8 @@ class Sensor:
             Wanted waveform and receivers; a board sets power and gains by `options`. Phases of the receivers
             (`Receiver.rx_phase_deg`) are kept, so that angles are right.
         **options
-            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
+            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz],
+            ``is_transmitting`` (False: the transmitter is off), ``has_test_pattern`` (in place of RX1's samples).
 
         Returns
         -------

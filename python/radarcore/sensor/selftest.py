@@ -115,12 +115,13 @@ def run_checks(board: Board, groups: Collection[str] = GROUPS, *, duration: floa
         if group not in groups:
             continue
         if is_gone:
-            yield Check(name, "SKIP", "the board is gone", "")
+            yield Check(name, "SKIP", "the board does not answer any more", "")
             continue
         try:
             yield from step()
         except SensorError as error:
-            is_gone = isinstance(error, SensorDisconnectedError)
+            # What does not answer a request will not answer the next.
+            is_gone = isinstance(error, SensorDisconnectedError | SensorTimeoutError)
             yield Check(name, "FAIL", str(error), "no error")
 
 
@@ -240,9 +241,8 @@ def _registers(board: StrataBoard) -> Iterator[Check]:
 
 def _pattern(board: StrataBoard) -> Iterator[Check]:
     """The chip's own sequence in place of RX1's samples: what has been changed between the chip and here."""
-    radar = bgt60tr13c(num_samples=64, num_chirps=128, chirp_interval=100e-6, frame_interval=25e-3)
-    board.configure(_with_rx(radar, [0]), has_test_pattern=True)
-    frames, _ = _measure(board, 3, 25e-3)
+    radar = bgt60tr13c(num_samples=64, num_chirps=128, chirp_interval=100e-6, frame_interval=50e-3)
+    frames, _ = _measure(board, 3, _set(board, _with_rx(radar, [0]), has_test_pattern=True))
     words = np.array([frame.codes.reshape(-1) for frame in frames])
     size = words.shape[1]
     running = np.array([test_pattern(size, frame.index * size) for frame in frames])
@@ -414,7 +414,7 @@ def _set(board: Board, radar: Radar, **options: Any) -> float:
 
 
 def _measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFrame], list[Lost]]:
-    """Frames of a measurement, and losses among them; SensorTimeoutError where they take far too long."""
+    """Frames of a measurement, and losses among them; SensorError where they take far too long."""
     frames: list[RawFrame] = []
     lost: list[Lost] = []
     board.start()
@@ -428,7 +428,7 @@ def _measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFr
                     lost.append(item)
             if len(frames) < num_frames and time.monotonic() > deadline:
                 reasons = ", ".join(dict.fromkeys(loss.reason for loss in lost))
-                raise SensorTimeoutError(
+                raise SensorError(
                     f"{board.info.port}: {len(frames)} of {num_frames} frames came in "
                     f"{2.0 + 1.5 * num_frames * interval:.1f} s{': ' + reasons if reasons else ''}"
                 )

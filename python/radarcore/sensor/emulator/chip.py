@@ -257,12 +257,11 @@ class Chip:
             except Exception as error:  # a source that fails ends the measurement, not the board
                 self.failure = error
                 return
-            samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
             if is_test and settings.rx_mask & 1:
-                # A step with every sample that goes into the FIFO, of all receivers, from frame to frame; RX1 shows it.
-                samples = samples.copy()
-                codes = test_pattern(len(samples), index * len(samples))
-                samples[:: len(cube)] = codes[:: len(cube)]
+                # It goes on with every sample of any receiver, from frame to frame; RX1 shows it.
+                cube = cube.copy()
+                cube[0] = test_pattern(cube.size, index * cube.size)[:: len(cube)].reshape(cube[0].shape)
+            samples = np.ascontiguousarray(cube.transpose(1, 2, 0)).reshape(-1)
             active = settings.num_chirps * settings.chirp_time
             for first in range(0, len(samples), piece):
                 part = samples[first : first + piece]

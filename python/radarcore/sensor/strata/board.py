@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -331,7 +331,7 @@ class StrataBoard:
             raise ProtocolError(f"{self._link.name}: expected {len(wanted)} registers, got {len(values)}")
         return {address: value & 0xFFFFFF for address, value in zip(wanted, values, strict=True)}
 
-    def write_registers(self, registers: Mapping[int, int]) -> None:
+    def write_registers(self, registers: dict[int, int]) -> None:
         """Set registers of the chip in ascending order, MAIN last; ends what is being measured.
 
         The next `start` sets all that it needs anew, but for what `reset` alone undoes.
