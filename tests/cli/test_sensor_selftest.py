@@ -1,6 +1,7 @@
 """`radarcore sensor selftest`, as typed."""
 
 import json
+import re
 import signal
 import sys
 import time
@@ -73,7 +74,7 @@ def test_board_with_comlib_is_tested_as_far_as_its_protocol_goes(capsys):
         assert main(["sensor", "selftest", pty.path, "--duration", "0.4"]) == 0
     text = capsys.readouterr().out
     assert "SKIP  registers              the protocol does not show them\n" in text
-    assert "PASS  frame rate             20.0" in text
+    assert re.search(r"PASS  frame rate +\d+\.\d+ Hz by the host's clock", text)
 
 
 def test_port_without_a_board_fails_and_is_reported(capsys, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from radarcore.sensor.bgt60.readback import COMPARED, stuck_bits, unusual_resets
 from radarcore.sensor.bgt60.registers import ADC0, CHIP_ID, FSTAT, MAIN, PLL1_0, RESET_VALUES, RFT1, SFCTL
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.measured import chirp_noise, clipped, interval_of, leakage
+from radarcore.sensor.measured import chirp_noise, clipped, leakage, pace_of
 
 
 @pytest.mark.parametrize("shape", [(5, 3, 32, 64), (40, 3, 2, 64), (64, 3, 1, 16)])
@@ -39,13 +39,20 @@ def test_clipped_samples_are_those_at_both_ends():
     assert clipped([0, 1, 4094, 4095]) == 0.5
 
 
-def test_interval_is_that_of_most_frames():
+def test_pace_is_that_of_most_frames():
     numbers = [0, 1, 2, 5, 6, 7, 8, 9]
     times = [0.02 * number for number in numbers]
-    assert interval_of(numbers, times) == pytest.approx(0.02)
+    assert pace_of(numbers, times) == pytest.approx((0.02, 0.0), abs=1e-12)
     times[2] += 0.5  # one that was late
-    assert interval_of(numbers, times) == pytest.approx(0.02)
-    assert interval_of([3, 5], [1.0, 1.5]) == 0.25
+    assert pace_of(numbers, times)[0] == pytest.approx(0.02, abs=1e-12)
+    assert pace_of([3, 5], [1.0, 1.5]) == (0.25, 0.0)
+
+
+def test_jitter_is_what_one_frame_of_twenty_is_late():
+    late = np.where(np.arange(200) % 10 == 0, 4e-3, 0.0)  # one of ten
+    assert pace_of(range(200), 0.01 * np.arange(200) + late) == pytest.approx((0.01, 4e-3), rel=1e-3)
+    late = np.where(np.arange(200) % 40 == 0, 4e-3, 0.0)  # one of forty
+    assert pace_of(range(200), 0.01 * np.arange(200) + late) == pytest.approx((0.01, 0.0), abs=1e-6)
 
 
 def test_registers_are_compared_but_for_bits_without_a_public_meaning():

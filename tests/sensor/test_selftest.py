@@ -192,10 +192,10 @@ def test_receivers_that_are_full_are_no_failure_of_their_noise():
 
 
 def test_clock_that_is_wrong_is_named():
-    checks = checks_of(controller(speed=0.95), "frames", duration=0.8)
+    checks = checks_of(controller(speed=0.95), "frames", duration=2.0)
     assert failed(checks) == ["frame rate"]
     values = checks["frame rate"].values
-    assert values["host"] == pytest.approx(0.95 * values["wanted"], rel=0.02)
+    assert values["host"] == pytest.approx(0.95 * values["wanted"], rel=0.02)  # a busy host
     assert values["board"] == pytest.approx(values["wanted"], rel=1e-3), "the board knows nothing of it"
 
 

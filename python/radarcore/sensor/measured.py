@@ -66,12 +66,19 @@ def clipped(codes: ArrayLike) -> float:
     return float(np.mean((values <= 0) | (values >= NUM_CODES - 1)))
 
 
-def interval_of(indices: Sequence[int], times: Sequence[float]) -> float:
-    """Interval of frames [s] from their numbers and times [s], two or more.
+def pace_of(indices: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
+    """Pace of frames from their numbers and times [s], two or more.
 
-    It is a median, which a few late frames do not move.
+    Returns
+    -------
+    interval : float
+        From one frame to the next [s]: the median of pairs that are far apart, which some late frames do not move.
+    jitter : float
+        Deviation from that pace that one frame of twenty has [s].
     """
-    number, time = np.asarray(indices), np.asarray(times)
-    half = len(number) // 2
-    steps = number[half:] - number[: len(number) - half]
-    return float(np.median((time[half:] - time[: len(time) - half]) / steps))
+    number, time = np.asarray(indices, np.float64), np.asarray(times, np.float64)
+    steps = number[:, None] - number
+    is_far = steps >= 0.5 * steps.max()
+    interval = float(np.median((time[:, None] - time)[is_far] / steps[is_far]))
+    rest = time - interval * number
+    return interval, float(np.percentile(np.abs(rest - np.median(rest)), 95.0))

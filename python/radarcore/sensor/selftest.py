@@ -19,7 +19,7 @@ from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import Board, Lost, RawFrame
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
-from radarcore.sensor.measured import chirp_noise, clipped, interval_of, leakage
+from radarcore.sensor.measured import chirp_noise, clipped, leakage, pace_of
 from radarcore.sensor.packing import pack_msb, test_pattern, unpack_lsb
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.transport import KNOWN_BOARDS
@@ -45,8 +45,8 @@ _COMLIB_NOISE = (0.2, 500.0)
 _TEMPERATURES = (0.0, 85.0)
 _TEMPERATURE_STEP = 5.0
 _RATE_TOLERANCE = 0.01
-_JITTER = 10e-3
-"""Frames are seen late by up to so much [s]: it adds to the tolerance of a short measurement."""
+_JITTER = 5e-3
+"""Time by which a host sees frames late now and then [s]; with what is seen, it adds to the tolerance."""
 _CLOCK_TOLERANCE = 0.005
 
 _WIDE: dict[str, Any] = {"start_frequency": 58e9, "stop_frequency": 63.5e9}
@@ -350,13 +350,14 @@ def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
     num_frames = max(8, round(duration / wanted))
     frames, lost = _measure(board, num_frames, wanted)
     numbers = [frame.index for frame in frames]
-    by_host = interval_of(numbers, [frame.host_time for frame in frames])
-    tolerance = _RATE_TOLERANCE + _JITTER / (num_frames * wanted)
+    by_host, jitter = pace_of(numbers, [frame.host_time for frame in frames])
+    tolerance = _RATE_TOLERANCE + (_JITTER + 2.0 * jitter) / (num_frames * wanted)
     is_good = abs(by_host / wanted - 1.0) <= tolerance
-    measured, values = f"{1.0 / by_host:.2f} Hz by the host's clock", {"wanted": 1.0 / wanted, "host": 1.0 / by_host}
+    measured = f"{1.0 / by_host:.2f} Hz by the host's clock with {1e3 * jitter:.1f} ms of jitter"
+    values = {"wanted": 1.0 / wanted, "host": 1.0 / by_host, "jitter": jitter}
     stamps = [frame.device_time for frame in frames if frame.device_time is not None]
     if len(stamps) == len(frames):
-        by_board = interval_of(numbers, stamps)
+        by_board, _ = pace_of(numbers, stamps)
         is_good = is_good and abs(by_board / wanted - 1.0) <= _CLOCK_TOLERANCE
         measured += f", {1.0 / by_board:.3f} Hz by the board's"
         values["board"] = 1.0 / by_board
