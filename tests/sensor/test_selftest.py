@@ -39,9 +39,17 @@ def failed(checks):
 # Healthy boards
 
 
+def calm(sensor, duration):
+    """Checks of a sensor at its real pace; once more where the host was busy with something else."""
+    checks = list(sensor.selftest(duration=duration))
+    if {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+        checks = list(sensor.selftest(duration=duration))
+    return checks
+
+
 def test_healthy_board_passes_every_check():
     with opened(controller(speed=1.0), protocol="strata") as sensor:
-        checks = list(sensor.selftest(duration=0.8))
+        checks = calm(sensor, 0.8)
         assert [(check.name, check.result) for check in checks] == [(name, "PASS") for name in STRATA]
         assert all(check.measured and check.expected for check in checks)
         # The board is another one now, until it is configured.
@@ -71,16 +79,16 @@ def test_healthy_board_passes_behind_every_transport(transport):
 def test_healthy_board_with_comlib_passes_what_its_protocol_allows(has_adc):
     board = ComLibEmulator(Receivers(), speed=1.0, has_adc=has_adc)
     with PtyPort(board) as port, open_sensor(port.path, protocol="comlib") as sensor:
-        checks = {check.name: check for check in sensor.selftest(duration=0.5)}
+        checks = {check.name: check for check in calm(sensor, 0.5)}
     assert failed(checks) == []
     skipped = [name for name, check in checks.items() if check.result == "SKIP"]
     assert skipped == ["USB ids", "UUID", "registers", "test pattern", "transmitter", "slices"]
     assert len(checks["noise"].values["noise"]) == 4
 
 
-def test_frames_without_time_stamps_have_a_rate_by_the_hosts_clock():
-    checks = checks_of(controller(speed=1.0, has_timestamps=False), "frames", duration=0.5)
-    assert failed(checks) == []
+def test_frames_without_time_stamps_have_a_rate_by_the_hosts_clock_alone():
+    checks = checks_of(controller(has_timestamps=False), "frames", duration=0.5)
+    assert failed(checks) == ["frame rate"], "they come as fast as they are read"
     assert "no time stamps" in checks["frame rate"].measured
     assert "without time stamps" in checks["slices"].measured
 
@@ -208,8 +216,8 @@ class Dropping(Controller):
 
 
 def test_lost_frames_are_counted():
-    checks = checks_of(Dropping(Receivers(), speed=1.0), "frames", duration=0.8)
-    assert failed(checks)[:1] == ["frames lost"]
+    checks = checks_of(Dropping(Receivers(), speed=None), "frames", duration=0.8)
+    assert checks["frames lost"].result == "FAIL"
     assert checks["frames lost"].values["lost"] == 4, "36 frames of three packets each, and 108 // 25 lost packets"
     assert "lost: expected packet" in checks["frames lost"].measured
 

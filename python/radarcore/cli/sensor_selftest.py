@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from radarcore._core import __version__
 
 if TYPE_CHECKING:
-    from radarcore.sensor.selftest import Check
+    from radarcore.sensor.checks import Check
 
 _GROUPS = ("identity", "registers", "pattern", "noise", "frames")
 
@@ -49,7 +49,7 @@ def add_parser(actions: Any) -> None:
 
 def _selftest(options: argparse.Namespace) -> int:
     from radarcore.sensor import SensorError, open_sensor
-    from radarcore.sensor.selftest import Check
+    from radarcore.sensor.checks import Check
 
     began = time.monotonic()
     checks: list[Check] = []

@@ -1,4 +1,5 @@
 from radarcore.sensor.board import BoardInfo as BoardInfo
+from radarcore.sensor.checks import Check as Check
 from radarcore.sensor.device import Sensor as Sensor
 from radarcore.sensor.device import list_sensors as list_sensors
 from radarcore.sensor.device import open_sensor as open_sensor
@@ -9,6 +10,5 @@ from radarcore.sensor.errors import SensorDisconnectedError as SensorDisconnecte
 from radarcore.sensor.errors import SensorError as SensorError
 from radarcore.sensor.errors import SensorNotFoundError as SensorNotFoundError
 from radarcore.sensor.errors import SensorTimeoutError as SensorTimeoutError
-from radarcore.sensor.selftest import Check as Check
 from radarcore.virtual.board import VirtualBoard as VirtualBoard
 from radarcore.virtual.board import virtual_board as virtual_board

@@ -21,6 +21,7 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
+from radarcore.sensor.checks import Check
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import (
     FramesLostWarning,
@@ -29,7 +30,7 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.selftest import GROUPS, Check, run_checks
+from radarcore.sensor.selftest import GROUPS, run_checks
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream

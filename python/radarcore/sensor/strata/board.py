@@ -39,6 +39,9 @@ _Decoded = TypeVar("_Decoded")
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
 
+_MOST_WORDS = 255
+"""SPI words of a request: firmware counts them in 8 bits."""
+
 _TEMPERATURE_AGE = 0.1
 """A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
 
@@ -50,9 +53,6 @@ _SADC_START = (0x0F010F10,)
 
 _JITTER = 1000
 """Time stamps of interrupts are not nearer to the truth [us]."""
-
-_MOST_WORDS = 255
-"""SPI words of a request: firmware counts them in 8 bits."""
 
 _MOST_RESTARTS = 10
 """Restarts without a frame in between before giving up."""
