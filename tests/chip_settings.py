@@ -87,4 +87,5 @@ def legal_settings(draw: st.DrawFn) -> Settings:
         if_gain_db=draw(st.integers(18, 60)),
         highpass_cutoff=draw(st.floats(0.0, 1e6)),
         num_frames=draw(st.integers(0, 4094)),
+        has_test_pattern=draw(st.booleans()),
     )

@@ -107,6 +107,8 @@ def test_pattern_is_that_of_the_chip() -> None:
     assert pattern.dtype == np.uint16
     assert len(set(pattern[:4095].tolist())) == 4095  # all but 0: the longest period
     assert np.array_equal(pattern[4095:], pattern[:905])
+    assert np.array_equal(test_pattern(5, 4093), pattern[4093:4098])
+    assert np.array_equal(test_pattern(3, 10 * 4095 + 1), pattern[1:4])
 
 
 def test_nothing_is_packed_to_nothing() -> None:

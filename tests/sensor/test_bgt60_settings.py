@@ -264,9 +264,9 @@ NUMBERS = ("start_frequency", "end_frequency", "sample_rate", "chirp_time", "fra
 COUNTS = ("num_samples", "num_chirps", "rx_mask", "tx_power_level", "if_gain_db", "num_frames")
 
 
-@pytest.mark.parametrize("name", [*NUMBERS, *COUNTS, "is_transmitting"])
+@pytest.mark.parametrize("name", [*NUMBERS, *COUNTS, "is_transmitting", "has_test_pattern"])
 def test_settings_are_finite_numbers(name: str) -> None:
-    for value in (None, "2", [1], 1j) if name == "is_transmitting" else (True, None, "2", [1], 1j):
+    for value in (None, "2", [1], 1j) if name.startswith(("is_", "has_")) else (True, None, "2", [1], 1j):
         with pytest.raises(TypeError, match=f"^{name}: expected"):
             Settings(**{name: value})
     for value in (float("nan"), float("inf"), -float("inf")):
@@ -291,7 +291,7 @@ def test_settings_become_plain_numbers() -> None:
 @given(wanted=legal_settings())
 def test_achieved_settings_are_within_the_chips_steps(wanted: Settings) -> None:
     back = achieved(wanted)
-    for name in ("num_samples", "num_chirps", "rx_mask", "is_transmitting", "num_frames"):
+    for name in ("num_samples", "num_chirps", "rx_mask", "is_transmitting", "num_frames", "has_test_pattern"):
         assert getattr(back, name) == getattr(wanted, name)
     assert back.tx_power_level == (wanted.tx_power_level if wanted.is_transmitting else 0)
     # Half a step of the divider, and 1 Hz of rounding to whole ones.

@@ -1,4 +1,5 @@
 from radarcore.sensor.board import BoardInfo as BoardInfo
+from radarcore.sensor.checks import Check as Check
 from radarcore.sensor.device import Sensor as Sensor
 from radarcore.sensor.device import list_sensors as list_sensors
 from radarcore.sensor.device import open_sensor as open_sensor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -22,6 +22,7 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
+from radarcore.sensor.checks import Check
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import (
     FramesLostWarning,
@@ -30,6 +31,7 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
+from radarcore.sensor.selftest import GROUPS, run_checks
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
@@ -237,7 +239,8 @@ class Sensor:
             Wanted waveform and receivers; a board sets power and gains by `options`. Phases of the receivers
             (`Receiver.rx_phase_deg`) are kept, so that angles are right.
         **options
-            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz].
+            Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz],
+            ``is_transmitting`` (False: the transmitter is off), ``has_test_pattern`` (in place of RX1's samples).
 
         Returns
         -------
@@ -388,6 +391,32 @@ class Sensor:
         """Temperature of the chip [degrees Celsius]."""
         self._check_open()
         return self._board.temperature()
+
+    def selftest(self, groups: Collection[str] = GROUPS, *, duration: float = 2.5) -> Iterator[Check]:
+        """Check the board, one thing after the other; ends what is being measured.
+
+        Parameters
+        ----------
+        groups : collection of str
+            Some of ``"identity"``, ``"registers"``, ``"pattern"``, ``"noise"`` and ``"frames"``.
+        duration : float
+            Length of the measurement whose frame rate is checked [s].
+
+        Returns
+        -------
+        checks : iterator of Check
+            Name, result (``"PASS"``, ``"FAIL"``, ``"SKIP"``), what was measured and expected; each comes when it is
+            done. The board needs `configure` afterwards.
+        """
+        self._check_open()
+        if isinstance(groups, str):
+            groups = (groups,)
+        for group in groups:
+            check.choice("groups", group, GROUPS)
+        seconds = check.positive("duration", duration, "s")
+        self.stop()
+        self.radar = None
+        return run_checks(self._board, groups, duration=seconds)
 
     def close(self) -> None:
         """End measuring and give the port back; may be called twice."""

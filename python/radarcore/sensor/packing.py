@@ -125,20 +125,23 @@ def pack_lsb(codes: ArrayLike) -> bytes:
     return triples.tobytes()[: (3 * values.size + 1) // 2]
 
 
-def test_pattern(num_samples: int) -> NDArray[np.uint16]:
-    """The first codes that the chip sends in place of its samples when its test pattern is on (SFCTL.LFSR_EN).
+def test_pattern(num_samples: int, first: int = 0) -> NDArray[np.uint16]:  # noqa: PT028  # not a test
+    """Codes that the chip sends in place of its samples when its test pattern is on (SFCTL.LFSR_EN).
 
     Parameters
     ----------
     num_samples : int
         Number of codes.
+    first : int
+        Number of the first of them; code 0 is 0x001.
 
     Returns
     -------
     codes : (num_samples,) uint16
-        From 0x001 on; repeats after 4095.
+        Repeats after 4095.
     """
-    return np.resize(_period(), check.count("num_samples", num_samples, 0))
+    begin = check.count("first", first, 0) % len(_period())
+    return np.resize(_period(), begin + check.count("num_samples", num_samples, 0))[begin:]
 
 
 test_pattern.__test__ = False  # type: ignore[attr-defined]  # or pytest takes it for a test where it is imported

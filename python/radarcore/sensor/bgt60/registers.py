@@ -22,6 +22,9 @@ STAT0, SADC_RESULT, FSTAT = 0x5D, 0x5E, 0x5F
 FIFO = 0x60
 """Address from which a burst reads samples; not a register."""
 
+LFSR_EN = 1 << 17
+"""Bit of SFCTL: the samples of RX1 are replaced by the chip's test pattern."""
+
 # Bits of MAIN that act once and read as zero.
 FRAME_START, SW_RESET, FSM_RESET, FIFO_RESET = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 

@@ -52,6 +52,7 @@ from radarcore.sensor.bgt60.registers import (
     CSU1_1,
     CSU1_2,
     FIFO_SIZE,
+    LFSR_EN,
     MAIN,
     PACR1,
     PACR2,
@@ -156,6 +157,8 @@ class Settings:
         Cutoff of the baseband's high-pass [Hz]; the nearest of `HIGHPASS_CUTOFFS` is taken.
     num_frames : int
         Frames until the chip stops; 0: endless.
+    has_test_pattern : bool
+        True: the chip sends its test pattern in place of the samples of RX1, see `packing.test_pattern`.
 
     Raises
     ------
@@ -176,6 +179,7 @@ class Settings:
     if_gain_db: int = 23
     highpass_cutoff: float = 80e3
     num_frames: int = 0
+    has_test_pattern: bool = False
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -190,9 +194,11 @@ class Settings:
             put(self, name, check.number(name, getattr(self, name), unit))
         for name in ("num_samples", "num_chirps", "rx_mask", "tx_power_level", "if_gain_db", "num_frames"):
             put(self, name, check.count(name, getattr(self, name), -sys.maxsize))
-        if not isinstance(self.is_transmitting, bool | np.bool_):
-            raise TypeError(f"is_transmitting: expected True or False, got {self.is_transmitting!r}")
-        put(self, "is_transmitting", bool(self.is_transmitting))
+        for name in ("is_transmitting", "has_test_pattern"):
+            value = getattr(self, name)
+            if not isinstance(value, bool | np.bool_):
+                raise TypeError(f"{name}: expected True or False, got {value!r}")
+            put(self, name, bool(value))
 
     @property
     def rx_indices(self) -> tuple[int, ...]:
@@ -206,7 +212,14 @@ class Settings:
 
     @classmethod
     def from_radar(
-        cls, radar: Radar, *, tx_power_level: int = 31, if_gain_db: int = 23, highpass_cutoff: float = 80e3
+        cls,
+        radar: Radar,
+        *,
+        tx_power_level: int = 31,
+        if_gain_db: int = 23,
+        highpass_cutoff: float = 80e3,
+        is_transmitting: bool = True,
+        has_test_pattern: bool = False,
     ) -> Settings:
         """Settings that sample the band of a radar's waveform.
 
@@ -219,7 +232,7 @@ class Settings:
         radar : Radar
             One TX; RX at places of ``bgt60tr13c()`` (within 0.1 mm) in the order of that, or any three. The chirps
             must be evenly spaced from 0. Patterns, power and receiver are not looked at.
-        tx_power_level, if_gain_db, highpass_cutoff
+        tx_power_level, if_gain_db, highpass_cutoff, is_transmitting, has_test_pattern
             As in `Settings`.
 
         Raises
@@ -256,6 +269,8 @@ class Settings:
             tx_power_level=tx_power_level,
             if_gain_db=if_gain_db,
             highpass_cutoff=highpass_cutoff,
+            is_transmitting=is_transmitting,
+            has_test_pattern=has_test_pattern,
         )
         # A limit of the chip is reported in the words of the radar.
         try:
@@ -335,7 +350,7 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     rx, tx = settings.rx_mask, settings.is_transmitting
     values = {
         ADC0: (0x210 if divider >= 28 else 0x010) | divider << 14,
-        SFCTL: (size // 2 - 1) | 1 << 13 | 1 << 20,
+        SFCTL: (size // 2 - 1) | 1 << 13 | 1 << 20 | (LFSR_EN if settings.has_test_pattern else 0),
         SADC_CTRL: 0x010100 | _sadc_speed(sampling),
         CSU1_0: 0x100050
         | (1 if tx else 0)
@@ -452,6 +467,7 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
         if_gain_db=(18 if field(CSU1_2, 20 + rx, 20 + rx) else 30) + 5 * vga,
         highpass_cutoff=HIGHPASS_CUTOFFS[field(CSU1_2, 5 * rx + 1, 5 * rx)],
         num_frames=field(CCR2, 11, 0),
+        has_test_pattern=bool(image[SFCTL] & LFSR_EN),
     )
 
 

@@ -239,6 +239,34 @@ class ComLibBoard:
             receiver=Receiver(output="real", noise_figure_db=noise_figure_db),
         )
 
+    def present_radar(self) -> Radar:
+        """The radar that the board is set to: `configure` finds nothing to change. Its antennas stand in one place."""
+        with self._exclusive():
+            self._stop()
+            ramp = self._fmcw_settings()
+            form = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
+            # Real samples are what is wanted, whatever the board was set to.
+            self._set_format(form._replace(signal_part=SignalPart.I))
+            if self._adc is not None:
+                sample_rate = float(self._adc_settings(self._adc).sample_rate)
+            else:
+                sample_rate = self._measured_rate(form.num_samples, form.num_chirps, form.rx_mask)
+            duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
+            shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL) / 1e6
+        is_down = ramp.direction == Direction.DOWN
+        slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
+        waveform = Waveform(
+            start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
+            slope=-slope if is_down else slope,
+            sample_rate=sample_rate,
+            num_samples=form.num_samples,
+            num_chirps=form.num_chirps,
+            chirp_interval=duration,
+            frame_interval=max(shortest, form.num_chirps * duration),
+            adc_delay=0.5 * max(0.0, duration - form.num_samples / sample_rate),
+        )
+        return Radar(waveform, rx=[[0.0, 0.0, 0.0]] * form.rx_mask.bit_count(), receiver=Receiver(output="real"))
+
     def start(self) -> None:
         """Begin to measure; frames count from 0."""
         if not self._interval_us:
@@ -271,6 +299,11 @@ class ComLibBoard:
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: none, as all known settings are those of the radar."""
         return {}
+
+    @property
+    def has_temperature(self) -> bool:
+        """True for a board with a temperature sensor."""
+        return self._limits.num_sensors > 0
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]."""
@@ -350,25 +383,29 @@ class ComLibBoard:
         """Sample rate of the board [Hz]; ValueError if it is another than the waveform's and cannot be set."""
         if self._adc is not None:
             return float(self._adc_settings(self._adc).sample_rate)
-        # Chirps of n and of other samples differ by the time of the samples between them.
-        other = wave.num_samples // 2 if wave.num_samples >= 128 else wave.num_samples + 64
-        durations = []
-        for num_samples in (other, wave.num_samples):
-            self._set_format(Format(num_samples, wave.num_chirps, rx_mask))
-            durations.append(self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION))
-        difference = (durations[1] - durations[0]) * (1 if wave.num_samples > other else -1)
-        if difference <= 0:
-            raise ProtocolError(
-                f"{self._stream.name}: chirps of {other} and {wave.num_samples} samples last {durations[0]} and "
-                f"{durations[1]} ns; expected the one with more samples to last longer"
-            )
-        rate = abs(wave.num_samples - other) / (difference / 1e9)
+        rate = self._measured_rate(wave.num_samples, wave.num_chirps, rx_mask)
         if abs(rate / wave.sample_rate - 1.0) > _RATE_TOLERANCE:
             raise ValueError(
                 f"sample_rate: expected {rate:.4g} Hz, which the board is set to, got {wave.sample_rate:g}; the "
                 f"endpoint that sets the sample rate of BGT60 boards (RadarSoli) is not public"
             )
         return wave.sample_rate
+
+    def _measured_rate(self, num_samples: int, num_chirps: int, rx_mask: int) -> float:
+        """Sample rate [Hz] of a board that does not tell it; leaves the board with this format."""
+        # Chirps of n and of other samples differ by the time of the samples between them.
+        other = num_samples // 2 if num_samples >= 128 else num_samples + 64
+        durations = []
+        for samples in (other, num_samples):
+            self._set_format(Format(samples, num_chirps, rx_mask))
+            durations.append(self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION))
+        difference = (durations[1] - durations[0]) * (1 if num_samples > other else -1)
+        if difference <= 0:
+            raise ProtocolError(
+                f"{self._stream.name}: chirps of {other} and {num_samples} samples last {durations[0]} and "
+                f"{durations[1]} ns; expected the one with more samples to last longer"
+            )
+        return abs(num_samples - other) / (difference / 1e9)
 
     def _fmcw_settings(self) -> FmcwSettings:
         return self._decoded(FmcwSettings.decode, self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))

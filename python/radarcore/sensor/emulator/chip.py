@@ -307,7 +307,8 @@ class Chip:
                 self.failure = error
                 return
             if is_test:
-                cubes = [_with_test_pattern(cube, ramps) for cube, ramps in zip(cubes, sequence.ramps, strict=True)]
+                parts = zip(cubes, sequence.ramps, strict=True)
+                cubes = [_with_test_pattern(cube, ramps, first_index + number) for cube, ramps in parts]
             samples = sequence.stream(cubes)
             self.frame_size = len(samples)
             for first in range(0, len(samples), piece):
@@ -369,10 +370,13 @@ class Chip:
         return has_room
 
 
-def _with_test_pattern(cube: NDArray[np.uint16], ramps: Ramps) -> NDArray[np.uint16]:
-    """Codes whose RX1, if in use, has the test sequence of the chip."""
+def _with_test_pattern(cube: NDArray[np.uint16], ramps: Ramps, index: int) -> NDArray[np.uint16]:
+    """Codes whose RX1, if in use, has the test sequence of the chip.
+
+    It goes on with every sample of any receiver, from frame to frame; RX1 shows it.
+    """
     if not ramps.has_first_rx:
         return cube
     cube = cube.copy()
-    cube[0] = test_pattern(cube[0].size).reshape(cube[0].shape)
+    cube[0] = test_pattern(cube.size, index * cube.size)[:: len(cube)].reshape(cube[0].shape)
     return cube

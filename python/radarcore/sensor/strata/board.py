@@ -39,6 +39,9 @@ _Decoded = TypeVar("_Decoded")
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
 
+_MOST_WORDS = 255
+"""SPI words of a request: firmware counts them in 8 bits."""
+
 _TEMPERATURE_AGE = 0.1
 """A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
 
@@ -284,6 +287,78 @@ class StrataBoard:
                 "uuid": str(int(self.info.serial_number.replace("-", "") or "0", 16)),
             }
         }
+
+    def identity(self) -> dict[str, Any]:
+        """Facts that the board tells about itself; None for those that it does not know.
+
+        ``usb_ids`` (vendor and product), ``name``, ``version`` (of firmware and protocol), ``extended_version``,
+        ``uuid`` (text) and ``chip_id`` (the register).
+        """
+        with self._conversation:
+            told = self._told(Request.transfer(Code.BOARD_INFO, Info.NAME, 0))
+            extended = self._told(Request.transfer(Code.BOARD_INFO, Info.EXTENDED_VERSION, 0))
+            uuid = self._told(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16))
+            version = self._link.ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16))
+            if not self._is_running:
+                self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
+            chip_id = self._read_register(CHIP_ID)
+        info = None if told is None else self._decoded(packets.decode_board_info, told)
+        return {
+            "usb_ids": None if info is None else info[:2],
+            "name": None if info is None else info[2],
+            "version": self._decoded(Version.decode, version),
+            "extended_version": None if extended is None else packets.decode_text(extended),
+            "uuid": None if uuid is None else self._decoded(packets.uuid_text, uuid),
+            "chip_id": chip_id,
+        }
+
+    def _told(self, request: Request) -> bytes | None:
+        """The answer, or None where the board refuses one, for whatever reason."""
+        try:
+            return self._link.ask(request)
+        except ProtocolError:
+            return None
+
+    def read_registers(self, addresses: Iterable[int]) -> dict[int, int]:
+        """Values of registers of the chip, 24 bits each, by address."""
+        wanted = list(addresses)
+        values: list[int] = []
+        with self._conversation:
+            for first in range(0, len(wanted), _MOST_WORDS):
+                some = wanted[first : first + _MOST_WORDS]
+                answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands(a << 25 for a in some)))
+                values += self._decoded(packets.decode_values, answer)
+        if len(values) != len(wanted):
+            raise ProtocolError(f"{self._link.name}: expected {len(wanted)} registers, got {len(values)}")
+        return {address: value & 0xFFFFFF for address, value in zip(wanted, values, strict=True)}
+
+    def write_registers(self, registers: dict[int, int]) -> None:
+        """Set registers of the chip in ascending order, MAIN last; ends what is being measured.
+
+        The next `start` sets all that it needs anew, but for what `reset` alone undoes.
+        """
+        addresses = sorted(registers, key=lambda address: (address == MAIN, address))
+        with self._conversation:
+            self.stop()
+            for first in range(0, len(addresses), _MOST_WORDS):
+                self._execute(write_word(a, registers[a]) for a in addresses[first : first + _MOST_WORDS])
+
+    def reset(self) -> None:
+        """Stop, and reset the chip by its pin: registers as after power-up, but SFCTL, so that they can be read."""
+        with self._conversation:
+            self.stop()
+            self._pins_reset()
+            self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
+
+    @property
+    def slice_size(self) -> int:
+        """Samples that are read at once, of the settings of `configure`."""
+        return self._slice_size
+
+    @property
+    def last_slice(self) -> Slice | None:
+        """The newest slice of frames; None before the first."""
+        return None if self._assembler is None else self._last
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]; at most 0.1 s old."""

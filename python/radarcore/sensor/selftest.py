@@ -1,0 +1,253 @@
+"""Checks of a board that a first owner runs: identity, registers, test pattern, noise, transmitter, pace of frames."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.sensor.bgt60.readback import COMPARED, stuck_bits, unusual_resets
+from radarcore.sensor.bgt60.registers import CHIP_ID, FIFO, chip_name
+from radarcore.sensor.bgt60.settings import Settings, registers_of
+from radarcore.sensor.bgt60.slices import choose_slice_size
+from radarcore.sensor.board import Board, Lost, RawFrame
+from radarcore.sensor.checks import Check, judged, measure, present_radar, set_to, with_rx
+from radarcore.sensor.comlib.board import ComLibBoard
+from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
+from radarcore.sensor.measured import pace_of
+from radarcore.sensor.signal_checks import any_noise_checks, noise_checks, pattern_checks
+from radarcore.sensor.strata.board import StrataBoard
+from radarcore.sensor.transport import KNOWN_BOARDS
+
+GROUPS = ("identity", "registers", "pattern", "noise", "frames")
+"""Groups of checks, in order."""
+
+_TEMPERATURES = (0.0, 85.0)
+_TEMPERATURE_STEP = 5.0
+_RATE_TOLERANCE = 0.01
+_JITTER = 2e-3
+"""Time by which a host sees frames late now and then [s]."""
+_CLOCK_TOLERANCE = 0.005
+
+
+def run_checks(board: Board, groups: Collection[str] = GROUPS, *, duration: float = 2.5) -> Iterator[Check]:
+    """Checks of a board, one after the other; it measures only between them, and not at the end.
+
+    Parameters
+    ----------
+    board : Board
+        An open one.
+    groups : collection of str
+        Some of `GROUPS`.
+    duration : float
+        Length of the measurement whose frame rate is checked [s].
+    """
+    if isinstance(board, StrataBoard):
+        strata = board
+        steps: list[tuple[str, str, Callable[[], Iterator[Check]]]] = [
+            ("identity", "identity", lambda: _identity(strata)),
+            ("identity", "temperature", lambda: _temperature(strata)),
+            ("registers", "registers", lambda: _registers(strata)),
+            ("pattern", "test pattern", lambda: pattern_checks(strata)),
+            ("noise", "noise", lambda: noise_checks(strata)),
+            ("frames", "frame rate", lambda: _rate(strata, _usual_radar(), duration)),
+            ("frames", "slices", lambda: _slices(strata)),
+        ]
+    else:
+        steps = [
+            ("identity", "identity", lambda: _names(board)),
+            ("identity", "temperature", lambda: _temperature(board)),
+            ("registers", "registers", lambda: _skipped("registers", "the protocol does not show them")),
+            ("pattern", "test pattern", lambda: _skipped("test pattern", "the protocol cannot switch it on")),
+            ("noise", "noise", lambda: any_noise_checks(board)),
+            ("noise", "transmitter", lambda: _skipped("transmitter", "the protocol cannot switch it off")),
+            ("frames", "frame rate", lambda: _rate(board, present_radar(board, 50e-3), duration)),
+            ("frames", "slices", lambda: _skipped("slices", "frames come whole")),
+        ]
+    is_gone = False
+    for group, name, step in steps:
+        if group not in groups:
+            continue
+        if is_gone:
+            yield Check(name, "SKIP", "the board does not answer any more", "")
+            continue
+        try:
+            yield from step()
+        except SensorError as error:
+            # What does not answer a request will not answer the next.
+            is_gone = isinstance(error, SensorDisconnectedError | SensorTimeoutError)
+            yield Check(name, "FAIL", str(error), "no error")
+
+
+# Identity
+
+
+def _identity(board: StrataBoard) -> Iterator[Check]:
+    told, again = board.identity(), board.identity()
+    ids, name = told["usb_ids"], told["name"]
+    known = ", ".join(f"{vendor:04x}:{product:04x}" for vendor, product in KNOWN_BOARDS)
+    if ids is None:
+        yield Check("USB ids", "SKIP", "the board does not tell", known)
+    else:
+        text = f"{ids[0]:04x}:{ids[1]:04x}"
+        yield judged("USB ids", tuple(ids) in KNOWN_BOARDS, text, f"one of {known}", {"usb_ids": list(ids)})
+    yield judged("board name", bool(name), repr(name), "a text", {"name": name})
+
+    version = told["version"]
+    extended = f" ({told['extended_version']})" if told["extended_version"] else ""
+    yield judged(
+        "firmware",
+        version[:3] != (0, 0, 0),
+        version.firmware + extended,
+        "a version; 2.5.5, 2.6.0 and 2.9.0 were seen",
+        {"firmware": version.firmware, "extended_version": told["extended_version"]},
+    )
+    protocol = f"{version.protocol_major}.{version.protocol_minor}"
+    yield judged("protocol", version.protocol_major == 4, f"Strata {protocol}", "Strata 4", {"protocol": protocol})
+    chip_id = told["chip_id"]
+    yield judged(
+        "chip id",
+        chip_id == 0x000303 and again["chip_id"] == chip_id,
+        f"0x{chip_id:06X}, {chip_name(chip_id)}",
+        "0x000303, BGT60TR13C, twice",
+        {"chip_id": chip_id},
+    )
+    uuid = told["uuid"]
+    if uuid is None or not uuid.strip("0-"):
+        yield Check("UUID", "SKIP", "the board has none", "the same twice")
+    else:
+        yield judged("UUID", again["uuid"] == uuid, uuid, "the same twice", {"uuid": uuid})
+
+
+def _names(board: Board) -> Iterator[Check]:
+    info = board.info
+    yield Check("USB ids", "SKIP", "the protocol does not tell", "")
+    yield judged("board name", bool(info.name), repr(info.name), "a text", {"name": info.name})
+    yield judged("firmware", info.firmware != "0.0.0", info.firmware, "a version", {"firmware": info.firmware})
+    yield Check("protocol", "PASS", "ComLib with RBAS and RFMC", "ComLib with RBAS and RFMC")
+    yield judged("chip id", info.chip != "", repr(info.chip), "a chip in the descriptions", {"chip": info.chip})
+    yield Check("UUID", "SKIP", "the protocol has none", "")
+
+
+def _temperature(board: Board) -> Iterator[Check]:
+    if isinstance(board, ComLibBoard) and not board.has_temperature:
+        yield Check("temperature", "SKIP", "the board has no sensor", "")
+        return
+    values = [board.temperature()]
+    time.sleep(0.15)  # a temperature is not asked for more often
+    values.append(board.temperature())
+    low, high = _TEMPERATURES
+    yield judged(
+        "temperature",
+        all(low <= value <= high for value in values) and abs(values[1] - values[0]) <= _TEMPERATURE_STEP,
+        f"{values[0]:.1f} and {values[1]:.1f} deg C",
+        f"{low:g} to {high:g} deg C, within {_TEMPERATURE_STEP:g} deg C of each other",
+        {"temperatures": values},
+    )
+
+
+# The chip's registers and its link
+
+
+def _registers(board: StrataBoard) -> Iterator[Check]:
+    """Two configurations that differ in as many bits as two can, written and read back."""
+    radars = (
+        (bgt60tr13c(start_frequency=58e9, stop_frequency=63.5e9, num_samples=64, num_chirps=64), {"if_gain_db": 23}),
+        (
+            with_rx(bgt60tr13c(start_frequency=61e9, stop_frequency=60e9, num_samples=256, num_chirps=3), [1]),
+            {"if_gain_db": 60, "tx_power_level": 10, "highpass_cutoff": 20e3, "is_transmitting": True},
+        ),
+    )
+    board.reset()
+    resets = board.read_registers(range(FIFO))
+    wrong: dict[int, int] = {}
+    first = ""
+    try:
+        for radar, options in radars:
+            settings = Settings.from_radar(radar, **options)
+            image = registers_of(settings, choose_slice_size(settings))
+            board.write_registers(image)
+            read = board.read_registers(range(FIFO))
+            for address, bits in stuck_bits(image, read).items():
+                first = first or f"0x{address:02X} is 0x{read[address]:06X} in place of 0x{image[address]:06X}"
+                wrong[address] = wrong.get(address, 0) | bits
+            if read[CHIP_ID] != resets[CHIP_ID]:
+                wrong[CHIP_ID] = read[CHIP_ID] ^ resets[CHIP_ID]
+                first = first or f"CHIP_ID is 0x{read[CHIP_ID]:06X} in place of 0x{resets[CHIP_ID]:06X}"
+    finally:
+        board.reset()
+    unusual = unusual_resets(resets)
+    measured = f"{len(wrong)} of {len(COMPARED)} differ: {first}" if wrong else f"{len(COMPARED)} as written, twice"
+    if unusual:
+        others = ", ".join(f"0x{address:02X}" for address in list(unusual)[:4])
+        measured += f"; {len(unusual)} unlike published values after a reset: {others}"
+    yield judged(
+        "registers",
+        not wrong,
+        measured,
+        "all as written, but for reserved bits",
+        {
+            "wrong_bits": {f"0x{address:02X}": f"0x{bits:06X}" for address, bits in wrong.items()},
+            "after_reset": {f"0x{address:02X}": f"0x{value:06X}" for address, value in resets.items()},
+        },
+    )
+
+
+# Frames
+
+
+def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
+    wanted = set_to(board, radar)
+    num_frames = max(8, round(duration / wanted))
+    frames, lost = measure(board, num_frames, wanted)
+    numbers = [frame.index for frame in frames]
+    by_host, jitter = pace_of(numbers, [frame.host_time for frame in frames])
+    # A slope through N points over T has a deviation of sqrt(12 / N) / T of theirs, half of the jitter; three of these.
+    tolerance = _RATE_TOLERANCE + (_JITTER + 6.0 * num_frames**-0.5 * jitter) / (num_frames * wanted)
+    is_good = abs(by_host / wanted - 1.0) <= tolerance
+    measured = f"{1.0 / by_host:.2f} Hz by the host's clock with {1e3 * jitter:.1f} ms of jitter"
+    values = {"wanted": 1.0 / wanted, "host": 1.0 / by_host, "jitter": jitter}
+    stamps = [frame.device_time for frame in frames if frame.device_time is not None]
+    if len(stamps) == len(frames):
+        by_board, _ = pace_of(numbers, stamps)
+        is_good = is_good and abs(by_board / wanted - 1.0) <= _CLOCK_TOLERANCE
+        measured += f", {1.0 / by_board:.3f} Hz by the board's"
+        values["board"] = 1.0 / by_board
+    else:
+        measured += ", no time stamps of the board"
+    expected = f"{1.0 / wanted:.3f} Hz within {tolerance:.1%}, {_CLOCK_TOLERANCE:.1%} by the board's clock"
+    yield judged("frame rate", is_good, measured, expected, values)
+    yield _lost("frames lost", frames, lost)
+
+
+def _slices(board: StrataBoard) -> Iterator[Check]:
+    """Frames that need two slices each."""
+    radar = board.configure(bgt60tr13c(num_samples=64, num_chirps=64, frame_interval=75e-3))
+    frames, lost = measure(board, 12, radar.waveform.frame_interval)
+    size, last = board.slice_size, board.last_slice
+    num_slices = frames[0].codes.size // size
+    parts = 0 if last is None else last.num_packets
+    stamps = "without" if last is None or last.timestamp is None else "with"
+    check = _lost("slices", frames, lost)
+    facts = f"{num_slices} slices a frame of {size} samples in {parts} packets, {stamps} time stamps"
+    values = {"slice_size": size, "packets_per_slice": parts, "has_time_stamps": stamps == "with"}
+    yield replace(check, measured=f"{facts}; {check.measured}", values=check.values | values)
+
+
+def _usual_radar() -> Radar:
+    """Frames of one slice, 40 a second."""
+    return bgt60tr13c(num_samples=128, num_chirps=16, frame_interval=25e-3)
+
+
+def _lost(name: str, frames: list[RawFrame], lost: list[Lost]) -> Check:
+    number = sum(loss.num_frames for loss in lost)
+    reasons = ", ".join(dict.fromkeys(loss.reason for loss in lost))
+    because = f": {reasons}" if reasons else ""
+    text = f"{number} of {len(frames) + number} frames lost{because}"
+    return judged(name, number == 0, text, "0 lost", {"lost": number, "frames": len(frames), "reasons": reasons})
+
+
+def _skipped(name: str, reason: str) -> Iterator[Check]:
+    yield Check(name, "SKIP", reason, "")

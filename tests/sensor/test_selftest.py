@@ -1,0 +1,286 @@
+"""Self-test of boards: healthy ones pass, and a fault is named by the check that is about it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from boards import TRANSPORTS, opened, plugged
+from radarcore.sensor import SensorError, open_sensor
+from radarcore.sensor.bgt60.registers import ADC0, CSU1_2, PLL1_1
+from radarcore.sensor.emulator import chip
+from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.strata import Controller, Identity
+from radarcore.sensor.packing import test_pattern as pattern_of
+from radarcore.sensor.strata.packets import Version
+from selftest_boards import Receivers, controller
+
+STRATA = [
+    *("USB ids", "board name", "firmware", "protocol", "chip id", "UUID", "temperature", "registers", "test pattern"),
+    *("noise, 23 dB, TX off", "noise, 50 dB, TX off", "noise, 55 dB, TX off"),
+    *("noise, 23 dB, TX on", "leakage, 23 dB, TX on", "noise, 50 dB, TX on", "frame rate", "frames lost", "slices"),
+]
+
+
+def checks_of(board, groups, transport="cdc", **options):
+    """Checks of an emulated board by their names."""
+    with opened(board, transport, protocol="strata") as sensor:
+        return {check.name: check for check in sensor.selftest(groups, **options)}
+
+
+def failed(checks):
+    return [name for name, check in checks.items() if check.result == "FAIL"]
+
+
+# Healthy boards
+
+
+def calm(sensor, duration):
+    """Checks of a sensor at its real pace; once more where the host was busy with something else."""
+    checks = list(sensor.selftest(duration=duration))
+    if {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+        checks = list(sensor.selftest(duration=duration))
+    return checks
+
+
+def test_healthy_board_passes_every_check():
+    with opened(controller(speed=1.0), protocol="strata") as sensor:
+        checks = calm(sensor, 0.8)
+        assert [(check.name, check.result) for check in checks] == [(name, "PASS") for name in STRATA]
+        assert all(check.measured and check.expected for check in checks)
+        # The board is another one now, until it is configured.
+        with pytest.raises(SensorError, match="expected configure"):
+            next(sensor.frames())
+        sensor.configure(rc.bgt60tr13c(num_chirps=8, frame_interval=25e-3))
+        assert len(list(sensor.frames(2))) == 2
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_healthy_board_passes_behind_every_transport(transport):
+    checks = checks_of(controller(), ("identity", "registers", "pattern", "noise"), transport)
+    assert list(checks) == STRATA[:-3]
+    assert failed(checks) == []
+    assert checks["test pattern"].values["first_words"][:6] == ["001", "800", "400", "200", "100", "880"]
+    assert checks["test pattern"].measured == "all of 24576 words, in one run"
+    # Noise is that of the source, and of rounding to codes, which is 1/sqrt(12).
+    for gain, deviation in ((23, 1.1), (50, 5.5), (55, 9.8)):
+        noise = checks[f"noise, {gain} dB, TX off"].values["noise"]
+        assert noise == pytest.approx([np.hypot(deviation, 12**-0.5)] * 3, rel=0.05)  # 5,000 steps of each receiver
+    # 63 of 64 samples of a quarter of a cosine: from 1 to 0.025.
+    seen = checks["leakage, 23 dB, TX on"].values["leakage"]
+    assert seen == pytest.approx(0.975 * np.array([1240.0, 650.0, 360.0]), abs=2.0)
+
+
+@pytest.mark.parametrize("has_adc", [True, False])
+def test_healthy_board_with_comlib_passes_what_its_protocol_allows(has_adc):
+    board = ComLibEmulator(Receivers(), speed=1.0, has_adc=has_adc)
+    with PtyPort(board) as port, open_sensor(port.path, protocol="comlib") as sensor:
+        checks = {check.name: check for check in calm(sensor, 0.5)}
+    assert failed(checks) == []
+    skipped = [name for name, check in checks.items() if check.result == "SKIP"]
+    assert skipped == ["USB ids", "UUID", "registers", "test pattern", "transmitter", "slices"]
+    assert len(checks["noise"].values["noise"]) == 4
+
+
+def test_frames_without_time_stamps_have_a_rate_by_the_hosts_clock_alone():
+    checks = checks_of(controller(has_timestamps=False), "frames", duration=0.5)
+    assert failed(checks) == ["frame rate"], "they come as fast as they are read"
+    assert "no time stamps" in checks["frame rate"].measured
+    assert "without time stamps" in checks["slices"].measured
+
+
+# Faults
+
+
+@pytest.mark.parametrize(
+    ("identity", "name", "result"),
+    [
+        (Identity(product_id=0x1234), "USB ids", "FAIL"),
+        (Identity(name=""), "board name", "FAIL"),
+        (Identity(version=Version(0, 0, 0)), "firmware", "FAIL"),
+        (Identity(uuid=bytes(16)), "UUID", "SKIP"),
+    ],
+)
+def test_unusual_identity_is_named(identity, name, result):
+    checks = checks_of(controller(identity=identity), ("identity",))
+    assert [name for name, check in checks.items() if check.result != "PASS"] == [name]
+    assert checks[name].result == result
+
+
+def test_hot_board_is_named():
+    checks = checks_of(controller(temperature=120.0), ("identity",))
+    assert failed(checks) == ["temperature"]
+    assert checks["temperature"].values["temperatures"] == pytest.approx([120.0] * 2, abs=0.3)  # a step
+
+
+@pytest.mark.parametrize(
+    ("address", "bit", "result"),
+    [
+        (PLL1_1, 1 << 23, "FAIL"),  # the slope's sign: one of the two sweeps is rising
+        (CSU1_2, 1 << 4, "FAIL"),  # six steps of gain have it, one has not
+        (ADC0, 1 << 13, "PASS"),  # reserved
+    ],
+)
+@pytest.mark.parametrize("level", [0, 1])
+def test_stuck_bit_of_a_register_is_named(address, bit, level, result):
+    board = controller()
+    whole = board.chip.read
+    set_to = {0: lambda value: value & ~bit, 1: lambda value: value | bit}[level]
+    board.chip.read = lambda where: set_to(whole(where)) if where == address else whole(where)
+    checks = checks_of(board, "registers")
+    assert checks["registers"].result == result
+    if result == "FAIL":
+        assert checks["registers"].values["wrong_bits"] == {f"0x{address:02X}": f"0x{bit:06X}"}
+        assert f"0x{address:02X} is 0x" in checks["registers"].measured
+
+
+def reversed_bits(codes):
+    return np.array([int(f"{code:012b}"[::-1], 2) for code in codes.tolist()], np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (reversed_bits, "word 0 is 800 in place of 001, 24[0-9]* of 24576 differ: bits in reverse order"),
+        (lambda codes: codes.reshape(-1, 2)[:, ::-1].reshape(-1), "samples of each pair exchanged"),
+        (lambda codes: codes ^ np.uint16(4095), "all bits inverted"),
+        (lambda codes: np.full_like(codes, 2000), "no pattern, perhaps the receiver's own samples"),
+        (lambda codes: np.where(np.arange(len(codes)) == 77, 7, codes).astype(np.uint16), "word 77 is 007 in place of"),
+    ],
+)
+def test_wrong_test_pattern_is_named(change, reason, monkeypatch):
+    monkeypatch.setattr(chip, "test_pattern", lambda number, first=0: change(pattern_of(number, first)))
+    checks = checks_of(controller(), "pattern")
+    assert failed(checks) == ["test pattern"]
+    assert re.search(reason, checks["test pattern"].measured)
+
+
+def test_pattern_that_begins_anew_with_every_frame_passes_and_is_told(monkeypatch):
+    monkeypatch.setattr(chip, "test_pattern", lambda number, first=0: pattern_of(number))
+    check = checks_of(controller(), "pattern")["test pattern"]
+    assert (check.result, check.measured) == ("PASS", "all of 24576 words, begun anew with every frame")
+
+
+def test_dead_receiver_is_named_at_every_gain():
+    checks = checks_of(controller(Receivers(dead=1)), "noise")
+    assert failed(checks) == [f"noise, {gain} dB, TX off" for gain in (23, 50, 55)] + ["leakage, 23 dB, TX on"]
+    first, second, third = checks["noise, 50 dB, TX off"].values["noise"]
+    assert second == 0.0
+    assert first == pytest.approx(third, rel=0.1)
+
+
+def test_transmitter_without_an_effect_is_named():
+    checks = checks_of(controller(Receivers(leaks=False)), "noise")
+    assert failed(checks) == ["leakage, 23 dB, TX on"]
+    assert max(checks["leakage, 23 dB, TX on"].values["leakage"]) < 1.0  # of a mean of 120 chirps
+
+
+def test_receivers_that_are_quieter_with_the_transmitter_on_are_named():
+    checks = checks_of(controller(Receivers(tx_factor=0.5)), "noise")
+    assert failed(checks) == ["noise, 23 dB, TX on", "noise, 50 dB, TX on"]
+
+
+def test_receivers_that_are_full_are_no_failure_of_their_noise():
+    """A reflector close by."""
+
+    class Full(Receivers):
+        def frame(self, radar, index, time, *, if_gain_db=23.0, **options):
+            codes = super().frame(radar, index, time, if_gain_db=if_gain_db, **options)
+            if if_gain_db == 50 and self.chip.registers[0x10] & 1:
+                codes[..., ::3] = 4095
+            return codes
+
+    check = checks_of(controller(Full()), "noise")["noise, 50 dB, TX on"]
+    assert check.result == "SKIP"
+    assert "34 % of the samples at an end of the ADC" in check.measured  # 22 of 64
+
+
+def test_clock_that_is_wrong_is_named():
+    checks = checks_of(controller(speed=0.95), "frames", duration=2.0)
+    assert failed(checks) == ["frame rate"]
+    values = checks["frame rate"].values
+    assert values["host"] == pytest.approx(0.95 * values["wanted"], rel=0.02)  # a busy host
+    assert values["board"] == pytest.approx(values["wanted"], rel=1e-3), "the board knows nothing of it"
+
+
+class Dropping(Controller):
+    """A board that loses every 25th of its packets on the way."""
+
+    def take_packet(self):
+        packet = super().take_packet()
+        return super().take_packet() if packet is not None and self.num_sent % 25 == 0 else packet
+
+
+def test_lost_frames_are_counted():
+    checks = checks_of(Dropping(Receivers(), speed=None), "frames", duration=0.8)
+    assert checks["frames lost"].result == "FAIL"
+    assert checks["frames lost"].values["lost"] == 4, "36 frames of three packets each, and 108 // 25 lost packets"
+    assert "lost: expected packet" in checks["frames lost"].measured
+
+
+def test_silent_board_is_named_soon():
+    class Failing(Receivers):
+        def frame(self, *arguments, **options):
+            raise ValueError("no samples")
+
+    checks = checks_of(controller(Failing()), "pattern")
+    assert failed(checks) == ["test pattern"]
+    assert "0 of 3 frames came in 2.2 s" in checks["test pattern"].measured
+
+
+def test_board_that_is_gone_fails_one_check_and_skips_the_rest():
+    with plugged(controller(), "cdc") as (where, board), open_sensor(**where) as sensor:
+        checks = []
+        for check in sensor.selftest():
+            checks.append(check)
+            if check.name == "temperature":
+                board.unplug()
+    results = {check.name: check.result for check in checks[7:]}
+    assert results == {
+        "registers": "FAIL",
+        **dict.fromkeys(("test pattern", "noise", "frame rate", "slices"), "SKIP"),
+    }
+
+
+def test_dead_receiver_of_a_board_with_comlib_is_named():
+    board = ComLibEmulator(Receivers(dead=2))
+    with PtyPort(board) as port, open_sensor(port.path, protocol="comlib") as sensor:
+        checks = {check.name: check for check in sensor.selftest("noise")}
+    assert failed(checks) == ["noise"]
+    assert checks["noise"].values["noise"][2] == 0.0
+
+
+def test_wrong_words_are_refused_at_once():
+    with opened(controller()) as sensor:
+        with pytest.raises(ValueError, match="groups: expected one of"):
+            sensor.selftest(("registers", "magic"))
+        with pytest.raises(ValueError, match="duration: expected a positive number"):
+            sensor.selftest(duration=0.0)
+
+
+# The chip's test pattern
+
+
+def test_emulated_chip_sends_its_pattern_in_one_run_from_frame_to_frame():
+    radar = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+    with opened(controller()) as sensor:
+        sensor.configure(rc.Radar(radar.waveform, rx=radar.rx[:1], receiver=radar.receiver), has_test_pattern=True)
+        for _ in range(2):  # every start begins it anew
+            words = np.concatenate([frame.raw.reshape(-1) for frame in sensor.frames(20)])
+            first = "001 800 400 200 100 880 440 220 110 888 444 A22"
+            assert " ".join(f"{word:03X}" for word in words[:12]) == first
+            assert np.array_equal(words[4095:], words[: len(words) - 4095])
+            assert len(set(words[:4095].tolist())) == 4095
+
+
+def test_pattern_of_three_receivers_is_shown_by_the_first_alone():
+    """As in the vendor's example for microcontrollers: the sequence goes on with every sample, RX1's show it."""
+    with opened(controller()) as sensor:
+        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3), has_test_pattern=True)
+        (frame,) = sensor.frames(1)
+    assert np.array_equal(frame.raw[0].reshape(-1), pattern_of(3 * 256)[::3])
+    assert np.ptp(frame.raw[1:]) < 2500
