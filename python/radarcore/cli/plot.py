@@ -13,6 +13,7 @@ from radarcore import check, plot
 from radarcore.cli.source import load_recording, moving
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
+from radarcore.recording.description import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
@@ -71,7 +72,7 @@ def draw(
     kind: str = "overview",
     frame: int | None = None,
     sequence: int = 0,
-    config: Path | None = None,
+    config: Description = NOTHING_SAID,
     **view: Any,
 ) -> None:
     """Draw a recording or a scene file.
@@ -88,8 +89,8 @@ def draw(
         Number of the frame, from the end when negative; default: the one in the middle.
     sequence : int
         Number of the sub-sequence, of radars with several.
-    config : path, optional
-        File with the radar of a bare ``.npy`` file.
+    config : Description
+        Of bare samples.
     **view
         `channel`, `max_range` [m], `max_velocity` [m/s], `remove_static`: those that the picture has, see `VIEWS`.
     """
