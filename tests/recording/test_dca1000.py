@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +177,10 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"chirp0": "chirpCfg 0 0 0 1e6 0 0 0 1"}, "chirps as their profile has them, got changes of chirp 0"),
         ({"chirp0": "chirpCfg 0 0 1 0 0 0 0 1"}, r"chirps of one profile, got those of \[0, 1\]"),
         ({"chirp1": ""}, "expected a chirpCfg of chirp 1, which frameCfg has, got none"),
+        ({"chirp0": "chirpCfg 0 1e9 0 0 0 0 0 1"}, "expected chirps 0 to 511, got 0 to 1000000000"),
+        ({"frameCfg": "frameCfg 0 nan 16 0 50 1 0"}, "line 11: expected numbers after frameCfg"),
+        ({"channelCfg": "channelCfg 31 5 0"}, "a mask of up to 4 receivers, got 0x1f"),
+        ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 -1"}, "a mask of up to 4 transmitters of chirp 0, got -0x1"),
         ({"bpmCfg": "bpmCfg -1 1 0 1"}, "got binary phase modulation"),
         ({"dfeDataOutputMode": "dfeDataOutputMode 3"}, "got sub-frames or no frames"),
         ({"lvdsStreamCfg": "lvdsStreamCfg -1 1 1 0"}, r"samples alone .*, got 1 1 0"),
@@ -211,6 +217,9 @@ def _edited(values: dict[str, Any], *path: Any, to: Any) -> dict[str, Any]:
         (("rfConfig", "rlBpmChirps", 0, "rlBpmChirpCfg_t", "constBpmVal"), "0x5", "got binary phases"),
         (("rfConfig", "rlChirps", 1, "rlChirpCfg_t", "idleTimeVar_usec"), 1.5, "got idleTimeVar_usec of chirp 1"),
         (("rfConfig", "rlChanCfg_t", "rxChannelEn"), "15 of them", "rxChannelEn: expected an integer"),
+        (("rfConfig", "rlChanCfg_t", "rxChannelEn"), 10**400, "a mask of up to 4 receivers|expected an integer"),
+        (("rfConfig", "rlFrameCfg_t", "framePeriodicity_msec"), 10**400, "rlFrameCfg_t: "),
+        (("rfConfig", "rlFrameCfg_t", "chirpEndIdx"), 10**9, "expected chirps 0 to 511"),
         (("rfConfig", "rlProfiles"), [], "expected profile 0, which chirps have, got none"),
         (("rawDataCaptureConfig", "rlDevDataPathCfg_t", "transferFmtPkt0"), "0x6", "samples alone"),
         (("rawDataCaptureConfig", "rlDevLaneEnable_t", "laneEn"), "0x1", "two or four LVDS lanes, got 1"),
@@ -233,3 +242,27 @@ def test_setup_without_its_files_says_so(tmp_path: Path) -> None:
     (tmp_path / "18xx.mmwave.json").unlink()
     with pytest.raises(ValueError, match=r"expected 18xx\.mmwave\.json beside it"):
         rc.Recording.load(path)
+
+
+LARGE = """
+import resource, sys
+import radarcore as rc
+reader = rc.RecordingReader(sys.argv[1], config=sys.argv[2])
+next(iter(reader))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+total = sum(1 for frame in reader)
+print(total, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss is in kibibytes on Linux alone")
+def test_memory_does_not_grow_with_the_length_of_a_capture(tmp_path: Path) -> None:
+    scene = Scene(masks=(1,), num_loops=128)  # 131072 bytes a frame
+    data, config = write(tmp_path, np.zeros(0, "<i2"), commands(scene))
+    with data.open("wb") as file:
+        file.truncate(700 * 131072)
+    command = [sys.executable, "-c", LARGE, str(data), str(config)]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    # As complex64 the samples would take 184 MB; pages of the file, 92 MB, count where they are mapped.
+    assert int(printed[0]) == 700
+    assert int(printed[1]) < 130e6

@@ -99,7 +99,7 @@ def _raw(path: Path, dtype: str) -> NDArray[Any]:
     """All numbers of a file without a header."""
     try:
         kind = np.dtype(dtype)
-    except TypeError as error:
+    except (TypeError, ValueError, SyntaxError) as error:
         raise ValueError(f"dtype: expected the name of a type of numbers, as 'int16', got {dtype!r}") from error
     if kind.kind not in "iufc":
         raise ValueError(f"dtype: expected integers, real or complex numbers, got {dtype!r}")

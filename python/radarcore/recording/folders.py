@@ -24,10 +24,9 @@ def recordings_in(path: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """True for a folder that is a recording, even if a part of it is missing."""
-    return any((path / name).is_file() for name in ("meta.json", "cube.npy", "radar.npy")) and not (
-        len(infineon.sensor_folders(path)) > 1
-    )
+    """True for a folder that is a recording of one sensor, even if a part of it is missing."""
+    is_native = any((path / name).is_file() for name in ("meta.json", "cube.npy"))
+    return (is_native or infineon.is_recording(path)) and len(infineon.sensor_folders(path)) <= 1
 
 
 def refuse_several(path: Path) -> None:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings
+from radarcore import check
+from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""
@@ -68,7 +69,7 @@ def _commands(text: str, where: str) -> _Commands:
         name, values = words[0], words[1:]
         expected = _LENGTHS.get(name, (len(values),))
         try:
-            numbers = [float(value) for value in values]
+            numbers = [check.number(name, float(value)) for value in values]
         except ValueError:
             raise ValueError(f"{where}, line {number}: expected numbers after {name}, got {line.strip()!r}") from None
         if len(numbers) not in expected:
@@ -102,13 +103,13 @@ def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tup
     """Masks of the transmitters of the chirps of a loop, and the number of their profile."""
     chirps: dict[int, tuple[int, int]] = {}
     for start, stop, profile, *changes, mask in commands.get("chirpCfg", []):
-        for index in range(int(start), int(stop) + 1):
+        for index in indices(int(start), int(stop), where):
             if any(changes) and first <= index <= last:
                 raise ValueError(f"{where}: expected chirps as their profile has them, got changes of chirp {index}")
             chirps[index] = int(profile), int(mask)
-    if missing := [index for index in range(first, last + 1) if index not in chirps]:
+    if missing := [index for index in indices(first, last, where) if index not in chirps]:
         raise ValueError(f"{where}: expected a chirpCfg of chirp {missing[0]}, which frameCfg has, got none")
-    used = [chirps[index] for index in range(first, last + 1)]
+    used = [chirps[index] for index in indices(first, last, where)]
     if len(numbers := sorted({profile for profile, _ in used})) != 1:
         raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
     return tuple(mask for _, mask in used), numbers[0]

@@ -28,8 +28,20 @@ BITS = (12, 14, 16)
 _NUM_RX, _NUM_TX = 4, 4
 """Most receivers and transmitters of a chip."""
 
-_BOARDS = ("12", "14", "16", "18", "68")
-"""Families of chips on TI's evaluation boards xWR..BOOST and IWR6843ISK, whose antennas are public."""
+_NUM_CHIRPS = 512
+"""Chirps that a chip has at most, from 0 on."""
+
+_BOARDS = {
+    "12": "xWR1243BOOST",
+    "14": "xWR1443BOOST",
+    "16": "xWR1642BOOST",
+    "18": "xWR1843BOOST",
+    "68": "IWR6843ISK",
+}
+"""TI's evaluation boards, whose antennas are public, by the families of their chips."""
+
+_ROW = "row, half a wavelength apart"
+"""Antennas of other boards."""
 
 _OTHER_ARRAYS = ("AOP", "ODS")
 """Boards of these families with other antennas."""
@@ -106,8 +118,8 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
 
     Warns where several transmitters send and the board, which places them, is not known.
     """
-    profile, num_rx = settings.profile, settings.rx_mask.bit_count()
-    _check_lanes(settings, num_rx, where)
+    profile, receivers = settings.profile, _bits(settings.rx_mask, _NUM_RX, "receivers", where)
+    _check_lanes(settings, len(receivers), where)
     numbers, repetitions = _turns(settings.tx_masks, where)
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
@@ -123,7 +135,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
             frame_interval=settings.frame_interval,
             adc_delay=profile.adc_start_time,
         )
-        tx, rx, antennas = _antennas(settings, used, waveform.wavelength, where)
+        tx, rx, antennas = _antennas(settings.device, used, receivers, waveform.wavelength)
         radar = Radar(
             waveform,
             tx=tx,
@@ -133,12 +145,17 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         )
     except (ValueError, TypeError) as error:
         raise ValueError(f"{where}: {error}") from error
+    if antennas == _ROW and len(used) > 1:
+        notice.warn(
+            f"{where}: the board is not known; its {len(used)} transmitters are taken for a row that makes a line of "
+            f"channels half a wavelength apart, so angles may be wrong"
+        )
     facts: dict[str, Any] = {
         "device": settings.device or "unknown",
         "lanes": settings.num_lanes,
         "output": settings.output,
         "transmitters": [number + 1 for number in used],
-        "receivers": _bits(settings.rx_mask, _NUM_RX, "receivers", where, first=1),
+        "receivers": [number + 1 for number in receivers],
         "antennas": antennas,
     }
     is_real = settings.output == "real"
@@ -190,30 +207,24 @@ def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
 
 
 def _antennas(
-    settings: Settings, used: list[int], wavelength: float, where: str
+    device: str, used: list[int], receivers: list[int], wavelength: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
-    """Positions of transmitters and receivers [m], and what they are.
+    """Positions of transmitters and receivers [m], and whose they are.
 
     On TI's boards receivers lie half a wavelength apart, the first one on the right as the radar looks; TX1 and TX3
     (TX2 of an xWR16xx) two wavelengths apart in the same direction, and TX2 between them, half a wavelength higher.
     """
     half = 0.5 * wavelength
-    receivers = _bits(settings.rx_mask, _NUM_RX, "receivers", where)
     rx = np.array([[0.0, half * number, 0.0] for number in receivers])
-    family = _family(settings.device)
-    if family is not None and len(used) <= (2 if family == "16" else 3) and max(used) < (2 if family == "16" else 3):
-        azimuth = {0: 0.0, 1: 4.0} if family == "16" else {0: 0.0, 1: 2.0, 2: 4.0}
-        height = {1: 1.0} if family != "16" else {}
-        tx = np.array([[0.0, half * azimuth[number], half * height.get(number, 0.0)] for number in used])
-        return tx, rx, "IWR6843ISK" if family == "68" else f"xWR{family}{'43' if family != '16' else '42'}BOOST"
-    # A virtual array without gaps.
+    family = _family(device)
+    # Half wavelengths to the left and up.
+    places = {"16": [(0, 0), (4, 0)]}.get(family or "", [(0, 0), (2, 1), (4, 0)])
+    if family is not None and max(used) < len(places):
+        tx = np.array([[0.0, half * places[number][0], half * places[number][1]] for number in used])
+        return tx, rx, _BOARDS[family]
+    # Channels in a line, without gaps if receivers have none.
     tx = np.array([[0.0, half * (receivers[-1] + 1) * place, 0.0] for place in range(len(used))])
-    if len(used) > 1:
-        notice.warn(
-            f"{where}: the board is not known; its {len(used)} transmitters are taken for a row that makes a line of "
-            f"channels half a wavelength apart, so angles may be wrong"
-        )
-    return tx, rx, "row, half a wavelength apart"
+    return tx, rx, _ROW
 
 
 def _family(device: str) -> str | None:
@@ -224,8 +235,15 @@ def _family(device: str) -> str | None:
     return next((family for family in _BOARDS if f"WR{family}" in name), None)
 
 
-def _bits(mask: int, most: int, what: str, where: str, first: int = 0) -> list[int]:
-    """Numbers of the bits of a mask."""
+def _bits(mask: int, most: int, what: str, where: str) -> list[int]:
+    """Numbers of the bits of a mask, from 0."""
     if not 0 <= mask < 1 << most:
         raise ValueError(f"{where}: expected a mask of up to {most} {what}, got {mask:#x}")
-    return [number + first for number in range(most) if mask >> number & 1]
+    return [number for number in range(most) if mask >> number & 1]
+
+
+def indices(first: int, last: int, where: str) -> range:
+    """Indices of chirps, both included."""
+    if first < 0 or last >= _NUM_CHIRPS:
+        raise ValueError(f"{where}: expected chirps 0 to {_NUM_CHIRPS - 1}, got {first} to {last}")
+    return range(first, last + 1)

@@ -8,7 +8,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.recording.native import parsed_json
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings
+from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices
 
 SETUP_SUFFIX = ".setup.json"
 _MMWAVE_SUFFIX = ".mmwave.json"
@@ -45,7 +45,7 @@ class _Table:
     def number(self, key: str) -> float:
         try:
             return check.number(key, self.value(key))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:  # JSON has integers of any length
             raise ValueError(f"{self.where}: {error}") from error
 
     def whole(self, key: str, default: int | None = None) -> int:
@@ -53,7 +53,7 @@ class _Table:
         value = self.value(key) if default is None else self._values.get(key, default)
         try:
             whole = int(value, 0) if isinstance(value, str) else int(check.number(key, value))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{self.where}, {key}: expected an integer, got {value!r}") from error
         if not isinstance(value, str) and whole != value:
             raise ValueError(f"{self.where}, {key}: expected an integer, got {value!r}")
@@ -135,20 +135,20 @@ def _chirps(rf: _Table, frame: _Table, where: str) -> tuple[tuple[int, ...], int
     first, last = frame.whole("chirpStartIdx"), frame.whole("chirpEndIdx")
     chirps: dict[int, tuple[int, int]] = {}
     for entry in rf.entries("rlChirps", "rlChirpCfg_t"):
-        for index in range(entry.whole("chirpStartIdx"), entry.whole("chirpEndIdx") + 1):
+        for index in indices(entry.whole("chirpStartIdx"), entry.whole("chirpEndIdx"), where):
             changed = [name for name in _CHANGES if entry.has(name) and entry.number(name) != 0.0]
             if changed and first <= index <= last:
                 raise ValueError(
                     f"{where}: expected chirps as their profile has them, got {changed[0]} of chirp {index}"
                 )
             chirps[index] = entry.whole("profileId"), entry.whole("txEnable")
-    if missing := [index for index in range(first, last + 1) if index not in chirps]:
+    if missing := [index for index in indices(first, last, where) if index not in chirps]:
         raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in rlChirps, got none")
     for entry in rf.entries("rlBpmChirps", "rlBpmChirpCfg_t"):
         is_used = entry.whole("chirpStartIdx") <= last and entry.whole("chirpEndIdx") >= first
         if is_used and entry.whole("constBpmVal") != 0:
             raise ValueError(f"{where}: expected transmitters that take turns, got binary phases (rlBpmChirps)")
-    used = [chirps[index] for index in range(first, last + 1)]
+    used = [chirps[index] for index in indices(first, last, where)]
     if len(numbers := sorted({profile for profile, _ in used})) != 1:
         raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
     return tuple(mask for _, mask in used), numbers[0]
