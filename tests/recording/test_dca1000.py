@@ -244,6 +244,28 @@ def test_setup_without_its_files_says_so(tmp_path: Path) -> None:
         rc.Recording.load(path)
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
+    """Bytes changed, cut out and put in, at places of two seeds."""
+    texts = {"a.cfg": commands(SCENE), "a.mmwave.json": json.dumps(studio(SCENE))}
+    pieces = [b"999", b"-", b"1e400", b"nan", b"[]", b"{}", b"null", b'"x"', b"\n", b"0x", b"\xff"]
+    outcomes, messages = set(), []
+    for name, text in texts.items():
+        rng = np.random.default_rng(len(name))
+        for _ in range(200):
+            data = bytearray(text.encode())
+            at, length = int(rng.integers(len(data))), int(rng.choice([0, 1, 20]))
+            data[at : at + length] = pieces[int(rng.integers(len(pieces)))]
+            (tmp_path / name).write_bytes(data)
+            try:
+                outcomes.add(type(rc.load_radar(tmp_path / name)))
+            except ValueError as error:
+                messages.append(str(error))
+    assert outcomes == {rc.Radar}
+    assert len(messages) > 20
+    assert all(message.startswith(str(tmp_path / "a.")) for message in messages)
+
+
 LARGE = """
 import resource, sys
 import radarcore as rc

@@ -97,6 +97,11 @@ def test_silly_bare_files_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "damaged.npy").write_bytes(b"\x93NUMPY\x01\x00nonsense")
     with pytest.raises(ValueError, match=r"damaged\.npy: damaged or not an NPY file"):
         rc.Recording.load(tmp_path / "damaged.npy", radar=RADAR)
+    header = bytearray((tmp_path / "a.npy").read_bytes())
+    header[header.index(b"}")] = ord("(")
+    (tmp_path / "open.npy").write_bytes(header)
+    with pytest.raises(ValueError, match=r"open\.npy: damaged or not an NPY file"):
+        rc.Recording.load(tmp_path / "open.npy", radar=RADAR)
     (tmp_path / "empty.npy").write_bytes(b"")
     with pytest.raises(ValueError, match=r"empty\.npy: damaged or not an NPY file"):
         rc.Recording.load(tmp_path / "empty.npy", radar=RADAR)

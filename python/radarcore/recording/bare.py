@@ -20,7 +20,7 @@ from radarcore.recording.configuration import Configuration, configuration, is_s
 from radarcore.recording.description import Description
 from radarcore.recording.frame import CUBE_TYPES, FULL_SCALE, check_radar, frame_shape
 from radarcore.recording.native import Stored
-from radarcore.recording.npy import Converted, naming
+from radarcore.recording.npy import HEADER_ERRORS, Converted, naming
 
 COUNTS = "counts"
 """``source["cube_unit"]`` of samples that were integers."""
@@ -90,7 +90,7 @@ def _npy(path: Path) -> NDArray[Any]:
     with naming(path):
         try:
             values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, EOFError) as error:
+        except HEADER_ERRORS as error:
             raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
     return values
 

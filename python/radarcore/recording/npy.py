@@ -22,6 +22,9 @@ from radarcore import check
 _LONGEST_HEADER = 1 << 16
 """Bytes of a header that are read: NumPy refuses more than 10 000."""
 
+HEADER_ERRORS = (ValueError, EOFError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError)
+"""Errors of NumPy's reader, which evaluates the header as an expression, for damaged files."""
+
 _MOST_DEFLATED = 1032
 """Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
 
@@ -191,8 +194,7 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
             shape, fortran_order, dtype = readers[version](start)
         file.seek(place + start.tell())
         return shape, fortran_order, dtype
-    except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
-        # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
+    except HEADER_ERRORS as error:
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 
