@@ -133,13 +133,49 @@ def test_rest_of_a_raw_file_is_left_out_with_a_warning(tmp_path: Path) -> None:
 # --- MAT files
 
 
-@pytest.mark.parametrize("dtype", ["complex128", "complex64", "int16"])
-def test_variable_of_a_mat_file_is_loaded(tmp_path: Path, dtype: str) -> None:
-    cube = (CUBE if dtype.startswith("complex") else 1000 * CUBE.real).astype(dtype)
-    savemat(tmp_path / "a.mat", {"adc": cube.transpose(3, 2, 1, 0), "fs": 2e6, "who": "me"})
+@pytest.mark.parametrize("is_packed", [False, True])
+@pytest.mark.parametrize("dtype", ["complex128", "complex64", "int16", "uint8", "float64"])
+def test_variable_of_a_mat_file_is_loaded(tmp_path: Path, dtype: str, is_packed: bool) -> None:
+    cube = (CUBE if dtype.startswith("complex") else 100 * abs(CUBE)).astype(dtype)
+    others = {"fs": 2e6, "who": "me", "cells": np.array([1, "a"], object), "made": {"by": 3.0}}
+    savemat(tmp_path / "a.mat", {**others, "adc": cube.transpose(3, 2, 1, 0)}, do_compression=is_packed)
     radar = RADAR if dtype.startswith("complex") else rc.Radar(RADAR.waveform, rx=RADAR.rx)
     loaded = rc.Recording.load(tmp_path / "a.mat", radar=radar, shape="sample,chirp,rx,frame")
     np.testing.assert_array_equal(loaded.cube, cube)
+
+
+def test_mat_file_of_another_byte_order_with_short_numbers_is_loaded(tmp_path: Path) -> None:
+    """Doubles that are stored as bytes, as MATLAB does where they fit, by the bytes of MathWorks's document."""
+    shape, numbers = (2, 4, 16), np.arange(128, dtype=">i1")
+    parts = [
+        np.array([6, 8, 6, 0], ">u4").tobytes(),  # flags: uint32, 8 bytes, class double
+        np.array([5, 12, *shape, 0], ">u4").tobytes(),  # shape: int32, 12 bytes, padded to 16
+        np.array([3 << 16 | 1], ">u4").tobytes() + b"adc\0",  # name: three bytes in the tag itself
+        np.array([1, 128], ">u4").tobytes() + numbers.tobytes(),
+    ]
+    body = b"".join(parts)
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    (tmp_path / "a.mat").write_bytes(header + np.array([14, len(body)], ">u4").tobytes() + body)
+    loaded = rc.Recording.load(tmp_path / "a.mat", radar=rc.Radar(RADAR.waveform, rx=RADAR.rx))
+    assert loaded.cube.dtype == np.float64
+    np.testing.assert_array_equal(loaded.cube[0], numbers.reshape(shape, order="F"))
+
+
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_damaged_mat_file_is_a_value_error_or_a_recording(tmp_path: Path, is_packed: bool) -> None:
+    savemat(tmp_path / "good.mat", {"adc": CUBE, "fs": 2e6}, do_compression=is_packed)
+    good, rng, messages = (tmp_path / "good.mat").read_bytes(), np.random.default_rng(5), []
+    for _ in range(150):
+        data = bytearray(good)
+        for at in rng.integers(0, 400, 3):
+            data[int(at)] = int(rng.integers(256))
+        (tmp_path / "a.mat").write_bytes(data)
+        try:
+            rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
+        except ValueError as error:
+            messages.append(str(error))
+    assert len(messages) > 20
+    assert all(message.startswith(str(tmp_path / "a.mat")) for message in messages)
 
 
 def test_several_variables_of_a_mat_file_are_named(tmp_path: Path) -> None:

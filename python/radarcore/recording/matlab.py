@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.recording.mat5 import MatFile
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEADER_BYTES = 512
@@ -33,14 +33,12 @@ def array(path: Path, variable: str | None) -> NDArray[Any]:
 
 
 def _of_old(path: Path, variable: str | None) -> NDArray[Any]:
-    """Array of a file of version 4 to 7.2."""
-    from scipy.io import loadmat, whosmat
-
+    """Array of a file of version 5 to 7.2."""
     with _readable(path):
-        shapes = {name: tuple(shape) for name, shape, _ in whosmat(path)}
-    name = _chosen(path, shapes, variable)
+        file = MatFile(path)
+    name = _chosen(path, {name: found.shape for name, found in file.variables.items()}, variable)
     with _readable(path):
-        return np.asarray(loadmat(path, variable_names=[name])[name])
+        return file.read(name)
 
 
 def _of_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
