@@ -28,8 +28,11 @@ COUNTS = "counts"
 UNKNOWN = "unknown"
 """Unit of other samples: nothing says that they are in sqrt(W)."""
 
+_ARRAYS = (".npy", ".mat")
+"""Suffixes of files that say what their numbers are."""
+
 _RAW = (".bin", ".raw", ".dat")
-"""Suffixes of raw files."""
+"""Suffixes of raw files; others are raw where they are described."""
 
 
 def is_bare(path: Path, description: Description) -> bool:
@@ -37,7 +40,7 @@ def is_bare(path: Path, description: Description) -> bool:
     suffix = path.suffix.lower()
     if not path.is_file() or suffix == ".npz":
         return False
-    if description.given or suffix in (".npy", ".mat") or is_setup(path):
+    if description.given or suffix in _ARRAYS or is_setup(path):
         return True
     return suffix in _RAW and not zipfile.is_zipfile(path)  # a recording may have any name
 
@@ -47,17 +50,17 @@ def opened(path: Path, description: Description) -> Stored:
     if description.radar is not None:
         check_radar(description.radar)
         description.refuse(path, "described by its radar already", "config")
-    found = _configuration(path, description)
-    if found is not None and found.capture is not None and path.suffix.lower() not in (".npy", ".mat"):
+    found, is_array = _configuration(path, description), path.suffix.lower() in _ARRAYS
+    if found is not None and found.capture is not None and not is_array:
         description.refuse(path, "a capture that its configuration describes", "shape", "dtype", "variable")
         return dca1000.opened(path, found.radar, found.capture)
-    values, name = _array(path, description)
+    values = _array(path, description)
     if found is None:
-        got = f"an array {values.shape} of {values.dtype}" if path.suffix != "" and name else _size_text(path)
+        got = f"an array {values.shape} of {values.dtype}" if is_array else _size_text(path)
         raise ValueError(
             f"{path}: expected the radar's settings, got {got} without any; pass config=... or radar=..., --config FILE"
         )
-    if path.suffix.lower() not in (".npy", ".mat") and description.dtype is None:
+    if not is_array and description.dtype is None:
         raise ValueError(
             f"{path}: expected the type of its numbers, got {_size_text(path)}; pass dtype='int16' or 'uint16', --dtype"
         )
@@ -72,18 +75,18 @@ def _configuration(path: Path, description: Description) -> Configuration | None
     return configuration(path) if is_setup(path) else None
 
 
-def _array(path: Path, description: Description) -> tuple[NDArray[Any], bool]:
-    """Array of a file, mapped into memory where that can be, and True if the file says its type."""
+def _array(path: Path, description: Description) -> NDArray[Any]:
+    """Array of a file, mapped into memory where that can be; all numbers of a raw one, or its bytes."""
     suffix = path.suffix.lower()
     if suffix != ".mat":
         description.refuse(path, "no .mat file", "variable")
-    if suffix in (".npy", ".mat"):
+    if suffix in _ARRAYS:
         description.refuse(path, f"a {suffix} file, which has the type of its numbers", "dtype")
     if suffix == ".npy":
-        return _npy(path), True
+        return _npy(path)
     if suffix == ".mat":
-        return matlab.array(path, description.variable), True
-    return _raw(path, description.dtype or "u1"), False
+        return matlab.array(path, description.variable)
+    return _raw(path, description.dtype or "uint8")
 
 
 def _npy(path: Path) -> NDArray[Any]:

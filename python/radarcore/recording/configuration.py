@@ -52,7 +52,8 @@ def configuration(path: Path) -> Configuration:
 
         return Configuration(radarcore.load_radar(path))
     if suffix == ".cfg":
-        return _of_ti(ti_commands.settings(_text(path), str(path)), path)
+        text = path.read_bytes().decode("utf-8-sig", "replace")  # comments may be in any encoding
+        return _of_ti(ti_commands.settings(text, str(path)), path)
     if suffix != ".json":
         raise ValueError(
             f"{path}: expected a scene file (.toml) or the meta.json of a recording, or the settings of a chip "
