@@ -226,7 +226,10 @@ def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
     facts = json.loads(capsys.readouterr().out)
     assert facts["cube [frame, channel, chirp, sample]"] == list(np.load(recording / "cube.npy").shape)
     assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
-    assert "bare.npy: expected --config with the radar of a bare .npy file, got none" in capsys.readouterr().err
+    assert (
+        "bare.npy: expected the radar's settings, got an array (3, 3, 8, 128) of float32 without any"
+        in capsys.readouterr().err
+    )
 
 
 # --- info, schema

@@ -150,7 +150,7 @@ def test_interrupt_leaves_the_frames_before_it(
         (["none"], "none: no such recording"),
         (["RECORDING", "--false-alarm-rate", "2"], "false_alarm_rate: expected a probability below 1, got 2.0"),
         (["RECORDING", "--max-range", "-1"], "max_range: expected"),
-        (["RECORDING", "--config", "radar.x"], "radar.x: expected a scene file (.toml) or the meta.json"),
+        (["RECORDING", "--config", "radar.x"], "recording is no bare file, got 'radar.x'"),
     ],
 )
 def test_faults_are_one_line(

@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     sources = [text for text in (options.a, options.b) if text is not None]
     settings = ("method", "min_range", "max_range")
     chosen = {name: value for name in settings if (value := getattr(options, name)) is not None}
-    recordings = [load_recording(Path(text), None) for text in sources]
+    recordings = [load_recording(Path(text)) for text in sources]
     compared = compare(
         *recordings,
         **_truth(options),
@@ -72,7 +72,7 @@ def _truth(options: argparse.Namespace) -> dict[str, Any]:
         if getattr(options, name) is not None:
             got = "none" if path is None else path
             raise ValueError(f"--{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
-    return {} if path is None else {"truth": load_recording(path, None)}
+    return {} if path is None else {"truth": load_recording(path)}
 
 
 def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:

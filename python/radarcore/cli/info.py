@@ -9,11 +9,15 @@ from typing import Any
 
 from radarcore.adapters.ros.bags import is_bag
 from radarcore.cli import bag
+from radarcore.cli.folder_info import folder_facts
 from radarcore.cli.measured import measured_facts
-from radarcore.cli.source import load_recording
+from radarcore.cli.source import load_recording, path_and_topic
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.radar.radar import Radar
+from radarcore.recording.description import Description
+from radarcore.recording.folders import recordings_in
+from radarcore.recording.reader import RecordingReader
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.simulate.times import frame_times
@@ -30,18 +34,21 @@ def run(options: argparse.Namespace) -> int:
     else:
         width = max(map(len, facts))
         for name, value in facts.items():
-            if name == "topics":
-                print("\n".join(f"  {topic}  {text}" for topic, text in value.items()))
+            if name in ("topics", "recordings"):
+                print("\n".join(f"  {entry}  {text}" for entry, text in value.items()))
             else:
                 label, text = _in_units(name, value)
                 print(f"{label:<{width}}  {text}")
     return 0
 
 
-def _facts(path: Path, config: Path | None) -> dict[str, Any]:
+def _facts(path: Path, config: Description) -> dict[str, Any]:
     if path.suffix == ".toml":
         return _scene_facts(path)
-    return bag.facts(path) if is_bag(path) else _recording_facts(path, config)
+    if is_bag(path):
+        return bag.facts(path)
+    found = recordings_in(path)
+    return folder_facts(path, found, config) if found else _recording_facts(path, config)
 
 
 def _mesh_info(options: argparse.Namespace) -> int:
@@ -70,9 +77,10 @@ def _scene_facts(path: Path) -> dict[str, Any]:
     }
 
 
-def _recording_facts(path: Path, config: Path | None) -> dict[str, Any]:
-    """Content of a recording, by name with unit."""
-    recording = load_recording(path, config)
+def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
+    """Content of a recording, by name with unit; samples of files are not read."""
+    recording = load_recording(path) if path_and_topic(path)[1] else RecordingReader(path, **vars(config))
+    cube = recording if isinstance(recording, RecordingReader) else recording.cube
     source = dict(recording.source)
     if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
         source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
@@ -81,8 +89,8 @@ def _recording_facts(path: Path, config: Path | None) -> dict[str, Any]:
         "frames": len(recording),
         "start [s]": float(recording.time[0]) if len(recording) else None,
         "last frame [s]": float(recording.time[-1]) if len(recording) else None,
-        "cube [frame, channel, chirp, sample]": list(recording.cube.shape),
-        "dtype": str(recording.cube.dtype),
+        "cube [frame, channel, chirp, sample]": list(cube.shape),
+        "dtype": str(cube.dtype),
         "bodies": None if recording.truth is None else list(recording.truth.names),
         **_radar_facts(recording.radar),
         **measured_facts(recording.source),

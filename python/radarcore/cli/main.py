@@ -117,9 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     schema.set_defaults(run=_schema)
 
     process = commands.add_parser("process", help="find detections and tracks in a recording of any length")
-    process.add_argument(
-        "source", type=Path, help="recording, bag with one, BAG:/TOPIC, or a bare .npy file with --config"
-    )
+    process.add_argument("source", type=Path, help="recording, bag with one, BAG:/TOPIC, or bare samples with --config")
     process.add_argument("-o", "--output", type=Path, metavar="DIR", help="write detections.csv and tracks.csv there")
     process.add_argument(
         "--bag", type=Path, metavar="BAG", help="write detections and range-velocity maps into a ROS bag"

@@ -15,6 +15,7 @@ from radarcore.cli.static import moving, moving_frame, removes_static
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
+from radarcore.recording.description import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
@@ -75,7 +76,7 @@ def draw(
     kind: str = "overview",
     frame: int | None = None,
     sequence: int = 0,
-    config: Path | None = None,
+    config: Description = NOTHING_SAID,
     **view: Any,
 ) -> None:
     """Draw a recording or a scene file.
@@ -92,8 +93,8 @@ def draw(
         Number of the frame, from the end when negative; default: the one in the middle.
     sequence : int
         Number of the sub-sequence, of radars with several.
-    config : path, optional
-        File with the radar of a bare ``.npy`` file.
+    config : Description
+        Of bare samples.
     **view
         `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
         `remove_static`: take off what stands still throughout, of a frame of a scene what does within the frame.

@@ -1,18 +1,19 @@
-"""Recordings that commands take: by their path, and a file with their radar if they are bare."""
+"""Recordings that commands take: by their path, and a description of bare ones."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
-from radarcore.radar.radar import Radar
+from radarcore.recording.description import NOTHING_SAID, Description
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
-from radarcore.scenefile.load import load_radar
 
 AnyReader = RecordingReader | BagFrames
 """Frames that need not fit into memory."""
@@ -20,14 +21,38 @@ AnyReader = RecordingReader | BagFrames
 _SETTINGS = "/settings"
 
 
+class _Describe(argparse.Action):
+    """Option that fills the field of its name in the `Description` under ``config``."""
+
+    def __call__(
+        self,
+        _: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        name = (option_string or "").lstrip("-")
+        setattr(namespace, self.dest, replace(getattr(namespace, self.dest), **{name: values}))
+
+
 def add_config(parser: argparse.ArgumentParser) -> None:
-    """Add the option ``--config``."""
-    parser.add_argument(
-        "--config",
-        type=Path,
-        metavar="FILE",
-        help="radar of a bare .npy file: a scene file (TOML, its table [radar]), or the meta.json of a recording",
-    )
+    """Add the options of bare samples; all of them are a `Description` in ``options.config``."""
+    bare = parser.add_argument_group("bare samples", "options of .npy and .mat files, raw files and captures")
+    for name, kind, metavar, text in (
+        (
+            "config",
+            Path,
+            "FILE",
+            "their radar: a scene file (TOML, its table [radar]), the meta.json of a recording, or settings of a chip: "
+            "config.json (Infineon), .mmwave.json, .setup.json, .cfg (TI)",
+        ),
+        ("shape", str, "AXES", "axes in the order of the file, as frame,rx,chirp,sample; frame,tx,rx,chirp,sample,iq"),
+        ("dtype", str, "TYPE", "numbers of a raw file: int16, uint16, >i2, float32"),
+        ("variable", str, "NAME", "array of a .mat file, of several"),
+    ):
+        bare.add_argument(
+            f"--{name}", dest="config", action=_Describe, type=kind, metavar=metavar, default=NOTHING_SAID, help=text
+        )
 
 
 def path_and_topic(source: str | Path) -> tuple[Path, str]:
@@ -50,31 +75,25 @@ def only_radar(bag: BagReader) -> str:
     return found[0]
 
 
-def load_recording(source: Path, config: Path | None) -> Recording:
+def load_recording(source: Path, config: Description = NOTHING_SAID) -> Recording:
     """The recording at a path, or the frames of a bag, ``BAG`` or ``BAG:/TOPIC``."""
     path, topic = path_and_topic(source)
-    if is_bag(path) and config is None:
+    if is_bag(path) and not config.given:
         with BagReader(path) as bag:
             return BagFrames(bag, topic or only_radar(bag)).recording()
-    return Recording.load(path, radar=_radar(path, config))
+    return Recording.load(path, **vars(config))
 
 
 @contextmanager
-def open_recording(source: Path, config: Path | None) -> Iterator[AnyReader]:
+def open_recording(source: Path, config: Description = NOTHING_SAID) -> Iterator[AnyReader]:
     """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
     path, topic = path_and_topic(source)
-    if is_bag(path) and config is None:
+    if is_bag(path) and not config.given:
         with BagReader(path) as bag:
             yield BagFrames(bag, topic or only_radar(bag))
     else:
-        yield RecordingReader(path, radar=_radar(path, config))
+        yield RecordingReader(path, **vars(config))
 
 
 def _topics(bag: BagReader) -> str:
     return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
-
-
-def _radar(path: Path, config: Path | None) -> Radar | None:
-    if config is None and path.suffix == ".npy" and path.is_file():
-        raise ValueError(f"{path}: expected --config with the radar of a bare .npy file, got none")
-    return None if config is None else load_radar(config)

@@ -24,8 +24,9 @@ def run(options: argparse.Namespace) -> int:
     if options.output is not None and options.output.suffix != ".rrd":
         raise ValueError(f"{options.output}: expected a file for Rerun (.rrd), got suffix {options.output.suffix!r}")
     frames = _of_scene if source.suffix == ".toml" else _of_recording
-    if source.suffix == ".toml" and options.config is not None:
-        raise ValueError(f"{source}: expected no --config with a scene file, which has its radar, got {options.config}")
+    if source.suffix == ".toml" and options.config.given:
+        got = ", ".join(f"--{name}" for name in options.config.given)
+        raise ValueError(f"{source}: expected no --config with a scene file, which has its radar, got {got}")
     if source.suffix == ".toml" and options.remove_static:
         raise ValueError(
             f"{source}: expected no --remove-static with a scene file, whose frames are shown as they come"

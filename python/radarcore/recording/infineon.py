@@ -62,7 +62,7 @@ def is_recording(path: Path) -> bool:
     if not path.is_dir():
         return False
     is_sensor = _FOLDER.fullmatch(path.absolute().name) is not None
-    return is_sensor or _has_arrays(path) or len(_sensor_folders(path)) > 0
+    return is_sensor or _has_arrays(path) or len(sensor_folders(path)) > 0
 
 
 def opened(path: Path) -> Stored:
@@ -76,8 +76,7 @@ def opened(path: Path) -> Stored:
         raise ValueError(f"{folder}: expected a recording, got one without config.json")
     _check_version(texts.get(f"{folder.name}/format.version", "1"), str(folder / "format.version"))
     description = _check_sensor(texts.get(f"{folder.name}/meta.json", "{}"), str(folder / "meta.json"))
-    _, shape = _parsed_config(config, str(folder / "config.json"))
-    radar = _radar(shape, str(folder / "config.json"))
+    radar = radar_of(config, str(folder / "config.json"))
 
     # Whole frames, whatever number of them the header says.
     if not (folder / "radar.npy").is_file():
@@ -145,21 +144,30 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
 # Reading.
 
 
+def radar_of(config: str, where: str) -> Radar:
+    """The radar of the text of a config.json."""
+    return _radar(_parsed_config(config, where)[1], where)
+
+
 def _has_arrays(path: Path) -> bool:
     return (path / "config.json").is_file() and (path / "radar.npy").is_file()
 
 
-def _sensor_folders(path: Path) -> list[str]:
+def sensor_folders(path: Path) -> list[str]:
+    """Names of the folders of sensors in a recording."""
     return sorted(place.name for place in path.iterdir() if _FOLDER.fullmatch(place.name) and place.is_dir())
 
 
 def _sensor_folder(path: Path) -> Path:
     """The one folder of a sensor in `path`, or `path` itself."""
-    folders = _sensor_folders(path)
+    folders = sensor_folders(path)
     if not folders or _has_arrays(path):
         return path.absolute()
     if len(folders) > 1:
-        raise ValueError(f"{path}: expected a recording of one sensor, got {', '.join(folders)}; give one of these")
+        raise ValueError(
+            f"{path}: expected a recording of one sensor, got {', '.join(folders)}; give one of these, as "
+            f"{path / folders[0]}"
+        )
     return path.absolute() / folders[0]
 
 
@@ -420,7 +428,7 @@ def _make_room(path: Path, folder: str, overwrite: bool) -> None:
     if path.exists() and not path.is_dir():
         raise exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):
-        if _sensor_folders(path) != [folder]:
+        if sensor_folders(path) != [folder]:
             raise exists(path, f"a directory that is not empty and no recording of {folder}")
         if not overwrite:
             raise exists(path, "a recording; overwrite=True replaces it")

@@ -11,16 +11,19 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from radarcore import check
 
 _LONGEST_HEADER = 1 << 16
 """Bytes of a header that are read: NumPy refuses more than 10 000."""
+
+HEADER_ERRORS = (ValueError, EOFError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError)
+"""Errors of NumPy's reader, which evaluates the header as an expression, for damaged files."""
 
 _MOST_DEFLATED = 1032
 """Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
@@ -128,8 +131,15 @@ class ArrayFile:
         return np.fromfile(self.path, self.dtype, math.prod(shape), offset=self._offset).reshape(shape)
 
 
+class Rows(Protocol):
+    """Rows on disk: an array, or one that lies in several files."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, rows: slice, /) -> NDArray[Any]: ...
+
+
 class Converted:
-    """Array on disk whose rows become float32 samples when they are asked for.
+    """Array on disk whose rows become samples when they are asked for.
 
     Parameters
     ----------
@@ -138,11 +148,23 @@ class Converted:
         Of a few rows; a ValueError gets the path and the first of them.
     path : Path
         For messages.
+    row : tuple of int, optional
+        Shape of a row of samples; default: that of a stored one.
+    dtype : dtype
+        Of the samples.
     """
 
-    def __init__(self, stored: NDArray[Any], convert: Callable[[NDArray[Any]], NDArray[Any]], path: Path) -> None:
+    def __init__(
+        self,
+        stored: Rows,
+        convert: Callable[[NDArray[Any]], NDArray[Any]],
+        path: Path,
+        row: tuple[int, ...] | None = None,
+        dtype: DTypeLike = np.float32,
+    ) -> None:
         self._stored, self._convert, self._path = stored, convert, path
-        self.shape, self.dtype = stored.shape, np.dtype(np.float32)
+        self.shape = (len(stored), *(stored[:0].shape[1:] if row is None else row))
+        self.dtype: np.dtype[Any] = np.dtype(dtype)
 
     def __len__(self) -> int:
         return len(self._stored)
@@ -172,8 +194,7 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
             shape, fortran_order, dtype = readers[version](start)
         file.seek(place + start.tell())
         return shape, fortran_order, dtype
-    except (ValueError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError) as error:
-        # Errors of NumPy's reader, which evaluates the header as an expression, for damaged files.
+    except HEADER_ERRORS as error:
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any
 
 from radarcore.radar.radar import Radar
+from radarcore.recording.description import Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.native import Stored
 from radarcore.recording.recording import Recording, stored_at
@@ -23,21 +24,38 @@ class RecordingReader:
     ----------
     path : path
         As for `Recording.load`. An ``.npz`` file is read whole.
-    radar : Radar, optional
-        Of a bare ``.npy`` file, see `Recording.load`.
+    radar, config, shape, dtype, variable : optional
+        Of bare samples, see `Recording.load`.
 
     Attributes
     ----------
     radar : Radar
     source : dict
         Origin of the frames.
+    shape : tuple of int
+        Frames, channels, chirps, samples.
+    dtype : dtype
+        Of the samples.
+    time, truth, lost
+        Of all frames, see `Recording`.
     """
 
-    def __init__(self, path: str | PathLike[str], *, radar: Radar | None = None) -> None:
-        self._stored: Stored = stored_at(path, radar=radar)
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        radar: Radar | None = None,
+        config: str | PathLike[str] | None = None,
+        shape: str | Sequence[str | int] | None = None,
+        dtype: str | None = None,
+        variable: str | None = None,
+    ) -> None:
+        self._stored: Stored = stored_at(path, description=Description(radar, config, shape, dtype, variable))
         Recording(**self._part(0))  # refuses what does not fit together
         self.radar = self._stored.radar
         self.source: dict[str, Any] = self._stored.source
+        self.shape, self.dtype = self._stored.cube.shape, self._stored.cube.dtype
+        self.time, self.truth, self.lost = self._stored.time, self._stored.truth, self._stored.lost
 
     def __len__(self) -> int:
         return len(self._stored.cube)

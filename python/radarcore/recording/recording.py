@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, overload
@@ -17,6 +17,8 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording import bare, infineon
 from radarcore.recording.codes import to_codes
+from radarcore.recording.description import NOTHING_SAID, Description
+from radarcore.recording.folders import refuse_several
 from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -213,7 +215,17 @@ class Recording(Stored):
         _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, mmap: bool = True, radar: Radar | None = None) -> Recording:
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        mmap: bool = True,
+        radar: Radar | None = None,
+        config: str | os.PathLike[str] | None = None,
+        shape: str | Sequence[str | int] | None = None,
+        dtype: str | None = None,
+        variable: str | None = None,
+    ) -> Recording:
         """Read from disk; warns of no frames, and of frames that are missing because the writer was interrupted.
 
         `RecordingReader` reads recordings that do not fit into memory.
@@ -223,23 +235,38 @@ class Recording(Stored):
         path : path
             A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: the one with
             ``RadarIfxAvian_00`` in it, or that. Such a folder says nothing of when frames came: their times are
-            multiples of the interval that was asked of the board, which may be off by a per mille. A bare ``.npy``
-            file, together with its `radar`: frames ``[frame, channel, chirp, sample]``, or one, an interval apart;
-            integers become float32 counts.
+            multiples of the interval that was asked of the board, which may be off by a per mille. Bare samples,
+            ``.npy``, ``.mat`` or a raw file of numbers, together with `radar` or `config`: frames
+            ``[frame, channel, chirp, sample]``, or one, an interval apart; integers become float32 counts. A raw
+            capture of TI's DCA1000, ``.bin``, with a `config` of TI, or its ``.setup.json``.
         mmap : bool
             Leave the cube of a directory on disk and map it into memory, read-only; codes of an ADC are always
             read and made samples.
         radar : Radar, optional
-            Radar of a bare ``.npy`` file; other recordings have their own. `load_radar` reads one from a file.
+            Radar of bare samples; other recordings have their own.
+        config : path, optional
+            File with that radar: a scene file (TOML), the JSON of a radar or recording, ``config.json`` of Infineon's
+            tools, or of a TI chip the ``.mmwave.json`` or ``.setup.json`` of mmWave Studio or the ``.cfg`` of the SDK's
+            demo.
+        shape : str or sequence, optional
+            Axes of bare samples in the order of the file, as ``"frame,rx,chirp,sample"`` (or ``"chirp,tx,rx,sample"``,
+            ``"frame,chirp,rx,sample,iq"``), with lengths as ``"frame,rx=3,chirp=64,sample=128"``, or lengths alone.
+        dtype : str, optional
+            Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``"uint16"``, ``">i2"``.
+        variable : str, optional
+            Name of the array in a ``.mat`` file, where several could be meant.
 
         Raises
         ------
         FileNotFoundError
             When there is nothing at `path`.
         ValueError
-            When it is not a recording, of a newer version, damaged, or the arrays do not fit the radar.
+            When it is not a recording, or several; of a newer version, damaged, or the arrays do not fit the radar; for
+            bare samples without what they need.
+        ImportError
+            For a MAT file of version 7.3 without h5py.
         """
-        stored = stored_at(path, mmap=mmap, radar=radar)
+        stored = stored_at(path, mmap=mmap, description=Description(radar, config, shape, dtype, variable))
         cube: Any = stored.cube
         try:
             return cls(**vars(replace(stored, cube=cube[:] if isinstance(cube, Converted) else cube)))
@@ -247,16 +274,13 @@ class Recording(Stored):
             raise ValueError(f"{path}: {error}") from error
 
 
-def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, radar: Radar | None = None) -> Stored:
+def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, description: Description = NOTHING_SAID) -> Stored:
     """Content of a recording on disk, unchecked; its cube may be one that is converted when it is asked for."""
     path = Path(path)
-    if path.suffix == ".npy" and path.is_file():
-        if radar is None:
-            raise ValueError(f"{path}: expected a radar with a bare .npy file, got none")
-        check_radar(radar)
-        return bare.opened(path, radar)
-    if radar is not None:
-        raise TypeError(f"radar: expected none, as {path} is no bare .npy file, got {type(radar).__name__}")
+    if bare.is_bare(path, description):
+        return bare.opened(path, description)
+    description.refuse(path, "no bare file")
+    refuse_several(path)
     known = next((kind for kind in _FORMATS.values() if kind.knows(path)), None)
     if known is None:
         raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
-from radarcore.recording.native import radar_from_json
+from radarcore.recording.configuration import configuration
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.motions import Recorded
@@ -43,12 +43,14 @@ def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -
 
 
 def load_radar(path: str | PathLike[str]) -> Radar:
-    """Read a radar: the table ``[radar]`` of a scene file, or the ``meta.json`` of a recording.
+    """Read a radar: of a scene file, of a recording, or of the settings of a chip.
 
     Parameters
     ----------
     path : path
-        TOML, of which only the table ``[radar]`` counts; or JSON: that of a recording, or what `Radar.to_dict` gives.
+        TOML, of which only the table ``[radar]`` counts; JSON: that of a recording, what `Radar.to_dict` gives,
+        ``config.json`` of Infineon's tools, ``.mmwave.json`` or ``.setup.json`` of TI's mmWave Studio; or the commands
+        for the demo of TI's SDK, ``.cfg``.
 
     Raises
     ------
@@ -58,10 +60,8 @@ def load_radar(path: str | PathLike[str]) -> Radar:
         For another suffix, and one line per fault of the file.
     """
     file = Path(path)
-    if file.suffix == ".json":
-        return radar_from_json(file.read_bytes(), str(file))
     if file.suffix != ".toml":
-        raise ValueError(f"{file}: expected a scene file (.toml) or the meta.json of a recording, got {file.suffix!r}")
+        return configuration(file).radar
     table = read.table(file).radar
     with located(f"{file}: radar."):
         return radar_of(table, file.parent)

@@ -1,0 +1,131 @@
+"""Commands for the demo of TI's mmWave SDK, ``.cfg``: one a line, its name and numbers.
+
+TI, "mmWave SDK User Guide", configuration (.cfg) file format. Only what decides on samples is read.
+"""
+
+from __future__ import annotations
+
+import re
+
+from radarcore import check
+from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices
+
+_PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
+"""Comment in which TI's visualizer says what a file is for."""
+
+_LENGTHS = {
+    "dfeDataOutputMode": (1,),
+    "channelCfg": (3,),
+    "adcCfg": (2,),
+    "adcbufCfg": (4, 5),
+    "profileCfg": (14,),
+    "chirpCfg": (8,),
+    "frameCfg": (7,),
+    "bpmCfg": (4,),
+    "lvdsStreamCfg": (4,),
+}
+"""Numbers of the commands that count."""
+
+_Commands = dict[str, list[list[float]]]
+
+
+def settings(text: str, where: str) -> Settings:
+    """Settings of a chip from the text of a .cfg file."""
+    commands = _commands(text, where)
+    if commands.get("dfeDataOutputMode", [[1.0]])[-1][0] != 1.0 or "advFrameCfg" in commands:
+        raise ValueError(f"{where}: expected chirps in frames (dfeDataOutputMode 1), got sub-frames or no frames")
+    _check_stream(commands, where)
+    rx_mask, _, _ = _only(commands, "channelCfg", where)
+    bits, output = (int(value) for value in _only(commands, "adcCfg", where))
+    # The number of the sub-frame came with later versions.
+    is_real, swap, is_apart, _ = _only(commands, "adcbufCfg", where)[-4:]
+    first, last, num_loops, _, frame_interval, _, _ = _only(commands, "frameCfg", where)
+    masks, number = _chirps(commands, int(first), int(last), where)
+    if not 0 <= bits < len(BITS) or not 0 <= output < len(OUTPUTS) or (output == 0) != bool(is_real):
+        got = f"adcCfg {bits} {output} and {'real' if is_real else 'complex'} samples by adcbufCfg"
+        raise ValueError(f"{where}: expected adcCfg with 0 to 2 twice, of the samples that adcbufCfg has, got {got}")
+    return Settings(
+        profile=_profile(commands, number, where),
+        tx_masks=masks,
+        num_loops=int(num_loops),
+        frame_interval=1e-3 * frame_interval,
+        rx_mask=int(rx_mask),
+        output=OUTPUTS[output],
+        bits=BITS[bits],
+        num_lanes=2 if is_apart else 4,
+        has_q_first=bool(swap),
+        is_interleaved=not is_apart,
+        device=match[1] if (match := _PLATFORM.search(text)) else "",
+    )
+
+
+def _commands(text: str, where: str) -> _Commands:
+    """Numbers of the commands that count, by name."""
+    found: _Commands = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split("%")[0].split()
+        if not words or words[0] not in {*_LENGTHS, "advFrameCfg"}:
+            continue
+        name, values = words[0], words[1:]
+        expected = _LENGTHS.get(name, (len(values),))
+        try:
+            numbers = [check.number(name, float(value)) for value in values]
+        except ValueError:
+            raise ValueError(f"{where}, line {number}: expected numbers after {name}, got {line.strip()!r}") from None
+        if len(numbers) not in expected:
+            lengths = " or ".join(map(str, expected))
+            raise ValueError(f"{where}, line {number}: expected {lengths} numbers after {name}, got {len(numbers)}")
+        found.setdefault(name, []).append(numbers)
+    return found
+
+
+def _only(commands: _Commands, name: str, where: str) -> list[float]:
+    """Numbers of a command; of several lines they must be the same."""
+    lines = commands.get(name, [])
+    if not lines:
+        raise ValueError(f"{where}: expected the command {name}, got none")
+    if any(line != lines[0] for line in lines):
+        raise ValueError(f"{where}: expected one {name}, got {len(lines)} that differ")
+    return lines[0]
+
+
+def _check_stream(commands: _Commands, where: str) -> None:
+    """Refuse streams of something else than samples, and binary phases."""
+    if any(line[1] != 0.0 for line in commands.get("bpmCfg", [])):
+        raise ValueError(f"{where}: expected transmitters that take turns, got binary phase modulation (bpmCfg)")
+    for _, has_header, content, is_by_software in commands.get("lvdsStreamCfg", []):
+        if (has_header, content, is_by_software) != (0.0, 1.0, 0.0):
+            got = f"{has_header:g} {content:g} {is_by_software:g}"
+            raise ValueError(f"{where}: expected samples alone (lvdsStreamCfg -1 0 1 0), got {got}")
+
+
+def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tuple[int, ...], int]:
+    """Masks of the transmitters of the chirps of a loop, and the number of their profile."""
+    chirps: dict[int, tuple[int, int]] = {}
+    for start, stop, profile, *changes, mask in commands.get("chirpCfg", []):
+        for index in indices(int(start), int(stop), where):
+            if any(changes) and first <= index <= last:
+                raise ValueError(f"{where}: expected chirps as their profile has them, got changes of chirp {index}")
+            chirps[index] = int(profile), int(mask)
+    if missing := [index for index in indices(first, last, where) if index not in chirps]:
+        raise ValueError(f"{where}: expected a chirpCfg of chirp {missing[0]}, which frameCfg has, got none")
+    used = [chirps[index] for index in indices(first, last, where)]
+    if len(numbers := sorted({profile for profile, _ in used})) != 1:
+        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
+    return tuple(mask for _, mask in used), numbers[0]
+
+
+def _profile(commands: _Commands, number: int, where: str) -> Profile:
+    lines = {int(line[0]): line for line in commands.get("profileCfg", [])}
+    if number not in lines:
+        raise ValueError(f"{where}: expected profileCfg {number}, which chirps have, got {sorted(lines) or 'none'}")
+    _, start, idle, adc_start, ramp_end, _, _, slope, _, num_samples, rate, *_ = lines[number]
+    return Profile(
+        start_frequency=1e9 * start,
+        slope=1e12 * slope,
+        idle_time=1e-6 * idle,
+        adc_start_time=1e-6 * adc_start,
+        ramp_end_time=1e-6 * ramp_end,
+        num_samples=int(num_samples),
+        sample_rate=1e3 * rate,
+    )

@@ -1,0 +1,249 @@
+"""Configurations of TI's radars: the settings of a chip, and the radar and the order of samples that they make.
+
+Files are those of mmWave Studio, see `ti_studio`, and the commands of the SDK's demo, see `ti_commands`. Both name the
+fields of TI's mmWaveLink: frequencies in GHz, slopes in MHz/us, times in us, rates in kHz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import notice
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.radar.schedule import Schedule
+from radarcore.radar.waveform import Waveform
+from radarcore.recording.dca1000 import Capture
+
+OUTPUTS = ("real", "complex 1x", "complex 2x")
+"""Formats of samples by the number that TI gives them: real, I/Q, and I/Q with the band of the images."""
+
+BITS = (12, 14, 16)
+"""Bits of a sample by the number that TI gives them."""
+
+_NUM_RX, _NUM_TX = 4, 4
+"""Most receivers and transmitters of a chip."""
+
+_NUM_CHIRPS = 512
+"""Chirps that a chip has at most, from 0 on."""
+
+_BOARDS = {
+    "12": "xWR1243BOOST",
+    "14": "xWR1443BOOST",
+    "16": "xWR1642BOOST",
+    "18": "xWR1843BOOST",
+    "68": "IWR6843ISK",
+}
+"""TI's evaluation boards, whose antennas are public, by the families of their chips."""
+
+_ROW = "row, half a wavelength apart"
+"""Antennas of other boards."""
+
+_OTHER_ARRAYS = ("AOP", "ODS")
+"""Boards of these families with other antennas."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """Profile of chirps, in SI units.
+
+    Parameters
+    ----------
+    start_frequency : float
+        [Hz].
+    slope : float
+        [Hz/s].
+    idle_time, adc_start_time, ramp_end_time : float
+        Before the ramp; from its start to the first sample, and to its end [s].
+    num_samples : int
+    sample_rate : float
+        [Hz].
+    """
+
+    start_frequency: float
+    slope: float
+    idle_time: float
+    adc_start_time: float
+    ramp_end_time: float
+    num_samples: int
+    sample_rate: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of a chip for a capture.
+
+    Parameters
+    ----------
+    profile : Profile
+    tx_masks : tuple of int
+        Transmitters of every chirp of a loop, bit 0 the first one.
+    num_loops : int
+        Loops of a frame.
+    frame_interval : float
+        [s].
+    rx_mask : int
+        Receivers, bit 0 the first one.
+    output : str
+        One of `OUTPUTS`.
+    bits : int
+        One of `BITS`.
+    num_lanes : int
+    has_q_first : bool
+    is_interleaved : bool
+        Receivers sample by sample, not one after the other.
+    device : str
+        Name of the chip or of its family: ``"xWR18xx"``, ``"awr1843"``; nothing if the files do not say.
+    """
+
+    profile: Profile
+    tx_masks: tuple[int, ...]
+    num_loops: int
+    frame_interval: float
+    rx_mask: int
+    output: str
+    bits: int
+    num_lanes: int
+    has_q_first: bool
+    is_interleaved: bool
+    device: str = ""
+
+
+def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
+    """The radar of some settings, and the order of its samples in a capture.
+
+    Warns where several transmitters send and the board, which places them, is not known.
+    """
+    profile, receivers = settings.profile, _bits(settings.rx_mask, _NUM_RX, "receivers", where)
+    _check_lanes(settings, len(receivers), where)
+    numbers, repetitions = _turns(settings.tx_masks, where)
+    used = sorted(numbers)
+    turns = tuple(used.index(number) for number in numbers)
+    ramp_interval = profile.idle_time + profile.ramp_end_time
+    try:
+        waveform = Waveform(
+            start_frequency=profile.start_frequency,
+            slope=profile.slope,
+            sample_rate=profile.sample_rate,
+            num_samples=profile.num_samples,
+            num_chirps=settings.num_loops * repetitions,
+            chirp_interval=ramp_interval * len(turns),
+            frame_interval=settings.frame_interval,
+            adc_delay=profile.adc_start_time,
+        )
+        tx, rx, antennas = _antennas(settings.device, used, receivers, waveform.wavelength)
+        radar = Radar(
+            waveform,
+            tx=tx,
+            rx=rx,
+            receiver=Receiver(output="real") if settings.output == "real" else None,
+            schedule=Schedule.tdm(ramp_interval, turns) if len(turns) > 1 else None,
+        )
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{where}: {error}") from error
+    if antennas == _ROW and len(used) > 1:
+        notice.warn(
+            f"{where}: the board is not known; its {len(used)} transmitters are taken for a row that makes a line of "
+            f"channels half a wavelength apart, so angles may be wrong"
+        )
+    facts: dict[str, Any] = {
+        "device": settings.device or "unknown",
+        "lanes": settings.num_lanes,
+        "output": settings.output,
+        "transmitters": [number + 1 for number in used],
+        "receivers": [number + 1 for number in receivers],
+        "antennas": antennas,
+    }
+    is_real = settings.output == "real"
+    capture = Capture(
+        num_lanes=settings.num_lanes,
+        is_real=is_real,
+        has_q_first=settings.has_q_first and not is_real,
+        bits=settings.bits,
+        turns=turns,
+        facts=tuple(facts.items()),
+    )
+    return radar, capture
+
+
+def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
+    """Refuse orders of samples that the documents do not have."""
+    if num_rx == 0:
+        raise ValueError(f"{where}: expected at least one receiver, got the mask {settings.rx_mask:#x}")
+    if settings.num_lanes not in (2, 4):
+        raise ValueError(f"{where}: expected two or four LVDS lanes, got {settings.num_lanes}")
+    if settings.is_interleaved != (settings.num_lanes == 4):
+        expected = "interleaved receivers" if settings.num_lanes == 4 else "receivers one after the other"
+        raise ValueError(f"{where}: expected {expected} on {settings.num_lanes} LVDS lanes, got the other order")
+    if settings.num_lanes == 4 and num_rx != _NUM_RX:
+        raise ValueError(f"{where}: expected all four receivers on four LVDS lanes, got the mask {settings.rx_mask:#x}")
+    if settings.num_lanes == 2 and settings.output != "real" and settings.profile.num_samples % 2:
+        raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples}")
+
+
+def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
+    """Transmitters, from 0, in the order of their turns, and the number of rounds in a loop."""
+    numbers = []
+    for index, mask in enumerate(masks):
+        on = _bits(mask, _NUM_TX, f"transmitters of chirp {index}", where)
+        if len(on) != 1:
+            raise ValueError(
+                f"{where}: expected one transmitter per chirp (TDM), got the mask {mask:#x} of chirp {index} "
+                "(several at once, in binary phases or as a beam, are not told apart)"
+            )
+        numbers.append(on[0])
+    for length in range(1, len(numbers) + 1):
+        round_ = numbers[:length]
+        if len(numbers) % length == 0 and round_ * (len(numbers) // length) == numbers:
+            if len(set(round_)) == length:
+                return round_, len(numbers) // length
+            break
+    names = ", ".join(f"TX{number + 1}" for number in numbers)
+    raise ValueError(f"{where}: expected transmitters that take turns, each once in a round, got {names}")
+
+
+def _antennas(
+    device: str, used: list[int], receivers: list[int], wavelength: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
+    """Positions of transmitters and receivers [m], and whose they are.
+
+    On TI's boards receivers lie half a wavelength apart, the first one on the right as the radar looks; TX1 and TX3
+    (TX2 of an xWR16xx) two wavelengths apart in the same direction, and TX2 between them, half a wavelength higher.
+    """
+    half = 0.5 * wavelength
+    rx = np.array([[0.0, half * number, 0.0] for number in receivers])
+    family = _family(device)
+    # Half wavelengths to the left and up.
+    places = {"16": [(0, 0), (4, 0)]}.get(family or "", [(0, 0), (2, 1), (4, 0)])
+    if family is not None and max(used) < len(places):
+        tx = np.array([[0.0, half * places[number][0], half * places[number][1]] for number in used])
+        return tx, rx, _BOARDS[family]
+    # Channels in a line, without gaps if receivers have none.
+    tx = np.array([[0.0, half * (receivers[-1] + 1) * place, 0.0] for place in range(len(used))])
+    return tx, rx, _ROW
+
+
+def _family(device: str) -> str | None:
+    """Two digits of a chip on one of TI's boards; None for another."""
+    name = device.upper()
+    if any(other in name for other in _OTHER_ARRAYS):
+        return None
+    return next((family for family in _BOARDS if f"WR{family}" in name), None)
+
+
+def _bits(mask: int, most: int, what: str, where: str) -> list[int]:
+    """Numbers of the bits of a mask, from 0."""
+    if not 0 <= mask < 1 << most:
+        raise ValueError(f"{where}: expected a mask of up to {most} {what}, got {mask:#x}")
+    return [number for number in range(most) if mask >> number & 1]
+
+
+def indices(first: int, last: int, where: str) -> range:
+    """Indices of chirps, both included."""
+    if first < 0 or last >= _NUM_CHIRPS:
+        raise ValueError(f"{where}: expected chirps 0 to {_NUM_CHIRPS - 1}, got {first} to {last}")
+    return range(first, last + 1)

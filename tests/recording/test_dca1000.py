@@ -1,0 +1,290 @@
+"""Captures of TI's DCA1000: a target where it was put, in every order of samples; configurations that are refused."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from dca1000_files import Scene, commands, setup, studio
+from radarcore.processing.detection import detect
+from radarcore.recording.dca1000 import parts_of
+
+SCENE = Scene()
+
+
+def assert_target(recording: rc.Recording, scene: Scene, *, angles: bool = True) -> None:
+    """The target of a scene stands out in every frame at its range, velocity and angles."""
+    assert len(recording) == scene.num_frames
+    waveform = recording.radar.waveform
+    for frame in recording.frames():
+        found = detect(frame)
+        best = int(np.argmax(found.snr_db))
+        middle = scene.range + scene.velocity * (frame.time + 0.5 * waveform.duration)
+        assert abs(found.range[best] - middle) < 0.1 * waveform.range_resolution
+        assert abs(found.velocity[best] - scene.velocity) < 0.1 * waveform.velocity_resolution
+        if angles:
+            assert found.azimuth[best] == pytest.approx(scene.azimuth, abs=0.01)  # a twentieth of the beam
+
+
+def write(path: Path, words: np.ndarray[Any, Any], config: str) -> tuple[Path, Path]:
+    words.tofile(path / "adc_data.bin")
+    (path / "profile.cfg").write_text(config)
+    return path / "adc_data.bin", path / "profile.cfg"
+
+
+@pytest.mark.parametrize(
+    ("order", "output", "swap"),
+    [("lanes2", 1, 1), ("lanes2", 2, 0), ("lanes2", 0, 0), ("lanes4", 1, 0), ("lanes4", 0, 0), ("lanes4", 2, 1)],
+)
+def test_target_of_a_capture_is_where_it_was(tmp_path: Path, order: str, output: int, swap: int) -> None:
+    words = SCENE.numbers(order, real=output == 0, q_first=swap == 1)
+    is_apart = order == "lanes2"
+    data, config = write(tmp_path, words, commands(SCENE, output=output, swap=swap, apart=int(is_apart)))
+    recording = rc.Recording.load(data, config=config)
+    assert recording.cube.shape == (2, 8, 16, 64)
+    assert recording.cube.dtype == (np.float32 if output == 0 else np.complex64)
+    assert recording.source["cube_unit"] == "counts"
+    assert recording.source["capture"]["output"] == ["real", "complex 1x", "complex 2x"][output]
+    assert_target(recording, SCENE)
+
+
+def test_every_number_comes_to_its_place(tmp_path: Path) -> None:
+    """Two lanes of 18xx: the sample of a transmitter, receiver, loop and time is the closed form's, rounded."""
+    data, config = write(tmp_path, SCENE.numbers("lanes2", q_first=True), commands(SCENE))
+    recording = rc.Recording.load(data, config=config)
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        frame, turn, rx, loop, n = (int(rng.integers(length)) for length in (2, 2, 4, 16, 64))
+        time = frame * 50e-3 + (2 * loop + turn) * 47e-6
+        assert recording.cube[frame, 4 * turn + rx, loop, n] == SCENE.chirp(time, SCENE.masks[turn])[rx, n]
+
+
+def test_radar_has_the_settings_of_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / "a.cfg").write_text(commands(SCENE))
+    (tmp_path / "a.mmwave.json").write_text(json.dumps(studio(SCENE)))
+    (tmp_path / "a.setup.json").write_text(json.dumps({"mmWaveDevice": "awr1843"}))
+    radar = rc.load_radar(tmp_path / "a.cfg")
+    wf = radar.waveform
+    assert (wf.start_frequency, wf.slope, wf.sample_rate) == pytest.approx((77e9, 60e12, 6e6), rel=1e-12)
+    assert (wf.num_samples, wf.num_chirps) == (64, 16)
+    assert (wf.chirp_interval, wf.frame_interval, wf.adc_delay) == pytest.approx((94e-6, 50e-3, 6e-6), rel=1e-12)
+    assert radar.schedule is not None
+    assert radar.schedule.interval == pytest.approx(47e-6, rel=1e-12)
+    half = 0.5 * wf.wavelength
+    np.testing.assert_allclose(radar.rx[:, 1] / half, [0, 1, 2, 3])
+    np.testing.assert_allclose(radar.tx[:, 1:] / half, [[0, 0], [4, 0]])
+    assert rc.load_radar(tmp_path / "a.mmwave.json") == radar
+
+
+def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> None:
+    """Turns TX3, TX1, TX2 twice in a loop: three transmitters, twice the chirps; TX2 is the one that is higher."""
+    scene = Scene(
+        masks=(4, 1, 2) * 2, num_loops=8, elevation=np.deg2rad(12.0), azimuth=np.deg2rad(-15.0), velocity=-1.0
+    )
+    data, config = write(tmp_path, scene.numbers("lanes2", q_first=True), commands(scene))
+    recording = rc.Recording.load(data, config=config)
+    assert recording.cube.shape == (2, 12, 16, 64)
+    assert recording.radar.schedule is not None
+    assert recording.radar.schedule.order == (2, 0, 1)
+    assert_target(recording, scene)
+    found = detect(recording[0])
+    assert found.elevation[int(np.argmax(found.snr_db))] == pytest.approx(scene.elevation, abs=0.02)
+
+
+def test_one_transmitter_has_all_chirps(tmp_path: Path) -> None:
+    scene = Scene(masks=(1, 1), num_loops=8)
+    data, config = write(tmp_path, scene.numbers("lanes2", q_first=True), commands(scene))
+    recording = rc.Recording.load(data, config=config)
+    assert recording.radar.schedule is None
+    assert recording.cube.shape == (2, 4, 16, 64)
+    assert_target(recording, scene)
+
+
+def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -> None:
+    """A frame lies in two files; the paths in the setup are those of somebody's Windows."""
+    words = SCENE.numbers("lanes2")
+    words[:9001].tofile(tmp_path / "adc_data_Raw_0.bin")
+    words[9001:].tofile(tmp_path / "adc_data_Raw_1.bin")
+    path = setup(tmp_path, studio(SCENE), ["adc_data_Raw_0.bin", "adc_data_Raw_1.bin"])
+    recording = rc.Recording.load(path)
+    assert recording.source["files"] == ["adc_data_Raw_0.bin", "adc_data_Raw_1.bin"]
+    assert recording.source["capture"]["device"] == "awr1843"
+    assert_target(recording, SCENE)
+    same = rc.Recording.load(tmp_path / "adc_data_Raw_0.bin", config=path)
+    np.testing.assert_array_equal(same.cube, recording.cube)
+    with pytest.raises(
+        ValueError, match=r"Raw_1\.bin: expected the first file of a capture, got one that goes on from"
+    ):
+        rc.Recording.load(tmp_path / "adc_data_Raw_1.bin", config=path)
+    reader = rc.RecordingReader(path)
+    np.testing.assert_array_equal([frame.cube for frame in reader], recording.cube)
+    assert parts_of(tmp_path / "other_0.bin") == (tmp_path / "other_0.bin",)  # another capture may be other_1.bin
+
+
+def test_capture_is_saved_as_a_recording(tmp_path: Path) -> None:
+    data, config = write(tmp_path, SCENE.numbers("lanes2", q_first=True), commands(SCENE))
+    recording = rc.Recording.load(data, config=config)
+    recording.save(tmp_path / "saved")
+    again = rc.Recording.load(tmp_path / "saved")
+    assert again.radar == recording.radar
+    assert again.source == recording.source
+    np.testing.assert_array_equal(again.cube, recording.cube)
+
+
+def test_frame_that_is_not_whole_is_left_out_with_a_warning(tmp_path: Path) -> None:
+    words = SCENE.numbers("lanes2", q_first=True)
+    data, config = write(tmp_path, words[:-7], commands(SCENE))
+    size = words.nbytes // 2
+    with pytest.warns(UserWarning, match=rf"adc_data\.bin: 1 frames, the last {size - 14} bytes are no whole frame"):
+        recording = rc.Recording.load(data, config=config)
+    assert len(recording) == 1
+    data.write_bytes(b"\0" * 100)
+    with pytest.raises(ValueError, match=rf"expected frames of {size} bytes by the configuration, got 100 bytes"):
+        rc.Recording.load(data, config=config)
+
+
+def test_unknown_board_is_a_row_with_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "a.cfg").write_text(commands(SCENE, platform=""))
+    with pytest.warns(UserWarning, match=r"a\.cfg: the board is not known; its 2 transmitters are taken for a row"):
+        radar = rc.load_radar(tmp_path / "a.cfg")
+    steps = np.diff(radar.virtual_array[:, 1]) / (0.5 * radar.waveform.wavelength)
+    np.testing.assert_allclose(steps, 1.0)
+    (tmp_path / "b.cfg").write_text(commands(Scene(masks=(1, 2)), platform="xWR16xx"))
+    radar = rc.load_radar(tmp_path / "b.cfg")  # whose TX2 is where others have TX3
+    np.testing.assert_allclose(radar.tx[:, 1:] / (0.5 * radar.waveform.wavelength), [[0, 0], [4, 0]])
+
+
+def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
+    scene = Scene(masks=(1,), num_loops=2, num_frames=1)
+    words = scene.numbers("lanes2", real=True) & 0x0FFF
+    data, config = write(tmp_path, words, commands(scene, output=0, swap=0, adcCfg="adcCfg 0 0"))
+    cube = rc.Recording.load(data, config=config).cube
+    assert cube[0, 0, 0, 5] == scene.chirp(0.0, 1)[0, 5].real
+    assert cube.min() < -900.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 3"}, "one transmitter per chirp .TDM., got the mask 0x3 of chirp 0"),
+        ({"chirp0": "chirpCfg 0 0 0 1e6 0 0 0 1"}, "chirps as their profile has them, got changes of chirp 0"),
+        ({"chirp0": "chirpCfg 0 0 1 0 0 0 0 1"}, r"chirps of one profile, got those of \[0, 1\]"),
+        ({"chirp1": ""}, "expected a chirpCfg of chirp 1, which frameCfg has, got none"),
+        ({"chirp0": "chirpCfg 0 1e9 0 0 0 0 0 1"}, "expected chirps 0 to 511, got 0 to 1000000000"),
+        ({"frameCfg": "frameCfg 0 nan 16 0 50 1 0"}, "line 11: expected numbers after frameCfg"),
+        ({"channelCfg": "channelCfg 31 5 0"}, "a mask of up to 4 receivers, got 0x1f"),
+        ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 -1"}, "a mask of up to 4 transmitters of chirp 0, got -0x1"),
+        ({"bpmCfg": "bpmCfg -1 1 0 1"}, "got binary phase modulation"),
+        ({"dfeDataOutputMode": "dfeDataOutputMode 3"}, "got sub-frames or no frames"),
+        ({"lvdsStreamCfg": "lvdsStreamCfg -1 1 1 0"}, r"samples alone .*, got 1 1 0"),
+        ({"lvdsStreamCfg": "lvdsStreamCfg -1 0 0 1"}, r"samples alone .*, got 0 0 1"),
+        ({"frameCfg": "frameCfg 0 1 16 0 64 50 1 0"}, "line 11: expected 7 numbers after frameCfg, got 8"),
+        ({"frameCfg": ""}, "expected the command frameCfg, got none"),
+        ({"channelCfg": "channelCfg 15 x 0"}, "line 5: expected numbers after channelCfg"),
+        ({"channelCfg": "channelCfg 0 5 0"}, "at least one receiver, got the mask 0x0"),
+        ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
+        ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
+        ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
+        ({"profileCfg": "profileCfg 0 77 3 6 12 0 0 60 1 64 6000 0 0 30"}, "between the ramps of transmitters in turn"),
+    ],
+)
+def test_commands_that_are_no_plain_frames_are_refused(tmp_path: Path, changes: dict[str, str], message: str) -> None:
+    (tmp_path / "a.cfg").write_text(commands(SCENE, **changes))
+    with pytest.raises(ValueError, match=message) as error:
+        rc.load_radar(tmp_path / "a.cfg")
+    assert str(error.value).startswith(str(tmp_path / "a.cfg"))
+
+
+def _edited(values: dict[str, Any], *path: Any, to: Any) -> dict[str, Any]:
+    part: Any = values["mmWaveDevices"][0]
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = to
+    return values
+
+
+@pytest.mark.parametrize(
+    ("path", "to", "message"),
+    [
+        (("rfConfig", "waveformType"), "advancedFrameChirp", "frames without sub-frames"),
+        (("rfConfig", "rlBpmChirps", 0, "rlBpmChirpCfg_t", "constBpmVal"), "0x5", "got binary phases"),
+        (("rfConfig", "rlChirps", 1, "rlChirpCfg_t", "idleTimeVar_usec"), 1.5, "got idleTimeVar_usec of chirp 1"),
+        (("rfConfig", "rlChanCfg_t", "rxChannelEn"), "15 of them", "rxChannelEn: expected an integer"),
+        (("rfConfig", "rlChanCfg_t", "rxChannelEn"), 10**400, "a mask of up to 4 receivers|expected an integer"),
+        (("rfConfig", "rlFrameCfg_t", "framePeriodicity_msec"), 10**400, "rlFrameCfg_t: "),
+        (("rfConfig", "rlFrameCfg_t", "chirpEndIdx"), 10**9, "expected chirps 0 to 511"),
+        (("rfConfig", "rlProfiles"), [], "expected profile 0, which chirps have, got none"),
+        (("rawDataCaptureConfig", "rlDevDataPathCfg_t", "transferFmtPkt0"), "0x6", "samples alone"),
+        (("rawDataCaptureConfig", "rlDevLaneEnable_t", "laneEn"), "0x1", "two or four LVDS lanes, got 1"),
+        (("rawDataCaptureConfig", "rlDevDataFmtCfg_t", "chInterleave"), 0, "receivers one after the other on 2 LVDS"),
+        (("rawDataCaptureConfig", "rlDevDataFmtCfg_t"), {}, "expected the key 'iqSwapSel', got none"),
+    ],
+)
+def test_settings_of_mmwave_studio_are_refused_by_name(
+    tmp_path: Path, path: tuple[Any, ...], to: Any, message: str
+) -> None:
+    (tmp_path / "a.mmwave.json").write_text(json.dumps(_edited(studio(SCENE), *path, to=to)))
+    with pytest.raises(ValueError, match=message):
+        rc.load_radar(tmp_path / "a.mmwave.json")
+
+
+def test_setup_without_its_files_says_so(tmp_path: Path) -> None:
+    path = setup(tmp_path, studio(SCENE), ["adc_data.bin"])
+    with pytest.raises(ValueError, match=r"expected captured files beside it, got no adc_data\.bin"):
+        rc.Recording.load(path)
+    (tmp_path / "18xx.mmwave.json").unlink()
+    with pytest.raises(ValueError, match=r"expected 18xx\.mmwave\.json beside it"):
+        rc.Recording.load(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
+    """Bytes changed, cut out and put in, at places of two seeds."""
+    texts = {"a.cfg": commands(SCENE), "a.mmwave.json": json.dumps(studio(SCENE))}
+    pieces = [b"999", b"-", b"1e400", b"nan", b"[]", b"{}", b"null", b'"x"', b"\n", b"0x", b"\xff"]
+    outcomes, messages = set(), []
+    for name, text in texts.items():
+        rng = np.random.default_rng(len(name))
+        for _ in range(200):
+            data = bytearray(text.encode())
+            at, length = int(rng.integers(len(data))), int(rng.choice([0, 1, 20]))
+            data[at : at + length] = pieces[int(rng.integers(len(pieces)))]
+            (tmp_path / name).write_bytes(data)
+            try:
+                outcomes.add(type(rc.load_radar(tmp_path / name)))
+            except ValueError as error:
+                messages.append(str(error))
+    assert outcomes == {rc.Radar}
+    assert len(messages) > 20
+    assert all(message.startswith(str(tmp_path / "a.")) for message in messages)
+
+
+LARGE = """
+import resource, sys
+import radarcore as rc
+reader = rc.RecordingReader(sys.argv[1], config=sys.argv[2])
+next(iter(reader))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+total = sum(1 for frame in reader)
+print(total, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss is in kibibytes on Linux alone")
+def test_memory_does_not_grow_with_the_length_of_a_capture(tmp_path: Path) -> None:
+    scene = Scene(masks=(1,), num_loops=128)  # 131072 bytes a frame
+    data, config = write(tmp_path, np.zeros(0, "<i2"), commands(scene))
+    with data.open("wb") as file:
+        file.truncate(700 * 131072)
+    command = [sys.executable, "-c", LARGE, str(data), str(config)]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    # As complex64 the samples would take 184 MB; pages of the file, 92 MB, count where they are mapped.
+    assert int(printed[0]) == 700
+    assert int(printed[1]) < 130e6
