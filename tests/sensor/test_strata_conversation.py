@@ -88,19 +88,6 @@ def test_conversation_is_that_of_the_vendors_host(monkeypatch):
     assert new() == [], "nothing was measured when it was closed"
 
 
-@pytest.mark.parametrize("status", [0x10, 0x15, 0x89])
-def test_board_that_has_no_uuid_and_no_name_is_opened(status, monkeypatch):
-    handle = Controller.handle
-
-    def lacking(self, request):
-        is_lacking = request.request == Code.BOARD_INFO and request.value != Info.VERSION
-        return packets.Response(request.kind, status, b"") if is_lacking else handle(self, request)
-
-    monkeypatch.setattr(Controller, "handle", lacking)
-    with opened(Controller(Noise())) as sensor:
-        assert (sensor.info.serial_number, sensor.info.name) == ("", "Strata board")
-
-
 def test_emulated_board_counts_radars_of_its_type_alone():
     controller = Controller(Noise())
     for index in (0x0101, 0x0102, 0x0103, 0x0104, 0x0105, 0x0201):

@@ -34,10 +34,12 @@ from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")
-"""Protocols in the order in which they are tried: unknown requests confuse a ComLib board for seconds."""
+"""Protocols that boards speak."""
 
-_XMC = 0x0058
-"""USB product id of boards with ComLib."""
+_SPELLED = {"comlib": "ComLib", "strata": "Strata"}
+
+_XMC = (0x058B, 0x0058)
+"""USB ids of boards with ComLib, and of other products of the vendor."""
 
 _CAPTURE = "capture:"
 _POLL = 0.1
@@ -47,21 +49,30 @@ _SLOWEST_START = 10.0
 
 
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
-    """Boards that answer, one after the other; ports that cannot be opened are left out.
+    """Boards that answer, one after the other.
 
     Parameters
     ----------
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
+
+    Warns
+    -----
+    RuntimeWarning
+        Boards that are there and left out, each with the reason: old firmware, no permission, another program.
     """
-    found = []
+    found, failures = [], []
     for port in transport.find_ports(usb_backend=usb_backend):
         try:
             board = _connect(port, None, usb_backend)
-        except SensorError:
+        except SensorError as error:
+            if _is_of_board(port, error):
+                failures.append(error)
             continue
         found.append(board.info)
         board.close()
+    if failures:
+        notice.warn(f"boards left out:{_listed(failures)}", RuntimeWarning)
     return found
 
 
@@ -102,16 +113,32 @@ def open_sensor(
         check.choice("protocol", protocol, PROTOCOLS)
     if port is not None:
         return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
-    failures = []
+    failures, reasons = [], []
     for found in transport.find_ports(usb_backend=usb_backend):
         try:
             return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
         except SensorError as error:
-            failures.append(str(error))
-    tried = "".join(f"\n  {failure}" for failure in failures)
-    raise SensorNotFoundError(
-        f"no radar board found{'; tried:' + tried if tried else ': no known USB device and no serial port of one'}"
-    )
+            failures.append(error)
+            if _is_of_board(found, error):
+                reasons.append(error)
+    if len(reasons) == 1:
+        raise reasons[0]
+    if reasons:
+        raise SensorError(f"expected a radar board that can be opened, got{_listed(reasons)}")
+    tried = f"; tried:{_listed(failures)}" if failures else ": no known USB device and no serial port of one"
+    raise SensorNotFoundError(f"no radar board found{tried}")
+
+
+def _is_of_board(port: Port, error: SensorError) -> bool:
+    """True for a failure of what is a radar board for certain: by its answer, or by its USB ids."""
+    ids = (port.vendor_id, port.product_id)
+    if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
+        return bool(error.protocol)
+    return bool(error.protocol) or ids in transport.KNOWN_BOARDS
+
+
+def _listed(failures: list[SensorError]) -> str:
+    return "".join(f"\n  {failure}" for failure in failures)
 
 
 def _connect(
@@ -127,12 +154,9 @@ def _connect(
         if capture is not None:
             raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
         return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
-    protocols = PROTOCOLS if protocol is None else (protocol,)
-    if protocol is None and port.product_id is not None:
-        # The XMC boards' id is that of other products too, but of none that speaks Strata.
-        protocols = ("comlib",) if port.product_id == _XMC else ("strata",)
+    protocols = _protocols_of(port) if protocol is None else (protocol,)
     timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
-    failure: SensorError | None = None
+    failures: dict[str, SensorError] = {}
     for name in protocols:
         stream = transport.open_stream(port, usb_backend=usb_backend)
         if capture is not None:
@@ -140,10 +164,28 @@ def _connect(
         try:
             return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
         except (SensorTimeoutError, ProtocolError) as error:
-            if len(protocols) == 1:
+            if len(protocols) == 1 or error.protocol:
                 raise
-            failure = error
-    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata") from failure
+            failures[name] = error
+    reasons = "; ".join(
+        f"{_SPELLED[name]}: {str(error).removeprefix(f'{port.path}: ')}" for name, error in failures.items()
+    )
+    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
+
+
+def _protocols_of(port: Port) -> tuple[str, ...]:
+    """Protocols that a port may speak, in the order in which they are tried.
+
+    Boards with known ids speak one. Bridges with ids of their own and UARTs are ways to Strata boards, while ComLib
+    boards are USB devices themselves. At a pty either may be, and of the two a Strata board takes requests of the
+    other protocol more lightly: a ComLib board then is silent for seconds.
+    """
+    ids = (port.vendor_id, port.product_id)
+    if ids == _XMC:
+        return ("comlib",)  # other products with these ids speak no Strata either
+    if ids in transport.KNOWN_BOARDS:
+        return ("strata",)
+    return PROTOCOLS if port.vendor_id is None and transport.may_be_usb(port) else PROTOCOLS[::-1]
 
 
 def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
@@ -165,7 +207,7 @@ def _comlib(stream: Stream, timeout: float) -> Board:
 def _port_of(text: str, usb_backend: Any) -> Port:
     """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
-        return Port("serial", text, None, None, "", "", "")
+        return transport.serial_port(text)
     ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
     for port in ports:
         if text.lower() in (port.path, f"usb:{port.vendor_id:04x}:{port.product_id:04x}"):

@@ -41,7 +41,7 @@ from radarcore.sensor.comlib.payloads import (
     encode_byte,
     encode_number,
 )
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.transport import Stream
 
 _Decoded = TypeVar("_Decoded")
@@ -116,9 +116,14 @@ class ComLibBoard:
         self._shape = (0, 0, 0)
         self._closed = False
 
-        # Find the endpoints.
         stream.discard()
         endpoints = self._probe()
+        with answering("comlib"):
+            self.info = self._identify(endpoints)
+
+    def _identify(self, endpoints: list[Endpoint]) -> BoardInfo:
+        """Find the endpoints that are needed, stop a measurement that was left running, and ask who is there."""
+        stream = self._stream
         types = [endpoint.type for endpoint in endpoints]
         if EndpointType.IRDR in types and EndpointType.RBAS not in types:
             raise SensorError(
@@ -133,12 +138,11 @@ class ComLibBoard:
         self._fmcw = types.index(EndpointType.RFMC) + 1
         self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
 
-        # Stop a measurement that was left running, then ask for the firmware and the limits.
         self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
         firmware = self._decoded(Firmware.decode, self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
         self._limits = self._decoded(Info.decode, self._ask(self._base, Base.GET_INFO, Base.INFO))
         chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
-        self.info = BoardInfo(
+        return BoardInfo(
             port=stream.name,
             protocol="comlib",
             name=firmware.description or self._limits.description,
@@ -445,10 +449,16 @@ class ComLibBoard:
 
     def _probe(self) -> list[Endpoint]:
         """Endpoints; a second try where the first meets the end of what another program has asked for."""
+        with contextlib.suppress(ProtocolError):
+            return self._endpoints()
         try:
-            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
-        except ProtocolError:
-            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+            return self._endpoints()
+        except RequestError:
+            with answering("comlib"):
+                raise
+
+    def _endpoints(self) -> list[Endpoint]:
+        return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
 
     def _ask(self, endpoint: int, request: int | bytes, code: int) -> bytes:
         """Payload with `code` of the answer to a request, among others that may come with it."""

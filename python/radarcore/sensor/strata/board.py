@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,7 +27,7 @@ from radarcore.sensor.bgt60.registers import (
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, answering
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
@@ -80,22 +81,31 @@ class StrataBoard:
         self.info = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
-        """Stop a running measurement, ask for versions, reset the chip and identify it."""
-        ask = self._link.ask
-        # Any answer will do here, but there has to be one.
-        version = self._decoded(Version.decode, ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
+        """Ask whether somebody speaks Strata there, and then who."""
+        asked = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
+        try:
+            answer = self._link.ask(asked, timeout)
+        except RequestError as error:
+            with answering("strata"):
+                if error.status != Status.REQUEST_TYPE_INVALID:
+                    raise
+                # Protocol 3 has other types of requests (Strata, version negotiation).
+                raise self._other_protocol("3 or older", "update the board's firmware") from error
+        version = self._decoded(Version.decode, answer)
+        with answering("strata"):
+            return self._identify(version)
+
+    def _other_protocol(self, got: str, advice: str) -> ProtocolError:
+        return ProtocolError(f"{self._link.name}: expected protocol 4 of Strata, got {got}; {advice}")
+
+    def _identify(self, version: Version) -> BoardInfo:
+        """Stop a running measurement, reset the chip and ask what it is."""
         if version.protocol_major != 4:
             advice = "update the board's firmware" if version.protocol_major < 4 else "update radarcore"
-            raise ProtocolError(
-                f"{self._link.name}: expected protocol 4 of Strata, got "
-                f"{version.protocol_major}.{version.protocol_minor}; {advice}"
-            )
-        self._try(Request.write(Code.DATA, Data.STOP, 0))
-        try:
-            count = ask(Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1))[0]
-        except RequestError:
-            count = 0
-        if count == 0:
+            raise self._other_protocol(f"{version.protocol_major}.{version.protocol_minor}", advice)
+        self._stop_data()
+        count = self._try(Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1)) or b"\0"
+        if count[0] == 0:
             raise SensorError(f"{self._link.name}: expected a board with a radar of the BGT60 family, got none")
         uuid = self._try(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16)) or bytes(16)
         name = self._try(Request.transfer(Code.BOARD_INFO, Info.NAME, 0)) or bytes(4)
@@ -264,7 +274,7 @@ class StrataBoard:
         with self._conversation:
             if not self._is_running:
                 return
-            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
+            self._stop_data()
             image = registers_of(self._requested, self._slice_size)
             self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
             self._is_running = False  # and not before: who is interrupted above stops again
@@ -361,14 +371,17 @@ class StrataBoard:
     def _pins_reset(self) -> None:
         self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
 
+    def _stop_data(self) -> None:
+        """Ask for an end of the data; boards that send none refuse that, each firmware in its own way."""
+        with suppress(ProtocolError):
+            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
+
     def _try(self, request: Request) -> bytes | None:
-        """The answer, or None if the board does not know the request."""
+        """The answer, or None if the board refuses the request."""
         try:
             return self._link.ask(request)
-        except RequestError as error:
-            if error.status in _UNKNOWN:
-                return None
-            raise
+        except RequestError:
+            return None
 
 
 def _elapsed(earlier: Slice, later: Slice) -> int | None:
@@ -380,4 +393,3 @@ def _elapsed(earlier: Slice, later: Slice) -> int | None:
 
 _EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
 _RESETS = FSM_RESET | FIFO_RESET
-_UNKNOWN = (Status.NOT_IMPLEMENTED, Status.NOT_CONFIGURED, Status.BAD_VALUE)

@@ -23,6 +23,8 @@ from radarcore.sensor.transport import Stalled, Stream, VendorPort
 _REQUEST_TIMEOUT = 1.0
 # Every request may be made again: where an answer is damaged, that costs less than a measurement.
 _RETRIES = 2
+_DAMAGED = range(Status.HEADER_INCOMPLETE, Status.REQUEST_TYPE_INVALID + 1)
+"""Status of requests that were damaged on their way."""
 # An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
 _LATE = 0.1
 _READ_SIZE = 512 * 31
@@ -160,7 +162,7 @@ class StreamLink(_Reading):
                     if tries_left == 0:
                         raise
                 except RequestError as error:
-                    if tries_left == 0 or error.status < Status.HEADER_INCOMPLETE or error.status > Status.CRC_ERROR:
+                    if tries_left == 0 or error.status not in _DAMAGED:
                         raise
             raise AssertionError("unreachable")
 
