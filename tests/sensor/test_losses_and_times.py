@@ -33,6 +33,7 @@ class Slices:
 
     name = "test"
     most_payload = 4085
+    num_held = 0
 
     def __init__(self):
         self.controller = Controller(Noise())
@@ -314,6 +315,7 @@ class Clocked:
 
     close = stop
     details = dict
+    damage = str
 
 
 INTERVAL = SMALL.waveform.frame_interval

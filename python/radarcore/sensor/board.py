@@ -96,6 +96,9 @@ class Board(Protocol):
     def stop(self) -> None:
         """End measuring; does nothing where nothing is measured."""
 
+    def damage(self) -> str:
+        """What has come since the last frame and is none, in words; empty where nothing has."""
+
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: facts about the board that the radar does not hold."""
 

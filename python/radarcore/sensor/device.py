@@ -512,7 +512,8 @@ class _Reader:
                 return self._frames.popleft()
             if self._failure is not None:
                 raise self._failure
-            because = f"; {self._losses}" if self._losses.num_frames else ""
+            reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
+        because = "".join(f"; {reason}" for reason in reasons if reason)
         raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:g} s{because}")
 
     def close(self, reason: str = "") -> None:

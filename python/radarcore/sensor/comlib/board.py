@@ -272,6 +272,11 @@ class ComLibBoard:
         with self._exclusive():
             self._stop()
 
+    def damage(self) -> str:
+        """Bytes of a frame that is not whole; empty for none. All other damage is an error at once."""
+        num_held = self._parser.num_held
+        return f"{num_held} bytes of a message that is not whole" if num_held else ""
+
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: none, as all known settings are those of the radar."""
         return {}

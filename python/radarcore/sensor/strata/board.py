@@ -31,6 +31,7 @@ from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, an
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
+from radarcore.sensor.strata.damage import DamageCount
 from radarcore.sensor.strata.link import Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
@@ -75,6 +76,7 @@ class StrataBoard:
         self._slice_size = 0
         self._assembler: SliceAssembler | None = None
         self._is_running = False
+        self._damage = DamageCount()  # since the last frame
         # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
         self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
@@ -143,6 +145,7 @@ class StrataBoard:
             self.stop()
             self._index = 0
             self._num_restarts = 0
+            self._damage = DamageCount()
             self._begin()
 
     def _begin(self) -> None:
@@ -170,10 +173,12 @@ class StrataBoard:
             raise SensorError(f"{self._link.name}: expected start() before frames are read")
         for packet in self._link.packets(timeout):
             if isinstance(packet, Damage):
+                self._damage.add(packet)
                 self._missing = self._missing or packet.reason
                 continue
             for item in assembler.feed(packet):
                 if isinstance(item, SliceLost):
+                    self._damage.num_lost += item.num_packets
                     self._missing = self._missing or item.reason
                 elif isinstance(item, StreamError):
                     code = item.error
@@ -214,6 +219,7 @@ class StrataBoard:
             return found
         samples = np.concatenate([unpack_msb(part.data) for part in self._parts])
         self._parts = []
+        self._damage = DamageCount()
         self._num_restarts = 0
         shape = (settings.num_chirps, settings.num_samples, settings.rx_mask.bit_count())
         number = len(samples) // num_samples
@@ -279,6 +285,10 @@ class StrataBoard:
             self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
             self._is_running = False  # and not before: who is interrupted above stops again
             self._link.discard()
+
+    def damage(self) -> str:
+        """Damage of the data since the last frame; empty for none."""
+        return self._damage.text(self._link.num_held)
 
     def details(self) -> dict[str, Any]:
         """Settings of the chip, under the names that Infineon's recordings have for them."""

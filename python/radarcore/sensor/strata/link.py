@@ -17,6 +17,7 @@ from radarcore.sensor.errors import (
 )
 from radarcore.sensor.strata import packets as strata
 from radarcore.sensor.strata.byte_stream import Damage, HostParser
+from radarcore.sensor.strata.damage import DamageCount
 from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Request, Response, Status
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
@@ -28,6 +29,8 @@ _DAMAGED = range(Status.HEADER_INCOMPLETE, Status.REQUEST_TYPE_INVALID + 1)
 # An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
 _LATE = 0.1
 _READ_SIZE = 512 * 31
+# Bytes of a data packet come one after the other. One that takes longer [s] has a damaged length.
+_SLOWEST_PACKET = 0.25
 # Bytes are waited for so long at once; so long a thread that is asked to end may take.
 _POLL = 0.1
 # Packets kept for whoever takes them: several seconds of any frames.
@@ -45,6 +48,10 @@ class Link(Protocol):
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """Data packets since the last call, and damage among them; waits for the first up to `timeout` [s]."""
+
+    @property
+    def num_held(self) -> int:
+        """Bytes that have come, of packets that are not yet whole."""
 
     def discard(self) -> None:
         """Discard data packets until none come any more."""
@@ -149,8 +156,15 @@ class StreamLink(_Reading):
         self._parser = HostParser()
         self._parser_lock = threading.Lock()
         self._responses: queue.Queue[Response] = queue.Queue()
+        self._damage = DamageCount()  # since the last request was sent
+        self._fed = time.monotonic()  # when the parser has last made something of its bytes
         self._num_due = 0  # answers to come; of interrupted requests too
         super().__init__(stream)
+
+    @property
+    def num_held(self) -> int:
+        """Bytes that have come, of packets that are not yet whole."""
+        return self._parser.num_held
 
     def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
         """Send a request and wait for its answer."""
@@ -170,6 +184,7 @@ class StreamLink(_Reading):
         self._inbox.check()
         self._forget_answers()
         self._num_due += 1
+        self._damage = DamageCount()
         self._stream.write(strata.encode_request(request), timeout)
         deadline = time.monotonic() + timeout
         while True:
@@ -181,9 +196,11 @@ class StreamLink(_Reading):
                 self._inbox.check()
                 if time.monotonic() >= deadline:
                     with self._parser_lock:
+                        damage = self._damage.text(self.num_held)
                         self._parser.reset()
                     raise SensorTimeoutError(
                         f"{self.name}: no answer to {_text(request)} within {timeout:g} s"
+                        f"{'; ' + damage if damage else ''}"
                     ) from None
 
     def _forget_answers(self) -> None:
@@ -201,17 +218,25 @@ class StreamLink(_Reading):
         data = self._stream.read(_READ_SIZE, _POLL)
         with self._parser_lock:
             found = self._parser.feed(data)
+            now = time.monotonic()
+            if not found and self.num_held and now - self._fed > _SLOWEST_PACKET:
+                found = self._parser.doubt()
+            if found or not self.num_held:
+                self._fed = now
         for item in found:
             if isinstance(item, Response):
                 self._responses.put(item)
-            else:
-                self._inbox.put(item)
+                continue
+            if isinstance(item, Damage):
+                self._damage.add(item)
+            self._inbox.put(item)
 
 
 class VendorLink(_Reading):
     """Link over vendor requests and a bulk endpoint."""
 
     most_payload = strata.MAX_CONTROL_PAYLOAD
+    num_held = 0
 
     def __init__(self, port: VendorPort) -> None:
         self._port = port
@@ -245,13 +270,13 @@ class VendorLink(_Reading):
         return answer[1]
 
     def _poll(self) -> None:
-        data = self._port.read_packet(_READ_SIZE, _POLL)
+        data = self._port.read_packet(strata.MAX_DATA_PACKET, _POLL)
         if not data:
             return
         try:
             self._inbox.put(strata.decode_data(data))
         except ProtocolError as error:
-            self._inbox.put(Damage(len(data), str(error)))
+            self._inbox.put(Damage(len(data), str(error), Status.BAD_PAYLOAD))
 
 
 def _payload(name: str, request: Request, response: Response) -> bytes:
