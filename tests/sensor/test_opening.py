@@ -161,7 +161,7 @@ def test_silent_board_with_known_ids_is_asked_nothing_else(monkeypatch: pytest.M
     heard = Heard(Silent())
     with (
         named_port(monkeypatch, heard, (0x058B, 0x0251)) as port,
-        pytest.raises(SensorTimeoutError, match=rf"{port.path}: no answer to request 0x80 .* within 1 s"),
+        pytest.raises(SensorTimeoutError, match=rf"{port.path}: no answer to request 0x80 .* within 2 s"),
     ):
         open_sensor(port.path)
     assert set(heard.bytes[::10]) == {Kind.READ}, "requests of 10 bytes"
@@ -227,7 +227,7 @@ def test_what_answers_nothing_is_told_with_what_was_tried() -> None:
         open_sensor(port.path)
     assert str(caught.value) == (
         f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata "
-        f"(ComLib: no answer in 0.3 s; Strata: no answer to request 0x80 (value 0x0001, index 0x0000) within 0.3 s)"
+        f"(ComLib: no answer in 0.3 s; Strata: no answer to request 0x80 (value 0x0001, index 0x0000) within 0.6 s)"
     )
 
 

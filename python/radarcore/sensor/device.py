@@ -44,8 +44,8 @@ _XMC = (0x058B, 0x0058)
 _CAPTURE = "capture:"
 _POLL = 0.1
 _PROBE_TIMEOUT = 0.3
-_SLOWEST_START = 10.0
-"""A frame may come so much later than its time [s]: boards wake up, hosts are busy."""
+_SILENCE = 2.0
+"""A frame that is so much later than its time does not come [s]: boards wake up in less than 2 ms."""
 
 
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
@@ -305,12 +305,13 @@ class Sensor:
         num_frames : int, optional
             End after so many; default: never.
         timeout : float, optional
-            Longest time without a frame [s]; default: two frame intervals and 10 s.
+            Longest time without a frame [s]; default: one frame interval and 2 s. A virtual board that takes longer to
+            simulate a frame needs more.
 
         Raises
         ------
         SensorTimeoutError
-            When no frame comes in time.
+            When no frame comes in time; the message has the damage that came in their place.
         SensorDisconnectedError
             When the board is unplugged; open it again when it is back.
         """
@@ -325,7 +326,7 @@ class Sensor:
         self.num_lost = 0
         times = _FrameTimes(radar.waveform.frame_interval)
         if timeout is None:
-            timeout = 2.0 * radar.waveform.frame_interval + _SLOWEST_START
+            timeout = radar.waveform.frame_interval + _SILENCE
         num_given = 0
         reader: _Reader | None = None
         try:
@@ -349,10 +350,10 @@ class Sensor:
                     stats["device_time"] = raw.device_time
                 yield Frame(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
                 num_given += 1
-        except BaseException:
+        except BaseException as error:
             if self._reader is reader:
                 with suppress(SensorError):  # what went wrong first is what is told
-                    self._end()
+                    self._end(is_silent=isinstance(error, SensorTimeoutError))
             raise
         if self._reader is reader:
             self._end()
@@ -361,14 +362,14 @@ class Sensor:
         """End measuring, and iterations over frames with it; does nothing where nothing is measured."""
         self._end()
 
-    def _end(self, reason: str = "") -> None:
+    def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
         """End measuring; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
         try:
             if reader is not None:
                 reader.close(reason)
         finally:
-            self._board.stop()
+            self._board.stop(is_silent=is_silent)
 
     def record(
         self,

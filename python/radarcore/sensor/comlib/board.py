@@ -52,6 +52,9 @@ _TIMEOUT = 1.0
 _BOARD_TIMEOUT = 10.0
 """Silence after which a board that has lost step listens again [s]."""
 
+_QUIET = 0.2
+"""Pause after which nothing more of an answer comes [s]."""
+
 _CONFUSED = (
     ProtocolStatus.BAD_START,
     ProtocolStatus.NO_SUCH_ENDPOINT,
@@ -107,7 +110,7 @@ class ComLibBoard:
         self._messages: list[Message] = []
         self._lock = threading.Lock()
         self._turn = threading.Lock()
-        self._is_out_of_step = self._is_board_confused = False
+        self._is_out_of_step = self._is_board_confused = self._is_silent = False
         self._is_measuring = self._is_frame_due = False
         self._ready: list[RawFrame | Lost] = []
         self._last_number: int | None = None
@@ -249,9 +252,14 @@ class ComLibBoard:
             raise SensorError(f"{self.info.port}: not configured; call configure first")
         with self._exclusive():
             self._stop()
-            self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
             self._last_number = None
             self._is_measuring = True
+            try:
+                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
+            except SensorTimeoutError:
+                # The answer may have been lost, and the board measure: stop it, and start anew.
+                self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
 
     def read(self, timeout: float) -> list[RawFrame | Lost]:
         """Frames that have come since the last call, with what was lost between them, in order.
@@ -267,10 +275,13 @@ class ComLibBoard:
             ready, self._ready = self._ready, []
             return ready
 
-    def stop(self) -> None:
-        """End measuring; does nothing where nothing is measured."""
+    def stop(self, *, is_silent: bool = False) -> None:
+        """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
         with self._exclusive():
-            self._stop()
+            if is_silent:
+                self._dismiss()
+            else:
+                self._stop()
 
     def damage(self) -> str:
         """Bytes of a frame that is not whole; empty for none. All other damage is an error at once."""
@@ -292,9 +303,9 @@ class ComLibBoard:
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
         # A board that is gone or confused must not keep the port from being closed.
-        if not (self._closed or self._is_out_of_step):
+        if not self._closed:
             with contextlib.suppress(SensorError):
-                self.stop()
+                self.stop(is_silent=self._is_out_of_step)
         self._closed = True
         self._stream.close()
 
@@ -397,6 +408,14 @@ class ComLibBoard:
             self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
             self._ready.clear()
 
+    def _dismiss(self) -> None:
+        """Tell a board to stop that answers nothing; if it answers that, the next request finds the line silent."""
+        if self._is_measuring:
+            self._is_measuring = self._is_frame_due = False
+            self._ready.clear()
+            self._is_out_of_step = True
+            self._stream.write(Message(self._base, encode_number(Base.SET_INTERVAL, 0)).encode(), _QUIET)
+
     def _read_frame(self, timeout: float) -> None:
         """Ask for a frame where none is due, and put it into `_ready` when it has come."""
         if not self._is_frame_due:
@@ -493,16 +512,20 @@ class ComLibBoard:
                 self._read_frame(self._interval_us / 1e6 + self._timeout)
             except SensorTimeoutError:
                 self._is_frame_due = False
-                self._is_out_of_step = self._is_board_confused = True
+                self._is_out_of_step = True
             except SensorError:
                 pass
         self._send(endpoint, payload)
         try:
-            return self._answer(endpoint, self._timeout)
+            messages = self._answer(endpoint, self._timeout)
         except SensorTimeoutError:
-            # Perhaps it has lost step, and what it said of that is lost too.
-            self._is_out_of_step = self._is_board_confused = True
+            # An answer was lost. If it is not the first, the board has perhaps lost step, and what it said of that is
+            # lost too.
+            self._is_out_of_step = True
+            self._is_board_confused, self._is_silent = self._is_silent, True
             raise
+        self._is_silent = False
+        return messages
 
     def _send(self, endpoint: int, payload: bytes) -> None:
         if self._is_out_of_step:
@@ -541,7 +564,7 @@ class ComLibBoard:
         limit = time.monotonic() + self._timeout + (self._board_timeout if self._is_board_confused else 0.0)
         last = b""
         while True:
-            data = self._stream.read(_READ_SIZE, self._timeout)
+            data = self._stream.read(_READ_SIZE, min(self._timeout, _QUIET))
             last = last[1 - len(listens) :] + data
             if listens in last:
                 self._is_board_confused = False

@@ -27,12 +27,12 @@ from radarcore.sensor.bgt60.registers import (
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, answering
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
 from radarcore.sensor.strata.damage import DamageCount
-from radarcore.sensor.strata.link import Link
+from radarcore.sensor.strata.link import DAMAGED, Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
@@ -52,6 +52,15 @@ _SADC_START = (0x0F010F10,)
 
 _JITTER = 1000
 """Time stamps of interrupts are not nearer to the truth [us]."""
+
+_MOST_STARTS = 3
+"""Tries of a start whose answers are lost."""
+
+_HALT_TIMEOUT = 0.5
+"""Time-out of the stop between two of them [s]: a silent board has been waited for once."""
+
+_FAREWELL = 0.2
+"""Time-out of the stop of a board that has sent nothing for longer than any takes [s]."""
 
 _MOST_RESTARTS = 10
 """Restarts without a frame in between before giving up."""
@@ -149,15 +158,31 @@ class StrataBoard:
             self._begin()
 
     def _begin(self) -> None:
+        """Start; where an answer is lost, the board may measure all the same: stop it, and start anew."""
+        for tries_left in reversed(range(_MOST_STARTS)):
+            try:
+                self._start()
+                return
+            except SensorTimeoutError:
+                if tries_left == 0:
+                    raise
+            except RequestError as error:
+                # The request was damaged on its way, or done although an overflow is told.
+                if tries_left == 0 or error.status not in (*DAMAGED, Status.UNEXPECTED_VALUE):
+                    raise
+            self._halt(_HALT_TIMEOUT)
+
+    def _start(self) -> None:
+        """Start once."""
         image = registers_of(self._requested, self._slice_size)
         # A FIFO that has overflown before would end the data at once.
         self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
         self._is_running = True
         self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(self._slice_size)))
-        self._link.ask(Request.write(Code.DATA, Data.START, 0))
+        self._link.ask(Request.write(Code.DATA, Data.START, 0), retries=0)
         while self._link.packets(0.0):
             pass  # of an earlier measurement: this one has not begun
-        self._execute(start_words(image))
+        self._link.ask(Request.write(*_EXECUTE, packets.encode_commands(start_words(image))), retries=0)
         self._assembler = SliceAssembler(self._slice_size * 3 // 2)
         self._parts: list[Slice] = []
         self._expected: int | None = None  # counter of the next slice's first packet
@@ -275,16 +300,20 @@ class StrataBoard:
         self._index += lost
         return Lost(lost, f"{reason}; measuring was started anew")
 
-    def stop(self) -> None:
+    def stop(self, *, is_silent: bool = False) -> None:
         """Stop the data, then the chip, and discard packets still on their way."""
         with self._conversation:
-            if not self._is_running:
-                return
-            self._stop_data()
-            image = registers_of(self._requested, self._slice_size)
-            self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
-            self._is_running = False  # and not before: who is interrupted above stops again
-            self._link.discard()
+            if self._is_running and is_silent:
+                self._halt(_FAREWELL, retries=0)
+            elif self._is_running:
+                self._halt()
+
+    def _halt(self, timeout: float = 1.0, *, retries: int = 2) -> None:
+        self._stop_data(timeout, retries=retries)
+        image = registers_of(self._requested, self._slice_size)
+        self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
+        self._is_running = False  # and not before: who is interrupted above stops again
+        self._link.discard()
 
     def damage(self) -> str:
         """Damage of the data since the last frame; empty for none."""
@@ -381,10 +410,10 @@ class StrataBoard:
     def _pins_reset(self) -> None:
         self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
 
-    def _stop_data(self) -> None:
+    def _stop_data(self, timeout: float = 1.0, *, retries: int = 2) -> None:
         """Ask for an end of the data; boards that send none refuse that, each firmware in its own way."""
         with suppress(ProtocolError):
-            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
+            self._link.ask(Request.write(Code.DATA, Data.STOP, 0), timeout, retries=retries)
 
     def _try(self, request: Request) -> bytes | None:
         """The answer, or None if the board refuses the request."""

@@ -22,10 +22,10 @@ from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Reques
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
 _REQUEST_TIMEOUT = 1.0
-# Every request may be made again: where an answer is damaged, that costs less than a measurement.
+# Requests are made again: where an answer is damaged, that costs less than a measurement.
 _RETRIES = 2
-_DAMAGED = range(Status.HEADER_INCOMPLETE, Status.REQUEST_TYPE_INVALID + 1)
-"""Status of requests that were damaged on their way."""
+# A board that has not answered at all is asked once, and waited for so long [s], until something comes from it.
+_SILENT_TIMEOUT = 0.3
 # An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
 _LATE = 0.1
 _READ_SIZE = 512 * 31
@@ -36,6 +36,9 @@ _POLL = 0.1
 # Packets kept for whoever takes them: several seconds of any frames.
 _MOST_PACKETS = 4096
 
+DAMAGED = range(Status.HEADER_INCOMPLETE, Status.REQUEST_TYPE_INVALID + 1)
+"""Status of requests that were damaged on their way."""
+
 
 class Link(Protocol):
     """Requests to a board, and the data packets it sends."""
@@ -44,7 +47,10 @@ class Link(Protocol):
     most_payload: int
 
     def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
-        """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent."""
+        """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent.
+
+        The first answer is waited for up to `timeout` [s], those to all retries together once more as long.
+        """
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """Data packets since the last call, and damage among them; waits for the first up to `timeout` [s]."""
@@ -113,6 +119,8 @@ class _Reading:
         self._asking = threading.Lock()
         self._closing = port.close
         self._is_closed = False
+        self._is_silent = False
+        """True once a board has not answered at all, until something comes from it."""
         self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
         self._thread.start()
 
@@ -169,18 +177,25 @@ class StreamLink(_Reading):
     def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
         """Send a request and wait for its answer."""
         with self._asking:
+            if self._is_silent:
+                timeout, retries = min(timeout, _SILENT_TIMEOUT), 0
+            total = timeout if retries == 0 else 2.0 * timeout
             for tries_left in reversed(range(retries + 1)):
+                patience = timeout if tries_left == retries else timeout / retries
                 try:
-                    return _payload(self.name, request, self._response(request, timeout))
+                    return _payload(self.name, request, self._response(request, patience, total))
                 except SensorTimeoutError:
                     if tries_left == 0:
+                        # One answer alone may have been lost on its way.
+                        self._is_silent = retries > 0 or timeout <= _SILENT_TIMEOUT
                         raise
                 except RequestError as error:
-                    if tries_left == 0 or error.status not in _DAMAGED:
+                    if tries_left == 0 or error.status not in DAMAGED:
                         raise
             raise AssertionError("unreachable")
 
-    def _response(self, request: Request, timeout: float) -> Response:
+    def _response(self, request: Request, timeout: float, total: float) -> Response:
+        """Response that comes within `timeout` [s]; `total` is that of all tries, which the error names."""
         self._inbox.check()
         self._forget_answers()
         self._num_due += 1
@@ -199,7 +214,7 @@ class StreamLink(_Reading):
                         damage = self._damage.text(self.num_held)
                         self._parser.reset()
                     raise SensorTimeoutError(
-                        f"{self.name}: no answer to {_text(request)} within {timeout:g} s"
+                        f"{self.name}: no answer to {_text(request)} within {total:g} s"
                         f"{'; ' + damage if damage else ''}"
                     ) from None
 
@@ -216,6 +231,8 @@ class StreamLink(_Reading):
 
     def _poll(self) -> None:
         data = self._stream.read(_READ_SIZE, _POLL)
+        if data:
+            self._is_silent = False
         with self._parser_lock:
             found = self._parser.feed(data)
             now = time.monotonic()
@@ -247,20 +264,29 @@ class VendorLink(_Reading):
         del retries
         with self._asking:
             self._inbox.check()
-            where = (request.request, request.value, request.index)
             try:
-                if request.kind == Kind.READ:
-                    answer = self._port.control_read(Kind.READ, *where, request.length, timeout)
-                    return _payload(self.name, request, Response(request.kind, 0, answer))
-                self._port.control_write(request.kind, *where, request.payload, timeout)
-                if request.kind == Kind.TRANSFER:
-                    return self._port.control_read(Kind.FETCH, *where, self.most_payload, timeout)
-                return _payload(self.name, request, Response(request.kind, self._status(timeout)))
-            except Stalled as error:
-                status = self._status(timeout)
-                if status == 0:
-                    raise ProtocolError(f"{self.name}: {_text(request)} was refused without a reason") from error
-                raise _refusal(self.name, request, status) from error
+                answer = self._answer(request, min(timeout, _SILENT_TIMEOUT) if self._is_silent else timeout)
+            except SensorTimeoutError:
+                self._is_silent = True
+                raise
+            self._is_silent = False
+            return answer
+
+    def _answer(self, request: Request, timeout: float) -> bytes:
+        where = (request.request, request.value, request.index)
+        try:
+            if request.kind == Kind.READ:
+                answer = self._port.control_read(Kind.READ, *where, request.length, timeout)
+                return _payload(self.name, request, Response(request.kind, 0, answer))
+            self._port.control_write(request.kind, *where, request.payload, timeout)
+            if request.kind == Kind.TRANSFER:
+                return self._port.control_read(Kind.FETCH, *where, self.most_payload, timeout)
+            return _payload(self.name, request, Response(request.kind, self._status(timeout)))
+        except Stalled as error:
+            status = self._status(timeout)
+            if status == 0:
+                raise ProtocolError(f"{self.name}: {_text(request)} was refused without a reason") from error
+            raise _refusal(self.name, request, status) from error
 
     def _status(self, timeout: float) -> int:
         """Status of the last request."""
@@ -273,6 +299,7 @@ class VendorLink(_Reading):
         data = self._port.read_packet(strata.MAX_DATA_PACKET, _POLL)
         if not data:
             return
+        self._is_silent = False
         try:
             self._inbox.put(strata.decode_data(data))
         except ProtocolError as error:
