@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -11,7 +10,7 @@ from typing import Any, Literal
 
 from radarcore import notice
 from radarcore.sensor.errors import SensorError
-from radarcore.sensor.transport.serialport import SerialStream, serial_ports
+from radarcore.sensor.transport.serialport import SerialStream, is_pty, serial_ports
 from radarcore.sensor.transport.stream import Stream, VendorPort
 from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, device_path, usb_devices, usb_strings
 
@@ -108,8 +107,8 @@ def serial_port(path: str) -> Port:
 
 def may_be_usb(port: Port) -> bool:
     """True where a USB board may stand behind a port without ids: a CDC port of a system that tells none, or a pty."""
-    is_known = port.vendor_id is not None
-    return is_known or re.fullmatch("/dev/(pts/|ttys|ttyACM)[0-9]+", os.path.realpath(port.path)) is not None
+    place = os.path.realpath(port.path)
+    return port.vendor_id is not None or is_pty(place) or PurePath(place).name.startswith("ttyACM")
 
 
 def open_stream(port: Port | str, *, usb_backend: Any = None) -> Stream:
