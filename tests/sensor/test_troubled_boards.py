@@ -216,10 +216,10 @@ def test_board_that_falls_silent_is_told_after_two_seconds_and_a_frame(kind: str
         with pytest.raises(SensorTimeoutError, match=r"usb:1-1: no frame within 2\.02\d* s"):  # noqa: PT012
             while True:
                 next(frames)  # one may have been on its way
-        assert 2.0 < time.monotonic() - began < 2.8, "with a stop that nobody answers"
+        assert 2.0 < time.monotonic() - began < 3.0, "with a stop that nobody answers"
         began = time.monotonic()
         sensor.close()
-        assert time.monotonic() - began < 0.8
+        assert time.monotonic() - began < 1.5
 
 
 @pytest.mark.parametrize("kind", ["cdc", "vendor", "comlib"])
@@ -229,9 +229,9 @@ def test_board_that_is_silent_at_the_start_is_told_soon(kind: str) -> None:
         began = time.monotonic()
         with pytest.raises(SensorTimeoutError, match=r"usb:1-1: (no answer|the board did not answer)"):
             next(sensor.frames())
-        assert time.monotonic() - began < 2.8
+        assert time.monotonic() - began < 3.5
         sensor.close()
-        assert time.monotonic() - began < 3.2
+        assert time.monotonic() - began < 5.0
 
 
 def test_silent_board_that_is_back_measures_again(monkeypatch: pytest.MonkeyPatch) -> None:

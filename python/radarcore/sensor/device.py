@@ -89,8 +89,8 @@ def open_sensor(
     Parameters
     ----------
     port : str or Port, optional
-        Device file, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board that answers.
-        ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
+        Device file or a link to one, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board
+        that answers. ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
     protocol : "strata" or "comlib", optional
         Default: by its USB id, or else what it answers to.
     queue_size : int
@@ -105,7 +105,8 @@ def open_sensor(
     SensorNotFoundError
         When there is no board, or nothing at `port`.
     SensorError
-        When it cannot be opened (permissions, another program), or is not a radar that is known here.
+        When it cannot be opened (permissions, another program), or is not a radar that is known here (old firmware,
+        another chip).
     ImportError
         Without the extra `usb`.
     """
@@ -515,7 +516,7 @@ class _Reader:
                 raise self._failure
             reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
         because = "".join(f"; {reason}" for reason in reasons if reason)
-        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:g} s{because}")
+        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:.3g} s{because}")
 
     def close(self, reason: str = "") -> None:
         """End the thread; what has not been taken is gone, and whoever still waits is told the reason."""

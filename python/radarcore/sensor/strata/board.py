@@ -32,7 +32,7 @@ from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
 from radarcore.sensor.strata.damage import DamageCount
-from radarcore.sensor.strata.link import DAMAGED, Link
+from radarcore.sensor.strata.link import DAMAGED, REQUEST_TIMEOUT, RETRIES, Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
@@ -308,7 +308,7 @@ class StrataBoard:
             elif self._is_running:
                 self._halt()
 
-    def _halt(self, timeout: float = 1.0, *, retries: int = 2) -> None:
+    def _halt(self, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> None:
         self._stop_data(timeout, retries=retries)
         image = registers_of(self._requested, self._slice_size)
         self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
@@ -410,7 +410,7 @@ class StrataBoard:
     def _pins_reset(self) -> None:
         self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
 
-    def _stop_data(self, timeout: float = 1.0, *, retries: int = 2) -> None:
+    def _stop_data(self, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> None:
         """Ask for an end of the data; boards that send none refuse that, each firmware in its own way."""
         with suppress(ProtocolError):
             self._link.ask(Request.write(Code.DATA, Data.STOP, 0), timeout, retries=retries)

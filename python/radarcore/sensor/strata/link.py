@@ -21,9 +21,12 @@ from radarcore.sensor.strata.damage import DamageCount
 from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Request, Response, Status
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
-_REQUEST_TIMEOUT = 1.0
-# Requests are made again: where an answer is damaged, that costs less than a measurement.
-_RETRIES = 2
+REQUEST_TIMEOUT = 1.0
+"""Time-out of the first answer to a request [s], as the vendor's own host has it."""
+
+RETRIES = 2
+"""Requests are made again: where an answer is damaged, that costs less than a measurement."""
+
 # A board that has not answered at all is asked once, and waited for so long [s], until something comes from it.
 _SILENT_TIMEOUT = 0.3
 # An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
@@ -46,7 +49,7 @@ class Link(Protocol):
     name: str
     most_payload: int
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent.
 
         The first answer is waited for up to `timeout` [s], those to all retries together once more as long.
@@ -174,7 +177,7 @@ class StreamLink(_Reading):
         """Bytes that have come, of packets that are not yet whole."""
         return self._parser.num_held
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and wait for its answer."""
         with self._asking:
             if self._is_silent:
@@ -259,7 +262,7 @@ class VendorLink(_Reading):
         self._port = port
         super().__init__(port)
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and fetch its answer; transfers of USB have retries of their own."""
         del retries
         with self._asking:
