@@ -131,7 +131,9 @@ def open_sensor(
 
 
 def _is_of_board(port: Port, error: SensorError) -> bool:
-    """True for a failure of what is a radar board for certain: by its answer, or by its USB ids."""
+    """True for a failure of what is there and a radar board for certain: by its answer, or by its USB ids."""
+    if isinstance(error, SensorNotFoundError):
+        return False  # unplugged meanwhile
     ids = (port.vendor_id, port.product_id)
     if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
         return bool(error.protocol)
