@@ -33,6 +33,7 @@ class Slices:
 
     name = "test"
     most_payload = 4085
+    num_held = 0
 
     def __init__(self):
         self.controller = Controller(Noise())
@@ -309,11 +310,12 @@ class Clocked:
         left, self.left = self.left, []
         return left
 
-    def stop(self):
+    def stop(self, *, is_silent=False):
         pass
 
     close = stop
     details = dict
+    damage = str
 
 
 INTERVAL = SMALL.waveform.frame_interval
@@ -371,10 +373,10 @@ def test_duration_of_a_recording_is_rounded_to_frames(tmp_path):
 
 
 def test_frame_is_waited_for_longer_than_frames_take(monkeypatch):
-    monkeypatch.setattr("radarcore.sensor.device._SLOWEST_START", 0.1)
+    monkeypatch.setattr("radarcore.sensor.device._SILENCE", 0.1)
     with Sensor(Clocked([])) as sensor:
         sensor.configure(power_up(num_chirps=8, frame_interval=0.2))
-        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.5 s"):
+        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.3 s"):
             next(sensor.frames())
 
 

@@ -20,7 +20,7 @@ from radarcore.sensor.emulator.strata import CdcBoard, Controller
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 AT_ONCE = 1.0
-"""Less than the time-out of `SMALL`'s frames [s], which is a little more than 2 s."""
+"""Half the time-out of `SMALL`'s frames [s]."""
 
 
 def is_measuring(controller):
@@ -150,7 +150,7 @@ def test_what_went_wrong_first_is_told_where_stopping_fails_too(monkeypatch):
         frames = sensor.frames(timeout=0.5)
         next(frames)
 
-        def silent():
+        def silent(*, is_silent=False):
             raise SensorTimeoutError("no answer to stop")
 
         sensor._board.stop, stop = silent, sensor._board.stop

@@ -88,19 +88,6 @@ def test_conversation_is_that_of_the_vendors_host(monkeypatch):
     assert new() == [], "nothing was measured when it was closed"
 
 
-@pytest.mark.parametrize("status", [0x10, 0x15, 0x89])
-def test_board_that_has_no_uuid_and_no_name_is_opened(status, monkeypatch):
-    handle = Controller.handle
-
-    def lacking(self, request):
-        is_lacking = request.request == Code.BOARD_INFO and request.value != Info.VERSION
-        return packets.Response(request.kind, status, b"") if is_lacking else handle(self, request)
-
-    monkeypatch.setattr(Controller, "handle", lacking)
-    with opened(Controller(Noise())) as sensor:
-        assert (sensor.info.serial_number, sensor.info.name) == ("", "Strata board")
-
-
 def test_emulated_board_counts_radars_of_its_type_alone():
     controller = Controller(Noise())
     for index in (0x0101, 0x0102, 0x0103, 0x0104, 0x0105, 0x0201):
@@ -183,12 +170,25 @@ def test_answer_that_comes_late_is_not_that_of_the_next_request(link):
 
 
 def test_request_without_an_answer_is_made_three_times(link):
-    link._stream.delays = [None, None, None]
-    with pytest.raises(SensorTimeoutError, match=r"delayed: no answer to request 0x80 .* within 0\.1 s"):
-        link.ask(VERSION, 0.1)
-    assert link._stream.num_written == 3
     link._stream.delays = [None, None, 0.0]
     assert len(link.ask(VERSION, 0.3)) == 16
+    link._stream.num_written = 0
+    link._stream.delays = [None, None, None]
+    with pytest.raises(SensorTimeoutError, match=r"delayed: no answer to request 0x80 .* within 0\.2 s"):
+        link.ask(VERSION, 0.1)
+    assert link._stream.num_written == 3
+
+
+def test_board_that_answers_nothing_is_asked_once_and_shortly_until_something_comes(link):
+    link._stream.delays = [None, None, None, None, 0.0, None, 0.0]
+    with pytest.raises(SensorTimeoutError):
+        link.ask(VERSION, 0.1)
+    with pytest.raises(SensorTimeoutError, match=r"within 0\.3 s"):
+        link.ask(VERSION)
+    assert link._stream.num_written == 4
+    assert len(link.ask(VERSION)) == 16
+    assert len(link.ask(VERSION)) == 16, "with a retry again"
+    assert link._stream.num_written == 7
 
 
 def test_refusal_is_not_asked_again_but_damage_on_the_way_is(link, monkeypatch):

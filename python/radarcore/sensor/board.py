@@ -93,8 +93,11 @@ class Board(Protocol):
     def read(self, timeout: float) -> list[RawFrame | Lost]:
         """Frames and losses since the last call, in order; empty when nothing arrives within `timeout` [s]."""
 
-    def stop(self) -> None:
-        """End measuring; does nothing where nothing is measured."""
+    def stop(self, *, is_silent: bool = False) -> None:
+        """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
+
+    def damage(self) -> str:
+        """What has come since the last frame and is none, in words; empty where nothing has."""
 
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: facts about the board that the radar does not hold."""

@@ -37,34 +37,45 @@ from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")
-"""Protocols in the order in which they are tried: unknown requests confuse a ComLib board for seconds."""
+"""Protocols that boards speak."""
 
-_XMC = 0x0058
-"""USB product id of boards with ComLib."""
+_SPELLED = {"comlib": "ComLib", "strata": "Strata"}
+
+_XMC = (0x058B, 0x0058)
+"""USB ids of boards with ComLib, and of other products of the vendor."""
 
 _CAPTURE = "capture:"
 _POLL = 0.1
 _PROBE_TIMEOUT = 0.3
-_SLOWEST_START = 10.0
-"""A frame may come so much later than its time [s]: boards wake up, hosts are busy."""
+_SILENCE = 2.0
+"""A frame that is so much later than its time does not come [s]: boards wake up in less than 2 ms."""
 
 
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
-    """Boards that answer, one after the other; ports that cannot be opened are left out.
+    """Boards that answer, one after the other.
 
     Parameters
     ----------
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
+
+    Warns
+    -----
+    RuntimeWarning
+        Boards that are there and left out, each with the reason: old firmware, no permission, another program.
     """
-    found = []
+    found, failures = [], []
     for port in transport.find_ports(usb_backend=usb_backend):
         try:
             board = _connect(port, None, usb_backend)
-        except SensorError:
+        except SensorError as error:
+            if _is_of_board(port, error):
+                failures.append(error)
             continue
         found.append(board.info)
         board.close()
+    if failures:
+        notice.warn(f"boards left out:{_listed(failures)}", RuntimeWarning)
     return found
 
 
@@ -81,8 +92,8 @@ def open_sensor(
     Parameters
     ----------
     port : str or Port, optional
-        Device file, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board that answers.
-        ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
+        Device file or a link to one, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board
+        that answers. ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
     protocol : "strata" or "comlib", optional
         Default: by its USB id, or else what it answers to.
     queue_size : int
@@ -97,7 +108,8 @@ def open_sensor(
     SensorNotFoundError
         When there is no board, or nothing at `port`.
     SensorError
-        When it cannot be opened (permissions, another program), or is not a radar that is known here.
+        When it cannot be opened (permissions, another program), or is not a radar that is known here (old firmware,
+        another chip).
     ImportError
         Without the extra `usb`.
     """
@@ -105,16 +117,34 @@ def open_sensor(
         check.choice("protocol", protocol, PROTOCOLS)
     if port is not None:
         return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
-    failures = []
+    failures, reasons = [], []
     for found in transport.find_ports(usb_backend=usb_backend):
         try:
             return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
         except SensorError as error:
-            failures.append(str(error))
-    tried = "".join(f"\n  {failure}" for failure in failures)
-    raise SensorNotFoundError(
-        f"no radar board found{'; tried:' + tried if tried else ': no known USB device and no serial port of one'}"
-    )
+            failures.append(error)
+            if _is_of_board(found, error):
+                reasons.append(error)
+    if len(reasons) == 1:
+        raise reasons[0]
+    if reasons:
+        raise SensorError(f"expected a radar board that can be opened, got{_listed(reasons)}")
+    tried = f"; tried:{_listed(failures)}" if failures else ": no known USB device and no serial port of one"
+    raise SensorNotFoundError(f"no radar board found{tried}")
+
+
+def _is_of_board(port: Port, error: SensorError) -> bool:
+    """True for a failure of what is there and a radar board for certain: by its answer, or by its USB ids."""
+    if isinstance(error, SensorNotFoundError):
+        return False  # unplugged meanwhile
+    ids = (port.vendor_id, port.product_id)
+    if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
+        return bool(error.protocol)
+    return bool(error.protocol) or ids in transport.KNOWN_BOARDS
+
+
+def _listed(failures: list[SensorError]) -> str:
+    return "".join(f"\n  {failure}" for failure in failures)
 
 
 def _connect(
@@ -130,12 +160,9 @@ def _connect(
         if capture is not None:
             raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
         return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
-    protocols = PROTOCOLS if protocol is None else (protocol,)
-    if protocol is None and port.product_id is not None:
-        # The XMC boards' id is that of other products too, but of none that speaks Strata.
-        protocols = ("comlib",) if port.product_id == _XMC else ("strata",)
+    protocols = _protocols_of(port) if protocol is None else (protocol,)
     timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
-    failure: SensorError | None = None
+    failures: dict[str, SensorError] = {}
     for name in protocols:
         stream = transport.open_stream(port, usb_backend=usb_backend)
         if capture is not None:
@@ -143,10 +170,28 @@ def _connect(
         try:
             return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
         except (SensorTimeoutError, ProtocolError) as error:
-            if len(protocols) == 1:
+            if len(protocols) == 1 or error.protocol:
                 raise
-            failure = error
-    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata") from failure
+            failures[name] = error
+    reasons = "; ".join(
+        f"{_SPELLED[name]}: {str(error).removeprefix(f'{port.path}: ')}" for name, error in failures.items()
+    )
+    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
+
+
+def _protocols_of(port: Port) -> tuple[str, ...]:
+    """Protocols that a port may speak, in the order in which they are tried.
+
+    Boards with known ids speak one. Bridges with ids of their own and UARTs are ways to Strata boards, while ComLib
+    boards are USB devices themselves. At a pty either may be, and of the two a Strata board takes requests of the
+    other protocol more lightly: a ComLib board then is silent for seconds.
+    """
+    ids = (port.vendor_id, port.product_id)
+    if ids == _XMC:
+        return ("comlib",)  # other products with these ids speak no Strata either
+    if ids in transport.KNOWN_BOARDS:
+        return ("strata",)
+    return PROTOCOLS if port.vendor_id is None and transport.may_be_usb(port) else PROTOCOLS[::-1]
 
 
 def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
@@ -168,7 +213,7 @@ def _comlib(stream: Stream, timeout: float) -> Board:
 def _port_of(text: str, usb_backend: Any) -> Port:
     """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
-        return Port("serial", text, None, None, "", "", "")
+        return transport.serial_port(text)
     ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
     for port in ports:
         if text.lower() in (port.path, f"usb:{port.vendor_id:04x}:{port.product_id:04x}"):
@@ -267,12 +312,13 @@ class Sensor:
         num_frames : int, optional
             End after so many; default: never.
         timeout : float, optional
-            Longest time without a frame [s]; default: two frame intervals and 10 s.
+            Longest time without a frame [s]; default: one frame interval and 2 s. A virtual board that takes longer to
+            simulate a frame needs more.
 
         Raises
         ------
         SensorTimeoutError
-            When no frame comes in time.
+            When no frame comes in time; the message has the damage that came in their place.
         SensorDisconnectedError
             When the board is unplugged; open it again when it is back.
         """
@@ -287,7 +333,7 @@ class Sensor:
         self.num_lost = 0
         times = _FrameTimes(radar.waveform.frame_interval)
         if timeout is None:
-            timeout = 2.0 * radar.waveform.frame_interval + _SLOWEST_START
+            timeout = radar.waveform.frame_interval + _SILENCE
         num_given = 0
         reader: _Reader | None = None
         try:
@@ -311,10 +357,10 @@ class Sensor:
                     stats["device_time"] = raw.device_time
                 yield Frame(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
                 num_given += 1
-        except BaseException:
+        except BaseException as error:
             if self._reader is reader:
                 with suppress(SensorError):  # what went wrong first is what is told
-                    self._end()
+                    self._end(is_silent=isinstance(error, SensorTimeoutError))
             raise
         if self._reader is reader:
             self._end()
@@ -323,14 +369,14 @@ class Sensor:
         """End measuring, and iterations over frames with it; does nothing where nothing is measured."""
         self._end()
 
-    def _end(self, reason: str = "") -> None:
+    def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
         """End measuring; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
         try:
             if reader is not None:
                 reader.close(reason)
         finally:
-            self._board.stop()
+            self._board.stop(is_silent=is_silent)
 
     def record(
         self,
@@ -505,8 +551,9 @@ class _Reader:
                 return self._frames.popleft()
             if self._failure is not None:
                 raise self._failure
-            because = f"; {self._losses}" if self._losses.num_frames else ""
-        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:g} s{because}")
+            reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
+        because = "".join(f"; {reason}" for reason in reasons if reason)
+        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:.3g} s{because}")
 
     def close(self, reason: str = "") -> None:
         """End the thread; what has not been taken is gone, and whoever still waits is told the reason."""

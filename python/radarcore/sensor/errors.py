@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class SensorError(OSError):
-    """A sensor cannot do what is asked. An `OSError`, as those of files are."""
+    """A sensor cannot do what is asked. An `OSError`, as those of files are.
+
+    Attributes
+    ----------
+    protocol : str
+        Protocol in which the board had answered before it failed; empty where nothing has answered.
+    """
+
+    protocol: str = ""
 
 
 class SensorNotFoundError(SensorError):
@@ -35,6 +46,16 @@ class RequestError(ProtocolError):
     def __init__(self, message: str, status: int) -> None:
         super().__init__(message)
         self.status = status
+
+
+@contextmanager
+def answering(protocol: str) -> Iterator[None]:
+    """Conversation with a board that has answered in a protocol: its errors say so."""
+    try:
+        yield
+    except SensorError as error:
+        error.protocol = protocol
+        raise
 
 
 class FramesLostWarning(UserWarning):

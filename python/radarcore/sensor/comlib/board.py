@@ -41,7 +41,7 @@ from radarcore.sensor.comlib.payloads import (
     encode_byte,
     encode_number,
 )
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.transport import Stream
 
 _Decoded = TypeVar("_Decoded")
@@ -51,6 +51,9 @@ _TIMEOUT = 1.0
 
 _BOARD_TIMEOUT = 10.0
 """Silence after which a board that has lost step listens again [s]."""
+
+_QUIET = 0.2
+"""Pause after which nothing more of an answer comes [s]."""
 
 _CONFUSED = (
     ProtocolStatus.BAD_START,
@@ -107,7 +110,7 @@ class ComLibBoard:
         self._messages: list[Message] = []
         self._lock = threading.Lock()
         self._turn = threading.Lock()
-        self._is_out_of_step = self._is_board_confused = False
+        self._is_out_of_step = self._is_board_confused = self._is_silent = False
         self._is_measuring = self._is_frame_due = False
         self._ready: list[RawFrame | Lost] = []
         self._last_number: int | None = None
@@ -116,9 +119,14 @@ class ComLibBoard:
         self._shape = (0, 0, 0)
         self._closed = False
 
-        # Find the endpoints.
         stream.discard()
         endpoints = self._probe()
+        with answering("comlib"):
+            self.info = self._identify(endpoints)
+
+    def _identify(self, endpoints: list[Endpoint]) -> BoardInfo:
+        """Find the endpoints that are needed, stop a measurement that was left running, and ask who is there."""
+        stream = self._stream
         types = [endpoint.type for endpoint in endpoints]
         if EndpointType.IRDR in types and EndpointType.RBAS not in types:
             raise SensorError(
@@ -133,12 +141,11 @@ class ComLibBoard:
         self._fmcw = types.index(EndpointType.RFMC) + 1
         self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
 
-        # Stop a measurement that was left running, then ask for the firmware and the limits.
         self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
         firmware = self._decoded(Firmware.decode, self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
         self._limits = self._decoded(Info.decode, self._ask(self._base, Base.GET_INFO, Base.INFO))
         chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
-        self.info = BoardInfo(
+        return BoardInfo(
             port=stream.name,
             protocol="comlib",
             name=firmware.description or self._limits.description,
@@ -273,9 +280,14 @@ class ComLibBoard:
             raise SensorError(f"{self.info.port}: not configured; call configure first")
         with self._exclusive():
             self._stop()
-            self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
             self._last_number = None
             self._is_measuring = True
+            try:
+                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
+            except SensorTimeoutError:
+                # The answer may have been lost, and the board measure: stop it, and start anew.
+                self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
 
     def read(self, timeout: float) -> list[RawFrame | Lost]:
         """Frames that have come since the last call, with what was lost between them, in order.
@@ -291,10 +303,18 @@ class ComLibBoard:
             ready, self._ready = self._ready, []
             return ready
 
-    def stop(self) -> None:
-        """End measuring; does nothing where nothing is measured."""
+    def stop(self, *, is_silent: bool = False) -> None:
+        """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
         with self._exclusive():
-            self._stop()
+            if is_silent:
+                self._dismiss()
+            else:
+                self._stop()
+
+    def damage(self) -> str:
+        """Bytes of a frame that is not whole; empty for none. All other damage is an error at once."""
+        num_held = self._parser.num_held
+        return f"{num_held} bytes of a message that is not whole" if num_held else ""
 
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: none, as all known settings are those of the radar."""
@@ -316,9 +336,9 @@ class ComLibBoard:
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
         # A board that is gone or confused must not keep the port from being closed.
-        if not (self._closed or self._is_out_of_step):
+        if not self._closed:
             with contextlib.suppress(SensorError):
-                self.stop()
+                self.stop(is_silent=self._is_out_of_step)
         self._closed = True
         self._stream.close()
 
@@ -425,6 +445,14 @@ class ComLibBoard:
             self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
             self._ready.clear()
 
+    def _dismiss(self) -> None:
+        """Tell a board to stop that answers nothing; if it answers that, the next request finds the line silent."""
+        if self._is_measuring:
+            self._is_measuring = self._is_frame_due = False
+            self._ready.clear()
+            self._is_out_of_step = True
+            self._stream.write(Message(self._base, encode_number(Base.SET_INTERVAL, 0)).encode(), _QUIET)
+
     def _read_frame(self, timeout: float) -> None:
         """Ask for a frame where none is due, and put it into `_ready` when it has come."""
         if not self._is_frame_due:
@@ -482,10 +510,16 @@ class ComLibBoard:
 
     def _probe(self) -> list[Endpoint]:
         """Endpoints; a second try where the first meets the end of what another program has asked for."""
+        with contextlib.suppress(ProtocolError):
+            return self._endpoints()
         try:
-            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
-        except ProtocolError:
-            return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+            return self._endpoints()
+        except RequestError:
+            with answering("comlib"):
+                raise
+
+    def _endpoints(self) -> list[Endpoint]:
+        return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
 
     def _ask(self, endpoint: int, request: int | bytes, code: int) -> bytes:
         """Payload with `code` of the answer to a request, among others that may come with it."""
@@ -515,16 +549,20 @@ class ComLibBoard:
                 self._read_frame(self._interval_us / 1e6 + self._timeout)
             except SensorTimeoutError:
                 self._is_frame_due = False
-                self._is_out_of_step = self._is_board_confused = True
+                self._is_out_of_step = True
             except SensorError:
                 pass
         self._send(endpoint, payload)
         try:
-            return self._answer(endpoint, self._timeout)
+            messages = self._answer(endpoint, self._timeout)
         except SensorTimeoutError:
-            # Perhaps it has lost step, and what it said of that is lost too.
-            self._is_out_of_step = self._is_board_confused = True
+            # An answer was lost. If it is not the first, the board has perhaps lost step, and what it said of that is
+            # lost too.
+            self._is_out_of_step = True
+            self._is_board_confused, self._is_silent = self._is_silent, True
             raise
+        self._is_silent = False
+        return messages
 
     def _send(self, endpoint: int, payload: bytes) -> None:
         if self._is_out_of_step:
@@ -563,7 +601,7 @@ class ComLibBoard:
         limit = time.monotonic() + self._timeout + (self._board_timeout if self._is_board_confused else 0.0)
         last = b""
         while True:
-            data = self._stream.read(_READ_SIZE, self._timeout)
+            data = self._stream.read(_READ_SIZE, min(self._timeout, _QUIET))
             last = last[1 - len(listens) :] + data
             if listens in last:
                 self._is_board_confused = False

@@ -76,6 +76,11 @@ class _Parser(Generic[Found]):
         """True when the next byte begins a message."""
         return not (self._buffer or self._is_confused)
 
+    @property
+    def num_held(self) -> int:
+        """Bytes of a message that is not yet whole."""
+        return len(self._buffer)
+
     def reset(self) -> None:
         """Expect a message with the next byte: the line has been silent."""
         self._buffer.clear()

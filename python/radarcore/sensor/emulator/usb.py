@@ -38,7 +38,7 @@ _LANGUAGE = 0x0409  # English (United States)
 _SLICE = 0.02
 """Longest wait within a board [s], after which the bus looks whether it is still plugged in."""
 
-_LARGEST_PACKET = 65536
+_LARGEST_PACKET = 129 * 512
 """Bytes of a vendor board's transfer at most: more than any that the boards send."""
 
 _ERROR_CODES = {  # of libusb

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,11 +27,12 @@ from radarcore.sensor.bgt60.registers import (
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import BoardInfo, Lost, RawFrame
-from radarcore.sensor.errors import ProtocolError, RequestError, SensorError
+from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
-from radarcore.sensor.strata.link import Link
+from radarcore.sensor.strata.damage import DamageCount
+from radarcore.sensor.strata.link import DAMAGED, REQUEST_TIMEOUT, RETRIES, Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
@@ -53,6 +55,15 @@ _SADC_START = (0x0F010F10,)
 
 _JITTER = 1000
 """Time stamps of interrupts are not nearer to the truth [us]."""
+
+_MOST_STARTS = 3
+"""Tries of a start whose answers are lost."""
+
+_HALT_TIMEOUT = 0.5
+"""Time-out of the stop between two of them [s]: a silent board has been waited for once."""
+
+_FAREWELL = 0.2
+"""Time-out of the stop of a board that has sent nothing for longer than any takes [s]."""
 
 _MOST_RESTARTS = 10
 """Restarts without a frame in between before giving up."""
@@ -77,28 +88,38 @@ class StrataBoard:
         self._slice_size = 0
         self._assembler: SliceAssembler | None = None
         self._is_running = False
+        self._damage = DamageCount()  # since the last frame
         # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
         self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
         self.info = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
-        """Stop a running measurement, ask for versions, reset the chip and identify it."""
-        ask = self._link.ask
-        # Any answer will do here, but there has to be one.
-        version = self._decoded(Version.decode, ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16), timeout))
+        """Ask whether somebody speaks Strata there, and then who."""
+        asked = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
+        try:
+            answer = self._link.ask(asked, timeout)
+        except RequestError as error:
+            with answering("strata"):
+                if error.status != Status.REQUEST_TYPE_INVALID:
+                    raise
+                # Protocol 3 has other types of requests (Strata, version negotiation).
+                raise self._other_protocol("3 or older", "update the board's firmware") from error
+        version = self._decoded(Version.decode, answer)
+        with answering("strata"):
+            return self._identify(version)
+
+    def _other_protocol(self, got: str, advice: str) -> ProtocolError:
+        return ProtocolError(f"{self._link.name}: expected protocol 4 of Strata, got {got}; {advice}")
+
+    def _identify(self, version: Version) -> BoardInfo:
+        """Stop a running measurement, reset the chip and ask what it is."""
         if version.protocol_major != 4:
             advice = "update the board's firmware" if version.protocol_major < 4 else "update radarcore"
-            raise ProtocolError(
-                f"{self._link.name}: expected protocol 4 of Strata, got "
-                f"{version.protocol_major}.{version.protocol_minor}; {advice}"
-            )
-        self._try(Request.write(Code.DATA, Data.STOP, 0))
-        try:
-            count = ask(Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1))[0]
-        except RequestError:
-            count = 0
-        if count == 0:
+            raise self._other_protocol(f"{version.protocol_major}.{version.protocol_minor}", advice)
+        self._stop_data()
+        count = self._try(Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1)) or b"\0"
+        if count[0] == 0:
             raise SensorError(f"{self._link.name}: expected a board with a radar of the BGT60 family, got none")
         uuid = self._try(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16)) or bytes(16)
         name = self._try(Request.transfer(Code.BOARD_INFO, Info.NAME, 0)) or bytes(4)
@@ -136,18 +157,35 @@ class StrataBoard:
             self.stop()
             self._index = 0
             self._num_restarts = 0
+            self._damage = DamageCount()
             self._begin()
 
     def _begin(self) -> None:
+        """Start; where an answer is lost, the board may measure all the same: stop it, and start anew."""
+        for tries_left in reversed(range(_MOST_STARTS)):
+            try:
+                self._start()
+                return
+            except SensorTimeoutError:
+                if tries_left == 0:
+                    raise
+            except RequestError as error:
+                # The request was damaged on its way, or done although an overflow is told.
+                if tries_left == 0 or error.status not in (*DAMAGED, Status.UNEXPECTED_VALUE):
+                    raise
+            self._halt(_HALT_TIMEOUT)
+
+    def _start(self) -> None:
+        """Start once."""
         image = registers_of(self._requested, self._slice_size)
         # A FIFO that has overflown before would end the data at once.
         self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
         self._is_running = True
         self._link.ask(Request.write(Code.DATA, Data.CONFIGURE, 0, packets.data_configuration(self._slice_size)))
-        self._link.ask(Request.write(Code.DATA, Data.START, 0))
+        self._link.ask(Request.write(Code.DATA, Data.START, 0), retries=0)
         while self._link.packets(0.0):
             pass  # of an earlier measurement: this one has not begun
-        self._execute(start_words(image))
+        self._link.ask(Request.write(*_EXECUTE, packets.encode_commands(start_words(image))), retries=0)
         self._assembler = SliceAssembler(self._slice_size * 3 // 2)
         self._parts: list[Slice] = []
         self._expected: int | None = None  # counter of the next slice's first packet
@@ -163,10 +201,12 @@ class StrataBoard:
             raise SensorError(f"{self._link.name}: expected start() before frames are read")
         for packet in self._link.packets(timeout):
             if isinstance(packet, Damage):
+                self._damage.add(packet)
                 self._missing = self._missing or packet.reason
                 continue
             for item in assembler.feed(packet):
                 if isinstance(item, SliceLost):
+                    self._damage.num_lost += item.num_packets
                     self._missing = self._missing or item.reason
                 elif isinstance(item, StreamError):
                     code = item.error
@@ -207,6 +247,7 @@ class StrataBoard:
             return found
         samples = np.concatenate([unpack_msb(part.data) for part in self._parts])
         self._parts = []
+        self._damage = DamageCount()
         self._num_restarts = 0
         shape = (settings.num_chirps, settings.num_samples, settings.rx_mask.bit_count())
         number = len(samples) // num_samples
@@ -262,16 +303,24 @@ class StrataBoard:
         self._index += lost
         return Lost(lost, f"{reason}; measuring was started anew")
 
-    def stop(self) -> None:
+    def stop(self, *, is_silent: bool = False) -> None:
         """Stop the data, then the chip, and discard packets still on their way."""
         with self._conversation:
-            if not self._is_running:
-                return
-            self._link.ask(Request.write(Code.DATA, Data.STOP, 0))
-            image = registers_of(self._requested, self._slice_size)
-            self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
-            self._is_running = False  # and not before: who is interrupted above stops again
-            self._link.discard()
+            if self._is_running and is_silent:
+                self._halt(_FAREWELL, retries=0)
+            elif self._is_running:
+                self._halt()
+
+    def _halt(self, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> None:
+        self._stop_data(timeout, retries=retries)
+        image = registers_of(self._requested, self._slice_size)
+        self._execute([write_word(MAIN, image[MAIN] | _RESETS)])
+        self._is_running = False  # and not before: who is interrupted above stops again
+        self._link.discard()
+
+    def damage(self) -> str:
+        """Damage of the data since the last frame; empty for none."""
+        return self._damage.text(self._link.num_held)
 
     def details(self) -> dict[str, Any]:
         """Settings of the chip, under the names that Infineon's recordings have for them."""
@@ -437,14 +486,17 @@ class StrataBoard:
     def _pins_reset(self) -> None:
         self._link.ask(Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE))
 
+    def _stop_data(self, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> None:
+        """Ask for an end of the data; boards that send none refuse that, each firmware in its own way."""
+        with suppress(ProtocolError):
+            self._link.ask(Request.write(Code.DATA, Data.STOP, 0), timeout, retries=retries)
+
     def _try(self, request: Request) -> bytes | None:
-        """The answer, or None if the board does not know the request."""
+        """The answer, or None if the board refuses the request."""
         try:
             return self._link.ask(request)
-        except RequestError as error:
-            if error.status in _UNKNOWN:
-                return None
-            raise
+        except RequestError:
+            return None
 
 
 def _elapsed(earlier: Slice, later: Slice) -> int | None:
@@ -456,4 +508,3 @@ def _elapsed(earlier: Slice, later: Slice) -> int | None:
 
 _EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)
 _RESETS = FSM_RESET | FIFO_RESET
-_UNKNOWN = (Status.NOT_IMPLEMENTED, Status.NOT_CONFIGURED, Status.BAD_VALUE)

@@ -10,7 +10,17 @@ from heapq import heappop, heappush
 from typing import ClassVar, Generic, TypeVar
 
 from radarcore.sensor.errors import ProtocolError
-from radarcore.sensor.strata.packets import MAX_PACKET, DataPacket, Kind, Request, Response, Status, crc, decode_data
+from radarcore.sensor.strata.packets import (
+    MAX_DATA_PACKET,
+    MAX_PACKET,
+    DataPacket,
+    Kind,
+    Request,
+    Response,
+    Status,
+    crc,
+    decode_data,
+)
 
 Packet = TypeVar("Packet")
 
@@ -38,11 +48,12 @@ class _Parser(Generic[Packet]):
 
     In step, the packet that begins at the next byte is awaited. Out of step, every byte that may begin one is tried:
     the first packet that is whole and has a good CRC wins, whatever packets are still awaited before it, because what
-    looks like a header may claim 4095 bytes that never come. So at most one largest packet is kept between calls.
+    looks like a header may claim more bytes than ever come. So at most one largest packet is kept between calls.
     """
 
     _first_byte: ClassVar[re.Pattern[bytes]]
     _starts_in_step: ClassVar[bool]
+    _largest: ClassVar[int] = MAX_PACKET
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -62,6 +73,22 @@ class _Parser(Generic[Packet]):
         self._is_in_step = self._starts_in_step
         self._damage = Damage(0, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID)
 
+    @property
+    def num_held(self) -> int:
+        """Bytes of packets that are not yet whole."""
+        return len(self._buffer)
+
+    def doubt(self) -> list[Packet | Damage]:
+        """Packets behind the one that is awaited in step, which takes longer than packets do: its length is damaged.
+
+        It is still taken if it becomes whole before one behind it.
+        """
+        if self._is_in_step and self._buffer:
+            self._is_in_step = False
+            self._damage = Damage(0, "packet that never became whole", Status.PAYLOAD_INCOMPLETE)
+            self._search_from = 0
+        return self.feed(b"")
+
     def feed(self, data: bytes) -> list[Packet | Damage]:
         """Packets that these bytes complete, and damage, in order."""
         self._buffer += data
@@ -70,7 +97,7 @@ class _Parser(Generic[Packet]):
         while begin < len(self._buffer):
             if self._is_in_step:
                 size = self._size(begin) if self._first_byte.match(self._buffer, begin) else 1
-                if size == 0 or (size <= MAX_PACKET and begin + size > len(self._buffer)):
+                if size == 0 or (size <= self._largest and begin + size > len(self._buffer)):
                     break
                 packet = self._packet(begin, size)
                 if isinstance(packet, Damage):
@@ -114,7 +141,7 @@ class _Parser(Generic[Packet]):
             if size == 0:
                 return None
             self._search_from += 1
-            if size > MAX_PACKET:
+            if not self._may_begin(begin, size):
                 continue
             if begin + size > len(self._buffer):
                 begin += self._origin
@@ -147,7 +174,7 @@ class _Parser(Generic[Packet]):
         if not self._first_byte.match(self._buffer, begin):
             reason = f"byte 0x{self._buffer[begin]:02x} begins no packet"
             return Damage(0, reason, Status.REQUEST_TYPE_INVALID)
-        if size > MAX_PACKET:
+        if size > self._largest:
             return Damage(0, f"packet of {size} bytes", Status.PAYLOAD_TOO_LONG)
         packet = bytes(self._buffer[begin : begin + size])
         if crc(packet) != 0:
@@ -160,6 +187,14 @@ class _Parser(Generic[Packet]):
     def _size(self, begin: int) -> int:
         """Bytes that a packet at a place of the buffer claims, with its CRC; 0: its header is not whole."""
         raise NotImplementedError
+
+    def _may_begin(self, begin: int, size: int) -> bool:
+        """True where a packet of this size may begin, out of step.
+
+        Of large ones only data of this radar's channel, or of none: of all that looks like a header by chance, nearly
+        all claims to be large.
+        """
+        return size <= MAX_PACKET or (size <= self._largest and self._buffer[begin + 1] in (0x00, 0xFF))
 
     def _decode(self, packet: bytes) -> Packet:
         """Packet from its bytes without the CRC, which was good."""
@@ -174,12 +209,13 @@ class HostParser(_Parser[Response | DataPacket]):
     """Responses and data packets out of the bytes from a board, cut anywhere (Strata, framing on serial).
 
     Bytes that belong to no good packet come back as `Damage`. It begins out of step, since a board may have been left
-    measuring. Where a packet's length is damaged in step, it waits until the claimed bytes are there; `reset` after a
-    time-out, then, rather than asking again at once.
+    measuring. Where a packet's length is damaged in step, it waits until the claimed bytes are there: `doubt` then,
+    when they do not come, or `reset`.
     """
 
     _first_byte = re.compile(rb"[\x40\x43\xc0\xd0-\xdf]")
     _starts_in_step = False
+    _largest = MAX_DATA_PACKET
 
     def _size(self, begin: int) -> int:
         is_data = self._buffer[begin] >= 0xD0

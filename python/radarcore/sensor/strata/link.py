@@ -17,19 +17,30 @@ from radarcore.sensor.errors import (
 )
 from radarcore.sensor.strata import packets as strata
 from radarcore.sensor.strata.byte_stream import Damage, HostParser
+from radarcore.sensor.strata.damage import DamageCount
 from radarcore.sensor.strata.packets import Code, DataPacket, Info, Kind, Request, Response, Status
 from radarcore.sensor.transport import Stalled, Stream, VendorPort
 
-_REQUEST_TIMEOUT = 1.0
-# Every request may be made again: where an answer is damaged, that costs less than a measurement.
-_RETRIES = 2
+REQUEST_TIMEOUT = 1.0
+"""Time-out of the first answer to a request [s], as the vendor's own host has it."""
+
+RETRIES = 2
+"""Requests are made again: where an answer is damaged, that costs less than a measurement."""
+
+# A board that has not answered at all is asked once, and waited for so long [s], until something comes from it.
+_SILENT_TIMEOUT = 0.3
 # An answer to a request that was given up is waited for so long, lest it be taken for that of the next one.
 _LATE = 0.1
 _READ_SIZE = 512 * 31
+# Bytes of a data packet come one after the other. One that takes longer [s] has a damaged length.
+_SLOWEST_PACKET = 0.25
 # Bytes are waited for so long at once; so long a thread that is asked to end may take.
 _POLL = 0.1
 # Packets kept for whoever takes them: several seconds of any frames.
 _MOST_PACKETS = 4096
+
+DAMAGED = range(Status.HEADER_INCOMPLETE, Status.REQUEST_TYPE_INVALID + 1)
+"""Status of requests that were damaged on their way."""
 
 
 class Link(Protocol):
@@ -38,11 +49,18 @@ class Link(Protocol):
     name: str
     most_payload: int
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
-        """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent."""
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
+        """Payload of the answer; `RequestError` where the board refuses, `SensorTimeoutError` where it is silent.
+
+        The first answer is waited for up to `timeout` [s], those to all retries together once more as long.
+        """
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """Data packets since the last call, and damage among them; waits for the first up to `timeout` [s]."""
+
+    @property
+    def num_held(self) -> int:
+        """Bytes that have come, of packets that are not yet whole."""
 
     def discard(self) -> None:
         """Discard data packets until none come any more."""
@@ -104,6 +122,8 @@ class _Reading:
         self._asking = threading.Lock()
         self._closing = port.close
         self._is_closed = False
+        self._is_silent = False
+        """True once a board has not answered at all, until something comes from it."""
         self._thread = threading.Thread(target=self._read, name="radarcore-read", daemon=True)
         self._thread.start()
 
@@ -147,27 +167,42 @@ class StreamLink(_Reading):
         self._parser = HostParser()
         self._parser_lock = threading.Lock()
         self._responses: queue.Queue[Response] = queue.Queue()
+        self._damage = DamageCount()  # since the last request was sent
+        self._fed = time.monotonic()  # when the parser has last made something of its bytes
         self._num_due = 0  # answers to come; of interrupted requests too
         super().__init__(stream)
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+    @property
+    def num_held(self) -> int:
+        """Bytes that have come, of packets that are not yet whole."""
+        return self._parser.num_held
+
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and wait for its answer."""
         with self._asking:
+            if self._is_silent:
+                timeout, retries = min(timeout, _SILENT_TIMEOUT), 0
+            total = timeout if retries == 0 else 2.0 * timeout
             for tries_left in reversed(range(retries + 1)):
+                patience = timeout if tries_left == retries else timeout / retries
                 try:
-                    return _payload(self.name, request, self._response(request, timeout))
+                    return _payload(self.name, request, self._response(request, patience, total))
                 except SensorTimeoutError:
                     if tries_left == 0:
+                        # One answer alone may have been lost on its way.
+                        self._is_silent = retries > 0 or timeout <= _SILENT_TIMEOUT
                         raise
                 except RequestError as error:
-                    if tries_left == 0 or error.status < Status.HEADER_INCOMPLETE or error.status > Status.CRC_ERROR:
+                    if tries_left == 0 or error.status not in DAMAGED:
                         raise
             raise AssertionError("unreachable")
 
-    def _response(self, request: Request, timeout: float) -> Response:
+    def _response(self, request: Request, timeout: float, total: float) -> Response:
+        """Response that comes within `timeout` [s]; `total` is that of all tries, which the error names."""
         self._inbox.check()
         self._forget_answers()
         self._num_due += 1
+        self._damage = DamageCount()
         self._stream.write(strata.encode_request(request), timeout)
         deadline = time.monotonic() + timeout
         while True:
@@ -179,9 +214,11 @@ class StreamLink(_Reading):
                 self._inbox.check()
                 if time.monotonic() >= deadline:
                     with self._parser_lock:
+                        damage = self._damage.text(self.num_held)
                         self._parser.reset()
                     raise SensorTimeoutError(
-                        f"{self.name}: no answer to {_text(request)} within {timeout:g} s"
+                        f"{self.name}: no answer to {_text(request)} within {total:g} s"
+                        f"{'; ' + damage if damage else ''}"
                     ) from None
 
     def _forget_answers(self) -> None:
@@ -197,43 +234,62 @@ class StreamLink(_Reading):
 
     def _poll(self) -> None:
         data = self._stream.read(_READ_SIZE, _POLL)
+        if data:
+            self._is_silent = False
         with self._parser_lock:
             found = self._parser.feed(data)
+            now = time.monotonic()
+            if not found and self.num_held and now - self._fed > _SLOWEST_PACKET:
+                found = self._parser.doubt()
+            if found or not self.num_held:
+                self._fed = now
         for item in found:
             if isinstance(item, Response):
                 self._responses.put(item)
-            else:
-                self._inbox.put(item)
+                continue
+            if isinstance(item, Damage):
+                self._damage.add(item)
+            self._inbox.put(item)
 
 
 class VendorLink(_Reading):
     """Link over vendor requests and a bulk endpoint."""
 
     most_payload = strata.MAX_CONTROL_PAYLOAD
+    num_held = 0
 
     def __init__(self, port: VendorPort) -> None:
         self._port = port
         super().__init__(port)
 
-    def ask(self, request: Request, timeout: float = _REQUEST_TIMEOUT, *, retries: int = _RETRIES) -> bytes:
+    def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and fetch its answer; transfers of USB have retries of their own."""
         del retries
         with self._asking:
             self._inbox.check()
-            where = (request.request, request.value, request.index)
             try:
-                if request.kind == Kind.READ:
-                    answer = self._port.control_read(Kind.READ, *where, request.length, timeout)
-                    return _payload(self.name, request, Response(request.kind, 0, answer))
-                self._port.control_write(request.kind, *where, request.payload, timeout)
-                if request.kind == Kind.TRANSFER:
-                    return self._port.control_read(Kind.FETCH, *where, self.most_payload, timeout)
-                return _payload(self.name, request, Response(request.kind, self._status(timeout)))
-            except Stalled as error:
-                status = self._status(timeout)
-                if status == 0:
-                    raise ProtocolError(f"{self.name}: {_text(request)} was refused without a reason") from error
-                raise _refusal(self.name, request, status) from error
+                answer = self._answer(request, min(timeout, _SILENT_TIMEOUT) if self._is_silent else timeout)
+            except SensorTimeoutError:
+                self._is_silent = True
+                raise
+            self._is_silent = False
+            return answer
+
+    def _answer(self, request: Request, timeout: float) -> bytes:
+        where = (request.request, request.value, request.index)
+        try:
+            if request.kind == Kind.READ:
+                answer = self._port.control_read(Kind.READ, *where, request.length, timeout)
+                return _payload(self.name, request, Response(request.kind, 0, answer))
+            self._port.control_write(request.kind, *where, request.payload, timeout)
+            if request.kind == Kind.TRANSFER:
+                return self._port.control_read(Kind.FETCH, *where, self.most_payload, timeout)
+            return _payload(self.name, request, Response(request.kind, self._status(timeout)))
+        except Stalled as error:
+            status = self._status(timeout)
+            if status == 0:
+                raise ProtocolError(f"{self.name}: {_text(request)} was refused without a reason") from error
+            raise _refusal(self.name, request, status) from error
 
     def _status(self, timeout: float) -> int:
         """Status of the last request."""
@@ -243,13 +299,14 @@ class VendorLink(_Reading):
         return answer[1]
 
     def _poll(self) -> None:
-        data = self._port.read_packet(_READ_SIZE, _POLL)
+        data = self._port.read_packet(strata.MAX_DATA_PACKET, _POLL)
         if not data:
             return
+        self._is_silent = False
         try:
             self._inbox.put(strata.decode_data(data))
         except ProtocolError as error:
-            self._inbox.put(Damage(len(data), str(error)))
+            self._inbox.put(Damage(len(data), str(error), Status.BAD_PAYLOAD))
 
 
 def _payload(name: str, request: Request, response: Response) -> bytes:

@@ -19,11 +19,16 @@ from radarcore import check
 from radarcore.sensor.errors import ProtocolError, RequestError
 
 MAX_PACKET = 4095
-"""Largest packet of a byte stream, all in: it never ends a USB packet of 512 bytes exactly."""
+"""Largest packet of a byte stream, all in, but for data: it never ends a USB packet of 512 bytes exactly."""
 
 MAX_REQUEST_PAYLOAD = MAX_PACKET - 8 - 2
 MAX_RESPONSE_PAYLOAD = MAX_PACKET - 4 - 2
-MAX_DATA_PAYLOAD = MAX_PACKET - 6 - 2
+MAX_DATA_PAYLOAD = 0xFFFF
+"""Largest payload of a data packet, by its length of 16 bits."""
+
+MAX_DATA_PACKET = 6 + MAX_DATA_PAYLOAD + 2
+"""Largest packet of a byte stream, all in."""
+
 MAX_CONTROL_PAYLOAD = 4088
 """Largest payload of a control transfer of vendor USB."""
 
@@ -305,9 +310,8 @@ def encode_data(packet: DataPacket, *, with_crc: bool = True) -> bytes:
         payload = packet.error.encode() if isinstance(packet.error, str) else _pack("<I", error=packet.error)
     if packet.timestamp is not None:
         payload += _pack("<Q", timestamp=packet.timestamp)
-    limit = MAX_DATA_PAYLOAD if with_crc else 0xFFFF
-    if len(payload) > limit:
-        raise ValueError(f"payload: expected at most {limit} bytes with its time stamp, got {len(payload)}")
+    if len(payload) > MAX_DATA_PAYLOAD:
+        raise ValueError(f"payload: expected at most {MAX_DATA_PAYLOAD} bytes with its time stamp, got {len(payload)}")
     flags = (
         packet.is_first | packet.is_last << 1 | (packet.timestamp is not None) << 2 | (packet.error is not None) << 3
     )

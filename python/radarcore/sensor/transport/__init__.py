@@ -6,7 +6,15 @@ imported when the first port is looked for, so that captures play without them.
 
 from radarcore.sensor.transport.capture import Capture, Replay
 from radarcore.sensor.transport.describe import describe_usb
-from radarcore.sensor.transport.ports import KNOWN_BOARDS, Port, find_ports, open_stream, open_vendor_port
+from radarcore.sensor.transport.ports import (
+    KNOWN_BOARDS,
+    Port,
+    find_ports,
+    may_be_usb,
+    open_stream,
+    open_vendor_port,
+    serial_port,
+)
 from radarcore.sensor.transport.serialport import SerialStream
 from radarcore.sensor.transport.stream import Stalled, Stream, VendorPort
 from radarcore.sensor.transport.usbport import UDEV_RULE, UsbStream, UsbVendorPort, require_pyusb
@@ -25,7 +33,9 @@ __all__ = [
     "VendorPort",
     "describe_usb",
     "find_ports",
+    "may_be_usb",
     "open_stream",
     "open_vendor_port",
     "require_pyusb",
+    "serial_port",
 ]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+import sys
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any, Literal
 
 from radarcore import notice
 from radarcore.sensor.errors import SensorError
-from radarcore.sensor.transport.serialport import SerialStream, serial_ports
+from radarcore.sensor.transport.serialport import SerialStream, is_pty, serial_ports
 from radarcore.sensor.transport.stream import Stream, VendorPort
 from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, device_path, usb_devices, usb_strings
 
@@ -91,6 +93,24 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
     return ports
 
 
+def serial_port(path: str) -> Port:
+    """Serial port of a name, with the ids and names of its USB device where it has one; nothing is opened.
+
+    `path` may be a device file, a symbolic link to one (``/dev/serial/by-id/...``), or ``COM3``.
+    """
+    place = _place(path)
+    for tty in serial_ports():
+        if _place(tty.device) == place:
+            return replace(_serial_port(tty), path=path)
+    return Port("serial", path, None, None, "", "", "")
+
+
+def may_be_usb(port: Port) -> bool:
+    """True where a USB board may stand behind a port without ids: a CDC port of a system that tells none, or a pty."""
+    place = os.path.realpath(port.path)
+    return port.vendor_id is not None or is_pty(place) or PurePath(place).name.startswith("ttyACM")
+
+
 def open_stream(port: Port | str, *, usb_backend: Any = None) -> Stream:
     """Open a serial port or a CDC board.
 
@@ -135,6 +155,15 @@ def _usb_port(device: Any) -> Port:
 def _serial_port(tty: Any) -> Port:
     board = KNOWN_BOARDS.get((tty.vid, tty.pid), ("", tty.description))[1]
     return Port("serial", tty.device, tty.vid, tty.pid, tty.product or "", tty.serial_number or "", board)
+
+
+def _place(path: str) -> str:
+    """Name of a serial port that is the same for all its names."""
+    if sys.platform == "win32":
+        return path.removeprefix("\\\\.\\").upper()
+    path = os.path.realpath(path)
+    # macOS has two files for a port, of which the one that waits for a carrier is not listed.
+    return f"/dev/cu.{path.removeprefix('/dev/tty.')}" if path.startswith("/dev/tty.") else path
 
 
 def _may_be_board(tty: Any) -> bool:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import select
 import sys
+from array import array
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
@@ -20,8 +23,16 @@ BAUD_RATES = (921_600, 1_000_000, 115_200)
 (Strata, serial transport), the last for ptys of macOS."""
 
 
+_TIOCGEXCL = 0x80045440
+"""Request of Linux: whether a terminal is exclusive."""
+
+
 class SerialStream(ByteStream):
-    """A serial port: 8N1, raw, no flow control, locked against other programs that lock.
+    """A serial port: 8N1, raw, no flow control, locked against other programs.
+
+    The lock is that of files, which all users have and a killed program gives back. Where Linux has a port exclusive
+    for another program, root is refused too. Ports of hardware are made exclusive, so that programs without locks are
+    refused but for root's; a pty is not, as it stays so after a killed client while its other end has it open.
 
     Parameters
     ----------
@@ -72,6 +83,7 @@ class SerialStream(ByteStream):
             raise SensorDisconnectedError(f"{self.name}: the board is gone ({error})") from error
 
     def _give_back(self) -> None:
+        _end_exclusive(self._serial)
         self._serial.close()
 
 
@@ -105,8 +117,45 @@ def _opened(path: str) -> Serial:
                 raise known from error
             refused = refused or error
         else:
+            _make_exclusive(path, port)
             return port  # type: ignore[no-any-return]  # pyserial is imported late, and so Any
     raise SensorError(f"{path}: no serial port, or none that can be set up ({refused})") from refused
+
+
+def is_pty(path: str) -> bool:
+    """True for the name of a pseudo terminal, or of a link to one."""
+    return re.fullmatch("/dev/(pts/|ttys)[0-9]+", os.path.realpath(path)) is not None
+
+
+def _make_exclusive(path: str, port: Serial) -> None:
+    """Refuse a port that is exclusive for another program, which the system does for all but root; take it."""
+    if sys.platform != "linux":
+        return
+    import fcntl
+    import termios
+
+    is_exclusive = array("i", [0])
+    with suppress(OSError):  # a driver without such a flag
+        fcntl.ioctl(port.fileno(), _TIOCGEXCL, is_exclusive, True)
+        if not is_exclusive[0] and not is_pty(path):
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+    if is_exclusive[0]:
+        port.close()
+        raise _in_use(path)
+
+
+def _end_exclusive(port: Serial) -> None:
+    """Give an exclusive port back to programs that have it open beside this one."""
+    if sys.platform == "linux":
+        import fcntl
+        import termios
+
+        with suppress(OSError):  # it is closed already, or the board gone
+            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
+
+
+def _in_use(path: str) -> SensorError:
+    return SensorError(f"{path}: the port is in use by another program; close that one first")
 
 
 def _open_error(path: str, error: Exception) -> SensorError | None:
@@ -118,7 +167,7 @@ def _open_error(path: str, error: Exception) -> SensorError | None:
         return SensorError(f"{path}: no permission{_permission_hint()}")
     # Windows denies access to what another program has open; its errors come as text.
     if number in (errno.EBUSY, errno.EAGAIN) or "PermissionError" in str(error):
-        return SensorError(f"{path}: the port is in use by another program; close that one first")
+        return _in_use(path)
     return None
 
 

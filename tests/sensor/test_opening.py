@@ -1,0 +1,319 @@
+"""Opening a board: any answer to the stop, the right protocol first, and the reason where it fails."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from boards import Numbered, number_of, opened, plugged
+from radarcore.radar.presets import bgt60tr13c
+from radarcore.sensor import (
+    RequestError,
+    SensorDisconnectedError,
+    SensorError,
+    SensorNotFoundError,
+    SensorTimeoutError,
+    list_sensors,
+    open_sensor,
+    virtual_board,
+)
+from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.source import Noise
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
+from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
+from small_boards import Loopback
+
+SMALL = bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+OLD = Identity(version=Version(2, 0, 0, protocol_major=3))
+needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")
+
+
+class Heard:
+    """A board behind a byte stream that keeps what it hears."""
+
+    def __init__(self, board: Any) -> None:
+        self.board = board
+        self.bytes = bytearray()
+        self.send = board.send
+
+    def receive(self, data: bytes) -> None:
+        self.bytes += data
+        self.board.receive(data)
+
+
+class Silent(Loopback):
+    """What takes all bytes and says nothing."""
+
+    def receive(self, data: bytes) -> None:
+        pass
+
+
+@contextmanager
+def named_port(monkeypatch: pytest.MonkeyPatch, board: Any, ids: tuple[int, int] | None) -> Iterator[PtyPort]:
+    """A pty that the system lists as the port of a USB device with these ids."""
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    with PtyPort(board) as port:
+        info = ListPortInfo(port.path)
+        if ids is not None:
+            info.vid, info.pid = ids
+        monkeypatch.setattr(list_ports, "comports", lambda: [info])
+        yield port
+
+
+# The stop
+
+
+def refusing(monkeypatch: pytest.MonkeyPatch, refused: Any, status: int) -> None:
+    """Let emulated boards refuse requests with a status."""
+    handle = Controller.handle
+
+    def answer(self: Controller, request: Request) -> packets.Response:
+        return packets.Response(request.kind, status) if refused(request) else handle(self, request)
+
+    monkeypatch.setattr(Controller, "handle", answer)
+
+
+def is_stop(request: Request) -> bool:
+    return (request.request, request.value) == (Code.DATA, Data.STOP)
+
+
+@pytest.mark.parametrize("transport", ["cdc", "vendor"])
+@pytest.mark.parametrize("status", [0x01, 0x05, 0x11, 0x14, 0x16, 0x86, 0x8C, 0x90])
+def test_stop_may_be_refused_with_any_status(status: int, transport: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, is_stop, status)
+    with opened(Controller(Numbered(), speed=None), transport) as sensor:
+        sensor.configure(SMALL)
+        for _ in range(2):  # the stop in between is refused too, and the chip is reset
+            assert [number_of(frame.raw) for frame in sensor.frames(2)] == [0, 1]
+
+
+def test_stop_without_an_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    receive = CdcBoard.receive
+    stop = packets.encode_request(Request.write(Code.DATA, Data.STOP, 0))
+    monkeypatch.setattr(CdcBoard, "receive", lambda self, data: None if data == stop else receive(self, data))
+    with (
+        plugged(Controller(Noise()), "cdc") as (where, _),
+        pytest.raises(SensorTimeoutError, match=r"usb:1-1: no answer to request 0x0D \(value 0x0004"),
+    ):
+        open_sensor(**where)
+
+
+def test_board_that_goes_at_the_stop_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    handle = Controller.handle
+
+    def going(self: Controller, request: Request) -> packets.Response:
+        if is_stop(request):
+            raise Unplugged
+        return handle(self, request)
+
+    monkeypatch.setattr(Controller, "handle", going)
+    with plugged(Controller(Noise()), "cdc") as (where, _), pytest.raises(SensorDisconnectedError):
+        open_sensor(**where)
+
+
+@pytest.mark.parametrize("status", [0x10, 0x15, 0x86, 0x89, 0x8C])
+def test_board_that_has_no_uuid_and_no_name_is_opened(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, lambda asked: asked.request == Code.BOARD_INFO and asked.value != Info.VERSION, status)
+    with opened(Controller(Noise())) as sensor:
+        assert (sensor.info.serial_number, sensor.info.name) == ("", "Strata board")
+
+
+# Named ports
+
+
+@needs_pty
+@pytest.mark.parametrize("ids", [(0x058B, 0x0251), (0x058B, 0x0253), (0x04B4, 0xF155), (0x0403, 0x6001)])
+def test_board_at_a_named_port_with_usb_ids_hears_strata_alone(
+    ids: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Boards by their ids, and bridges that ComLib boards do not need."""
+    heard = Heard(CdcBoard(Controller(Noise())))
+    with named_port(monkeypatch, heard, ids) as port, open_sensor(port.path) as sensor:
+        assert (sensor.info.protocol, sensor.info.port) == ("strata", port.path)
+    version = packets.encode_request(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16))
+    assert heard.bytes.startswith(version), "and nothing before"
+
+
+@needs_pty
+def test_link_to_a_port_has_the_ids_of_the_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = Heard(CdcBoard(Controller(Noise())))
+    with named_port(monkeypatch, heard, (0x058B, 0x0251)) as port:
+        link = tmp_path / "usb-Infineon_IFX_CDC-if00"
+        link.symlink_to(port.path)
+        with open_sensor(str(link)) as sensor:
+            assert sensor.info.port == str(link), "as it was named"
+    assert heard.bytes[0] == Kind.READ
+
+
+@needs_pty
+def test_silent_board_with_known_ids_is_asked_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = Heard(Silent())
+    with (
+        named_port(monkeypatch, heard, (0x058B, 0x0251)) as port,
+        pytest.raises(SensorTimeoutError, match=rf"{port.path}: no answer to request 0x80 .* within 2 s"),
+    ):
+        open_sensor(port.path)
+    assert set(heard.bytes[::10]) == {Kind.READ}, "requests of 10 bytes"
+
+
+@needs_pty
+def test_xmc_board_at_a_named_port_hears_comlib_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    with virtual_board(Numbered(), protocol="comlib", speed=None) as board:
+        heard = Heard(board)
+        with named_port(monkeypatch, heard, (0x058B, 0x0058)) as port, open_sensor(port.path) as sensor:
+            assert sensor.info.protocol == "comlib"
+    assert heard.bytes[0] == 0x5A
+
+
+def test_windows_names_of_a_port_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    from radarcore.sensor.transport import ports
+
+    info = ListPortInfo("COM12")
+    info.vid, info.pid = 0x058B, 0x0251
+    monkeypatch.setattr(list_ports, "comports", lambda: [info])
+    monkeypatch.setattr(ports.sys, "platform", "win32")
+    for name in ("COM12", "com12", r"\\.\COM12"):
+        port = ports.serial_port(name)
+        assert (port.vendor_id, port.product_id, port.path) == (0x058B, 0x0251, name)
+    assert ports.serial_port("COM1").vendor_id is None
+
+
+# The reason of a failure
+
+
+@needs_pty
+@pytest.mark.parametrize("ids", [(0x058B, 0x0251), (0x0403, 0x6001), None])
+def test_old_firmware_at_a_named_port_is_told(ids: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (
+        named_port(monkeypatch, CdcBoard(Controller(Noise(), identity=OLD)), ids) as port,
+        pytest.raises(SensorError, match=f"^{port.path}: expected protocol 4 of Strata, got 3.0; update the board's"),
+    ):
+        open_sensor(port.path)
+
+
+@needs_pty
+def test_firmware_that_does_not_know_the_type_of_our_requests_is_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, lambda request: True, 0x85)
+    message = "expected protocol 4 of Strata, got 3 or older; update the board's firmware"
+    with PtyPort(CdcBoard(Controller(Noise()))) as port, pytest.raises(SensorError, match=message):
+        open_sensor(port.path)
+
+
+@needs_pty
+def test_what_a_board_refuses_is_told_whatever_protocol_was_tried_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, lambda request: request.value == Info.VERSION, 0x8C)
+    with PtyPort(CdcBoard(Controller(Noise()))) as port, pytest.raises(RequestError, match="not available") as caught:
+        open_sensor(port.path)
+    assert (caught.value.status, caught.value.protocol) == (0x8C, "strata")
+
+
+@needs_pty
+def test_what_answers_nothing_is_told_with_what_was_tried() -> None:
+    with PtyPort(Silent()) as port, pytest.raises(SensorError) as caught:
+        open_sensor(port.path)
+    assert str(caught.value) == (
+        f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata "
+        f"(ComLib: no answer in 0.3 s; Strata: no answer to request 0x80 (value 0x0001, index 0x0000) within 0.6 s)"
+    )
+
+
+def test_boards_left_out_of_the_list_are_told_with_their_reasons() -> None:
+    bus = EmulatedBus()
+    controllers = [Controller(Noise(), identity=OLD), Controller(Noise()), Controller(Noise())]
+    devices = [cdc_device(CdcBoard(controller)) for controller in controllers]
+    devices[1].is_denied = True
+    devices.append(cdc_device(Silent(), product_id=0x0058))  # another product of the vendor, for all that is known
+    for device in devices:
+        bus.plug(device)
+    with pytest.warns(RuntimeWarning) as warned:
+        (info,) = list_sensors(usb_backend=bus)
+    assert info.port == "usb:1-3"
+    (warning,) = warned
+    first, old, denied, *_ = str(warning.message).split("\n")
+    assert first == "boards left out:"
+    assert old == "  usb:1-1: expected protocol 4 of Strata, got 3.0; update the board's firmware"
+    assert denied.startswith("  usb:1-2: no permission to open the device")
+    assert "usb:1-4" not in str(warning.message)
+    with open_sensor(usb_backend=bus) as sensor:
+        assert sensor.info == info
+
+
+def test_reason_of_the_only_board_is_that_of_opening_any() -> None:
+    bus = EmulatedBus()
+    bus.plug(cdc_device(Silent(), product_id=0x0058))
+    with pytest.raises(SensorNotFoundError, match=r"no radar board found; tried:\n  usb:1-1: no answer in 1 s"):
+        open_sensor(usb_backend=bus)
+    for _ in range(2):
+        bus.plug(cdc_device(CdcBoard(Controller(Noise(), identity=OLD))))
+        with pytest.raises(SensorError, match=r"usb:1-2: expected protocol 4 of Strata, got 3\.0; update") as caught:
+            open_sensor(usb_backend=bus)
+    assert str(caught.value).startswith("expected a radar board that can be opened, got\n  usb:1-2: expected")
+    assert "\n  usb:1-3: expected" in str(caught.value)
+
+
+# Two clients
+
+
+@needs_pty
+@pytest.mark.parametrize("user", ["same", "another"])
+def test_second_client_of_a_port_is_told_so(user: str) -> None:
+    if user == "another" and os.geteuid() != 0:
+        pytest.skip("only root can be another user")
+    with PtyPort(CdcBoard(Controller(Noise()))) as port, open_sensor(port.path) as sensor:
+        if user == "another":
+            Path(port.path).chmod(0o666)
+            os.seteuid(65534)
+        try:
+            with pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
+                open_sensor(port.path)
+        finally:
+            if user == "another":
+                os.seteuid(0)
+        assert sensor.temperature() == pytest.approx(25.0, abs=0.3), "the first one goes on"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells whether a port is exclusive")
+def test_port_that_another_program_has_exclusive_is_refused_to_root_too() -> None:
+    import fcntl
+    import termios
+
+    with PtyPort(CdcBoard(Controller(Noise()))) as port:
+        other = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+        fcntl.ioctl(other, termios.TIOCEXCL)
+        with pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
+            open_sensor(port.path)
+        fcntl.ioctl(other, termios.TIOCNXCL)
+        os.close(other)
+        open_sensor(port.path).close()
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="needs Linux, and two users")
+def test_second_client_without_locks_is_refused_at_a_port_of_hardware(monkeypatch: pytest.MonkeyPatch) -> None:
+    with PtyPort(CdcBoard(Controller(Noise()))) as port:
+        Path(port.path).chmod(0o666)
+        for is_hardware in (True, False):
+            monkeypatch.setattr("radarcore.sensor.transport.serialport.is_pty", lambda path, it=is_hardware: not it)
+            with open_sensor(port.path, protocol="strata"):
+                os.seteuid(65534)
+                try:
+                    if is_hardware:
+                        with pytest.raises(OSError, match="busy"):
+                            os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+                    else:
+                        os.close(os.open(port.path, os.O_RDWR | os.O_NOCTTY))
+                finally:
+                    os.seteuid(0)
