@@ -25,7 +25,7 @@ radar = rc.Radar(waveform, rx=row, pattern=wide, tx_power_dbm=12.0, receiver=rc.
 ball = rc.Body(rc.shapes.sphere(RADIUS), motion=rc.Pose(BALL), name="ball")
 beside = rc.Pose.from_rpy([4.0, WALL_Y, 0.0], [0.0, 0.0, np.pi / 2])
 wall = rc.Body(rc.shapes.plate(6.0, 2.0), motion=beside, name="wall")
-# Ways over wall, ball and wall again take fine rays: the ball scatters them over the wall.
+# The ball scatters rays over the wall: they must be fine, and the third ghost's level is good to 3 dB only.
 rays = {"field_of_view_deg": (100.0, 6.0), "resolution": (96, 1600)}
 simulator = rc.Simulator(rc.Scene([ball, wall]), radar, max_bounces=3, **rays)
 
