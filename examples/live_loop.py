@@ -2,7 +2,7 @@
 
 A control loop at 20 Hz: the frame of the moment is simulated, the strongest echo is found, and the cart brakes when its
 braking distance is as long as the way that is left. The simulator does not know the future: `rc.Live` has poses one by
-one. Vary SPEED, BRAKING, and the period of the loop: a slow one stops too late.
+one. Vary SPEED, BRAKING and PERIOD, and put something in front of the wall.
 """
 
 import argparse
