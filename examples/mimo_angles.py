@@ -1,8 +1,16 @@
-"""Which of two targets at the same range does an array of 3 transmitters and 4 receivers tell apart?"""
+"""Which of two targets at the same range does an array of 3 transmitters and 4 receivers tell apart?
 
-import sys
+Three transmitters in turn and four receivers are a row of twelve channels. Its beam, 8.5 degrees wide, merges the pair;
+MUSIC, which looks for directions orthogonal to the noise, parts it. Vary the angles, and the number of receivers.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
+from scipy.signal import find_peaks
 
 import radarcore as rc
 
@@ -19,48 +27,33 @@ radar = rc.Radar(
     receiver=rc.Receiver(noise_figure_db=12.0),
     schedule=rc.Schedule.tdm(),
 )
-
-# The beam of 12 channels is 8.5 degrees wide: the pair is closer, the single target is far from both.
-TRUTH_DEG = {"pair left": -12.5, "pair right": -17.5, "single": 20.0}
-DISTANCE = 8.0
+TRUTH_DEG, DISTANCE = np.array([-17.5, -12.5, 20.0]), 8.0
 ANGLES_DEG = np.arange(-60.0, 60.1, 0.25)
+places = [DISTANCE * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) for azimuth in np.deg2rad(TRUTH_DEG)]
+simulator = rc.Simulator(rc.Scene([rc.PointTarget(place) for place in places]), radar, field_of_view_deg=(120.0, 20.0))
 
 
-def point(name: str, azimuth_deg: float) -> rc.PointTarget:
-    azimuth = np.deg2rad(azimuth_deg)
-    return rc.PointTarget([DISTANCE * np.cos(azimuth), DISTANCE * np.sin(azimuth), 0.0], name=name)
-
-
-simulator = rc.Simulator(
-    rc.Scene([point(name, angle) for name, angle in TRUTH_DEG.items()]), radar, field_of_view_deg=(120.0, 20.0)
-)
-
-
-def peaks_deg(power: np.ndarray, least: float) -> np.ndarray:
-    """Local maxima above some level."""
-    places = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
-    return ANGLES_DEG[places[power[places] > least]]
-
-
-def save_picture(frame: rc.Frame, path: str) -> None:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 3.6), layout="constrained")
-    axes = figure.subplots(1, 3)
-    rc.plot.virtual_array(radar, axes[0], unit="wavelengths")
-    for method, ax in zip(("bartlett", "music"), axes[1:], strict=True):
-        rc.plot.range_angle_map(frame, ax, method=method, field_of_view_deg=90.0, max_range=12.0)
-        ax.set_title({"bartlett": "Bartlett", "music": "MUSIC"}[method])
-    figure.savefig(path, dpi=110)
-
-
-if __name__ == "__main__":
-    frame = simulator.frame(0.0)
-    nearest = np.abs(waveform.range_axis() - DISTANCE).argmin()
-    print("truth    ", *(f"{angle:+6.1f}" for angle in sorted(TRUTH_DEG.values())), "degrees")
+def main(output: Path) -> None:
+    frame, nearest = simulator.frame(), np.abs(waveform.range_axis() - DISTANCE).argmin()
+    figure = Figure(figsize=(12.0, 3.4), layout="constrained")
+    array, above, ax = figure.subplots(1, 3)
+    rc.plot.virtual_array(radar, array, unit="wavelengths")
+    rc.plot.range_angle_map(replace(frame, truth=None), above, max_range=10.0).set_title("Bartlett")
+    print("truth    ", *(f"{angle:+6.1f}" for angle in TRUTH_DEG), "degrees")
     for method in ("bartlett", "fft", "capon", "music"):
         power = rc.range_angle(frame, method=method, azimuth=np.deg2rad(ANGLES_DEG))[nearest]
         least = 10.0 if method == "music" else 0.1 * power.max()  # MUSIC is 1 and above, no power
-        print(f"{method:9}", *(f"{angle:+6.1f}" for angle in peaks_deg(power, least)))
-    if len(sys.argv) > 1:
-        save_picture(frame, sys.argv[1])
+        print(f"{method:9}", *(f"{angle:+6.1f}" for angle in ANGLES_DEG[find_peaks(power, height=least)[0]]))
+        if method != "fft":  # the same as "bartlett"
+            ax.plot(ANGLES_DEG, 10.0 * np.log10(power / power.max()), label=method)
+    ax.vlines(TRUTH_DEG, -60.0, 3.0, color="black", linestyle="--", linewidth=1.0, label="truth")
+    ax.set(xlim=(45.0, -45.0), ylim=(-60.0, 3.0), xlabel="Azimuth [°]", ylabel="Level [dB]", title="At 8 m")
+    ax.legend(loc="lower center", ncols=2)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(output, dpi=80)
+
+
+if __name__ == "__main__":
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("-o", "--output", type=Path, default=Path("out/mimo_angles.png"))
+    main(**vars(options.parse_args()))

@@ -31,11 +31,6 @@ def test_there_is_an_example_for_everything_that_a_scene_holds() -> None:
     assert len(EXAMPLES) >= 5
 
 
-def test_example_runs_as_a_script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(EXAMPLES[0].with_suffix(".py")), run_name="__main__")
-    assert "truth" in capsys.readouterr().out
-
-
 def test_record_simulates_the_run(tmp_path: Path) -> None:
     simulation = load(tmp_path, BALL + "[run]\nstart = 0.1\nstop = 0.3\nrate = 10.0\nresolution = 32\n")
     recording = simulation.record(tmp_path / "recording", progress=False, threads=1)
