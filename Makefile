@@ -105,8 +105,8 @@ bench: $(VENV)/bench $(VENV)/built
 
 # Without a network, and without the core: docstrings are read, not run.
 docs: $(VENV)/docs
-	@$(MKDOCS) build --strict --quiet
-	@echo "out/site/index.html"
+	@$(MKDOCS) build --strict
+	@echo "see out/site/index.html"
 
 docs-serve: $(VENV)/docs
 	@$(MKDOCS) serve

@@ -1,6 +1,7 @@
 """Pages of the reference, made from the names that the stubs of the package list and from their docstrings."""
 
 import ast
+import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import NamedTuple
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 SOURCES = Path(__file__).resolve().parents[2] / "python"
 TITLES = {
@@ -35,6 +37,10 @@ FIRST = (
     "open_sensor",
 )
 """What a reader looks for: these come before the others of their page."""
+
+
+CODE = re.compile(r"(<[^>]*>)?<code>(rc\.)?([A-Za-z_]\w*)((?:\.\w+)*)([^<]*)</code>")
+"""Words in code, with the tag before, as texts have them: `rc.detect`, `Radar.max_range`, `strongest_peak(...)`."""
 
 
 class Name(NamedTuple):
@@ -160,6 +166,33 @@ def index(found: dict[str, list[Name]]) -> str:
         lines += [f"| [`{name.written}`][{name.target}] | {name.summary} |" for name in found[folder]]
         lines.append("")
     return "\n".join(lines)
+
+
+@cache
+def targets() -> dict[str, str]:
+    """Where each name is defined; of names in several packages the one of `rc`."""
+    names = [name for page in pages().values() for name in page]
+    return {name.name: name.target for name in reversed(names)}
+
+
+def linked(match: re.Match[str]) -> str:
+    """A name in code, as a link into the reference, where it can mean nothing else."""
+    before, prefix, name, rest, after = (part or "" for part in match.groups())
+    means_a_name = prefix != "" or name[0].isupper() or "_" in name
+    if (
+        name not in targets()
+        or not means_a_name
+        or before.startswith(("<a", "<h"))
+        or (after and after[0] not in "([@")
+    ):
+        return match[0]
+    code = f"<code>{prefix}{name}{rest}{after}</code>"
+    return f'{before}<autoref identifier="{targets()[name]}{rest}" optional>{code}</autoref>'
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Link names in code; of what has no entry of its own, the text stays."""
+    return CODE.sub(linked, html) if not page.file.src_uri.startswith("CHANGELOG") else html
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
