@@ -16,6 +16,7 @@ NUMBER = re.compile(r"\\tag\{(\d+)\}")
 def mathml(latex: str, display: str) -> str:
     # \mathrm of one letter would be drawn as a variable, and functions have no space of their own.
     latex = latex.replace(r"\mathrm{", r"\text{")
+    latex = re.sub(r"(?<=[\w}*])\s*(?=\\(?:exp|sin|cos)\b)", r"\\,", latex)
     return convert(re.sub(r"\\(exp|sin|cos)\b(?!\^)", r"\\\1\\,", latex), display=display)
 
 
