@@ -43,6 +43,10 @@ CODE = re.compile(r"(<[^>]*>)?<code>(rc\.)?([A-Za-z_]\w*)((?:\.\w+)*)([^<]*)</co
 """Words in code, with the tag before, as texts have them: `rc.detect`, `Radar.max_range`, `strongest_peak(...)`."""
 
 
+SEE_ALSO = re.compile(r'(<details class="see-also"[^>]*>\s*<summary>[^<]*</summary>)\s*<p>(.*?)</p>', flags=re.DOTALL)
+SEE_NAME = re.compile(r"\s*(?:rc\.)?([A-Za-z_]\w*)((?:\.\w+)*)\s*")
+
+
 class Name(NamedTuple):
     """A public name: as users write it after its package, that package, and the module that defines it."""
 
@@ -175,8 +179,13 @@ def targets() -> dict[str, str]:
     return {name.name: name.target for name in reversed(names)}
 
 
+def link(name: str, rest: str, code: str) -> str:
+    """A name in code as a link into the reference; what has no entry there stays text."""
+    return f'<autoref identifier="{targets()[name]}{rest}" optional><code>{code}</code></autoref>'
+
+
 def linked(match: re.Match[str]) -> str:
-    """A name in code, as a link into the reference, where it can mean nothing else."""
+    """A name in code, as a link where it can mean nothing else."""
     before, prefix, name, rest, after = (part or "" for part in match.groups())
     means_a_name = prefix != "" or name[0].isupper() or "_" in name
     if (
@@ -186,13 +195,27 @@ def linked(match: re.Match[str]) -> str:
         or (after and after[0] not in "([@")
     ):
         return match[0]
-    code = f"<code>{prefix}{name}{rest}{after}</code>"
-    return f'{before}<autoref identifier="{targets()[name]}{rest}" optional>{code}</autoref>'
+    return before + link(name, rest, f"{prefix}{name}{rest}{after}")
+
+
+def listed(match: re.Match[str]) -> str:
+    """A section "See Also" as a list: lines ``name, name : text``, or text that goes on."""
+    items: list[str] = []
+    for line in match[2].splitlines():
+        names, _, text = line.partition(" : ")
+        found = [SEE_NAME.fullmatch(name) for name in names.split(",")]
+        if all(name is not None and name[1] in targets() for name in found):
+            items.append(", ".join(link(name[1], name[2], name[1] + name[2]) for name in found if name) + f": {text}")
+        elif items:
+            items[-1] += f" {line}"
+        else:
+            items.append(line)
+    return match[1] + "<ul>" + "".join(f"<li>{item}</li>" for item in items) + "</ul>"
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Link names in code; of what has no entry of its own, the text stays."""
-    return CODE.sub(linked, html) if not page.file.src_uri.startswith("CHANGELOG") else html
+    """Link names in code, and those of sections "See Also"."""
+    return CODE.sub(linked, SEE_ALSO.sub(listed, html)) if not page.file.src_uri.startswith("CHANGELOG") else html
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
