@@ -9,6 +9,9 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP = $(BIN)/pip --quiet --disable-pip-version-check
 PIP_INSTALL = $(PIP) install --no-compile
 
+# Its notice, that another builder will follow, is news to nobody after the first time.
+MKDOCS = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs
+
 # cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 
@@ -20,7 +23,7 @@ IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
 
 SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 
-.PHONY: help demo test $(CHECKS) wheel bench format clean tools checkers
+.PHONY: help demo test $(CHECKS) wheel bench docs docs-serve format clean tools checkers
 .DELETE_ON_ERROR:
 
 help:
@@ -28,6 +31,7 @@ help:
 	@echo "make test     format, lint, types, Rust and Python tests, benches once tiny, wheel"
 	@echo "make wheel    build dist/*.whl"
 	@echo "make bench    measure speed"
+	@echo "make docs     build the site into out/site; make docs-serve shows it while pages are written"
 	@echo "make format   lay out the Rust and Python sources"
 	@echo "make clean    remove everything that was built, the environment included"
 
@@ -69,7 +73,7 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --doc
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
-tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/built
+tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
 	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
 
@@ -99,15 +103,23 @@ bench: $(VENV)/bench $(VENV)/built
 		[ ! -e "$$bench" ] || { echo "$$bench"; $(BIN)/python "$$bench"; } || exit 1; \
 	done
 
+# Without a network, and without the core: docstrings are read, not run.
+docs: $(VENV)/docs
+	@$(MKDOCS) build --strict
+	@echo "see out/site/index.html"
+
+docs-serve: $(VENV)/docs
+	@$(MKDOCS) serve
+
 format: $(VENV)/dev
 	cargo fmt
 	$(BIN)/ruff check --quiet --select I --fix .
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) dist build out/demo target .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) dist build out/demo out/site target .mypy_cache .pytest_cache .ruff_cache
 	rm -f python/radarcore/_core*.so
-	find python tests benches examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+	find python tests benches examples docs -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
 # The environment. Each file below stands for one finished step, which is repeated when what it depends on changes.
 
@@ -140,6 +152,11 @@ $(VENV)/robots: requirements/robots.txt $(VENV)/dev
 $(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
 	@echo "-- packages: requirements/adapters.txt (300 MB)"
 	@$(PIP_INSTALL) --no-deps -r requirements/adapters.txt
+	@touch $@
+
+$(VENV)/docs: requirements/docs.txt $(VENV)/dev
+	@echo "-- packages: requirements/docs.txt"
+	@$(PIP_INSTALL) --no-deps -r requirements/docs.txt
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo

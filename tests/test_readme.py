@@ -46,8 +46,9 @@ def commands(page: Path) -> list[list[str]]:
     return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("radarcore ")]
 
 
-def needs_a_board(arguments: list[str]) -> bool:
-    return arguments[0] == "sensor"
+def is_run_elsewhere(arguments: list[str]) -> bool:
+    """Commands that need a board, and the demo: tests/sensor and tests/cli run them."""
+    return arguments[0] in ("sensor", "demo")
 
 
 def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +108,7 @@ def test_python_examples_of_coppeliasim_run_with_a_server(
 @pytest.mark.filterwarnings("ignore:.*expected at least one track, got none in 2 frames")  # a track takes more
 @pytest.mark.parametrize("page", [p for p in pages_with("sh") if commands(p)], ids=name)
 def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenes are cut to two frames of few rays; commands that need a board are only parsed."""
+    """Scenes are cut to two frames of few rays; those that other tests run are only parsed."""
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     monkeypatch.chdir(tmp_path)
     examples = Path(shutil.copytree(ROOT / "examples", "examples"))
@@ -126,8 +127,8 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         simulated = rc.Simulator(rc.Scene([walker]), radar).record(0.0, 0.2, progress=False)
         replace(simulated, truth=None).save("out/rec")
     for arguments in commands(page):
-        if needs_a_board(arguments):
-            assert cli._parser().parse_args(arguments).command == "sensor"
+        if is_run_elsewhere(arguments):
+            assert cli._parser().parse_args(arguments).command == arguments[0]
             continue
         assert cli.main(arguments) == 0, arguments
         if "-o" in arguments:
@@ -164,9 +165,20 @@ def test_links_lead_to_files_and_headings(page: Path) -> None:
         assert anchor == "" or anchor in anchors(target), link
 
 
-def test_every_page_is_linked_from_the_readme() -> None:
-    linked = {(ROOT / link.partition("#")[0]).resolve() for link in LINK.findall(prose(ROOT / "README.md"))}
-    assert linked >= {page for page in PAGES if page.name != "README.md"}
+START_PAGES = ("index", "install", "robotics", "radar-engineers", "machine-learning", "sensor", "coming-from")
+
+
+def linked_from(page: Path) -> set[Path]:
+    return {(page.parent / link.partition("#")[0]).resolve() for link in LINK.findall(prose(page))}
+
+
+def test_readme_is_short_and_links_to_the_start_pages_and_these_to_every_page() -> None:
+    readme, docs = ROOT / "README.md", ROOT / "docs"
+    assert len(text_of(readme).split()) <= 900
+    start = {docs / f"{page}.md" for page in START_PAGES}
+    assert linked_from(readme) >= start
+    linked = set().union(*(linked_from(page) for page in start))
+    assert linked | start >= {page for page in PAGES if page.name != "README.md"}
 
 
 def test_equations_are_numbered_once_and_those_cited_exist() -> None:
