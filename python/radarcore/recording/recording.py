@@ -22,6 +22,7 @@ from radarcore.recording.frame import (
     TRUTH_FIELDS,
     Frame,
     Truth,
+    bodies_text,
     check_alike,
     check_frame,
     check_radar,
@@ -35,6 +36,7 @@ from radarcore.recording.frame import (
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
 from radarcore.recording.writer import RecordingWriter
+from radarcore.summary import html_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,17 @@ class Recording(Stored):
 
     def __len__(self) -> int:
         return len(self.cube)
+
+    def __repr__(self) -> str:
+        channels, chirps, samples = self.cube.shape[1:]
+        span = f" in {np.ptp(self.time):.6g} s" if len(self) > 1 else ""
+        return (
+            f"<Recording of {len(self)} frames{span}: {channels} channels x {chirps} chirps x {samples} samples, "
+            f"{self.cube.dtype}{bodies_text(self.truth)}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return html_table("Recording", recording_facts(self))
 
     @overload
     def __getitem__(self, frame_index: int) -> Frame: ...
@@ -245,6 +258,19 @@ class Recording(Stored):
             return cls(**vars(replace(stored, cube=cube[:] if isinstance(cube, Converted) else cube)))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error
+
+
+def recording_facts(recording: Recording) -> dict[str, Any]:
+    """Frames, truth and radar of a recording, by name with unit."""
+    return {
+        "frames": len(recording),
+        "start [s]": float(recording.time[0]) if len(recording) else None,
+        "last frame [s]": float(recording.time[-1]) if len(recording) else None,
+        "cube [frame, channel, chirp, sample]": list(recording.cube.shape),
+        "dtype": str(recording.cube.dtype),
+        "bodies": None if recording.truth is None else list(recording.truth.names),
+        **recording.radar.facts(),
+    }
 
 
 def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, radar: Radar | None = None) -> Stored:
