@@ -11,22 +11,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
-from radarcore.radar import beam
+from radarcore.radar import antennas, beam
 from radarcore.radar.baseband import responses
+from radarcore.radar.facts import band_text, pattern_facts
 from radarcore.radar.levels import level
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.sequences import check_sequences, shortest_interval
 from radarcore.radar.waveform import Waveform
+from radarcore.summary import html_table
 from radarcore.twin import Twinned
-from radarcore.units import power_from_dbm
+from radarcore.units import power_from_dbm, quantity
 
 _WIDEST_APERTURE = 100.0
 """Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
-
-_FARTHEST_ANTENNA = 1e6
-"""Largest coordinate of an antenna in the sensor frame [m]."""
 
 
 @check.knows_keywords
@@ -117,14 +116,14 @@ class Radar(Twinned):
                 raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
         put = object.__setattr__
         put(self, "waveform", waveform)
-        put(self, "tx", _positions("tx", tx))
-        put(self, "rx", _positions("rx", rx))
+        put(self, "tx", antennas.positions("tx", tx))
+        put(self, "rx", antennas.positions("rx", rx))
         put(self, "pattern", pattern)
-        put(self, "tx_patterns", _patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
-        put(self, "rx_patterns", _patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
+        put(self, "tx_patterns", antennas.patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
+        put(self, "rx_patterns", antennas.patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
         put(self, "tx_power_dbm", level("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
-        put(self, "polarization", _polarization(polarization))
+        put(self, "polarization", antennas.polarization(polarization))
         if receiver is not None:
             receiver.check_receivers(len(self.rx))
             if receiver.high_pass is not None and any(each.slope == 0.0 for each in (waveform, *more_waveforms)):
@@ -143,6 +142,38 @@ class Radar(Twinned):
                 f"tx, rx: expected antennas within {_WIDEST_APERTURE:g} wavelengths of each other "
                 f"({_WIDEST_APERTURE * waveform.wavelength:.3g} m), got {aperture:.4g} m (2.5 mm is 2.5e-3)"
             )
+
+    def __repr__(self) -> str:
+        ramps = " and ".join(f"{band_text(waveform)}, {waveform.num_chirps} chirps" for waveform in self.waveforms)
+        rate = quantity(1.0 / self.waveform.frame_interval, "Hz")
+        return f"<Radar {ramps} of {self.waveform.num_samples} samples, {len(self.tx)} TX, {len(self.rx)} RX, {rate}>"
+
+    def _repr_html_(self) -> str:
+        return html_table("Radar", self.facts())
+
+    def facts(self) -> dict[str, Any]:
+        """Parameters and resolutions by name with SI unit, as in ``"bandwidth [Hz]"``."""
+        wf = self.waveform
+        return {
+            "transmitters": len(self.tx),
+            "receivers": len(self.rx),
+            **pattern_facts(self.tx_patterns, self.rx_patterns),
+            "samples": "real" if self.is_real else "I/Q",
+            "start frequency [Hz]": wf.start_frequency,
+            "slope [Hz/s]": wf.slope,
+            "bandwidth [Hz]": wf.bandwidth,
+            "sample rate [Hz]": wf.sample_rate,
+            "samples per chirp": wf.num_samples,
+            "chirps per frame": self.num_chirps,
+            "chirp interval [s]": wf.chirp_interval,
+            "frame interval [s]": wf.frame_interval,
+            "range bin [m]": None if wf.is_cw else wf.range_resolution,
+            "largest range [m]": None if wf.is_cw else self.max_range,
+            "velocity bin [m/s]": wf.velocity_resolution,
+            "largest velocity [m/s]": self.max_velocity,
+            **({} if self.schedule is None else {"schedule": self.schedule.kind}),
+            **({"sub-sequences": len(self.waveforms)} if self.more_waveforms else {}),
+        }
 
     @property
     def num_channels(self) -> int:
@@ -237,7 +268,7 @@ class Radar(Twinned):
     @property
     def polarization_vector(self) -> tuple[float, float, float] | None:
         """Unit vector along the field of the antennas in the sensor frame; None without a polarisation."""
-        return _POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
+        return antennas.POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
@@ -329,44 +360,3 @@ class Radar(Twinned):
 
     def __hash__(self) -> int:
         return hash((self.waveform, self.tx.tobytes(), self.rx.tobytes()))
-
-
-_POLARIZATIONS = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0)}
-
-
-def _polarization(value: object) -> str | tuple[float, float, float] | None:
-    if value is None:
-        return None
-    if isinstance(value, str):
-        if value not in _POLARIZATIONS:
-            raise ValueError(f"polarization: expected 'vertical', 'horizontal' or a unit vector, got {value!r}")
-        return value
-    vector = check.array("polarization", value, (3,))  # type: ignore[arg-type]  # what is no array is refused there
-    length = float(np.linalg.norm(vector))
-    if abs(length - 1.0) > 1e-3:
-        raise ValueError(f"polarization: expected a unit vector, got one of length {length:g}")
-    x, y, z = (vector / length).tolist()
-    return x, y, z
-
-
-def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, number: int) -> tuple[Pattern, ...]:
-    """Patterns, one per element."""
-    if value is None:
-        return (default,) * number
-    if not isinstance(value, Sequence):
-        raise TypeError(f"{name}: expected a sequence of patterns, one per element, got {type(value).__name__}")
-    if len(value) != number:
-        raise ValueError(f"{name}: expected {number} patterns, one per element, got {len(value)}")
-    for i, pattern in enumerate(value):
-        if not isinstance(pattern, Pattern):
-            raise TypeError(f"{name}[{i}]: expected {Pattern}, got {type(pattern).__name__}")
-    return tuple(value)
-
-
-def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    positions = check.array(name, value, (None, 3))
-    if len(positions) == 0:
-        raise ValueError(f"{name}: expected at least one antenna position, got none")
-    if (farthest := float(np.abs(positions).max())) > _FARTHEST_ANTENNA:
-        raise ValueError(f"{name}: expected coordinates within {_FARTHEST_ANTENNA:g} m, got {farthest:g}")
-    return check.frozen(positions)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
+from radarcore.summary import html_table
 
 TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
 CUBE_TYPES = ("float32", "float64", "complex64", "complex128")
@@ -83,6 +84,13 @@ class Truth:
         kept = (a[..., columns] for a in (self.range, self.velocity, self.azimuth, self.elevation))
         return Truth(tuple(names), *kept)
 
+    def texts(self) -> list[str]:
+        """What is true of every body of one frame in words."""
+        return [
+            "not visible" if np.isnan(distance) else f"at {distance:.3f} m, {velocity:+.3f} m/s"
+            for distance, velocity in zip(self.range, self.velocity, strict=True)
+        ]
+
     def __getitem__(self, frame_index: int | slice) -> Truth:
         """Truth of one frame of a recording, or of several."""
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
@@ -128,6 +136,18 @@ class Frame:
                 raise ValueError(f"raw: expected shape {self.cube.shape} as the cube, got {codes.shape}")
             object.__setattr__(self, "raw", codes)
 
+    def __repr__(self) -> str:
+        channels, chirps, samples = self.cube.shape
+        return (
+            f"<Frame at {self.time:g} s: {channels} channels x {chirps} chirps x {samples} samples, "
+            f"{self.cube.dtype}{bodies_text(self.truth)}>"
+        )
+
+    def _repr_html_(self) -> str:
+        truth = {} if self.truth is None else dict(zip(self.truth.names, self.truth.texts(), strict=True))
+        facts = {"start [s]": self.time, "cube [channel, chirp, sample]": self.cube.shape, "dtype": self.cube.dtype}
+        return html_table("Frame", {**facts, "unit": unit_of(self) or "sqrt(W)", **truth, **self.radar.facts()})
+
     def sequences(self) -> tuple[Frame, ...]:
         """Frames of the sub-sequences, one per waveform of the radar; of one waveform the frame itself.
 
@@ -152,6 +172,11 @@ class Frame:
         if (count := check.count('stats["lost_before"]', num_lost, 0)) > _MAX_LOST:
             raise ValueError(f'stats["lost_before"]: expected at most {_MAX_LOST}, got {count}')
         return count
+
+
+def bodies_text(truth: Truth | None) -> str:
+    """Of whom the truth is known, behind a comma; nothing for none."""
+    return "" if truth is None or not truth.names else f", truth of {', '.join(truth.names)}"
 
 
 def unit_of(frame: Frame) -> str | None:

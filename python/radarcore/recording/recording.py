@@ -24,6 +24,7 @@ from radarcore.recording.frame import (
     TRUTH_FIELDS,
     Frame,
     Truth,
+    bodies_text,
     check_alike,
     check_frame,
     check_radar,
@@ -37,6 +38,7 @@ from radarcore.recording.frame import (
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
 from radarcore.recording.writer import RecordingWriter
+from radarcore.summary import html_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,19 @@ class Recording(Stored):
 
     def __len__(self) -> int:
         return len(self.cube)
+
+    def __repr__(self) -> str:
+        channels, chirps, samples = self.cube.shape[1:]
+        span = f" in {np.ptp(self.time):.6g} s" if len(self) > 1 else ""
+        return (
+            f"<Recording of {len(self)} frames{span}: {channels} channels x {chirps} chirps x {samples} samples, "
+            f"{self.cube.dtype}{bodies_text(self.truth)}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return html_table(
+            "Recording", facts_of_frames(self.time, self.cube.shape, self.cube.dtype, self.truth, self.radar)
+        )
 
     @overload
     def __getitem__(self, frame_index: int) -> Frame: ...
@@ -272,6 +287,21 @@ class Recording(Stored):
             return cls(**vars(replace(stored, cube=cube[:] if isinstance(cube, Converted) else cube)))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error
+
+
+def facts_of_frames(
+    time: NDArray[np.float64], shape: tuple[int, ...], dtype: np.dtype[Any], truth: Truth | None, radar: Radar
+) -> dict[str, Any]:
+    """Times, samples, truth and radar of frames, by name with unit."""
+    return {
+        "frames": shape[0],
+        "start [s]": float(time[0]) if shape[0] else None,
+        "last frame [s]": float(time[-1]) if shape[0] else None,
+        "cube [frame, channel, chirp, sample]": list(shape),
+        "dtype": str(dtype),
+        "bodies": None if truth is None else list(truth.names),
+        **radar.facts(),
+    }
 
 
 def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, description: Description = NOTHING_SAID) -> Stored:

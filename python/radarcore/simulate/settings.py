@@ -79,6 +79,11 @@ class Settings:
         if self.ray_budget is not None:
             object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self._cells))
 
+    def changed(self) -> dict[str, Any]:
+        """Settings that are not the default ones."""
+        given = {field.name: getattr(self, field.name) for field in fields(Settings)}
+        return {name: value for name, value in given.items() if value != getattr(Settings, name)}
+
     @property
     def view_deg(self) -> Angles:
         """Horizontal and vertical angle that frames have [degrees]: those chosen, or as wide as any antennas see."""

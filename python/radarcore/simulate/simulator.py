@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import hypot
 from os import PathLike
@@ -33,6 +33,7 @@ from radarcore.simulate.sectors import Angles, whole_tiles
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.side_by_side import in_order
 from radarcore.simulate.times import frame_times
+from radarcore.summary import html_table
 
 Placed = tuple[float, tuple[_core.Placement, ...]]
 """Start of a frame [s] and the motion in it, at the times of every sub-sequence."""
@@ -140,10 +141,18 @@ class Simulator(Settings):
         object.__setattr__(self, "radar_motion", motion)
 
     def __repr__(self) -> str:
-        values = {field.name: getattr(self, field.name) for field in fields(self)} | {
-            "field_of_view_deg": self.view_deg
+        changed = "".join(f", {name}={value!r}" for name, value in self.changed().items())
+        horizontal, vertical = self.view_deg
+        return f"<Simulator of {self.scene!r} and {self.radar!r}: {horizontal:.4g} x {vertical:.4g} degrees{changed}>"
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "bodies": list(self.scene.names),
+            "triangles": self.scene.num_triangles,
+            "field of view [degrees]": "{:.4g} x {:.4g}".format(*self.view_deg),
+            **self.changed(),
         }
-        return f"Simulator({', '.join(f'{name}={value!r}' for name, value in values.items())})"
+        return html_table("Simulator", {**facts, **self.radar.facts()})
 
     @cached_property
     def view_deg(self) -> Angles:
