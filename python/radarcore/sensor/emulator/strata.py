@@ -32,8 +32,9 @@ from radarcore.sensor.strata.packets import (
     Version,
 )
 
-# Slices that the controller keeps for a host that does not read; then the chip's FIFO overflows.
-_MOST_SLICES = 8
+# Slices kept for a host that does not read, by the controller and by the buffers of a host's USB, which a pty does not
+# have; then the chip's FIFO overflows.
+_MOST_SLICES = 16
 
 
 @dataclass(frozen=True)
