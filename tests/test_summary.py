@@ -48,6 +48,6 @@ def test_tables_have_units_that_people_write_and_escape_names(recording: rc.Reco
         assert ">15 MHz/us</td>" in table
         assert ">15.6142 cm</td>" in table
         assert "<ball>" not in table
-    assert ">at 2.000 m, -1.000 m/s</td>" in recording[0]._repr_html_()
+    assert ">at 1.998 m, -1.000 m/s</td>" in recording[0]._repr_html_()
     unseen = dataclasses.replace(recording[0], truth=rc.Truth(("wall",), [np.nan], [np.nan], [np.nan], [np.nan]))
     assert ">not visible</td>" in unseen._repr_html_()
