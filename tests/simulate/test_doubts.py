@@ -78,9 +78,10 @@ def test_only_triangles_near_the_antennas_are_measured(monkeypatch: pytest.Monke
     exact = clearance._distance_to_triangles
     monkeypatch.setattr(clearance, "_distance_to_triangles", distance)
     sphere = rc.shapes.sphere(1.5, subdivisions=6)  # 81 920 triangles around the antennas
-    for offset, fewest, most in ((0.0, 0, 0), (0.86, 1, 100)):  # at 0.86 in all axes 1 cm from the surface
+    beside = 0.998 * sphere.vertices[sphere.triangles[1000]].mean(axis=0)
+    for position, fewest, most in ((np.zeros(3), 0, 0), (beside, 1, 100)):
         num_measured.clear()
-        sim = simulator(body(sphere), motion=rc.Pose([offset, offset, offset]))
+        sim = simulator(body(sphere), motion=rc.Pose(position))
         sim._doubts.of_place(sim.scene, sim._placement, 0.0)
         assert len(num_measured) == 3, "one per antenna"
         assert fewest <= sum(num_measured) <= most
