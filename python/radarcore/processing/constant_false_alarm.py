@@ -71,6 +71,12 @@ def cfar(
     ValueError, TypeError
         For power that is negative or NaN, and for numbers out of range.
 
+    See Also
+    --------
+    detect : Detections of a frame, measured.
+    noise_level : Noise of a whole map.
+    range_doppler : Spectrum whose power may be tested.
+
     Examples
     --------
     >>> import radarcore as rc

@@ -123,6 +123,13 @@ def detect(
         For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
         NaN or infinite samples, and numbers out of range.
 
+    See Also
+    --------
+    Detections : What comes back.
+    strongest_peak : The strongest echo alone.
+    cluster : One object for its many detections.
+    track : Targets over time.
+
     Examples
     --------
     >>> import radarcore as rc

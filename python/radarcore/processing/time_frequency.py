@@ -36,6 +36,18 @@ class Spectrogram:
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
     noise : float or None
         Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    spectrogram : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording)
+    >>> history.power.shape, history.velocity[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 32), [-0.52, -0.52, -0.52, -0.52])
     """
 
     time: NDArray[np.float64]
@@ -58,6 +70,18 @@ class RangeTime:
         ``abs(range_profile(...))**2``, mean over chirps and added over channels.
     noise : float or None
         Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    range_time : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> history.power.shape, history.range[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 65), [2.04, 2.04, 2.04, 1.89])
     """
 
     time: NDArray[np.float64]
@@ -116,6 +140,20 @@ def spectrogram(
     ValueError, TypeError
         For numbers out of range, a gate without a bin, a window longer than the chirps without a gap, and chirps
         at unequal intervals, and frames of several waveforms.
+
+    See Also
+    --------
+    range_time : Ranges over time.
+    range_doppler : Velocities of a frame, with their phases.
+    plot.spectrogram : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording, window_length=16, overlap=0.0)
+    >>> print(f"{len(history.time)} columns, {history.velocity[history.power[0].argmax()]:+.2f} m/s")
+    8 columns, -0.52 m/s
     """
     # Check all arguments before any work.
     wf = _waveform(recording)
@@ -187,6 +225,20 @@ def range_time(
     ------
     ValueError, TypeError
         For numbers out of range, a CW radar, and frames of several waveforms.
+
+    See Also
+    --------
+    spectrogram : Velocities over time.
+    range_profile : Ranges of a frame, with their phases.
+    plot.range_time : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> print(f"{history.range[history.power[0].argmax()]:.2f} m at {history.time[0]:.3f} s")
+    2.04 m at 0.005 s
     """
     wf = _waveform(recording)
     wf.require_range()

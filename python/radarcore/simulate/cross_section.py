@@ -66,6 +66,13 @@ def rcs(
         Cross-sections [m^2], in the shape of the directions, (direction,) or that of the angles; for an array of
         frequencies with an axis for these at the end.
 
+    See Also
+    --------
+    plot.rcs : Picture of cross-sections over azimuth.
+    shapes : Plates, corners, spheres and others.
+    PointTarget : Target of a cross-section that is known already.
+    mesh_report : Whether a mesh is good enough.
+
     Examples
     --------
     >>> plate = rc.shapes.plate(0.1, 0.1)
