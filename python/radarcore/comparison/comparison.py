@@ -166,7 +166,6 @@ def compare(
 
     Examples
     --------
-    >>> import radarcore as rc
     >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
     >>> simulated, noisy = (
     ...     rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32), seed=seed).record(0.0, 0.3, progress=False)

@@ -55,7 +55,8 @@ def require() -> None:
 
     Examples
     --------
-    >>> rc.plot.require()  # nothing happens where matplotlib is installed
+    >>> rc.plot.require() is None  # nothing happens where matplotlib is installed
+    True
     """
     try:
         import matplotlib.figure  # noqa: F401  # only whether it is there

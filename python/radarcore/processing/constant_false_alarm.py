@@ -79,7 +79,6 @@ def cfar(
 
     Examples
     --------
-    >>> import radarcore as rc
     >>> power = [1.0, 1.2, 0.8, 1.1, 90.0, 0.9, 1.0, 1.3, 0.7]
     >>> rc.cfar(power, guard=1, training=3, false_alarm_rate=1e-3).nonzero()[0].tolist()
     [4]

@@ -626,6 +626,8 @@ class Sensor:
         >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
         ...     sensor = rc.open_sensor(port.path, protocol="strata")
         ...     sensor.close()
+        ...     print(sensor.info.chip, "is free for others")
+        BGT60TR13C is free for others
         """
         with self._closing:  # who closes while another does waits: then the port is free
             if not self._is_open:

@@ -153,6 +153,8 @@ class LiveView:
         >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
         >>> view = rc.plot.LiveView(frame.radar)
         >>> view.update(frame)
+        >>> [(round(float(each.range), 1), round(float(each.velocity), 1)) for each in view.detections]
+        [(2.1, -0.5)]
         """
         self._stream.take(frame)
         self._show()
@@ -171,6 +173,8 @@ class LiveView:
         >>> view = rc.plot.LiveView(frame.radar)
         >>> view.update(frame)
         >>> view.draw()
+        >>> [ax.get_title() for ax in view.figure.axes if ax.get_title()]
+        ['Range and velocity', 'Range over time, static echoes removed']
         """
         painting: Any = self.figure.canvas
         if not self._still:
@@ -189,11 +193,14 @@ class LiveView:
 
         Examples
         --------
+        >>> import os
         >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
         >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
         >>> view = rc.plot.LiveView(frame.radar)
         >>> view.update(frame)
         >>> view.save("live.png")
+        >>> os.path.getsize("live.png") > 0
+        True
         """
         from matplotlib.image import imsave
 
