@@ -533,6 +533,11 @@ class Sensor:
     def source(self) -> dict[str, Any]:
         """Origin of frames that are measured from now on, for `Recording.source`.
 
+        Raises
+        ------
+        SensorError
+            Before `configure`.
+
         See Also
         --------
         Recording : Has it as `source`.
@@ -547,6 +552,7 @@ class Sensor:
         ...         print(sensor.source()["cube_unit"])
         full scale
         """
+        self._configured("source")
         now = datetime.now().astimezone()
         details = self._board.details()
         if "infineon" in details:  # in the words of that format
