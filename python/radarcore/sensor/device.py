@@ -70,6 +70,7 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
 
     Examples
     --------
+    >>> # What is printed depends on what is plugged in.
     >>> rc.sensor.list_sensors()  # doctest: +SKIP
     [BoardInfo(port='/dev/ttyACM0', protocol='strata', name='Radar Baseboard MCU7 (MCU A)', chip='BGT60TR13C', ...)]
     """
