@@ -57,6 +57,18 @@ def scene_from_above(
         Horizontal and vertical angle of view [degrees], such as `Simulator.view_deg`; default: not drawn.
     colors : dict, optional
         Colours by name; default: in turn for what moves.
+
+    See Also
+    --------
+    plot.tracks_from_above : Tracks in the same view.
+    adapters.rerun.Viewer : The scene in space.
+
+    Examples
+    --------
+    >>> wall = rc.Body(rc.shapes.plate(1.0, 1.0), motion=rc.Pose([2.0, 0.0, 0.0]), name="wall")
+    >>> ax = rc.plot.scene_from_above(rc.Scene([wall]), field_of_view_deg=(60.0, 60.0))
+    >>> ax.get_xlabel()
+    'x [m]'
     """
     ax = canvas.new_axes() if ax is None else ax
     names = draw_scene(ax, scene, radar_motion, times, field_of_view_deg, colors)

@@ -66,6 +66,29 @@ def rcs(
         Cross-sections [m^2], in the shape of the directions, (direction,) or that of the angles; for an array of
         frequencies with an axis for these at the end.
 
+    See Also
+    --------
+    plot.rcs : Picture of cross-sections over azimuth.
+    shapes : Plates, corners, spheres and others.
+    PointTarget : Target of a cross-section that is known already.
+    mesh_report : Whether a mesh is good enough.
+
+    Notes
+    -----
+    It is the far field: that of distances beyond ``2 D**2 / wavelength``, D the extent of the object. `Simulator` has
+    echoes from nearer, too.
+
+    It is physical optics. What is missing is the diffraction of edges beyond that of the aperture, and creeping waves;
+    nothing passes through surfaces. A thin wire, a sharp edge seen along its face, a shadow side, and a body smaller
+    than a few wavelengths return something else in reality. An exact sphere of radius a differs by about
+    ``1 / (2 k a)``, 1 % for 4 cm at 60 GHz.
+
+    More than `max_bounces` reflections are left out: a dihedral takes two, a trihedral three. All of a path are
+    specular.
+
+    Plates, spheres, cylinders and corners of 10 cm agree at 60 GHz with their closed forms within 0.12 dB, see
+    docs/accuracy.md, "Cross-sections".
+
     Examples
     --------
     >>> plate = rc.shapes.plate(0.1, 0.1)
