@@ -37,7 +37,18 @@ class LinkMesh(NamedTuple):
 
 
 def is_available() -> bool:
-    """True when the extra `robots` is installed."""
+    """True when the extra `robots` is installed.
+
+    See Also
+    --------
+    models.robots.arm_names : Arms that it has.
+    models.RobotArm.named : One of them.
+
+    Examples
+    --------
+    >>> rc.models.robots.is_available()
+    True
+    """
     try:
         importlib.metadata.distribution("example-robot-data")
         import trimesh  # noqa: F401  # only whether it is there
@@ -47,7 +58,18 @@ def is_available() -> bool:
 
 
 def through_obj(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Mesh:
-    """A mesh, written to an OBJ file and read back by radarcore's own reader."""
+    """A mesh, written to an OBJ file and read back by radarcore's own reader.
+
+    See Also
+    --------
+    load_mesh : Reads any file.
+    models.robots.human_links : Meshes for it.
+
+    Examples
+    --------
+    >>> rc.models.robots.through_obj(np.array([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1]]))
+    <Mesh: 1 triangles, 3 vertices, smooth>
+    """
     import trimesh
 
     with TemporaryDirectory() as directory:
