@@ -181,6 +181,15 @@ def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
         rc.compare(simulated, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])}, progress=False)
 
 
+def test_range_within_reach_of_iq_samples_is_not_warned_of(simulated: rc.Recording) -> None:
+    assert WF.max_range < 15.0 < RADAR.max_range
+    rc.compare(simulated, truth={"ball": rc.Pose([15.0, 0.0, 0.0])}, progress=False)
+    with pytest.warns(
+        UserWarning, match=f"expected ranges below {RADAR.max_range:.4g} m, the max_range of A, got 25 m"
+    ):
+        rc.compare(simulated, truth={"ball": rc.Pose([25.0, 0.0, 0.0])}, progress=False)
+
+
 def test_radar_without_velocities_is_compared_in_range(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     one_chirp = rc.bgt60tr13c(num_chirps=1)
