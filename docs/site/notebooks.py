@@ -12,10 +12,10 @@ from typing import Any
 
 import jupytext
 import nbformat
-from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 from PIL import Image
+from traitlets.config import Config
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = ROOT / "docs" / "tutorials"
@@ -31,9 +31,9 @@ def executed(source: Path) -> NotebookNode:
     notebook = jupytext.read(source)
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as sockets:
         # The kernel listens to files, not to ports that others could reach.
-        manager = AsyncKernelManager(kernel_name="python3", transport="ipc", ip=f"{sockets}/kernel")
+        config = Config(ConnectionFileMixin={"transport": "ipc", "ip": f"{sockets}/kernel"})
         resources = {"metadata": {"path": folder}}
-        return NotebookClient(notebook, km=manager, timeout=600, resources=resources).execute()
+        return NotebookClient(notebook, config=config, timeout=600, resources=resources).execute()
 
 
 def with_links_from(folder: Path, notebook: NotebookNode) -> NotebookNode:
