@@ -112,7 +112,7 @@ docs: $(VENV)/docs
 docs-serve: $(VENV)/docs
 	@$(MKDOCS) serve
 
-notebooks: $(VENV)/docs $(VENV)/adapters $(VENV)/built
+notebooks: $(VENV)/docs $(VENV)/built
 	@$(BIN)/python docs/site/notebooks.py
 
 format: $(VENV)/dev
