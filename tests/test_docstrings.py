@@ -44,58 +44,6 @@ METHODS = (
 )
 """Methods that have an example, too."""
 
-TO_DO: set[str] = {
-    *("Simulator.frame", "Simulator.frames", "Simulator.record", "Simulator.paths", "Simulator.depth_image"),
-    *("Tracker.update", "sensor.Sensor.configure", "sensor.Sensor.frames", "sensor.Sensor.record"),
-    *("Comparison", "compare", "frame_from_depth", "azimuth_elevation", "range_angle", "ArrayPattern"),
-    *("array_pattern", "CramerRaoBound", "chirp_rate_bound", "doppler_bound", "frequency_bound"),
-    *("range_migration_bound", "up_down_bound", "Clusters", "cluster", "cancel_pulses", "remove_mean"),
-    *("remove_running_mean", "cfar", "detect", "Directions", "directions", "remove_static", "Demultiplexed"),
-    *("demultiplex", "noise_level", "Peak", "strongest_peak", "Detections", "VelocityEstimate", "range_doppler"),
-    *("range_profile", "steering_weights", "RangeTime", "Spectrogram", "range_time", "spectrogram"),
-    *("TrackerSettings", "Tracker", "track", "Track", "Tracks", "TrackState", "assign_to_truth"),
-    *("chirp_rate_velocity", "doppler_velocity", "range_migration_velocity", "up_down_velocity", "open_sensor"),
-    *("rcs", "DepthImage", "Paths", "Simulator", "Plan", "PlanPart", "beat_signal", "plan_beat_signal"),
-    *("plot.scene_from_above", "plot.range_angle_map", "plot.virtual_array", "plot.require", "plot.antenna_pattern"),
-    *("plot.array_pattern", "plot.rcs", "plot.experiment", "plot.overview", "plot.Image", "plot.chirp"),
-    *("plot.depth_image", "plot.range_doppler_map", "plot.range_profile", "plot.reflectance_image"),
-    *("plot.range_time", "plot.spectrogram", "plot.tracks", "plot.LiveView", "plot.view", "plot.tracks_from_above"),
-    *("processing.ClockOffset", "processing.clock_offset"),
-    *("sensor.BoardInfo", "sensor.Check", "sensor.Sensor", "sensor.list_sensors", "sensor.FramesLostWarning"),
-    *("sensor.ProtocolError", "sensor.RequestError", "sensor.SensorDisconnectedError", "sensor.SensorError"),
-    *("sensor.SensorNotFoundError", "sensor.SensorTimeoutError", "sensor.VirtualBoard", "sensor.virtual_board"),
-    *("adapters.coppeliasim.CoppeliaSimError", "adapters.coppeliasim.from_grey_buffer"),
-    *("adapters.coppeliasim.from_matrix", "adapters.coppeliasim.from_shape_viz", "adapters.coppeliasim.CoppeliaSim"),
-    *("adapters.coppeliasim.VisionImage", "adapters.coppeliasim.VisionSensor"),
-    *("adapters.gazebo.from_gz_image", "adapters.gazebo.from_gz_poses"),
-    *("adapters.images.from_mujoco_renderer", "adapters.images.from_mujoco_pixels", "adapters.images.from_pybullet"),
-    "adapters.images.from_coppeliasim",
-    *("adapters.mujoco.is_available", "adapters.mujoco.LiveModel", "adapters.mujoco.DepthView"),
-    *("adapters.mujoco.View", "adapters.mujoco.frames", "adapters.mujoco.geom_mesh"),
-    "adapters.mujoco.spec_from_urdf",
-    *("adapters.optitrack.CapturedBody", "adapters.optitrack.MotionCapture"),
-    *("adapters.optitrack.MotionCaptureClient", "adapters.optitrack.CapturedFrame"),
-    *("adapters.optitrack.read_motive_csv", "adapters.optitrack.write_motive_csv", "adapters.optitrack.NatNetError"),
-    *("adapters.optitrack.decode_frame", "adapters.optitrack.decode_model", "adapters.optitrack.decode_server_info"),
-    *("adapters.optitrack.MotionCaptureServer", "adapters.optitrack.BodyState", "adapters.optitrack.MarkerState"),
-    *("adapters.optitrack.ModelNames", "adapters.optitrack.NatNetFrame", "adapters.optitrack.ServerInfo"),
-    *("adapters.rerun.Image", "adapters.rerun.Viewer"),
-    *("adapters.ros.radar_in_camera", "adapters.ros.DepthImages", "adapters.ros.FrameImages"),
-    *("adapters.ros.frame_images", "adapters.ros.BagMotions", "adapters.ros.BagWriter", "adapters.ros.BagReader"),
-    *("adapters.ros.from_camera_info", "adapters.ros.from_ros_image", "adapters.ros.installed"),
-    *("adapters.ros.JointSeries", "adapters.ros.PoseSeries", "adapters.ros.from_pose", "adapters.ros.joint_series"),
-    *("adapters.ros.pose_series", "adapters.ros.rigid_body_series", "adapters.ros.to_pose_stamped"),
-    *("adapters.ros.to_transforms", "adapters.ros.BagFrames", "adapters.ros.FrameWriter"),
-    *("adapters.ros.from_truth_message", "adapters.ros.to_truth_message", "adapters.ros.write_frames"),
-    *("adapters.ros.from_map_image", "adapters.ros.from_samples_message", "adapters.ros.from_settings_message"),
-    *("adapters.ros.to_frame", "adapters.ros.to_map_image", "adapters.ros.to_samples_message"),
-    *("adapters.ros.to_settings_message", "adapters.ros.from_point_cloud", "adapters.ros.from_radar_scan"),
-    *("adapters.ros.to_point_cloud", "adapters.ros.to_radar_scan", "adapters.ros.header_nanoseconds"),
-    *("adapters.ros.nanoseconds", "adapters.ros.nearest_nanoseconds", "adapters.ros.seconds"),
-    "adapters.ros.TransformTree",
-}
-"""Names that have no example yet."""
-
 IMPORTED = ("mujoco",)
 """Packages that examples import themselves, called as their extras."""
 
@@ -167,8 +115,8 @@ def resolved(name: str) -> Any:
 
 
 NAMES = [name for name in docstrings() if not is_method(name)]
-WITH_EXAMPLE = [name for name in docstrings() if "Examples" in sections(name) and name not in TO_DO]
-WITH_SEE_ALSO = [name for name in docstrings() if "See Also" in sections(name) and name not in TO_DO]
+WITH_EXAMPLE = [name for name in docstrings() if "Examples" in sections(name)]
+WITH_SEE_ALSO = [name for name in docstrings() if "See Also" in sections(name)]
 
 
 def test_names_are_those_that_users_find() -> None:
@@ -179,7 +127,7 @@ def test_names_are_those_that_users_find() -> None:
     assert docstrings()["Radar"] == inspect.getdoc(rc.Radar)
 
 
-@pytest.mark.parametrize("name", sorted({*NAMES, *METHODS} - TO_DO))
+@pytest.mark.parametrize("name", sorted({*NAMES, *METHODS}))
 def test_name_has_an_example_and_says_what_is_near(name: str) -> None:
     assert not {"See Also", "Examples"} - sections(name).keys(), "missing"
     assert list(sections(name))[-1] == "Examples"
