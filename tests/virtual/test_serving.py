@@ -15,7 +15,7 @@ import pytest
 import radarcore as rc
 from boards import CLI, SWING, Numbered, numbered, python
 from radarcore.cli.main import main
-from radarcore.sensor import SensorError, open_sensor, virtual_board
+from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor, virtual_board
 from radarcore.sensor.bgt60.registers import start_words
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.emulator.link import server_of
@@ -158,6 +158,38 @@ def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
         _, err = end(server, signal.SIGINT)
     assert (server.returncode, err) == (130, "radarcore: interrupted\n")
     assert not (tmp_path / "radar").is_symlink()
+
+
+HEAVY = """
+import time
+from radarcore.simulate.simulator import Simulator
+def frame(self, time_of_frame):
+    print("simulates", flush=True)
+    time.sleep(60)
+Simulator.frame = frame
+"""
+"""A simulator whose frames take as long as those of millions of rays."""
+
+
+@pytest.mark.parametrize("protocol", ["strata", "comlib"])
+def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol):
+    scene, link = tmp_path / "swing.toml", tmp_path / "radar"
+    scene.write_text(SWING)
+    with python(HEAVY + CLI, "sensor", "serve", scene, "--link", link, "--protocol", protocol) as server:
+        try:
+            assert server.stdout.readline() == f"listening on {link}\n"
+            with open_sensor(str(link), protocol=protocol) as sensor:
+                sensor.configure(rc.Radar(RADAR.waveform, rx=[[0.0, 0.0, 0.0]], receiver=RADAR.receiver))
+                with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
+                    next(sensor.frames(timeout=0.2))
+            assert "simulates\n" in [server.stdout.readline() for _ in range(3)]
+            began = time.monotonic()
+            end(server, signal.SIGTERM)
+            assert time.monotonic() - began < 10.0, "a busy machine may take some seconds, and the frame a minute"
+        finally:
+            server.kill()
+    assert server.returncode == 0
+    assert not link.is_symlink()
 
 
 # Links
