@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 import time
+from functools import partial
 
 import pytest
 
@@ -29,15 +30,15 @@ def test_results_and_failures_are_those_of_the_work_in_its_order() -> None:
 
 
 def test_who_waits_is_freed_by_the_end_and_what_has_not_begun_never_does() -> None:
-    worker: Worker[bool] = Worker("waiting")
+    worker: Worker[object] = Worker("waiting")
     is_begun, goes_on = threading.Event(), threading.Event()
-    begun = []
+    begun: list[int] = []
 
     def work() -> bool:
         is_begun.set()
         return goes_on.wait(30.0)
 
-    heavy, next_one = worker.begin(work), worker.begin(lambda: begun.append(1) is None)
+    heavy, next_one = worker.begin(work), worker.begin(partial(begun.append, 1))
     assert is_begun.wait(30.0)
     timer = threading.Timer(0.05, worker.close)
     timer.start()
