@@ -105,14 +105,14 @@ class Simulated:
         receiver = radar.receiver or Receiver(output="real")
         places = [] if self._is_ideal else _places(radar)
         if not places:
-            return _with_receiver(radar, replace(receiver, high_pass=None)), False
+            return replace(radar, receiver=replace(receiver, high_pass=None)), False
         own = self._own
         cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
         chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
         chain = replace(chain, phase_noise=None) if own is None else _switched(chain, own)
         if radar.waveform.is_cw:
             chain = replace(chain, high_pass=None)
-        return _with_receiver(radar, chain.of_receivers(places)), True
+        return replace(radar, receiver=chain.of_receivers(places)), True
 
     def _taken(self, radar: Radar, index: int, time: float) -> NDArray[np.float64]:
         """Samples of a frame, simulated ahead or now; frames ahead of others are forgotten."""
@@ -168,14 +168,3 @@ def _places(radar: Radar) -> list[int]:
     distance = np.linalg.norm(radar.rx[:, None] - bgt60tr13c().rx, axis=-1)
     places: list[int] = distance.argmin(axis=1).tolist()
     return places if distance.min(axis=1).max() < _SAME_PLACE else []
-
-
-def _with_receiver(radar: Radar, receiver: Receiver) -> Radar:
-    return Radar(
-        radar.waveform,
-        tx=radar.tx,
-        rx=radar.rx,
-        pattern=radar.pattern,
-        tx_power_dbm=radar.tx_power_dbm,
-        receiver=receiver,
-    )
