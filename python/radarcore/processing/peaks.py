@@ -26,7 +26,7 @@ from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
+from radarcore.recording.frame import Frame, is_of_adc
 
 _PADDING = 4
 """Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
@@ -94,7 +94,7 @@ def strongest_peak(
     targets, and compares each with what is around it.
 
     **Leakage.** A sensor hears its own transmitter, most of all in its nearest range bins and far louder than any echo.
-    Of a frame with samples of an ADC (`Frame.raw`, or in parts of full scale) a peak is therefore sought beyond three
+    Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
     range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
     neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
     What stands still is an echo like others: `remove_running_mean` takes it off.
@@ -245,7 +245,7 @@ def _has_leakage(frame: Frame) -> bool:
 
     Offsets lie in the same bins as leakage.
     """
-    if unit_of(frame) not in (FULL_SCALE, PARTS_OF_FULL_SCALE):
+    if not is_of_adc(frame):
         return False
     receiver = frame.radar.receiver
     if receiver is None or receiver.full_scale is None:
