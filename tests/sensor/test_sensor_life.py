@@ -231,7 +231,7 @@ def test_interrupted_programs_end_soon_and_leave_the_board_alone():
     )
     controller = Controller(Numbered())
     with PtyPort(CdcBoard(controller)) as port:
-        for wait in (0.0, 0.13, 0.31):
+        for wait in (0.0, 0.2):
             with python(program, port.path) as process:
                 assert process.stdout.readline() == "ready\n"
                 time.sleep(wait)
