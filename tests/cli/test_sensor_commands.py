@@ -76,11 +76,9 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
 
 
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
-def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tmp_path, scene):
+def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scene):
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    rec = tmp_path / "rec"
-    assert main(["sensor", "record", port, "-o", str(rec), "--chirps", "8", "--frames", "5"]) == 0
-    for name, source in (("port", port), ("rec", rec), ("scene", scene)):
+    for name, source in (("port", port), ("scene", scene)):
         output = tmp_path / name
         assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
         assert str(output) in capsys.readouterr().out
@@ -150,4 +148,6 @@ def test_cube_of_a_view_may_be_any(tmp_path):
     cube = np.random.default_rng(0).normal(size=(3, 1, 1, 128)).astype(np.complex64)
     rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
     assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out"), "--max-range", "2"]) == 0
-    assert list((tmp_path / "out").glob("*.png"))
+    pictures = list((tmp_path / "out").glob("*.png"))
+    assert pictures
+    assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"

@@ -278,7 +278,7 @@ def test_board_answers_while_a_frame_takes_long_to_simulate():
         assert frame.stats["index"] == 0
 
 
-def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
+def test_interrupted_server_and_recorder_that_is_told_to_end_do_so_well(swing, tmp_path):
     output = tmp_path / "rec"
     with served(swing, "--link", tmp_path / "port") as (port, server):
         assert port == str(tmp_path / "port")
@@ -288,7 +288,7 @@ def test_interrupted_server_and_recorder_end_well(swing, tmp_path):
             deadline = time.monotonic() + 60.0
             while time.monotonic() < deadline and not _has_frames(output, 5):
                 time.sleep(0.05)
-            recorder.send_signal(signal.SIGINT)
+            recorder.send_signal(signal.SIGTERM)  # as an interrupt does: as long as was wanted
             out, err = recorder.communicate(timeout=60)
         assert recorder.returncode == 0, err
         assert "0 lost" in out
