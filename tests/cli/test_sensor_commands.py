@@ -76,11 +76,9 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
 
 
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
-def test_view_writes_pictures_of_a_port_a_recording_and_a_scene(port, capsys, tmp_path, scene):
+def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scene):
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    rec = tmp_path / "rec"
-    assert main(["sensor", "record", port, "-o", str(rec), "--chirps", "8", "--frames", "5"]) == 0
-    for name, source in (("port", port), ("rec", rec), ("scene", scene)):
+    for name, source in (("port", port), ("scene", scene)):
         output = tmp_path / name
         assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
         assert str(output) in capsys.readouterr().out
@@ -135,7 +133,6 @@ def test_settings_of_a_board_are_refused_beside_a_recording(capsys, tmp_path):
     view = ["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]
     assert main([*view, "--max-velocity", "2"]) == 1
     assert "--max-velocity: expected a board, which it sets, got " in capsys.readouterr().err
-    assert main([*view, "--max-range", "2"]) == 0
 
 
 def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, scene):
@@ -145,10 +142,12 @@ def test_serving_a_simulated_recording_names_what_is_missing(capsys, tmp_path, s
 
 
 def test_cube_of_a_view_may_be_any(tmp_path):
-    """A window follows whatever a recording holds: one chirp, I/Q."""
+    """A window follows whatever a recording holds: one chirp, I/Q; and its range may be cut."""
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     waveform = rc.bgt60tr13c().waveform.replace(num_chirps=1)
     cube = np.random.default_rng(0).normal(size=(3, 1, 1, 128)).astype(np.complex64)
     rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
-    assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out")]) == 0
-    assert list((tmp_path / "out").glob("*.png"))
+    assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out"), "--max-range", "2"]) == 0
+    pictures = list((tmp_path / "out").glob("*.png"))
+    assert pictures
+    assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"

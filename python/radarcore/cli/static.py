@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore.cli.source import AnyReader
 from radarcore.processing.inputs import with_samples
-from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
+from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
 
 
@@ -35,7 +35,7 @@ def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
     if chosen is not None:
         return chosen
     first = next(_frames(frames), None)
-    if first is None or first.truth is not None or unit_of(first) not in (FULL_SCALE, PARTS_OF_FULL_SCALE):
+    if first is None or first.truth is not None or not is_of_adc(first):
         return False
     return len(frames) * first.radar.num_chirps > 1
 

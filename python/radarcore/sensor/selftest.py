@@ -16,8 +16,8 @@ from radarcore.sensor.board import Board, Lost, RawFrame
 from radarcore.sensor.checks import Check, judged, measure, present_radar, set_to, with_rx
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
-from radarcore.sensor.measured import pace_of
 from radarcore.sensor.signal_checks import any_noise_checks, noise_checks, pattern_checks
+from radarcore.sensor.signal_statistics import pace_of
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.transport import KNOWN_BOARDS
 

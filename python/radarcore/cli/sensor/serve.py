@@ -77,6 +77,8 @@ def _serve(options: argparse.Namespace) -> int:
             _wait(duration, _Clients(port).news, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
+        finally:
+            board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
     return 0
 
