@@ -188,6 +188,11 @@ def unit_of(frame: Frame) -> str | None:
     return unit
 
 
+def is_of_adc(frame: Frame) -> bool:
+    """True for samples that an ADC measured, or a receiver with one: codes or parts of its full scale."""
+    return unit_of(frame) in (FULL_SCALE, PARTS_OF_FULL_SCALE)
+
+
 def frame_shape(radar: Radar) -> tuple[int, int, int]:
     """Channels, chirps and samples of a frame."""
     return radar.num_channels, radar.num_chirps, radar.waveform.num_samples
