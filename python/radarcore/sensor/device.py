@@ -413,6 +413,8 @@ class Sensor:
         if duration is not None:
             seconds = check.positive("duration", duration, "s")
             num_frames = max(1, round(seconds / radar.waveform.frame_interval))
+        if num_frames is not None:
+            num_frames = check.count("num_frames", num_frames)
         frames = self.frames(num_frames)
         bar = notice.progress(frames, "recording", "frame", total=num_frames, shown=progress)
         with (
