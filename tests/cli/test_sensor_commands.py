@@ -121,6 +121,8 @@ def test_report_is_json(capsys, tmp_path):
         (["record", "/dev/none", "-o", "rec", "--rx", "4"], "--rx: expected some of 1,2,3"),
         (["record", "/dev/none", "-o", "rec.npz"], "expected a directory (no suffix)"),
         (["record", "PORT", "-o", "rec", "--radar", "none.toml"], "none.toml"),
+        (["view", "/dev/none", "-o", "pictures", "--frames", "-3"], "--frames: expected at least 1, got -3"),
+        (["view", "/dev/none", "-o", "pictures", "--every", "0"], "--every: expected a positive number"),
         (["view", "none.toml"], "none.toml"),
         (["view", "no/such/recording"], "no such recording, scene file or port"),
         (["serve", "none.toml"], "none.toml"),
@@ -134,6 +136,13 @@ def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, mo
     assert len(lines) == 1
     assert message in lines[0]
     assert not (tmp_path / "rec").exists() or not any((tmp_path / "rec").iterdir())
+
+
+def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
+    with virtual_board(Numbered(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+        assert main(["sensor", "record", port.path, "-o", str(tmp_path / "rec"), "--frames", "1", "--gain", "33"]) == 1
+    expected = "radarcore: --gain: expected an option of BGT60TR24B (rx_mask or tx_power), got 33\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_nearest_gain_is_told(port, capsys, tmp_path):

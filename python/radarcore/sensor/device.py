@@ -21,7 +21,7 @@ from radarcore.recording.frame import FULL_SCALE, Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor import transport
-from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
+from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.checks import Check
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import (
@@ -300,6 +300,7 @@ class Sensor:
         self._check_open()
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check_options(options, self._board.configure, self.info.chip)
         self.stop()
         self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
         return self.radar

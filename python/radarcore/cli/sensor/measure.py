@@ -135,6 +135,9 @@ def _view(options: argparse.Namespace) -> int:
     from radarcore import plot
 
     plot.require()
+    if options.frames is not None:
+        check.count("--frames", options.frames)
+    check.positive("--every", options.every, "s")
     with ExitStack() as stack:
         frames, title, is_sensor = _frames(options, stack)
         plot.view(

@@ -100,7 +100,7 @@ def words_of_options() -> Iterator[None]:
     """Errors of a board's settings in the words of the options."""
     try:
         yield
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         name, colon, rest = str(error).partition(":")
         if name not in _GAINS:
             raise
