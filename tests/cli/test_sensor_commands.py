@@ -1,14 +1,18 @@
 """`radarcore sensor`, as typed."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
 
 import radarcore as rc
 from boards import SWING, Numbered
+from radarcore.__main__ import run
 from radarcore.cli.main import main
 from radarcore.sensor import transport, virtual_board
+from radarcore.sensor.device import Sensor
 from radarcore.sensor.emulator.pty import PtyPort
 
 
@@ -108,9 +112,15 @@ def test_report_is_json(capsys, tmp_path):
             ["record", "PORT", "-o", "rec", "--rate", "1000", "--chirps", "64"],
             "--rate: expected at most 390 Hz beside --chirps 64, got 1 kHz",
         ),
-        (["record", "PORT", "-o", "rec", "--gain", "70"], "if_gain_db: expected 18 dB to 60 dB, got 70 dB"),
-        (["record", "PORT", "-o", "rec", "--duration", "-1"], "duration: expected a positive number"),
+        (["record", "PORT", "-o", "rec", "--gain", "70"], "--gain: expected 18 dB to 60 dB, got 70 dB"),
+        (["view", "PORT", "-o", "pictures", "--power", "32"], "--power: expected"),
+        (["record", "/dev/none", "-o", "rec", "--duration", "-1"], "--duration: expected a positive number"),
+        (["record", "/dev/none", "-o", "rec", "--frames", "0"], "--frames: expected at least 1, got 0"),
+        (["record", "/dev/none", "-o", "rec", "--rx", "4"], "--rx: expected some of 1,2,3"),
+        (["record", "/dev/none", "-o", "rec.npz"], "expected a directory (no suffix)"),
         (["record", "PORT", "-o", "rec", "--radar", "none.toml"], "none.toml"),
+        (["view", "/dev/none", "-o", "pictures", "--frames", "-3"], "--frames: expected at least 1, got -3"),
+        (["view", "/dev/none", "-o", "pictures", "--every", "0"], "--every: expected a positive number"),
         (["view", "none.toml"], "none.toml"),
         (["view", "no/such/recording"], "no such recording, scene file or port"),
         (["serve", "none.toml"], "none.toml"),
@@ -124,6 +134,52 @@ def test_wrong_words_are_one_line(port, arguments, message, capsys, tmp_path, mo
     assert len(lines) == 1
     assert message in lines[0]
     assert not (tmp_path / "rec").exists() or not any((tmp_path / "rec").iterdir())
+
+
+def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
+    with virtual_board(Numbered(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+        assert main(["sensor", "record", port.path, "-o", str(tmp_path / "rec"), "--frames", "1", "--gain", "33"]) == 1
+    expected = "radarcore: --gain: expected an option of BGT60TR24B (rx_mask or tx_power), got 33\n"
+    assert capsys.readouterr().err == expected
+
+
+def test_nearest_gain_is_told(port, capsys, tmp_path):
+    record = ["sensor", "record", port, "-o", str(tmp_path / "rec"), "--frames", "1", "--chirps", "1", "--gain", "24"]
+    assert main(record) == 0
+    assert re.search(r"IF gain +24 dB asked, 23 dB achieved", capsys.readouterr().out)
+
+
+def test_interrupt_before_the_first_frame_is_one_and_leaves_an_old_recording(port, capsys, tmp_path, monkeypatch):
+    rc.Recording(np.zeros((1, 3, 64, 128), "f4"), np.zeros(1), rc.bgt60tr13c()).save(tmp_path / "rec")
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Sensor, "record", interrupted)
+    for name, options in (("new", []), ("rec", ["--overwrite"])):
+        assert main(["sensor", "record", port, "-o", str(tmp_path / name), *options]) == 130
+        told = capsys.readouterr()
+        assert "interrupted" in told.err
+        assert " frames in " not in told.out
+    assert len(rc.Recording.load(tmp_path / "rec")) == 1
+
+
+def test_interrupt_while_the_program_is_read_is_a_line(capsys, monkeypatch):
+    class Interrupted:
+        def __getattr__(self, _):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "radarcore.cli.main", Interrupted())
+    assert run() == 130
+    assert capsys.readouterr().err == "radarcore: interrupted\n"
+
+
+def test_recording_that_is_there_is_told_before_a_board_is_looked_for(capsys, tmp_path):
+    recording = rc.Recording(np.zeros((1, 3, 64, 128), "f4"), np.zeros(1), rc.bgt60tr13c())
+    recording.save(tmp_path / "rec")
+    assert main(["sensor", "record", "/dev/none", "-o", str(tmp_path / "rec"), "--frames", "1"]) == 1
+    assert "got a recording; --overwrite replaces it" in capsys.readouterr().err
+    assert len(rc.Recording.load(tmp_path / "rec")) == 1
 
 
 def test_settings_of_a_board_are_refused_beside_a_recording(capsys, tmp_path):

@@ -316,6 +316,8 @@ def test_wrong_use_names_what_is_expected():
             sensor.source()
         with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
             sensor.configure(SMALL.waveform)
+        with pytest.raises(TypeError, match=r"gain: expected an option of BGT60TR13C \(tx_power_level or if_gain_db"):
+            sensor.configure(SMALL, gain=33)
         with pytest.raises(ValueError, match=r"frame_interval|frame_time"):
             sensor.configure(rc.Radar(SMALL.waveform.replace(frame_interval=1e-3), receiver=SMALL.receiver))
         sensor.close()

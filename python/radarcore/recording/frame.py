@@ -238,7 +238,7 @@ def unit_of(frame: Frame) -> str | None:
 
 
 def is_of_adc(frame: Frame) -> bool:
-    """True for samples of an ADC, measured or simulated: those of a sensor hold its own leakage."""
+    """True for samples of an ADC, measured or simulated: codes, counts, or parts of its full scale."""
     return unit_of(frame) in (FULL_SCALE, PARTS_OF_FULL_SCALE, COUNTS)
 
 

@@ -20,7 +20,7 @@ from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import FULL_SCALE, Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from radarcore.sensor.board import Board, Lost, RawFrame
+from radarcore.sensor.board import Board, Lost, RawFrame, check_options
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
 from radarcore.sensor.selftest import GROUPS, run_checks
@@ -131,6 +131,7 @@ class Sensor:
         self._check_open()
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check_options(options, self._board.configure, self.info.chip)
         self.stop()
         self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
         return self.radar
@@ -292,6 +293,8 @@ class Sensor:
         if duration is not None:
             seconds = check.positive("duration", duration, "s")
             num_frames = max(1, round(seconds / radar.waveform.frame_interval))
+        if num_frames is not None:
+            num_frames = check.count("num_frames", num_frames)
         frames = self.frames(num_frames)
         bar = notice.progress(frames, "recording", "frame", total=num_frames, shown=progress)
         with (

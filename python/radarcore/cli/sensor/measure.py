@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import errno
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
@@ -13,10 +13,11 @@ from typing import Any
 
 from radarcore import check
 from radarcore.cli.sensor.options import add_port, factor_of_real_time
-from radarcore.cli.sensor.settings import add_settings, gains_of, radar_of, refuse_settings, sight
+from radarcore.cli.sensor.settings import add_settings, gains_of, radar_of, refuse_settings, sight, words_of_options
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
+from radarcore.recording.writer import check_room
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.times import frame_times
@@ -68,26 +69,42 @@ def add_parsers(actions: Any) -> None:
 def _record(options: argparse.Namespace) -> int:
     from radarcore.sensor import open_sensor
 
+    # What is wrong without a board is told without one.
+    wanted = radar_of(options)
+    if options.frames is not None:
+        check.count("--frames", options.frames)
+    if options.duration is not None:
+        check.positive("--duration", options.duration, "s")
+    check_room(options.output, options.overwrite)
     with open_sensor(options.port, capture=options.capture) as sensor:
-        wanted = radar_of(options)
-        achieved = sensor.configure(wanted, **gains_of(options))
+        with words_of_options():
+            achieved = sensor.configure(wanted, **gains_of(options))
         print(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
-        for line in _differences(wanted, achieved):
+        for line in (*_differences(wanted, achieved), *_gain(options.gain, sensor.source())):
             print(f"  {line}")
         print(f"  {sight(achieved)}")
-        began = time.perf_counter()
+        began, before = time.perf_counter(), _written_at(options.output)
         try:
             recording = sensor.record(
                 options.output, duration=options.duration, num_frames=options.frames, overwrite=options.overwrite
             )
         except KeyboardInterrupt:
-            if options.duration is not None or options.frames is not None:
+            has_length = options.duration is not None or options.frames is not None
+            if has_length or _written_at(options.output) == before:  # ended before it began
                 raise
             recording = Recording.load(options.output)  # as long as was wanted
         elapsed = time.perf_counter() - began
         lost = sensor.num_lost
     print(f"{options.output}: {len(recording)} frames in {elapsed:.1f} s, {lost} lost")
     return 0
+
+
+def _written_at(path: Path) -> int | None:
+    """Time at which the description of a recording was written; None where there is none."""
+    try:
+        return (path / "meta.json").stat().st_mtime_ns
+    except OSError:
+        return None
 
 
 def _differences(wanted: Radar, achieved: Radar) -> list[str]:
@@ -106,10 +123,21 @@ def _differences(wanted: Radar, achieved: Radar) -> list[str]:
     return lines
 
 
+def _gain(asked: int | None, source: Mapping[str, Any]) -> list[str]:
+    """The gain that was asked for and its nearest step."""
+    achieved = source.get("infineon", {}).get("if_gain_dB")
+    if asked is None or achieved is None:
+        return []
+    return [f"{'IF gain':<19} {asked} dB asked, {achieved} dB achieved"]
+
+
 def _view(options: argparse.Namespace) -> int:
     from radarcore import plot
 
     plot.require()
+    if options.frames is not None:
+        check.count("--frames", options.frames)
+    check.positive("--every", options.every, "s")
     with ExitStack() as stack:
         frames, title, is_sensor = _frames(options, stack)
         plot.view(
@@ -142,8 +170,10 @@ def _frames(options: argparse.Namespace, stack: ExitStack) -> tuple[Iterator[Fra
             return Recording.load(path).replay(speed=speed), source, False
     from radarcore.sensor import open_sensor
 
+    wanted = radar_of(options)
     sensor = stack.enter_context(open_sensor(source))
-    achieved = sensor.configure(radar_of(options), **gains_of(options))
+    with words_of_options():
+        achieved = sensor.configure(wanted, **gains_of(options))
     print(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
     return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
 
