@@ -23,7 +23,7 @@ class Attached:
     """
 
     def __init__(self, parent: AnyMotion, motion: AnyMotion | None = None) -> None:
-        self.parent = as_motion("parent", parent)
+        self.parent: Motion = as_motion("parent", parent)
         self.motion: Motion = Pose() if motion is None else as_motion("motion", motion)
 
     @property

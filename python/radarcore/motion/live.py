@@ -52,7 +52,7 @@ class LiveGroup:
 
     def __init__(self, num_bodies: int) -> None:
         self._num_bodies = check.count("num_bodies", num_bodies)
-        self.motions = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
+        self.motions: tuple[LinkMotion, ...] = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
         self._known = _Known()
 
     def update(

@@ -66,10 +66,10 @@ class Tracker:
     _lives: list[_Life]
 
     def __init__(self, **settings: Any) -> None:
-        self.settings = TrackerSettings(**settings)
-        self.time = -np.inf
+        self.settings: TrackerSettings = TrackerSettings(**settings)
+        self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
-        self.num_begun = 0
+        self.num_begun: int = 0
         self._periods = periods_of(self.settings.max_velocity)
         largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
         self._gate: dict[str, Any] = {

@@ -53,10 +53,10 @@ class RecordingWriter:
         source: dict[str, Any] | None = None,
         overwrite: bool = False,
     ) -> None:
-        self.path = Path(path)
+        self.path: Path = Path(path)
         self.radar = radar
-        self.num_frames = None if num_frames is None else check.count("num_frames", num_frames, 0)
-        self.source = dict(source or {})
+        self.num_frames: int | None = None if num_frames is None else check.count("num_frames", num_frames, 0)
+        self.source: dict[str, Any] = dict(source or {})
         self._kind: Kind | None = None
         self._files: dict[str, GrowingFile] = {}
         self._written = 0

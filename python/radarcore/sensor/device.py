@@ -255,9 +255,9 @@ class Sensor:
     def __init__(self, board: Board, *, queue_size: int = 64) -> None:
         self._board = board
         self._queue_size = check.count("queue_size", queue_size)
-        self.info = board.info
+        self.info: BoardInfo = board.info
         self.radar: Radar | None = None
-        self.num_lost = 0
+        self.num_lost: int = 0
         self._is_open = True
         self._closing = threading.RLock()
         self._reader: _Reader | None = None

@@ -67,7 +67,7 @@ class Simulated:
     """
 
     def __init__(self, simulator: Simulator, *, start: float = 0.0, receiver: str = "measured") -> None:
-        self.start = check.number("start", start, "s")
+        self.start: float = check.number("start", start, "s")
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
         self._simulators: dict[Radar, Simulator] = {}

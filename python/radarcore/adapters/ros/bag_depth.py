@@ -56,11 +56,11 @@ class DepthImages:
         start_ns: int | None = None,
     ) -> None:
         self._bag = bag
-        self.topic = _depth_topic(bag, topic)
+        self.topic: str = _depth_topic(bag, topic)
         if camera is not None and info_topic is not None:
             raise ValueError(f"info_topic: expected none together with a camera, got {info_topic!r}")
         self._camera = _camera_of(bag, self.topic, info_topic) if camera is None else camera
-        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+        self.start_ns: int = first_stamp_ns(bag) if start_ns is None else int(start_ns)
 
     def __len__(self) -> int:
         """Number of images."""

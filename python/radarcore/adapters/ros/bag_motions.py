@@ -47,7 +47,7 @@ class BagMotions:
 
     def __init__(self, bag: BagReader, *, start_ns: int | None = None) -> None:
         self.bag = bag
-        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+        self.start_ns: int = first_stamp_ns(bag) if start_ns is None else int(start_ns)
         self._trees: dict[str, TransformTree] = {}
         self._series: dict[tuple[str, str | None], PoseSeries] = {}
         self._spans: list[tuple[float, float]] = []

@@ -57,15 +57,15 @@ class BagWriter:
 
     def __init__(self, path: str | PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
         need_rosbags()
-        self.path = Path(path)
+        self.path: Path = Path(path)
         suffix = self.path.suffix
-        self.format = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
+        self.format: str = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
         if _BY_SUFFIX.get(suffix, self.format) != self.format or (self.format == "ros1" and suffix != ".bag"):
             expected = next(end for end, kind in _BY_SUFFIX.items() if kind == self.format)
             folder = "" if self.format == "ros1" else " or a folder"
             raise ValueError(f"path: expected {expected}{folder} for the format {self.format!r}, got {str(path)!r}")
         self.version = 1 if self.format == "ros1" else 2
-        self.types = typestore(self.version)
+        self.types: Any = typestore(self.version)
         self._overwrite = overwrite
         self._check_room()
         self._part = self.path.with_name(f"{self.path.name}.part")

@@ -190,7 +190,7 @@ class BagFrames:
         where = f"{bag.path}, {name}"
         if text is None:
             raise ValueError(f"{where}: expected the settings of a radar, got no message")
-        self.radar = radar_from_json(text, where)
+        self.radar: Radar = radar_from_json(text, where)
         values = parsed_json(text, where)
         self.source: dict[str, Any] = dict(values.get("source") or {})
         self._unit = values.get("cube_unit")

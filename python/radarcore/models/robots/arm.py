@@ -54,12 +54,12 @@ class RobotArm:
 
     def __init__(self, joints: Iterable[Joint], links: Mapping[str, Mesh | None], *, name: str = "arm") -> None:
         self.name = name
-        self.joints = tuple(joints)
+        self.joints: tuple[Joint, ...] = tuple(joints)
         moving = [joint for joint in self.joints if joint.kind != "fixed"]
-        self.joint_names = tuple(joint.name for joint in moving)
+        self.joint_names: tuple[str, ...] = tuple(joint.name for joint in moving)
         ordered = _from_the_root(self.joints, links)
         root = next(link for link in links if all(joint.child != link for joint in self.joints))
-        self.links = {link: links[link] for link in [root, *(joint.child for joint in ordered)]}
+        self.links: dict[str, Mesh | None] = {link: links[link] for link in [root, *(joint.child for joint in ordered)]}
 
         # A link's map to its parent is fixed + first * a + second * b, with (first, second) = (sin q, 1 - cos q)
         # for a joint that turns (Rodrigues) and (q, 0) for one that slides.

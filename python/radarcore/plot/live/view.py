@@ -89,7 +89,7 @@ class LiveView:
             threshold_db=threshold_db,
             max_detections=max_detections,
         )
-        self.figure = _figure() if figure is None else figure
+        self.figure: Figure = _figure() if figure is None else figure
         self._limits = (0.0, 0.0)  # of the colours, set by the first frame
         self._make_axes()
         self._make_texts(title, max_detections)
