@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,7 @@ class Waveform(Twinned):
         return check.frozen(starts)
 
     @classmethod
+    @check.knows_keywords
     def from_sweep(
         cls, *, start_frequency: float, stop_frequency: float, sample_rate: float, num_samples: int, **others: Any
     ) -> Waveform:
@@ -194,6 +196,7 @@ class Waveform(Twinned):
         )
 
     @classmethod
+    @check.knows_keywords
     def design(
         cls,
         *,
@@ -257,15 +260,18 @@ class Waveform(Twinned):
     def replace(self, **changes: Any) -> Waveform:
         """Copy of the waveform with some parameters changed.
 
-        A new number of chirps or chirp interval replaces the list of chirp times.
+        A new number of chirps or chirp interval replaces the list of chirp times, of which the first stays.
         """
-        if self.frame_interval == self._default_frame_interval:
+        check.keywords("Waveform.replace", changes, (each.name for each in fields(self)))
+        delay = float(self.chirp_times[0])
+        back_to_back = self._default_frame_interval - delay
+        if self.frame_interval == back_to_back or (delay and isclose(self.frame_interval, back_to_back)):
             changes.setdefault("frame_interval", None)
-        if "chirp_times" not in changes and (
-            self.has_uniform_chirps or {"num_chirps", "chirp_interval"} & changes.keys()
-        ):
-            changes["chirp_times"] = None
-        return replace(self, **changes)
+        is_new = bool({"num_chirps", "chirp_interval"} & changes.keys())
+        if "chirp_times" in changes or not (is_new or (self.has_uniform_chirps and delay == 0.0)):
+            return replace(self, **changes)
+        waveform = replace(self, **changes, chirp_times=None)
+        return waveform.delayed(delay) if delay else waveform
 
     def delayed(self, delay: float) -> Waveform:
         """Waveform whose chirps start later by a time [s]: of a sub-sequence after another, see `Radar`."""

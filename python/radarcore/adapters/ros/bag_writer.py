@@ -23,6 +23,7 @@ _LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
 """Latest time of a message [ns since 1970]."""
 
 
+@check.knows_keywords
 class BagWriter:
     """Writes messages into a new ROS bag.
 
@@ -59,6 +60,9 @@ class BagWriter:
         need_rosbags()
         self.path: Path = Path(path)
         suffix = self.path.suffix
+        if suffix not in _BY_SUFFIX and suffix[1:2].isalpha():  # dates and versions in names of folders have dots, too
+            ends = ", ".join(_BY_SUFFIX)
+            raise ValueError(f"path: expected a bag ({ends}) or a folder without a suffix, got {str(path)!r}")
         self.format: str = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
         if _BY_SUFFIX.get(suffix, self.format) != self.format or (self.format == "ros1" and suffix != ".bag"):
             expected = next(end for end, kind in _BY_SUFFIX.items() if kind == self.format)
