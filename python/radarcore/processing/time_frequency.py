@@ -66,6 +66,7 @@ class RangeTime:
     noise: float | None = None
 
 
+@check.knows_keywords
 def spectrogram(
     recording: Recording,
     *,
@@ -157,6 +158,7 @@ def spectrogram(
     return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers), noise)
 
 
+@check.knows_keywords
 def range_time(
     recording: Recording,
     *,

@@ -38,6 +38,7 @@ _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
 
 
+@check.knows_keywords
 class Tracker:
     """Tracks of a stream of frames: their state, which each update takes on.
 
@@ -287,6 +288,7 @@ def _without_lost_angles(values: Array, variance: Array) -> Array:
     return values
 
 
+@check.knows_keywords
 def track(
     source: Recording | Iterable[Detections | Frame],
     *,

@@ -74,6 +74,7 @@ class Schedule:
                 raise ValueError(f"weights: expected either weights or azimuth and elevation, got {got}")
 
     @classmethod
+    @check.knows_keywords
     def tdm(cls, interval: float | None = None, order: Sequence[int] | None = None) -> Schedule:
         """Transmitters take turns (time-division multiplexing): after every chirp of the first comes one of the second.
 
@@ -93,6 +94,7 @@ class Schedule:
         return cls(kind="tdm", interval=interval, order=order)  # type: ignore[arg-type]  # __post_init__ makes it one
 
     @classmethod
+    @check.knows_keywords
     def ddm(cls, turns: ArrayLike | None = None) -> Schedule:
         """All transmitters send at once, told apart by their Doppler frequency (Doppler-division multiplexing).
 
@@ -110,6 +112,7 @@ class Schedule:
         return cls(kind="ddm", turns=turns)  # type: ignore[arg-type]  # __post_init__ makes it an array
 
     @classmethod
+    @check.knows_keywords
     def steered(
         cls,
         weights: ArrayLike | None = None,

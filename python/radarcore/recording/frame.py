@@ -28,6 +28,7 @@ Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
 """Dtype of the cube and names of the bodies (None: no truth): what all frames of a recording share."""
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Truth:
     """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
@@ -96,6 +97,7 @@ class Truth:
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Frame of samples, simulated or measured.

@@ -41,6 +41,7 @@ from radarcore.recording.writer import RecordingWriter
 from radarcore.summary import html_table
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Recording(Stored):
     """Frames of one radar.
@@ -178,6 +179,7 @@ class Recording(Stored):
             start += length
 
     @classmethod
+    @check.knows_keywords
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
@@ -230,6 +232,7 @@ class Recording(Stored):
         _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
+    @check.knows_keywords
     def load(
         cls,
         path: str | os.PathLike[str],

@@ -18,6 +18,7 @@ from radarcore.recording.native import FORMAT, TRUTH_FILES, exists, format_of, m
 from radarcore.recording.npy import GrowingFile, write_whole
 
 
+@check.knows_keywords
 class RecordingWriter:
     """Writes a recording's directory frame by frame, readable at any moment as far as it got.
 

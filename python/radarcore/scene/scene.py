@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core
+from radarcore import _core, check
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
@@ -79,6 +79,7 @@ class Parts:
         return np.ascontiguousarray(deformation.rate_at(time))
 
 
+@check.knows_keywords
 @sealed
 class Scene:
     """Bodies and point targets; an empty scene is a scene without echoes.

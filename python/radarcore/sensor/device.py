@@ -51,6 +51,7 @@ _SILENCE = 2.0
 """A frame that is so much later than its time does not come [s]: boards wake up in less than 2 ms."""
 
 
+@check.knows_keywords
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     """Boards that answer, one after the other.
 
@@ -79,6 +80,7 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     return found
 
 
+@check.knows_keywords
 def open_sensor(
     port: str | Port | None = None,
     *,

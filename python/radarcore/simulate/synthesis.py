@@ -85,6 +85,7 @@ class Plan:
         return self.text
 
 
+@check.knows_keywords
 def beat_signal(
     delay: ArrayLike,
     amplitude: ArrayLike,
@@ -150,6 +151,7 @@ def beat_signal(
     return samples
 
 
+@check.knows_keywords
 def plan_beat_signal(
     delay: ArrayLike,
     amplitude: ArrayLike,

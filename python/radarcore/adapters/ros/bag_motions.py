@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import notice
+from radarcore import check, notice
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
 from radarcore.adapters.ros.stamps import header_nanoseconds, nanoseconds
@@ -28,6 +28,7 @@ _LONG_GAP, _MANY = 0.2, 5.0
 """A gap in a series is at least this long [s], and this many times as long as the usual interval."""
 
 
+@check.knows_keywords
 class BagMotions:
     """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
 

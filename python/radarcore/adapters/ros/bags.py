@@ -68,6 +68,7 @@ class BagMessage:
     message: Any
 
 
+@check.knows_keywords
 class BagReader:
     """A ROS bag: its topics, and its messages in the order of their times.
 

@@ -22,6 +22,7 @@ _TALLEST = 3.0
 """Height above which it is hardly that of a person in metres [m]."""
 
 
+@check.knows_keywords
 @sealed
 class Human:
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.

@@ -14,6 +14,7 @@ from radarcore.motion.ends import Ends
 from radarcore.sealed import sealed
 
 
+@check.knows_keywords
 @sealed
 class JointTrajectory:
     """Joint angles that pass through given values: C2 cubic splines.
