@@ -60,15 +60,6 @@ class Camera:
         slant: NDArray[np.float64] = np.sqrt(1.0 + u**2 + v[:, None] ** 2)
         return slant
 
-    def every(self, step: int, row: int, column: int) -> Camera:
-        """Camera of every `step`-th pixel in both directions, from a row and a column on."""
-        return Camera(
-            self.fx / step,
-            self.fy / step,
-            (self.cx - column - 0.5) / step + 0.5,
-            (self.cy - row - 0.5) / step + 0.5,
-        )
-
 
 def checked_field_of_view(field_of_view_deg: tuple[float, float]) -> tuple[float, float]:
     """Horizontal and vertical angle, with a warning of those that are hardly degrees."""

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.windows import Window, window_centre, window_weights
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.units import SPEED_OF_LIGHT
 
 
@@ -118,7 +118,7 @@ def doppler_bound(
     -------
     bound : CramerRaoBound
     """
-    waveform.require_range()
+    require_range(waveform)
     _require_chirps("waveform", waveform, 2)
     weights = _weights(waveform, window, doppler_window)
     gradients = range_and_velocity_gradients(waveform)
@@ -193,7 +193,7 @@ def chirp_rate_bound(
     bound : CramerRaoBound
         The range suffers from the velocity: ``velocity * f / slope`` is taken off the beat frequency's.
     """
-    waveform.require_range()
+    require_range(waveform)
     if waveform.num_samples < 3:
         raise ValueError(f"waveform: expected at least 3 samples per chirp, got {waveform.num_samples}")
     return _of_frequency_change(waveform, 2, 4.0, snr_db, is_real, num_channels, window)
@@ -226,7 +226,7 @@ def range_migration_bound(
     bound : CramerRaoBound
         The range suffers from the velocity, as in `chirp_rate_bound`.
     """
-    waveform.require_range()
+    require_range(waveform)
     _require_chirps("waveform", waveform, 2)
     return _of_frequency_change(waveform, 1, 2.0, snr_db, is_real, num_channels, window)
 
@@ -285,7 +285,7 @@ def beat_gradients(waveform: Waveform) -> NDArray[np.float64]:
 def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) -> NDArray[np.float64]:
     """Beat frequencies (up, down) of a unit of range (first column) and of velocity (second), (2, 2)."""
     for name, wf in (("up", up), ("down", down)):
-        wf.require_range()
+        require_range(wf)
         if wf.num_samples < 2:
             raise ValueError(f"{name}: expected at least 2 samples per chirp, got {wf.num_samples}")
     if np.sign(up.slope) == np.sign(down.slope):

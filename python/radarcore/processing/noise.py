@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.constant_false_alarm import checked_power
+from radarcore.radar.receiver import is_plain
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording
 
@@ -90,7 +91,7 @@ def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | Non
     """
     receiver = frame.radar.receiver
     unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
-    if receiver is None or not receiver.is_plain or unit is not None:
+    if receiver is None or not is_plain(receiver) or unit is not None:
         return None
     variance = receiver.noise_variance(frame.radar.waveform.sample_rate)
     return variance * float(np.prod([np.square(w).sum() for w in weights])) or None

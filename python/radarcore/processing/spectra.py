@@ -17,7 +17,7 @@ from radarcore.processing.inputs import (
 )
 from radarcore.processing.windows import Window, window_weights
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 
 
 @check.knows_keywords
@@ -54,7 +54,7 @@ def range_profile(
         For shapes that do not fit the waveform, and for a CW radar; for integers (raw ADC counts) and other dtypes.
     """
     cube, waveform = cube_and_waveform(cube, waveform)
-    waveform.require_range()
+    require_range(waveform)
     return fast_spectrum(cube, waveform, window=window, num_bins=num_bins)
 
 
@@ -106,7 +106,7 @@ def range_doppler(
         (raw ADC counts) and other dtypes.
     """
     cube, waveform = cube_and_waveform(cube, waveform)
-    waveform.require_range()
+    require_range(waveform)
     return spectrum(
         cube,
         waveform,

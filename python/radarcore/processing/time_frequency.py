@@ -14,7 +14,7 @@ from radarcore.processing.inputs import require_one_waveform, require_uniform_ch
 from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.recording import Recording
 
 _SEAMLESS = 1e-3
@@ -191,7 +191,7 @@ def range_time(
         For numbers out of range, a CW radar, and frames of several waveforms.
     """
     wf = _waveform(recording)
-    wf.require_range()
+    require_range(wf)
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
@@ -267,7 +267,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     wf = recording.radar.waveform
     if wf.is_cw:
         if min_range is not None or max_range is not None:
-            wf.require_range()
+            require_range(wf)
         return slice(None)
     ranges = wf.range_axis()[: None if np.iscomplexobj(recording.cube) else wf.num_samples // 2 + 1]
     if nearest > ranges[-1]:

@@ -27,7 +27,7 @@ from radarcore.processing.kalman import Array, smoothed
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.state_space import SHORTEST_RANGE
 from radarcore.processing.tracker_settings import TrackerSettings
-from radarcore.processing.tracks import Tracks, TrackState, tracks_of
+from radarcore.processing.tracks import Tracks, TrackState, state_of_fields, tracks_of
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
@@ -247,7 +247,7 @@ class Tracker:
         """States of all tracks."""
         states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
         return [
-            TrackState.of_fields(
+            state_of_fields(
                 id=life.id,
                 time=self.time,
                 state=state,

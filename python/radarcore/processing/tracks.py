@@ -50,13 +50,6 @@ class TrackState:
     is_confirmed: bool
     num_hits: int
 
-    @classmethod
-    def of_fields(cls, **fields: Any) -> TrackState:
-        """A state of all its fields by name, made without a call for each."""
-        state = object.__new__(cls)
-        vars(state).update(fields)
-        return state
-
     @property
     def range(self) -> float:
         """Distance from the centre of the array [m]."""
@@ -98,6 +91,13 @@ class TrackState:
     def _polar(self) -> tuple[Array, Array]:
         values, covariances = polar(self.state[None], self.state_covariance[None])
         return values[0], covariances[0]
+
+
+def state_of_fields(**fields: Any) -> TrackState:
+    """A state of all its fields by name, made without a call for each."""
+    state = object.__new__(TrackState)
+    vars(state).update(fields)
+    return state
 
 
 @dataclass(frozen=True, eq=False)

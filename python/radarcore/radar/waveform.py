@@ -270,7 +270,7 @@ class Waveform(Twinned):
         is_new = bool({"num_chirps", "chirp_interval"} & changes.keys())
         if "chirp_times" in changes or not (is_new or (self.has_uniform_chirps and delay == 0.0)):
             return replace(self, **changes)
-        waveform = replace(self, **changes, chirp_times=None)
+        waveform = replace(self, **changes | {"chirp_times": None})
         return waveform.delayed(delay) if delay else waveform
 
     def delayed(self, delay: float) -> Waveform:
@@ -283,7 +283,7 @@ class Waveform(Twinned):
         The chirps of this waveform with even numbers, and those with odd numbers falling from the end of the sampled
         band to its start (rising, if this one is falling). There is an even number of them.
         """
-        self.require_range()
+        require_range(self)
         if self.num_chirps % 2 != 0:
             raise ValueError(f"num_chirps: expected an even number for chirps in turn, got {self.num_chirps}")
         shared: dict[str, Any] = {"num_chirps": self.num_chirps // 2, "chirp_interval": None}
@@ -378,14 +378,9 @@ class Waveform(Twinned):
         Bin k lies at ``k c sample_rate / (2 abs(slope) num_bins)``. A real receiver has the first
         ``num_bins // 2 + 1`` of them. Default: `num_samples`. A ValueError for a CW radar.
         """
-        self.require_range()
+        require_range(self)
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
         return np.arange(n, dtype=np.float64) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
-
-    def require_range(self) -> None:
-        """Refuse a CW radar with a ValueError: its samples say nothing of range."""
-        if self.is_cw:
-            raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
     def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
@@ -420,6 +415,12 @@ class Waveform(Twinned):
 
     def __hash__(self) -> int:
         return hash((self.start_frequency, self.slope, self.sample_rate, self.num_samples, self.num_chirps))
+
+
+def require_range(waveform: Waveform) -> None:
+    """Refuse a CW radar with a ValueError: its samples say nothing of range."""
+    if waveform.is_cw:
+        raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
 
 def _time(name: str, seconds: float) -> float:

@@ -68,15 +68,6 @@ class Truth:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
             object.__setattr__(self, name, check.frozen(values))
 
-    @classmethod
-    def from_rows(cls, names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
-        """Truth of one frame from an array (field, body), which becomes read-only and is not copied."""
-        if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
-            raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
-        truth = object.__new__(cls)
-        vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
-        return truth
-
     def select(self, names: Sequence[str]) -> Truth:
         """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""
         if missing := [name for name in names if name not in self.names]:
@@ -95,6 +86,15 @@ class Truth:
     def __getitem__(self, frame_index: int | slice) -> Truth:
         """Truth of one frame of a recording, or of several."""
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
+
+
+def truth_of_rows(names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
+    """Truth of one frame from an array (field, body), which becomes read-only and is not copied."""
+    if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
+        raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
+    truth = object.__new__(Truth)
+    vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
+    return truth
 
 
 @check.knows_keywords

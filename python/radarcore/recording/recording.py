@@ -37,7 +37,7 @@ from radarcore.recording.frame import (
 )
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
-from radarcore.recording.writer import RecordingWriter
+from radarcore.recording.writer import RecordingWriter, open_as
 from radarcore.summary import html_table
 
 
@@ -331,7 +331,7 @@ class _Format(NamedTuple):
 def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
     source, num_frames = recording.source, len(recording)
     with RecordingWriter(path, recording.radar, num_frames=num_frames, source=source, overwrite=overwrite) as writer:
-        writer.open_as(kind_of(recording.cube, recording.truth))  # also where there are no frames
+        open_as(writer, kind_of(recording.cube, recording.truth))  # also where there are no frames
         for frame in recording.frames():
             writer.append(frame)
 

@@ -34,7 +34,17 @@ from radarcore.adapters.ros.samples import from_samples_message, to_samples_mess
 from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Kind, Truth, check_alike, frame_shape, kind_of, unit_of
+from radarcore.recording.frame import (
+    TRUTH_FIELDS,
+    Frame,
+    Kind,
+    Truth,
+    check_alike,
+    frame_shape,
+    kind_of,
+    truth_of_rows,
+    unit_of,
+)
 from radarcore.recording.native import meta_text, parsed_json, radar_from_json
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
@@ -68,7 +78,7 @@ def from_truth_message(message: Any, names: tuple[str, ...]) -> Truth:
     size = len(TRUTH_FIELDS) * len(names)
     if len(values) < size:
         raise ValueError(f"data: expected {size} numbers, got {len(values)}")
-    return Truth.from_rows(names, values[:size].reshape(len(TRUTH_FIELDS), len(names)).copy())
+    return truth_of_rows(names, values[:size].reshape(len(TRUTH_FIELDS), len(names)).copy())
 
 
 @check.knows_keywords

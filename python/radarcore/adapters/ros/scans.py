@@ -15,7 +15,7 @@ from radarcore import check
 from radarcore.adapters.planar_depth import unpacked
 from radarcore.adapters.ros.messages import Types, checked_frame_id, header, make
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.point_cloud import Detections, detections_of_rows
 
 _FIELDS = ("x", "y", "z", "velocity", "intensity")
 """Columns of a point cloud, float32 each."""
@@ -166,7 +166,7 @@ def _detections(columns: NDArray[np.float64], message: Any, approaching_positive
     kept = columns[:, np.isfinite(columns[0])]
     kept = kept[:, np.argsort(kept[0], kind="stable")]
     time = 0.0 if time_ns is None else seconds(time_ns, start_ns)
-    return Detections.from_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
+    return detections_of_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
 
 
 def _first(entry: Any, *names: str) -> Any:
