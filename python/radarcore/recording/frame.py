@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
@@ -137,6 +137,9 @@ class Frame:
             if codes.shape != self.cube.shape:
                 raise ValueError(f"raw: expected shape {self.cube.shape} as the cube, got {codes.shape}")
             object.__setattr__(self, "raw", codes)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.cube, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
         channels, chirps, samples = self.cube.shape

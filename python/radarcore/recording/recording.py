@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
@@ -76,6 +76,12 @@ class Recording(Stored):
 
     def __len__(self) -> int:
         return len(self.cube)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self.frames()
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.cube, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
         channels, chirps, samples = self.cube.shape[1:]
