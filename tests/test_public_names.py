@@ -107,10 +107,17 @@ new = {{name.partition(".")[0] for name in set(sys.modules) - before}}
 print(*sorted(name for name in new if name not in sys.stdlib_module_names))
 """
 SIMULATOR = "radarcore.Simulator(radarcore.Scene(), radarcore.bgt60tr13c())"
+FRAME = (
+    "plate = radarcore.Body(radarcore.shapes.plate(0.1, 0.1), motion=radarcore.Pose([1.0, 0.0, 0.0]))\n"
+    "radarcore.Simulator(radarcore.Scene([plate]), radarcore.bgt60tr13c(num_chirps=1), resolution=4).frame()"
+)
+"""Loads no scipy, pydantic or matplotlib: what it takes to simulate a frame is numpy and the core."""
 
 
-@pytest.mark.parametrize(("use", "packages"), [("", ["radarcore"]), (SIMULATOR, ["numpy", "radarcore"])])
-def test_import_loads_nothing_else_and_a_simulator_numpy_alone(use: str, packages: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("use", "packages"), [("", ["radarcore"]), (SIMULATOR, ["numpy", "radarcore"]), (FRAME, ["numpy", "radarcore"])]
+)
+def test_import_loads_nothing_else_and_a_simulator_and_its_frames_numpy_alone(use: str, packages: list[str]) -> None:
     code = LOADED.format(use=use)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stderr == ""
