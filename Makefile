@@ -60,10 +60,12 @@ lint-rust: $(VENV)/created | tests-rust
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
 	@cargo clippy --quiet --lib --locked -- -D warnings
 
+# What a user's checker of types finds of the package, beside that the package is right: every name with its type.
 types: $(VENV)/adapters $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
+	@known=$$(PATH="$(CURDIR)/$(BIN):$$PATH" basedpyright --verifytypes radarcore --ignoreexternal) || { echo "$$known"; exit 1; }
 
 # What traces rays is inside of the core. The rest, benches once and tiny among it, takes a core that is not optimised,
 # which is built in no time.

@@ -25,7 +25,7 @@ from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame, is_of_adc
 
 _PADDING = 4
@@ -81,6 +81,7 @@ class Peak:
     snr_db: float
 
 
+@check.knows_keywords
 def strongest_peak(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
@@ -178,7 +179,7 @@ def strongest_peak(
     leaks = min_range is None and has_leakage and not waveform.is_cw
     range_limits = limits("range", "m", 0.0 if min_range is None else min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
-        waveform.require_range()
+        require_range(waveform)
     velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
     least_snr_db = None if min_snr_db is None else check.number("min_snr_db", min_snr_db, "dB")
 

@@ -104,7 +104,7 @@ class Stream:
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.radar = radar
         self.remove_static = remove_static
-        self.seconds = check.positive("history", history, "s")
+        self.seconds: float = check.positive("history", history, "s")
         self._threshold_db = check.number("threshold_db", threshold_db, "dB")
         self._max_detections = check.count("max_detections", max_detections, 0)
 
@@ -115,18 +115,24 @@ class Stream:
             last = min(check.positive("max_range", max_range, "m"), last)
         ranges = wf.range_axis(_num_cells(wf.num_samples, _MOST_RANGES))
         self._num_ranges, self._range_step = len(ranges), float(ranges[1])
-        self.ranges = ranges[: int(np.searchsorted(ranges, last * (1.0 + 1e-9), side="right"))]
+        self.ranges: NDArray[np.float64] = ranges[: int(np.searchsorted(ranges, last * (1.0 + 1e-9), side="right"))]
         has_velocity = wf.num_chirps > 2 and wf.has_uniform_chirps  # the window leaves one of two
-        self.velocities = wf.velocity_axis(_num_cells(wf.num_chirps, _MOST_VELOCITIES)) if has_velocity else None
-        self.level = np.full((1 if self.velocities is None else len(self.velocities), len(self.ranges)), np.nan, "f4")
+        self.velocities: NDArray[np.float64] | None = (
+            wf.velocity_axis(_num_cells(wf.num_chirps, _MOST_VELOCITIES)) if has_velocity else None
+        )
+        self.level: NDArray[np.float32] = np.full(
+            (1 if self.velocities is None else len(self.velocities), len(self.ranges)), np.nan, "f4"
+        )
         self.detections: list[Detection] = []
 
         # Columns of the history are not finer than frames come.
         num_columns = max(1, round(min(_MOST_COLUMNS, self.seconds / wf.frame_interval)))
-        self.history = np.full((num_columns, len(self.ranges)), np.nan, "f4")
+        self.history: NDArray[np.float32] = np.full((num_columns, len(self.ranges)), np.nan, "f4")
         self._column_time = self.seconds / num_columns
         self._origin, self._column = np.nan, 0
 
+        self.num_frames: int
+        self.num_lost: int
         self.num_frames = self.num_lost = 0
         self._times: deque[float] = deque(maxlen=_RATE_INTERVALS + 1)
         self._static: NDArray[Any] | None = None

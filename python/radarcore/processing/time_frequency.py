@@ -15,6 +15,7 @@ from radarcore.processing.inputs import recording_of, require_one_waveform, requ
 from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.radar.waveform import require_range
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
@@ -91,6 +92,7 @@ class RangeTime:
     noise: float | None = None
 
 
+@check.knows_keywords
 def spectrogram(
     recording: Recording | Frame,
     *,
@@ -199,6 +201,7 @@ def spectrogram(
     return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers), noise)
 
 
+@check.knows_keywords
 def range_time(
     recording: Recording | Frame,
     *,
@@ -248,7 +251,7 @@ def range_time(
     recording = recording_of("recording", recording)
     require_one_waveform(recording.radar)
     wf = recording.radar.waveform
-    wf.require_range()
+    require_range(wf)
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
@@ -320,7 +323,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     wf = recording.radar.waveform
     if wf.is_cw:
         if min_range is not None or max_range is not None:
-            wf.require_range()
+            require_range(wf)
         return slice(None)
     ranges = wf.range_axis()[: None if np.iscomplexobj(recording.cube) else wf.num_samples // 2 + 1]
     if nearest > ranges[-1]:

@@ -20,7 +20,7 @@ from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import FULL_SCALE, Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from radarcore.sensor.board import Board, Lost, RawFrame, check_options
+from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
 from radarcore.sensor.selftest import GROUPS, run_checks
@@ -71,9 +71,9 @@ class Sensor:
     def __init__(self, board: Board, *, queue_size: int = 64) -> None:
         self._board = board
         self._queue_size = check.count("queue_size", queue_size)
-        self.info = board.info
+        self.info: BoardInfo = board.info
         self.radar: Radar | None = None
-        self.num_lost = 0
+        self.num_lost: int = 0
         self._is_open = True
         self._closing = threading.RLock()
         self._reader: _Reader | None = None

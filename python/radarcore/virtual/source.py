@@ -15,7 +15,7 @@ from radarcore.radar.baseband import phase_noise_delays
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive.chain import receive
 from radarcore.recording.codes import FULL_SCALE_VOLT, to_codes
 from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
@@ -69,13 +69,13 @@ class Simulated:
     """
 
     def __init__(self, simulator: Simulator, *, start: float = 0.0, receiver: str = "measured") -> None:
-        self.start = check.number("start", start, "s")
+        self.start: float = check.number("start", start, "s")
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
         self._simulators: dict[Radar, Simulator] = {}
         self._known: dict[tuple[Radar, float], tuple[Radar, bool]] = {}  # as received
         own = simulator.radar.receiver
-        self._own = None if own is None or own.is_plain else own
+        self._own = None if own is None or is_plain(own) else own
         self._is_ideal = receiver == "ideal" and self._own is None
         self._worker: Worker[NDArray[np.float64]] = Worker("radarcore-simulate")
         self._ahead: dict[tuple[Radar, int], tuple[float, Future[NDArray[np.float64]]]] = {}

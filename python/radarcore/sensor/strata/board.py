@@ -92,7 +92,7 @@ class StrataBoard:
         # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
         self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
-        self.info = self._open(timeout)
+        self.info: BoardInfo = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
         """Ask whether somebody speaks Strata there, and then who."""
