@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,18 +12,6 @@ from radarcore.cli.source import AnyReader
 from radarcore.processing.inputs import with_samples
 from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
 from radarcore.recording.recording import Recording
-
-
-def add_static(parser: argparse.ArgumentParser) -> None:
-    """Add the options ``--remove-static`` and ``--keep-static``."""
-    choice = parser.add_mutually_exclusive_group()
-    choice.add_argument(
-        "--remove-static",
-        action="store_true",
-        default=None,
-        help="leave out what stands still throughout (default: of recordings of sensors, with their leakage)",
-    )
-    choice.add_argument("--keep-static", dest="remove_static", action="store_false", default=None, help="leave it in")
 
 
 def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
