@@ -11,7 +11,7 @@ from cyclopts import App, Group, Parameter
 from radarcore._core import __version__
 from radarcore.cli import terminal
 from radarcore.cli.options import OPTIONS
-from radarcore.cli.plain_help import show_panel
+from radarcore.cli.plain_help import PlainHelp
 
 _SIMULATE, _LOOK, _EVALUATE, _BOARDS, _MORE = (
     Group(name, sort_key=place) for place, name in enumerate(("Simulate", "Look", "Evaluate", "Boards", "More"))
@@ -165,7 +165,7 @@ def application() -> App:
         version_flags="--version",
         help_flags=_HELP_FLAGS,
         help_format="plaintext",
-        help_formatter=None if terminal.is_coloured() else show_panel,
+        help_formatter=None if terminal.is_coloured() else PlainHelp(),
         group_parameters=OPTIONS,
         default_parameter=Parameter(negative=(), allow_repeating=True),  # the last of an option counts
         result_action="return_value",

@@ -14,16 +14,33 @@ _COLUMN, _GAP = 26, 2
 """Width of the names, and space between them and what they do."""
 
 
-def show_panel(console: Console, _: ConsoleOptions, panel: HelpPanel) -> None:
-    """Print a group of commands or options."""
-    if not panel.entries:
-        return
-    lines = [f"{panel.title}:"]
-    if about := _plain(panel.description):
-        lines += textwrap.wrap(about, console.width, initial_indent="  ", subsequent_indent="  ")
-    for entry in panel.entries:
-        labels = entry.display_labels_with_metavar if panel.format == "parameter" else entry.display_labels
-        lines += _entry(", ".join(labels), _told(entry), console.width)
+class PlainHelp:
+    """Prints the parts of a help page."""
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:  # noqa: ARG002
+        """Print a group of commands or options."""
+        if not panel.entries:
+            return
+        lines = [f"{panel.title}:"]
+        if about := _plain(panel.description):
+            lines += textwrap.wrap(about, console.width, initial_indent="  ", subsequent_indent="  ")
+        for entry in panel.entries:
+            labels = entry.display_labels_with_metavar if panel.format == "parameter" else entry.display_labels
+            lines += _entry(", ".join(labels), _told(entry), console.width)
+        _print(console, lines)
+
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:  # noqa: ARG002
+        """Print how the command is called."""
+        _print(console, [f"Usage: {_plain(usage)}"])
+
+    def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:  # noqa: ARG002
+        """Print what the command does."""
+        text = _plain(description).splitlines()
+        _print(console, [part for line in text for part in textwrap.wrap(line, console.width) or [""]])
+
+
+def _print(console: Console, lines: list[str]) -> None:
+    """Print lines as they are, and an empty one."""
     console.print("\n".join(lines), "", sep="\n", highlight=False, markup=False, soft_wrap=True)
 
 

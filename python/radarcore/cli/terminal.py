@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 _STYLES = {"PASS": "bold green", "FAIL": "bold red", "SKIP": "yellow", "error": "bold red", "warning": "yellow"}
 _LABEL, _TITLE, _NOTE = "cyan", "bold", "dim"
 
+_WIDEST = 10_000
+"""Columns of characters that no table has."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -117,13 +120,15 @@ def _parts(table: Table) -> Iterable[RenderableType]:
 
 
 def _print(*parts: RenderableType) -> None:
-    """Print, wider than the terminal rather than with cut numbers."""
+    """Print, tables wider than the terminal rather than with cut numbers."""
     from rich.console import Console
     from rich.measure import Measurement
     from rich.table import Table as Grid
 
     console = Console(highlight=False)
     for part in parts:
-        is_wide = isinstance(part, Grid) and part.box is not None
-        width = Measurement.get(console, console.options.update(max_width=10_000), part).maximum if is_wide else 0
-        console.print(part, width=max(width, console.width), crop=False, soft_wrap=not isinstance(part, Grid))
+        if isinstance(part, Grid) and part.box is not None:
+            whole = Measurement.get(console, console.options.update(max_width=_WIDEST), part).maximum
+            Console(highlight=False, width=max(whole, console.width)).print(part)
+        else:
+            console.print(part, soft_wrap=not isinstance(part, Grid))

@@ -37,8 +37,8 @@ def _text(error: CycloptsError, app: App, words: list[str]) -> str:
         case UnknownOptionError():
             got = error.token.keyword or error.token.value
             known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
-            meant = check.near(got, known)
-            return f"unknown option {got}" + (f"; did you mean {' or '.join(meant)}?" if meant else "")
+            meant = check.near(got, known)[:1]
+            return f"unknown option {got}" + "".join(f"; did you mean {name}?" for name in meant)
         case CoercionError():
             return _unfit(error)
         case MissingArgumentError():
