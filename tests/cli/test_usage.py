@@ -73,6 +73,7 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
     ("words", "message", "command"),
     [
         ("plt scene.toml", "expected a command, got 'plt'; did you mean 'plot'?", ""),
+        ("--verson", "expected a command, got '--verson'; did you mean '--version'?", ""),
         ("zzz", "expected a command, got 'zzz'; known: demo, simulate, schema, info, ", ""),
         ("sensor recrod", "sensor: expected a command, got 'recrod'; did you mean 'record'?", "sensor"),
         ("plot rec -o a.png --kin map", "plot: unknown option --kin; did you mean --kind?", "plot"),
@@ -149,6 +150,17 @@ def test_last_of_an_option_counts_and_numbers_may_be_negative() -> None:
 def test_option_and_its_opposite(option: str, value: bool) -> None:
     _, bound = parse(application(), ["demo", option])
     assert bound.arguments["robots"] is value
+
+
+def test_completion_is_installed_in_the_home_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(tmp_path))
+    assert main(["--install-completion", "--shell", "bash", "-o", str(tmp_path / "completion")]) == 0
+    assert "complete -F" in (tmp_path / "completion").read_text()
+    assert str(tmp_path / "completion") in (tmp_path / ".bashrc").read_text()
+    assert str(tmp_path / "completion") in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -32,8 +32,9 @@ def _text(error: CycloptsError, app: App, words: list[str]) -> str:
             for word in words:
                 owner = owner[word]
             got = (error.unused_tokens or [""])[0]
-            known = [name for name in owner if not name.startswith("-")]
-            return f"expected a command, got {got!r}; {check.near_names(got, known)}"
+            known = list(owner)
+            near = check.near(got, known) or [name for name in known if not name.startswith("-")]
+            return f"expected a command, got {got!r}; {check.near_names(got, near)}"
         case UnknownOptionError():
             got = error.token.keyword or error.token.value
             known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
