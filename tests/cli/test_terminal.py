@@ -14,6 +14,7 @@ import pytest
 import radarcore as rc
 from radarcore.cli import terminal
 from radarcore.cli.main import main
+from radarcore.sensor.board import BoardInfo
 from scene_files import APPROACHING
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")
@@ -122,6 +123,32 @@ def test_errors_are_coloured_on_a_terminal(on_terminal) -> None:
 def test_results_of_checks_have_their_colours(on_terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = on_terminal("sensor", "selftest", "/dev/none", status=1)
     assert shown.startswith("\x1b[1;31mFAIL\x1b[0m  open                   /dev/none")
+
+
+def test_boards_are_a_table(on_terminal, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    boards = [
+        BoardInfo("/dev/ttyACM0", "strata", "Radar Baseboard MCU7", "BGT60TR13C", "2.6.0", "0123"),
+        BoardInfo("usb:1-4", "strata", "Radar Baseboard MCU7", "BGT60TR13C", "2.5.1", ""),
+    ]
+    monkeypatch.setattr("radarcore.sensor.list_sensors", lambda: boards)
+    assert main(["sensor", "list"]) == 0
+    assert capsys.readouterr().out == (
+        "/dev/ttyACM0: Radar Baseboard MCU7, BGT60TR13C, firmware 2.6.0, serial number 0123\n"
+        "usb:1-4: Radar Baseboard MCU7, BGT60TR13C, firmware 2.5.1\n"
+    )
+    header, *rows = cells(on_terminal("sensor", "list"))
+    assert header == ["port", "board", "chip", "firmware", "serial", "number"]
+    assert rows[0] == ["/dev/ttyACM0", "Radar", "Baseboard", "MCU7", "BGT60TR13C", "2.6.0", "0123"]
+    assert rows[1] == ["usb:1-4", "Radar", "Baseboard", "MCU7", "BGT60TR13C", "2.5.1"]
+
+
+def test_errors_of_the_demo_are_a_table(on_terminal, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    shown = on_terminal("demo", "-o", tmp_path, "--duration", "0.05", "--no-robots")
+    assert "\x1b[36m1/2 range bin" in shown
+    (cylinder,) = (line for line in cells(shown) if line[0] == "cylinder")
+    assert cylinder[1:3] == ["2", "2"], "frames in which it is visible and tracked"
+    assert max(map(float, cylinder[3:7])) < 1.0, "errors in bins"
 
 
 def test_text_with_brackets_is_no_markup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,7 +49,8 @@ class Table:
 def is_coloured(stream: TextIO | None = None) -> bool:
     """Whether a stream, by default the output, is a terminal with colours that the user wants."""
     chosen = sys.stdout if stream is None else stream
-    return chosen.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in (None, "", "dumb")
+    kind = os.environ.get("TERM", "" if os.name == "posix" else "windows")
+    return chosen.isatty() and not os.environ.get("NO_COLOR") and kind not in ("", "dumb")
 
 
 def show(content: str | Table) -> None:
