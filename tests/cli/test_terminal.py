@@ -144,10 +144,10 @@ def test_boards_are_a_table(on_terminal, monkeypatch: pytest.MonkeyPatch, capsys
 
 def test_errors_of_the_demo_are_a_table(on_terminal, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    shown = on_terminal("demo", "-o", tmp_path, "--duration", "0.05", "--no-robots")
+    shown = on_terminal("demo", "-o", tmp_path, "--duration", "0.1", "--no-robots")
     assert "\x1b[36m1/2 range bin" in shown
     (cylinder,) = (line for line in cells(shown) if line[0] == "cylinder")
-    assert cylinder[1:3] == ["2", "2"], "frames in which it is visible and tracked"
+    assert cylinder[1:3] == ["4", "4"], "frames in which it is visible and tracked"
     assert max(map(float, cylinder[3:7])) < 1.0, "errors in bins"
 
 
