@@ -23,7 +23,7 @@ IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
 
 SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 
-.PHONY: help demo test $(CHECKS) wheel bench docs docs-serve format clean tools checkers
+.PHONY: help demo test $(CHECKS) wheel bench docs docs-serve notebooks format clean tools checkers
 .DELETE_ON_ERROR:
 
 help:
@@ -32,6 +32,7 @@ help:
 	@echo "make wheel    build dist/*.whl"
 	@echo "make bench    measure speed"
 	@echo "make docs     build the site into out/site; make docs-serve shows it while pages are written"
+	@echo "make notebooks run the tutorials into out/notebooks, and renew their outputs on the site"
 	@echo "make format   lay out the Rust and Python sources"
 	@echo "make clean    remove everything that was built, the environment included"
 
@@ -110,6 +111,9 @@ docs: $(VENV)/docs
 
 docs-serve: $(VENV)/docs
 	@$(MKDOCS) serve
+
+notebooks: $(VENV)/docs $(VENV)/built
+	@$(BIN)/python docs/site/notebooks.py
 
 format: $(VENV)/dev
 	cargo fmt

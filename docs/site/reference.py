@@ -174,14 +174,25 @@ def index(found: dict[str, list[Name]]) -> str:
 
 @cache
 def targets() -> dict[str, str]:
-    """Where each name is defined; of names in several packages the one of `rc`."""
+    """Where each name is defined: as written after ``rc.``, or alone; of names in several packages that of `rc`."""
     names = [name for page in pages().values() for name in page]
-    return {name.name: name.target for name in reversed(names)}
+    alone = {name.name: name.target for name in reversed(names)}
+    return {name.written.removeprefix("rc."): name.target for name in names} | alone
 
 
-def link(name: str, rest: str, code: str) -> str:
+def entry(name: str) -> str | None:
+    """Where a name such as `Radar.max_range` or `plot.rcs` is defined; None for what has no entry."""
+    parts = name.split(".")
+    heads = (".".join(parts[:number]) for number in range(len(parts), 0, -1))
+    head = next((head for head in heads if head in targets()), None)
+    return None if head is None else targets()[head] + name.removeprefix(head)
+
+
+def link(name: str, code: str) -> str:
     """A name in code as a link into the reference; what has no entry there stays text."""
-    return f'<autoref identifier="{targets()[name]}{rest}" optional><code>{code}</code></autoref>'
+    target = entry(name)
+    shown = f"<code>{code}</code>"
+    return shown if target is None else f'<autoref identifier="{target}" optional>{shown}</autoref>'
 
 
 def linked(match: re.Match[str]) -> str:
@@ -189,13 +200,13 @@ def linked(match: re.Match[str]) -> str:
     before, prefix, name, rest, after = (part or "" for part in match.groups())
     means_a_name = prefix != "" or name[0].isupper() or "_" in name
     if (
-        name not in targets()
+        entry(name + rest) is None
         or not means_a_name
         or before.startswith(("<a", "<h"))
         or (after and after[0] not in "([@")
     ):
         return match[0]
-    return before + link(name, rest, f"{prefix}{name}{rest}{after}")
+    return before + link(name + rest, f"{prefix}{name}{rest}{after}")
 
 
 def listed(match: re.Match[str]) -> str:
@@ -204,8 +215,8 @@ def listed(match: re.Match[str]) -> str:
     for line in match[2].splitlines():
         names, _, text = line.partition(" : ")
         found = [SEE_NAME.fullmatch(name) for name in names.split(",")]
-        if all(name is not None and name[1] in targets() for name in found):
-            items.append(", ".join(link(name[1], name[2], name[1] + name[2]) for name in found if name) + f": {text}")
+        if text and all(found):
+            items.append(", ".join(link(name[1] + name[2], name[1] + name[2]) for name in found if name) + f": {text}")
         elif items:
             items[-1] += f" {line}"
         else:

@@ -34,7 +34,8 @@ search:
 def uri_of(path: str) -> str:
     """Where a file of the repository is on the site."""
     if path.startswith("docs/"):
-        return path.removeprefix("docs/")
+        inside = path.removeprefix("docs/")
+        return inside.replace(".py", ".md") if inside.startswith("tutorials/") else inside
     return path if Path(path).suffix in AS_THEY_ARE else f"{path}.md"
 
 

@@ -142,11 +142,11 @@ def test_without_truth_the_tracks_of_a_are_the_targets(simulated: rc.Recording, 
 
 
 def test_radars_may_differ_and_it_is_said_how(simulated: rc.Recording) -> None:
-    other = rc.bgt60tr13c(num_chirps=16, start_frequency=61e9, stop_frequency=63e9, receiver="measured")
+    other = rc.bgt60tr13c(num_chirps=64, start_frequency=61e9, stop_frequency=63e9, receiver="measured")
     second = rc.Simulator(scene(), other, resolution=32).record(0.0, 0.5, 20.0, progress=False)
     compared = rc.compare(simulated[:20], second, progress=False)
     found = {one.name: (one.a, one.b) for one in compared.differences}
-    assert found["num_chirps"] == ("32", "16")
+    assert found["num_chirps"] == ("32", "64")
     assert found["start_frequency"][1] == "6.1e+10 Hz"
     assert {"range_resolution", "receiver", "slope"} <= found.keys()
     assert "sample_rate" not in found
@@ -179,6 +179,15 @@ def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
         rc.compare(simulated, truth={"ball": rc.Pose([-2.0, 0.0, 0.0])}, progress=False)
     with pytest.warns(UserWarning, match="got 2200 m or more; are its lengths in metres?"):
         rc.compare(simulated, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])}, progress=False)
+
+
+def test_range_within_reach_of_iq_samples_is_not_warned_of(simulated: rc.Recording) -> None:
+    assert WF.max_range < 15.0 < RADAR.max_range
+    rc.compare(simulated, truth={"ball": rc.Pose([15.0, 0.0, 0.0])}, progress=False)
+    with pytest.warns(
+        UserWarning, match=f"expected ranges below {RADAR.max_range:.4g} m, the max_range of A, got 25 m"
+    ):
+        rc.compare(simulated, truth={"ball": rc.Pose([25.0, 0.0, 0.0])}, progress=False)
 
 
 def test_radar_without_velocities_is_compared_in_range(tmp_path: Path) -> None:

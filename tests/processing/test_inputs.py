@@ -30,6 +30,26 @@ def test_frame_recording_and_cube_with_its_radar_give_the_same(transform: Callab
     np.testing.assert_array_equal(transform(FRAME), expected[0])
 
 
+@pytest.mark.parametrize("history", [rc.range_time, rc.spectrogram], ids=lambda function: function.__name__)
+def test_frame_is_a_recording_of_one_over_time(history: Callable[..., Any]) -> None:
+    receiver = rc.Receiver(noise_figure_db=10.0, output="real")
+    noisy = rc.Recording(CUBE, np.arange(3.0), rc.Radar(WAVEFORM, rx=RADAR.rx, receiver=receiver))
+    for recording in (RECORDING, noisy):
+        expected, found = history(recording), history(recording[1])
+        np.testing.assert_allclose(found.time, expected.time[1:2])
+        np.testing.assert_array_equal(found.power, expected.power[1:2])
+        assert found.noise == expected.noise
+    assert found.noise is not None
+
+
+def test_codes_of_a_frame_are_in_full_scale_over_time_too() -> None:
+    """Whose noise is not that of the receiver's figure."""
+    receiver = rc.Receiver(noise_figure_db=10.0, output="real")
+    codes = np.full(CUBE.shape[1:], 2048, np.uint16)
+    frame = rc.Frame(CUBE[0], 0.0, rc.Radar(WAVEFORM, rx=RADAR.rx, receiver=receiver), raw=codes)
+    assert rc.range_time(frame).noise is None
+
+
 def test_missing_and_superfluous_radars_are_refused_by_name(transform: Callable[..., Any]) -> None:
     with pytest.raises(TypeError, match=r"waveform: expected Waveform or Radar with a cube .*, got none"):
         transform(CUBE)

@@ -214,8 +214,8 @@ STAGGERED = Recording(
 @pytest.mark.parametrize(
     ("recording", "keywords", "error", "message"),
     [
-        (RECORDING[0], {}, TypeError, "recording: expected Recording, got Frame"),
-        (None, {}, TypeError, "recording: expected Recording, got NoneType"),
+        (RECORDING.cube, {}, TypeError, "recording: expected Recording or Frame, got ndarray"),
+        (None, {}, TypeError, "recording: expected Recording or Frame, got NoneType"),
         (STAGGERED, {}, ValueError, "waveform: expected chirps at equal intervals"),
         (RECORDING, {"channel": 1}, ValueError, "channel: expected an index below 1, got 1"),
         (RECORDING, {"channel": 0.5}, TypeError, "channel: expected an integer"),
@@ -242,7 +242,7 @@ def test_silly_input_is_refused_by_name(recording: Any, keywords: Any, error: An
 @pytest.mark.parametrize(
     ("recording", "keywords", "error", "message"),
     [
-        (RECORDING[0], {}, TypeError, "recording: expected Recording, got Frame"),
+        (RECORDING.cube, {}, TypeError, "recording: expected Recording or Frame, got ndarray"),
         (RECORDING, {"channel": -2}, ValueError, "channel: expected at least -1, got -2"),
         (RECORDING, {"num_bins": 63}, ValueError, r"num_bins: expected at least 64 \(num_samples\), got 63"),
     ],

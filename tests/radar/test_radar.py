@@ -101,6 +101,18 @@ def test_bgt60tr13c_sees_ten_metres_at_40_hz() -> None:
     assert wf.max_velocity == pytest.approx(4.128, abs=1e-3)
 
 
+def test_largest_range_is_half_the_range_axis_of_real_samples_and_all_of_it_of_iq() -> None:
+    wf = rc.bgt60tr13c().waveform
+    axis = wf.range_axis()
+    real, iq = (rc.Radar(wf, receiver=rc.Receiver(output=output)) for output in ("real", "iq"))
+    assert real.max_range == wf.max_range == pytest.approx(axis[len(axis) // 2], rel=1e-12)
+    assert iq.max_range == rc.Radar(wf).max_range == pytest.approx(axis[-1] + axis[1], rel=1e-12)
+    # A wish is one of real samples.
+    wished = rc.Waveform.design(max_range=5.0, range_resolution=0.1)
+    assert wished.max_range == pytest.approx(5.0)
+    assert rc.Radar(wished).max_range == pytest.approx(10.0)
+
+
 def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:
     for given, (start, stop) in (
         ({"start_frequency": 58.5e9}, (58.5e9, 59.5e9)),

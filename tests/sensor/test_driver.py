@@ -312,6 +312,8 @@ def test_wrong_use_names_what_is_expected():
         sensor = open_sensor(**where)
         with pytest.raises(SensorError, match=r"expected configure\(radar\) before frames"):
             sensor.frames()
+        with pytest.raises(SensorError, match=r"expected configure\(radar\) before source"):
+            sensor.source()
         with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
             sensor.configure(SMALL.waveform)
         with pytest.raises(ValueError, match=r"frame_interval|frame_time"):

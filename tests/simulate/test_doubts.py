@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.simulate import clearance
 
 WAVEFORM = rc.Waveform.from_sweep(
     start_frequency=60e9, stop_frequency=60.1e9, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=3e-4
@@ -67,14 +68,23 @@ def test_antennas_in_a_room_or_beside_a_body_are_not() -> None:
     assert simulator(room, plate, motion=mount).frame().stats["rays_hit"] > 0
 
 
-def test_large_meshes_cost_little_where_the_antennas_are_far_from_their_surface() -> None:
-    sphere = rc.shapes.sphere(1.5, subdivisions=7)  # 327 680 triangles around the antennas
-    sim = simulator(body(sphere))
-    place = sim._placement.poses_at(0.0)
-    start = perf_counter()
-    sim._doubts.of_place(sim.scene, sim._placement, 0.0)
-    assert place.shape == (2, 3, 4)
-    assert perf_counter() - start < 1.0  # 0.05 s on one core; every triangle by itself would take half a second
+def test_only_triangles_near_the_antennas_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    num_measured = []
+
+    def distance(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+        num_measured.append(len(corners))
+        return exact(point, corners)
+
+    exact = clearance._distance_to_triangles
+    monkeypatch.setattr(clearance, "_distance_to_triangles", distance)
+    sphere = rc.shapes.sphere(1.5, subdivisions=6)  # 81 920 triangles around the antennas
+    beside = 0.998 * sphere.vertices[sphere.triangles[1000]].mean(axis=0)
+    for position, fewest, most in ((np.zeros(3), 0, 0), (beside, 1, 100)):
+        num_measured.clear()
+        sim = simulator(body(sphere), motion=rc.Pose(position))
+        sim._doubts.of_place(sim.scene, sim._placement, 0.0)
+        assert len(num_measured) == 3, "one per antenna"
+        assert fewest <= sum(num_measured) <= most
 
 
 def warned(run: Callable[[], object]) -> list[str]:

@@ -38,6 +38,21 @@ def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> 
         As in the sensor's SDF [rad].
     start_ns : int
         Stamp that counts as time 0 [ns].
+
+    See Also
+    --------
+    adapters.gazebo.from_gz_poses : Poses of models.
+    adapters.ros.from_ros_image : The same over the bridge to ROS.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> data = np.full(64 * 48, 2.0, "<f4").tobytes()
+    >>> message = SimpleNamespace(width=64, height=48, step=256, data=data, pixel_format_type=13)
+    >>> image = rc.adapters.gazebo.from_gz_image(message, horizontal_fov=1.05)
+    >>> print(image.depth.shape, image.depth[0, 0])
+    (48, 64) 2.0
     """
     kind = int(message.pixel_format_type)
     if kind != _R_FLOAT32:
@@ -60,6 +75,19 @@ def from_gz_poses(message: Any) -> dict[str, Pose]:
     """Poses of a ``gz.msgs.Pose_V`` by name, as on ``/world/NAME/pose/info``.
 
     Those of models are in the world, those of links in their model, those of sensors and visuals in their link.
+
+    See Also
+    --------
+    Live : Motion by the newest poses.
+    adapters.gazebo.from_gz_image : Depth images.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> at, turned = SimpleNamespace(x=1.0, y=2.0, z=0.5), SimpleNamespace(w=1.0, x=0.0, y=0.0, z=0.0)
+    >>> message = SimpleNamespace(pose=[SimpleNamespace(name="cart", position=at, orientation=turned)])
+    >>> rc.adapters.gazebo.from_gz_poses(message)["cart"].position.tolist()
+    [1.0, 2.0, 0.5]
     """
     poses: dict[str, Pose] = {}
     for entry in message.pose:

@@ -39,6 +39,18 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
     """Image of ``mujoco.Renderer`` with depth rendering: metres, top row first.
 
     `fovy_deg`: the camera's vertical angle; `far`: ``model.vis.map.zfar * model.stat.extent`` [m].
+
+    See Also
+    --------
+    adapters.images.from_mujoco_pixels : Of ``mjr_readPixels``.
+    adapters.mujoco.DepthView : Draws depth, bodies and their motion.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> image = rc.adapters.images.from_mujoco_renderer(np.full((48, 64), 2.0), fovy_deg=45.0, far=10.0)
+    >>> print(image.depth.max(), image.valid.mean())
+    2.0 1.0
     """
     metres = _image("depth", depth)
     return decoded(metres, _far(far), _camera_by_height(fovy_deg, metres.shape, "fovy_deg"), OPENGL_AXES, time)
@@ -57,6 +69,17 @@ def from_mujoco_pixels(
 
     `depth_map`: ``MjrContext.readDepthMap``. ``mjDEPTH_ZEROFAR``, as `mujoco.Renderer` sets it, is a reversed z-buffer
     with 0 at the far plane; ``mjDEPTH_ZERONEAR``, the default of a new context, is 1 there and a hundred times coarser.
+
+    See Also
+    --------
+    adapters.images.from_mujoco_renderer : Of ``mujoco.Renderer``.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> image = rc.adapters.images.from_mujoco_pixels(np.full((48, 64), 0.5), fovy_deg=45.0, near=1.0, far=3.0)
+    >>> print(f"{image.depth[0, 0]:.3f} m")  # n f / (n + (f - n) / 2)
+    1.500 m
     """
     is_reversed = check.choice("depth_map", depth_map, DEPTH_MAPS) == "zero_far"
     d = _fractions("buffer", buffer)[::-1]
@@ -71,6 +94,17 @@ def from_pybullet(
     """Depth of ``getCameraImage``: z-buffer from 0 to 1, top row first.
 
     `fov_deg`: the vertical angle of ``computeProjectionMatrixFOV``.
+
+    See Also
+    --------
+    adapters.images.from_mujoco_pixels : Another z-buffer.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> image = rc.adapters.images.from_pybullet(np.full((48, 64), 0.5), fov_deg=60.0, near=1.0, far=3.0)
+    >>> print(f"{image.depth[0, 0]:.3f} m")  # n f / (f - (f - n) / 2)
+    1.500 m
     """
     d = _fractions("buffer", buffer)
     n, f = _near_and_far(near, far)
@@ -92,6 +126,18 @@ def from_coppeliasim(
 
     `angle`: ``sim.visionfloatparam_perspective_angle`` [rad], that of the larger side; `near` and `far`: the clipping
     planes [m]; bit 0 of `options`: metres instead of fractions of near to far.
+
+    See Also
+    --------
+    adapters.coppeliasim.VisionSensor.image : Asks CoppeliaSim for it.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> data = np.full(64 * 48, 0.5, "<f4").tobytes()
+    >>> image = rc.adapters.images.from_coppeliasim(data, (64, 48), angle=1.0, near=0.1, far=10.1)
+    >>> print(f"{image.depth[0, 0]:.2f} m")
+    5.10 m
     """
     sides = check.array("resolution", resolution, (2,))
     columns, rows = (check.count("resolution", int(side)) for side in sides)

@@ -49,6 +49,19 @@ class PlanarDepth:
         Time of the image [s], if the source says it.
     frame_id : str, optional
         Frame of the camera, if the source names it.
+
+    See Also
+    --------
+    frame_from_depth : Frame from the image.
+    adapters.ros.from_ros_image : One of the decoders that make it.
+
+    Examples
+    --------
+    >>> image = rc.adapters.images.from_mujoco_renderer(np.full((48, 64), 2.0), fovy_deg=45.0, far=10.0)
+    >>> radar = rc.bgt60tr13c(num_chirps=16)
+    >>> frame = rc.frame_from_depth(image.depth, 0.5, radar, camera=image.camera, planar=True)
+    >>> print(f"{rc.strongest_peak(frame).range:.1f} m")
+    2.0 m
     """
 
     depth: Matrix
@@ -83,6 +96,17 @@ def radar_in_camera(frame: str) -> Pose:
         z forward (REP 103); ``"link"``, of a link of Gazebo or ROS: x forward, y left, z up, as the radar itself;
         ``"opengl"``, of MuJoCo and PyBullet: x right, y up, looking along -z; ``"coppeliasim"``, of a vision sensor:
         x left, y up, z forward.
+
+    See Also
+    --------
+    Attached : Motion of a radar on a camera.
+    adapters.ros.TransformTree.radar_motion : The motion itself, from TF.
+
+    Examples
+    --------
+    >>> pose = rc.adapters.ros.radar_in_camera("optical")
+    >>> pose.apply([1.0, 0.0, 0.0]).tolist()  # ahead is z in an optical frame
+    [0.0, 0.0, 1.0]
     """
     return Pose(rotation=_AXES[check.choice("frame", frame, tuple(_AXES))])
 

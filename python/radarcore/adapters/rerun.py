@@ -44,7 +44,20 @@ _DEEPEST_DB = 80.0
 
 
 class Image(Protocol):
-    """Parts of a `DepthImage` that are shown: row 0 on top, column 0 on the left."""
+    """Parts of a `DepthImage` that are shown: row 0 on top, column 0 on the left.
+
+    See Also
+    --------
+    adapters.rerun.Viewer.show_depth : Shows it.
+    DepthImage : One of a simulation.
+
+    Examples
+    --------
+    >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.0, 0.0, 0.0]))
+    >>> image = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(), resolution=32).depth_image(0.5)
+    >>> image.distance.shape, image.time  # what `show_depth` looks at, with the field of view
+    ((32, 32), 0.5)
+    """
 
     @property
     def distance(self) -> NDArray[Any]:
@@ -77,6 +90,22 @@ class Viewer:
         Without the extra (``pip install radarcore[rerun]``).
     OSError
         When there is no display for the viewer; says how to save.
+
+    See Also
+    --------
+    plot.view : Frames in a window of matplotlib.
+    plot.scene_from_above : A scene in one picture.
+
+    Examples
+    --------
+    >>> import os
+    >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+    >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+    >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+    ...     viewer.show_poses(simulator.scene, 0.0, rc.Pose())
+    ...     viewer.show_frame(simulator.frame(0.0))
+    >>> os.path.getsize("run.rrd") > 0
+    True
     """
 
     def __init__(self, path: str | os.PathLike[str] | None = None) -> None:
@@ -109,13 +138,41 @@ class Viewer:
         self.close()
 
     def close(self) -> None:
-        """Write or send what is left."""
+        """Write or send what is left.
+
+        See Also
+        --------
+        adapters.rerun.Viewer : A ``with`` block does this by itself.
+
+        Examples
+        --------
+        >>> import os
+        >>> viewer = rc.adapters.rerun.Viewer("run.rrd")
+        >>> viewer.close()
+        >>> os.path.getsize("run.rrd") > 0
+        True
+        """
         self._stream.disconnect()
 
     def show_poses(self, scene: Scene, time: float, radar_motion: AnyMotion | None = None) -> None:
         """Places of all bodies, points and the radar at a time [s]; meshes go out once, the first time.
 
         Bodies that deform are sent anew every time.
+
+        See Also
+        --------
+        Scene : Bodies and points.
+        plot.scene_from_above : One picture of it.
+
+        Examples
+        --------
+        >>> import os
+        >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+        >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+        ...     viewer.show_poses(simulator.scene, 0.5, rc.Pose())
+        >>> os.path.getsize("run.rrd") > 0
+        True
         """
         rr = self._rerun
         if scene is not self._scene:
@@ -136,7 +193,23 @@ class Viewer:
             self._log(_RADAR, _transform(rr, as_motion("radar_motion", radar_motion).at(time)))
 
     def show_depth(self, image: Image, *, num_rays: int = 24) -> None:
-        """Depth image of the radar, as `Simulator.depth_image` gives it, and some of its rays."""
+        """Depth image of the radar, as `Simulator.depth_image` gives it, and some of its rays.
+
+        See Also
+        --------
+        Simulator.depth_image : The image.
+        plot.depth_image : One picture of it.
+
+        Examples
+        --------
+        >>> import os
+        >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+        >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+        ...     viewer.show_depth(simulator.depth_image(0.5))
+        >>> os.path.getsize("run.rrd") > 0
+        True
+        """
         rr = self._rerun
         rows, columns = image.distance.shape
         camera = Camera.from_field_of_view(image.field_of_view_deg, rows, columns)
@@ -158,7 +231,23 @@ class Viewer:
         self._log(f"{_RADAR}/rays", rr.LineStrips3D(rays, colors=[_RAY] * len(rays)))
 
     def show_frame(self, frame: Frame) -> None:
-        """Range-velocity map of a frame [dB], and the truth where it has one."""
+        """Range-velocity map of a frame [dB], and the truth where it has one.
+
+        See Also
+        --------
+        range_doppler : The map that is shown.
+        plot.range_doppler_map : One picture of it.
+
+        Examples
+        --------
+        >>> import os
+        >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+        >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+        ...     viewer.show_frame(simulator.frame(0.5))
+        >>> os.path.getsize("run.rrd") > 0
+        True
+        """
         rr, waveform = self._rerun, frame.radar.waveform
         self._at(frame.time + 0.5 * waveform.duration)
         power = (np.abs(range_doppler(frame, window="hann")) ** 2).sum(axis=0)  # of all channels
@@ -170,7 +259,22 @@ class Viewer:
             self._show_truth(frame.truth)
 
     def show_detections(self, found: Detections) -> None:
-        """Detections of a frame, at their places in front of the radar; those without an azimuth are not drawn."""
+        """Detections of a frame, at their places in front of the radar; those without an azimuth are not drawn.
+
+        See Also
+        --------
+        detect : Detections of a frame.
+
+        Examples
+        --------
+        >>> import os
+        >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+        >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+        ...     viewer.show_detections(rc.detect(simulator.frame(0.5)))
+        >>> os.path.getsize("run.rrd") > 0
+        True
+        """
         rr = self._rerun
         self._at(found.time)
         places = found.position
@@ -181,7 +285,24 @@ class Viewer:
         self._log(f"{_RADAR}/detections", points)
 
     def show_tracks(self, states: Iterable[TrackState], time: float) -> None:
-        """Confirmed tracks of a frame at its middle [s]: places, velocities as arrows, and ranges as curves."""
+        """Confirmed tracks of a frame at its middle [s]: places, velocities as arrows, and ranges as curves.
+
+        See Also
+        --------
+        Tracker.update : States of targets.
+        plot.tracks_from_above : One picture of tracks.
+
+        Examples
+        --------
+        >>> import os
+        >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(num_chirps=16))
+        >>> states = rc.Tracker().update(rc.detect(simulator.frame(0.5)))
+        >>> with rc.adapters.rerun.Viewer("run.rrd") as viewer:
+        ...     viewer.show_tracks(states, time=0.5)
+        >>> os.path.getsize("run.rrd") > 0
+        True
+        """
         rr = self._rerun
         believed = [state for state in states if state.is_confirmed]
         self._at(time)

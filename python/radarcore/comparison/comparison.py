@@ -33,13 +33,38 @@ AnyPath = str | os.PathLike[str]
 
 
 class Comparison(Record):
-    """Recordings and truth side by side, made by `radarcore.compare`; `str` of it is the tables."""
+    """Recordings and truth side by side, made by `radarcore.compare`; `str` of it is the tables.
+
+    See Also
+    --------
+    compare : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
+    >>> ball = rc.compare(recording, progress=False)["ball"]
+    >>> ball.errors[0].num_frames, ball.errors[0].range.num_within
+    (12, 12)
+    """
 
     def __str__(self) -> str:
         return text(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the series as plain numbers and texts, for JSON; what is not known is None."""
+        """Everything but the series as plain numbers and texts, for JSON; what is not known is None.
+
+        See Also
+        --------
+        Comparison.report : Tables and pictures for people.
+
+        Examples
+        --------
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
+        >>> sorted(rc.compare(recording, progress=False).to_dict())
+        ['differences', 'recordings', 'targets', 'truth']
+        """
         return facts(self)
 
     def figure(
@@ -133,9 +158,14 @@ def compare(
     ValueError
         For one recording without any truth; for names that are not there; when an offset cannot be estimated.
 
+    See Also
+    --------
+    Comparison : What comes back.
+    detect : Detections of a frame.
+    track : Tracks of a recording.
+
     Examples
     --------
-    >>> import radarcore as rc
     >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
     >>> simulated, noisy = (
     ...     rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32), seed=seed).record(0.0, 0.3, progress=False)
@@ -224,7 +254,7 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
             notice.warn(f"{side.name}: expected at least one track, got none in {len(side.time)} frames")
         elif not np.isfinite(side.truth.range).any():
             notice.warn(f"truth: expected some body before the radar at the times of {span}, got none")
-        elif (nearest := float(np.nanmin(side.truth.range))) > (limit := side.found.recording.radar.waveform.max_range):
+        elif (nearest := float(np.nanmin(side.truth.range))) > (limit := side.found.recording.radar.max_range):
             notice.warn(
                 f"truth: expected ranges below {limit:.4g} m, the max_range of {side.name}, got {nearest:.4g} m or "
                 "more; are its lengths in metres?"

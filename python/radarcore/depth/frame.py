@@ -119,6 +119,22 @@ def frame_from_depth(
     UserWarning
         When the image is quantised so coarsely that phases, or velocities from differences, are lost; when its
         distances are far beyond the radar's, as those in millimetres are.
+
+    See Also
+    --------
+    Camera : Pinhole camera of an image.
+    adapters.images : Decoders of the images of simulators and robots.
+    Simulator : Frames from meshes, exact in phase.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c(num_chirps=16)
+    >>> wall = np.full((48, 64), 2.0)  # 2 m along the optical axis
+    >>> before = {"previous": wall + 0.01, "interval": 0.02}
+    >>> frame = rc.frame_from_depth(wall, 0.5, radar, camera=(40.0, 30.0), planar=True, **before)
+    >>> peak = rc.strongest_peak(frame)
+    >>> print(f"{peak.range:.1f} m, {peak.velocity:+.1f} m/s")
+    2.0 m, -0.5 m/s
     """
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")

@@ -26,6 +26,18 @@ class Camera:
         Focal lengths [pixels], to the right and down.
     cx, cy : float
         Principal point, from the left and top edge of the image [pixels]; half its size when centred.
+
+    See Also
+    --------
+    frame_from_depth : Frame of the radar from a depth image.
+    DepthImage : Depth image of a simulated scene.
+
+    Examples
+    --------
+    >>> camera = rc.Camera(fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    >>> u, v = camera.plane(rows=480, columns=640)
+    >>> print(f"{np.rad2deg(np.arctan(u[0])):.1f} degrees to the left")
+    32.6 degrees to the left
     """
 
     fx: float
@@ -41,7 +53,18 @@ class Camera:
 
     @classmethod
     def from_field_of_view(cls, field_of_view_deg: tuple[float, float], rows: int, columns: int) -> Camera:
-        """Camera of a centred image with a horizontal and a vertical angle [degrees]."""
+        """Camera of a centred image with a horizontal and a vertical angle [degrees].
+
+        See Also
+        --------
+        frame_from_depth : Takes the two angles in place of a camera.
+
+        Examples
+        --------
+        >>> camera = rc.Camera.from_field_of_view((90.0, 60.0), rows=48, columns=64)
+        >>> print(f"{camera.fx:.1f} {camera.fy:.1f} {camera.cx:.1f} {camera.cy:.1f}")
+        32.0 41.6 32.0 24.0
+        """
         angles = checked_field_of_view(field_of_view_deg)
         half_width, half_height = 0.5 * columns, 0.5 * rows
         tangents = np.tan(0.5 * np.deg2rad(angles))

@@ -51,6 +51,19 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
         When the file does not hold what its format promises; names the line where it can.
     ImportError
         When a format needs trimesh or pycollada and it is not installed.
+
+    See Also
+    --------
+    load_meshes : The parts of a file as several bodies.
+    mesh_report : Whether a mesh is fine enough.
+    Body : A mesh with a material and a motion.
+
+    Examples
+    --------
+    >>> np.savetxt("part.obj", ["v 0 0 0", "v 0 200 0", "v 0 0 200", "f 1 3 2"], fmt="%s")
+    >>> part = rc.load_mesh("part.obj", scale=1e-3)
+    >>> print(part, f"{part.area:.3f} m^2")
+    <Mesh: 1 triangles, 3 vertices, smooth> 0.020 m^2
     """
     factor = check.positive("scale", scale, "m per unit")
     vertices, triangles = _load_obj(path)[:2] if _is_obj(path) else _load_other(Path(path))
@@ -75,6 +88,17 @@ def load_meshes(
     -------
     meshes : dict
         By name, in the order of the file; "" for faces before the first name. Parts without faces are left out.
+
+    See Also
+    --------
+    load_mesh : All of a file as one body.
+
+    Examples
+    --------
+    >>> lines = ["o left", "v 0 0 0", "v 0 1 0", "v 0 0 1", "f 1 3 2", "o right", "v 0 -1 0", "f 1 4 3"]
+    >>> np.savetxt("parts.obj", lines, fmt="%s")
+    >>> rc.load_meshes("parts.obj")
+    {'left': <Mesh: 1 triangles, 3 vertices, smooth>, 'right': <Mesh: 1 triangles, 3 vertices, smooth>}
     """
     kinds = ("object", "group", "material")
     kind = kinds.index(check.choice("split_by", split_by, kinds))

@@ -43,6 +43,21 @@ class Mesh:
     ------
     ValueError
         For coordinates that are not finite and vertex numbers out of range; says which row.
+
+    See Also
+    --------
+    load_mesh : Mesh of a file.
+    shapes.box : One of the shapes known on paper.
+    mesh_report : Whether a mesh is fine enough.
+    Body : A mesh with a material and a motion.
+
+    Examples
+    --------
+    >>> mesh = rc.Mesh([[0, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1]])
+    >>> mesh
+    <Mesh: 1 triangles, 3 vertices, smooth>
+    >>> mesh.area
+    0.5
     """
 
     __slots__ = ("_core", "_is_sealed", "crease_angle_deg", "num_dropped", "shading", "triangles", "vertices")

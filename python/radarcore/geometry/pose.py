@@ -34,6 +34,20 @@ class Pose:
     ------
     ValueError
         When `rotation` is not a rotation to 1e-6 (what is left is removed).
+
+    See Also
+    --------
+    Pose.look_at : Pose that points to a target.
+    Pose.from_quaternion : Pose from a quaternion by the name of its order.
+    Linear : Constant velocity.
+    Trajectory : Motion through several poses.
+
+    Examples
+    --------
+    >>> table = rc.Pose([1.0, 0.0, 0.8])
+    >>> cup = table @ rc.Pose([0.2, 0.0, 0.0])
+    >>> cup.position
+    array([1.2, 0. , 0.8])
     """
 
     position: Matrix
@@ -65,7 +79,19 @@ class Pose:
 
     @classmethod
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
-        """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be."""
+        """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be.
+
+        See Also
+        --------
+        Pose.from_rpy : Pose from roll, pitch and yaw.
+        Simulator : Takes the pose of the radar as `radar_motion`.
+
+        Examples
+        --------
+        >>> radar = rc.Pose.look_at([0.0, 0.0, 2.0], target=[2.0, 0.0, 0.0])
+        >>> radar.rotation[:, 0].round(3)
+        array([ 0.707,  0.   , -0.707])
+        """
         origin = checked_position("position", position)
         x = checked_position("target", target) - origin
         y = np.cross(scaled(check.array("up", up, (3,))), x)
@@ -88,6 +114,17 @@ class Pose:
         """Pose from a quaternion of any length but zero.
 
         Its order by name: `wxyz` (MuJoCo, and `quaternion` without a name) or `xyzw` (ROS, OptiTrack, SciPy).
+
+        See Also
+        --------
+        Pose.from_matrix : Pose from a homogeneous matrix.
+        Pose.from_rpy : Pose from roll, pitch and yaw.
+
+        Examples
+        --------
+        >>> pose = rc.Pose.from_quaternion([1.0, 0.0, 0.0], xyzw=[0.0, 0.0, 1.0, 1.0])
+        >>> pose.apply([0.5, 0.0, 0.0]).round(3)
+        array([1. , 0.5, 0. ])
         """
         given = {"quaternion": quaternion, "wxyz": wxyz, "xyzw": xyzw}
         names = [name for name, value in given.items() if value is not None]
@@ -102,7 +139,20 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Pose:
-        """Pose from a homogeneous matrix (4, 4), or its upper rows ``[rotation | position]``, (3, 4)."""
+        """Pose from a homogeneous matrix (4, 4), or its upper rows ``[rotation | position]``, (3, 4).
+
+        See Also
+        --------
+        Pose.from_quaternion : Pose from a position and a quaternion.
+        Live : Motion of a program that has a pose now.
+
+        Examples
+        --------
+        >>> matrix = np.eye(4)
+        >>> matrix[:3, 3] = [1.0, 2.0, 0.5]
+        >>> rc.Pose.from_matrix(matrix).position
+        array([1. , 2. , 0.5])
+        """
         given = np.asarray(matrix, dtype=object)  # as objects: what are no numbers is for `check` to name
         rows = check.array("matrix", matrix, (3 if given.shape == (3, 4) else 4, 4))
         if len(rows) == 4 and not np.array_equal(rows[3], [0.0, 0.0, 0.0, 1.0]):
@@ -111,7 +161,19 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
-        """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF)."""
+        """Pose from roll, pitch and yaw [rad] about the fixed axes x, y and z, in that order (as in URDF).
+
+        See Also
+        --------
+        Pose.from_quaternion : Pose from a quaternion by the name of its order.
+        Pose.look_at : Pose that points to a target.
+
+        Examples
+        --------
+        >>> pose = rc.Pose.from_rpy([1.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2])
+        >>> pose.apply([0.5, 0.0, 0.0]).round(3)
+        array([1. , 0.5, 0. ])
+        """
         roll, pitch, yaw = angles = check.array("rpy", rpy, (3,))
         if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE:
             raise ValueError(f"rpy: expected angles within {_LARGEST_ANGLE:g} rad, got {largest:g}")
@@ -126,11 +188,35 @@ class Pose:
         return Pose._unchecked(self.apply(other.position), self.rotation @ other.rotation)
 
     def inverse(self) -> Pose:
-        """Inverse pose: maps the world to the body."""
+        """Inverse pose: maps the world to the body.
+
+        See Also
+        --------
+        Pose.apply : Points of the body in the world.
+
+        Examples
+        --------
+        >>> radar = rc.Pose([1.0, 0.0, 0.5])
+        >>> seen = radar.inverse() @ rc.Pose([3.0, 0.0, 0.5])
+        >>> seen.position
+        array([2., 0., 0.])
+        """
         return Pose._unchecked(-self.rotation.T @ self.position, self.rotation.T)
 
     def apply(self, points: ArrayLike) -> Matrix:
-        """Points (..., 3) of the body, in the world [m]."""
+        """Points (..., 3) of the body, in the world [m].
+
+        See Also
+        --------
+        Pose.inverse : Maps the world to the body.
+
+        Examples
+        --------
+        >>> pose = rc.Pose([1.0, 0.0, 0.5])
+        >>> pose.apply([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+        array([[1. , 0. , 0.5],
+               [1.1, 0. , 0.5]])
+        """
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
 
     def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`

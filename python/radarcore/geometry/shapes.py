@@ -40,6 +40,18 @@ def plate(width: float, height: float) -> Mesh:
     -------
     Mesh
         Two triangles with normal -x. Broadside cross-section ``4 pi (width height / wavelength)^2``.
+
+    See Also
+    --------
+    shapes.disc : A round one.
+    rcs : Its cross-section.
+
+    Examples
+    --------
+    >>> plate = rc.shapes.plate(0.1, 0.1)
+    >>> sigma = rc.rcs(plate, 60e9, azimuth_deg=180.0)
+    >>> print(f"{sigma[0]:.1f} m^2")
+    50.3 m^2
     """
     y = 0.5 * check.positive("width", width, "m")
     z = 0.5 * check.positive("height", height, "m")
@@ -63,6 +75,17 @@ def disc(radius: float, *, segments: int | None = None, sagitta: float = 5e-5) -
     Mesh
         Regular polygon with normal -x and **the area of the disc** (its corners lie slightly outside the
         circle), so that the broadside cross-section ``4 pi (area / wavelength)^2`` is the disc's.
+
+    See Also
+    --------
+    shapes.plate : A rectangle.
+    rcs : Its cross-section.
+
+    Examples
+    --------
+    >>> disc = rc.shapes.disc(0.1)
+    >>> print(f"{disc.area:.6f} m^2 of {np.pi * 0.1**2:.6f} m^2")
+    0.031416 m^2 of 0.031416 m^2
     """
     radius, segments = check.positive("radius", radius, "m"), _segments(radius, segments, sagitta)
     angle = 2.0 * pi / segments
@@ -83,6 +106,17 @@ def box(size: ArrayLike) -> Mesh:
     -------
     Mesh
         Twelve triangles, normals outwards.
+
+    See Also
+    --------
+    shapes.plate : One face of it.
+    load_mesh : Mesh of a file.
+
+    Examples
+    --------
+    >>> rc.shapes.box((0.6, 0.4, 0.2)).bounds
+    array([[-0.3, -0.2, -0.1],
+           [ 0.3,  0.2,  0.1]])
     """
     if np.asarray(size, dtype=object).ndim == 0:  # as objects: a ragged list is for `check` to name
         edges = np.full(3, check.positive("size", size, "m"))
@@ -118,6 +152,18 @@ def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5
     ------
     ValueError
         Also when `sagitta` would take more than 7 subdivisions (5e-5 m: above a radius of about 2.8 m).
+
+    See Also
+    --------
+    shapes.capsule : A cylinder that ends in half-spheres.
+    PointTarget : A point of a given cross-section.
+
+    Examples
+    --------
+    >>> sphere = rc.shapes.sphere(0.1)
+    >>> sigma = rc.rcs(sphere, 60e9, azimuth_deg=180.0)
+    >>> print(f"{sigma[0]:.3f} m^2 of {np.pi * 0.1**2:.3f} m^2")
+    0.031 m^2 of 0.031 m^2
     """
     radius, sagitta = check.positive("radius", radius, "m"), check.positive("sagitta", sagitta, "m")
     if subdivisions is not None and check.count("subdivisions", subdivisions, 0) > _MAX_SUBDIVISIONS:
@@ -161,6 +207,17 @@ def cylinder(
     Mesh
         Normals outwards, vertices on the cylinder, facets as long as the cylinder. Broadside cross-section
         ``2 pi radius length^2 / wavelength``.
+
+    See Also
+    --------
+    shapes.capsule : With round ends.
+    rcs : Its cross-section.
+
+    Examples
+    --------
+    >>> cylinder = rc.shapes.cylinder(0.05, 0.3)
+    >>> print(f"{1e3 * cylinder.volume:.3f} l of {1e3 * np.pi * 0.05**2 * 0.3:.3f} l")
+    2.353 l of 2.356 l
     """
     radius, segments = check.positive("radius", radius, "m"), _segments(radius, segments, sagitta)
     half = 0.5 * check.positive("length", length, "m")
@@ -193,6 +250,17 @@ def capsule(radius: float, length: float, *, segments: int | None = None, sagitt
     -------
     Mesh
         Closed, normals outwards, vertices on the capsule.
+
+    See Also
+    --------
+    shapes.cylinder : With flat ends.
+    shapes.sphere : Without a straight part.
+
+    Examples
+    --------
+    >>> capsule = rc.shapes.capsule(0.1, 0.5)
+    >>> print(capsule.bounds.round(3).tolist())
+    [[-0.1, -0.1, -0.25], [0.1, 0.1, 0.25]]
     """
     radius, length = check.positive("radius", radius, "m"), check.positive("length", length, "m")
     straight = length - 2.0 * radius
@@ -234,6 +302,17 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
     Mesh
         Normals towards the inside. Cross-section ``8 pi (width height / wavelength)^2`` on boresight, with
         two bounces; its range is that of the origin.
+
+    See Also
+    --------
+    shapes.trihedral : Returns the wave from directions above and below, too.
+    rcs : Its cross-section.
+
+    Examples
+    --------
+    >>> sigma = rc.rcs(rc.shapes.dihedral(0.1), 60e9, azimuth_deg=180.0, max_bounces=2)
+    >>> print(f"{10 * np.log10(sigma[0]):.0f} dBsm")
+    20 dBsm
     """
     width = check.positive("width", width, "m")
     z = 0.5 * (width if height is None else check.positive("height", height, "m"))
@@ -260,6 +339,17 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
         Apex at the origin, boresight -x, one edge in the x-z plane pointing up; normals towards the inside.
         Cross-section on boresight, with three bounces: ``4 pi leg^4 / (3 wavelength^2)`` (triangular) or
         ``12 pi leg^4 / wavelength^2`` (square); its range is that of the apex.
+
+    See Also
+    --------
+    shapes.dihedral : Two plates.
+    rcs : Its cross-section.
+
+    Examples
+    --------
+    >>> sigma = rc.rcs(rc.shapes.trihedral(0.1), 60e9, azimuth_deg=180.0, max_bounces=3)
+    >>> print(f"{10 * np.log10(sigma[0]):.0f} dBsm")
+    12 dBsm
     """
     leg = check.positive("leg", leg, "m")
     shape = check.choice("shape", shape, ("triangular", "square"))

@@ -20,6 +20,18 @@ class Attached:
         Any motion, such as that of a body or of a robot's link.
     motion : motion
         Relative to the parent, in its coordinates; default: at its origin, with its axes.
+
+    See Also
+    --------
+    Linear : Constant velocity.
+    models.MovingArm.link_motion : Motion of a robot's link, for a radar on it.
+
+    Examples
+    --------
+    >>> cart = rc.Linear(rc.Pose(), velocity=[1.0, 0.0, 0.0])
+    >>> radar = rc.Attached(cart, rc.Pose([0.2, 0.0, 0.5]))
+    >>> radar.at(2.0).position
+    array([2.2, 0. , 0.5])
     """
 
     def __init__(self, parent: AnyMotion, motion: AnyMotion | None = None) -> None:

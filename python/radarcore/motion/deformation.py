@@ -33,6 +33,18 @@ class Deformation:
     beyond : "hold", "continue" or "error", optional
         Before the first and after the last time the vertices rest there, go on at the velocities that they have there,
         or raise a ValueError. Default: they rest.
+
+    See Also
+    --------
+    Body : Takes it as `deformation`.
+    Trajectory : Motion of a rigid body.
+
+    Examples
+    --------
+    >>> plate = rc.shapes.plate(0.1, 0.1)
+    >>> breath = rc.Deformation([0.0, 1.0], [plate.vertices, plate.vertices + [0.01, 0.0, 0.0]])
+    >>> breath.rate_at(0.5)[0].round(3)
+    array([0.01, 0.  , 0.  ])
     """
 
     def __init__(self, times: ArrayLike, vertices: ArrayLike, *, beyond: str | None = None) -> None:

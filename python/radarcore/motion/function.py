@@ -24,6 +24,17 @@ class Function:
     rate : callable, optional
         Maps a time [s] to the time derivative of ``[rotation | position]``, (3, 4) [1/s | m/s]. Default: central
         differences of fourth order over steps of 0.5 ms, off by 2e-15 of the motion's fifth derivative [m/s^5].
+
+    See Also
+    --------
+    Trajectory : Motion through several poses.
+    Live : Motion of a program that has a pose now.
+
+    Examples
+    --------
+    >>> swing = rc.Function(lambda time: rc.Pose([2.0 + 0.1 * np.sin(time), 0.0, 0.0]))
+    >>> swing.rate_at(0.0)[0, 3].round(6).item()
+    0.1
     """
 
     def __init__(self, pose: Callable[[float], Pose], rate: Callable[[float], ArrayLike] | None = None) -> None:

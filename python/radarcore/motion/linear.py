@@ -27,6 +27,18 @@ class Linear:
         Velocity of the pose's origin [m/s].
     angular_velocity : (3,) array_like
         Angular velocity [rad/s].
+
+    See Also
+    --------
+    Trajectory : Motion through several poses.
+    Function : Motion by a function of time.
+    Attached : Motion relative to another.
+
+    Examples
+    --------
+    >>> car = rc.Linear(rc.Pose([5.0, 0.0, 0.0]), velocity=[-2.0, 0.0, 0.0])
+    >>> car.at(1.5).position
+    array([2., 0., 0.])
     """
 
     pose: Pose

@@ -48,6 +48,18 @@ class LiveGroup:
     ----------
     motions : tuple of Motion
         Motions of the bodies, for ``Body(motion=...)``; also ``group[0]``.
+
+    See Also
+    --------
+    Live : One body.
+    Body : Takes each of the motions.
+
+    Examples
+    --------
+    >>> group = rc.LiveGroup(2)
+    >>> group.update(0.0, [rc.Pose([1.0, 0.0, 0.0]), rc.Pose([2.0, 0.0, 0.0])], velocities=[[0, 0, 0], [1, 0, 0]])
+    >>> group[1].at(0.5).position
+    array([2.5, 0. , 0. ])
     """
 
     def __init__(self, num_bodies: int) -> None:
@@ -75,6 +87,17 @@ class LiveGroup:
             Of the bodies' origins, in world axes [m/s]. Default, and rows of NaN: the difference to the update before.
         angular_velocities : (body, 3) array_like, optional
             In world axes [rad/s]. Default, and rows of NaN: the difference to the update before, less than half a turn.
+
+        See Also
+        --------
+        Live.update : Of one body.
+
+        Examples
+        --------
+        >>> group = rc.LiveGroup(2)
+        >>> group.update(0.0, np.tile(np.eye(4), (2, 1, 1)), velocities=[[0, 0, 0], [1, 0, 0]])
+        >>> group.newest
+        0.0
         """
         number = self._num_bodies
         at = check.number("time", time, "s")
@@ -119,6 +142,19 @@ class Live:
     After the newest update the body goes on at its velocity and angular velocity. Between updates it moves along a
     cubic with the poses and rates of both. The last 256 updates are kept. `Simulator.frame` without a time starts at
     the newest update.
+
+    See Also
+    --------
+    LiveGroup : Many bodies in one call.
+    Simulator.frame : Frame at the newest update.
+    Trajectory : Motion through poses that are known before.
+
+    Examples
+    --------
+    >>> hand = rc.Live()
+    >>> hand.update(0.0, rc.Pose([1.0, 0.0, 0.0]), velocity=[0.5, 0.0, 0.0])
+    >>> hand.at(0.1).position
+    array([1.05, 0.  , 0.  ])
     """
 
     def __init__(self) -> None:
@@ -143,6 +179,19 @@ class Live:
             Of the pose's origin, in world axes [m/s]. Default: the difference to the update before.
         angular_velocity : (3,) array_like, optional
             In world axes [rad/s]. Default: the difference to the update before, less than half a turn.
+
+        See Also
+        --------
+        Pose.from_matrix : Pose from a homogeneous matrix.
+        Simulator.frame : Frame at the newest update.
+
+        Examples
+        --------
+        >>> hand = rc.Live()
+        >>> hand.update(0.0, rc.Pose([1.0, 0.0, 0.0]))
+        >>> hand.update(0.1, rc.Pose([1.1, 0.0, 0.0]))
+        >>> hand.rate_at(0.1)[:, 3].round(3)
+        array([1., 0., 0.])
         """
         placed = pose if isinstance(pose, Pose) else Pose.from_matrix(pose)
         rates = [

@@ -39,6 +39,20 @@ class Trajectory:
         Default: there are no gaps.
     within_gaps : "error" or "interpolate", optional
         A time within a gap raises a ValueError (default), or the splines go on through all gaps.
+
+    See Also
+    --------
+    Linear : Constant velocity.
+    Function : Motion by a function of time.
+    Live : Motion of a program that has a pose now.
+
+    Examples
+    --------
+    >>> path = rc.Trajectory([0.0, 1.0, 2.0], [rc.Pose([x, 0.0, 0.0]) for x in (1.0, 2.0, 3.0)])
+    >>> path.at(0.5).position
+    array([1.5, 0. , 0. ])
+    >>> path.rate_at(0.5)[:, 3].round(3)
+    array([1., 0., 0.])
     """
 
     def __init__(

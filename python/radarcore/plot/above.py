@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.scene.body import Body, PointTarget
@@ -57,6 +57,18 @@ def scene_from_above(
         Horizontal and vertical angle of view [degrees], such as `Simulator.view_deg`; default: not drawn.
     colors : dict, optional
         Colours by name; default: in turn for what moves.
+
+    See Also
+    --------
+    plot.tracks_from_above : Tracks in the same view.
+    adapters.rerun.Viewer : The scene in space.
+
+    Examples
+    --------
+    >>> wall = rc.Body(rc.shapes.plate(1.0, 1.0), motion=rc.Pose([2.0, 0.0, 0.0]), name="wall")
+    >>> ax = rc.plot.scene_from_above(rc.Scene([wall]), field_of_view_deg=(60.0, 60.0))
+    >>> ax.get_xlabel()
+    'x [m]'
     """
     ax = canvas.new_axes() if ax is None else ax
     names = draw_scene(ax, scene, radar_motion, times, field_of_view_deg, colors)
@@ -215,6 +227,14 @@ def _pose(body: Body | PointTarget, time: float) -> Pose:
     return body.motion.at(time)
 
 
+def _placed(body: Body | PointTarget, times: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points of a body in its own coordinates at several times, (time, n, 3), in the world [m]."""
+    if isinstance(body, PointTarget):
+        return points + np.asarray(body.position) + times[:, None, None] * np.asarray(body.velocity)
+    maps = poses_at(body.motion, times)  # at once: of a person, time by time takes far longer
+    return np.asarray(points @ maps[:, :, :3].swapaxes(1, 2) + maps[:, None, :, 3])
+
+
 def _outline(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     """Corners (n, 2) of the convex outline on the floor at one time, anticlockwise [m]."""
     flat = _pose(body, time).apply(_corners(body, time))[:, :2]
@@ -241,15 +261,12 @@ def _bounds(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.
 
 def _trail(body: Body | PointTarget, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """The middle of a body on the floor at several times, (time, 2) [m]."""
-    middles = _bounds(body, times).mean(axis=1)
-    return np.array([_pose(body, time).apply(at)[:2] for time, at in zip(times.tolist(), middles, strict=True)])
+    return _placed(body, times, _bounds(body, times).mean(axis=1, keepdims=True))[:, 0, :2]
 
 
 def _moves(body: Body | PointTarget, times: NDArray[np.float64]) -> bool:
     """True when a corner of the body's bounds leaves its place."""
-    bounds = _bounds(body, times)
-    places = np.array([_pose(body, time).apply(at) for time, at in zip(times.tolist(), bounds, strict=True)])
-    return bool((np.ptp(places, axis=0) > _STILL).any())
+    return bool((np.ptp(_placed(body, times, _bounds(body, times)), axis=0) > _STILL).any())
 
 
 def _extent(body: Body | PointTarget, time: float) -> float:

@@ -52,6 +52,19 @@ def range_angle_map(
         Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional
         Radius of the sector [m]; default: a little beyond all that stands out, and beyond the truth.
+
+    See Also
+    --------
+    range_angle : The numbers.
+    plot.range_doppler_map : Power over range and velocity.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> ax = rc.plot.range_angle_map(frame, method="capon")
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('y [m], to the left', 'x [m], forward')
     """
     if not isinstance(frame, Frame):
         raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")
@@ -118,6 +131,17 @@ def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> 
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     unit : "mm" or "wavelengths"
+
+    See Also
+    --------
+    Radar.virtual_array : The positions.
+    plot.array_pattern : Gain of the array.
+
+    Examples
+    --------
+    >>> ax = rc.plot.virtual_array(rc.bgt60tr13c())
+    >>> ax.get_legend_handles_labels()[1]
+    ['virtual channel', 'receiver', 'transmitter']
     """
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")

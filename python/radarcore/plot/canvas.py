@@ -47,7 +47,17 @@ def new_axes() -> Axes:
 
 
 def require() -> None:
-    """Refuse to go on without matplotlib, before work is done whose picture cannot be drawn."""
+    """Refuse to go on without matplotlib, before work is done whose picture cannot be drawn.
+
+    See Also
+    --------
+    plot.overview : A picture.
+
+    Examples
+    --------
+    >>> rc.plot.require() is None  # nothing happens where matplotlib is installed
+    True
+    """
     try:
         import matplotlib.figure  # noqa: F401  # only whether it is there
     except ImportError as error:

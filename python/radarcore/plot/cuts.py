@@ -39,6 +39,17 @@ def antenna_pattern(
         Of a new figure: polar, 0 on top, positive angles to the left.
     dynamic_range_db : float
         Range of levels below the largest that is shown [dB].
+
+    See Also
+    --------
+    plot.array_pattern : Of an array of antennas.
+    GaussianPattern : Gain of an element.
+
+    Examples
+    --------
+    >>> ax = rc.plot.antenna_pattern(rc.GaussianPattern(6.0, 60.0, 40.0), polar=False)
+    >>> [line.get_label() for line in ax.lines]
+    ['azimuth', 'elevation']
     """
     depth = check.positive("dynamic_range_db", dynamic_range_db, "dB")
     patterns = _patterns(antenna)
@@ -85,6 +96,18 @@ def array_pattern(
         Of a new figure: polar, 0 on top, positive angles to the left.
     dynamic_range_db : float
         Range of levels below the largest that is shown [dB].
+
+    See Also
+    --------
+    array_pattern : The numbers.
+    plot.antenna_pattern : Of single elements.
+
+    Examples
+    --------
+    >>> row = [[0.0, 2.5e-3 * k, 0.0] for k in range(8)]
+    >>> ax = rc.plot.array_pattern(rc.Radar(rc.bgt60tr13c().waveform, rx=row), steer=np.deg2rad(20.0))
+    >>> ax.get_ylabel()
+    'Two-way gain [dB]'
     """
     axis = check.choice("cut", cut, tuple(_AXIS))
     attribute = PARTS[check.choice("part", part, tuple(PARTS))]
@@ -139,6 +162,18 @@ def rcs(
         For a legend.
     dynamic_range_db : float
         Range of levels below the largest that is shown [dB].
+
+    See Also
+    --------
+    rcs : The numbers.
+
+    Examples
+    --------
+    >>> azimuth = np.linspace(150.0, 210.0, 61)
+    >>> sigma = rc.rcs(rc.shapes.plate(0.05, 0.05), 60e9, azimuth_deg=azimuth)
+    >>> ax = rc.plot.rcs(azimuth, sigma, polar=False)
+    >>> ax.get_ylabel()
+    'Radar cross-section [dBsm]'
     """
     angles = check.array("azimuth_deg", azimuth_deg, (None,))
     sections = check.array("rcs_m2", rcs_m2, (len(angles),))

@@ -54,6 +54,19 @@ def overview(
     Returns
     -------
     figure : matplotlib Figure
+
+    See Also
+    --------
+    plot.experiment : A recording at a glance.
+    plot.range_doppler_map : One of its pictures.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> figure = rc.plot.overview(frame, None)
+    >>> len(figure.axes) >= 2
+    True
     """
     wf = frame.radar.waveform
     seen, told = (frame, "") if moving is None else (moving, ", static echoes removed")
@@ -127,6 +140,20 @@ def experiment(
     Returns
     -------
     figure : matplotlib Figure
+
+    See Also
+    --------
+    plot.overview : A single frame at a glance.
+    plot.spectrogram : One of its pictures.
+    compare : Recordings and truth side by side.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
+    >>> figure = rc.plot.experiment(recording, scene)
+    >>> len(figure.axes) > 3
+    True
     """
     history.check_recording(recording)
     above.check_scene(scene)

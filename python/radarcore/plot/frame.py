@@ -26,7 +26,22 @@ _BELOW_NOISE = 10.0
 
 
 class Image(Protocol):
-    """Parts of a `DepthImage` that are drawn: row 0 on top, column 0 on the left."""
+    """Parts of a `DepthImage` that are drawn: row 0 on top, column 0 on the left.
+
+    See Also
+    --------
+    DepthImage : One of a simulation.
+    plot.depth_image : Draws it.
+
+    Examples
+    --------
+    >>> class Loaded:
+    ...     distance = np.full((3, 4), 2.0)
+    ...     reflectance = np.ones((3, 4))
+    ...     field_of_view_deg = (40.0, 30.0)
+    >>> rc.plot.depth_image(Loaded()).get_images()[0].get_array().shape
+    (3, 4)
+    """
 
     @property
     def distance(self) -> NDArray[Any]:
@@ -54,6 +69,18 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
     -------
     ax : matplotlib Axes
         Undistorted, marked with azimuth and elevation in degrees, positive to the left and up.
+
+    See Also
+    --------
+    Simulator.depth_image : The numbers.
+    plot.reflectance_image : What surfaces return.
+
+    Examples
+    --------
+    >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.0, 0.0, 0.0]))
+    >>> image = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(), resolution=32).depth_image()
+    >>> rc.plot.depth_image(image).get_images()[0].get_array().shape
+    (32, 32)
     """
     return _draw_image(image, image.distance, ax, "Distance [m]", "viridis_r", None)
 
@@ -62,6 +89,18 @@ def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
     """Reflectance of every pixel; pixels without a hit are grey.
 
     Parameters and result as `depth_image`.
+
+    See Also
+    --------
+    plot.depth_image : Distances.
+    Simulator.depth_image : The numbers.
+
+    Examples
+    --------
+    >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.0, 0.0, 0.0]))
+    >>> image = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(), resolution=32).depth_image()
+    >>> rc.plot.reflectance_image(image).get_images()[0].get_array().shape
+    (32, 32)
     """
     return _draw_image(image, image.reflectance, ax, "Reflectance", "magma", 0.0)
 
@@ -76,6 +115,18 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
         Indices of the chirp; negative numbers count from the end.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
+
+    See Also
+    --------
+    plot.range_profile : The same in ranges.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> ax = rc.plot.chirp(frame, channel=1)
+    >>> ax.get_xlabel()
+    'Time since start of ramp [µs]'
     """
     samples = frame.cube[
         check.index("channel", channel, frame.cube.shape[0]), check.index("chirp", chirp, frame.cube.shape[1])
@@ -116,6 +167,19 @@ def range_profile(
     """Power over range, averaged over chirps, in decibels as those of `range_doppler_map`.
 
     Parameters as `range_doppler_map`.
+
+    See Also
+    --------
+    range_profile : The numbers.
+    plot.range_time : Over a recording.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> ax = rc.plot.range_profile(frame, max_range=4.0)
+    >>> print(ax.get_xlabel(), "to", ax.get_xlim()[1])
+    Range [m] to 4.0
     """
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
@@ -167,6 +231,20 @@ def range_doppler_map(
     max_range, max_velocity : float, optional
         Ends of the axes [m], [m/s]; default: a little beyond all that is 15 dB over the median and within 40 dB of the
         strongest, and beyond the truth.
+
+    See Also
+    --------
+    range_doppler : The numbers.
+    plot.range_profile : Ranges alone.
+    plot.range_angle_map : Power over range and angle.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> ax = rc.plot.range_doppler_map(frame, detections=rc.detect(frame))
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('Velocity [m/s, receding positive]', 'Range [m]')
     """
     ax = canvas.new_axes() if ax is None else ax
     names = draw_map(

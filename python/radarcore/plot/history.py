@@ -59,6 +59,20 @@ def range_time(
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range : float, optional
         End of the range axis [m]; default: a little beyond all that stands out, and beyond the truth.
+
+    See Also
+    --------
+    range_time : The numbers.
+    plot.spectrogram : Velocities over time.
+    plot.tracks : Estimates over time.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
+    >>> ax = rc.plot.range_time(recording, names=["ball"])
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('Time [s]', 'Range [m]')
     """
     check_recording(recording)
     wf = recording.radar.waveform
@@ -105,6 +119,19 @@ def spectrogram(
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_velocity : float, optional
         End of the velocity axis to either side [m/s]; default: a little beyond all that stands out, and the truth.
+
+    See Also
+    --------
+    spectrogram : The numbers.
+    plot.range_time : Ranges over time.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
+    >>> ax = rc.plot.spectrogram(recording, max_velocity=2.0)
+    >>> print(ax.get_ylabel(), "to", ax.get_ylim()[1])
+    Velocity [m/s, receding positive] to 2.0
     """
     check_recording(recording)
     wf = recording.radar.waveform
@@ -161,6 +188,20 @@ def tracks(
     ax : matplotlib Axes
         Errors in the legend are in bins of the waveform, against the truth interpolated to the times of the
         estimates.
+
+    See Also
+    --------
+    track : Tracks of a recording.
+    plot.tracks_from_above : Their ways.
+    compare : Errors in tables.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
+    >>> ax = rc.plot.tracks(recording, {}, quantity="velocity")
+    >>> ax.get_ylabel()
+    'Velocity [m/s]'
     """
     check_recording(recording)
     label, bin_name = QUANTITIES[check.choice("quantity", quantity, tuple(QUANTITIES))]

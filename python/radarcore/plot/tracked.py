@@ -37,6 +37,19 @@ def tracks_from_above(
         Arrays (frame, body).
     colors : dict, optional
         Colours by name, such as ``"track 0"``; default: in turn.
+
+    See Also
+    --------
+    track : Tracks of a recording.
+    plot.tracks : Ranges and velocities over time.
+    plot.scene_from_above : The scene.
+
+    Examples
+    --------
+    >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.1], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+    >>> ax = rc.plot.tracks_from_above(rc.track(found))
+    >>> ax.get_xlabel()
+    'x [m]'
     """
     if not isinstance(tracks, Tracks):
         raise TypeError(f"tracks: expected Tracks, got {type(tracks).__name__}")

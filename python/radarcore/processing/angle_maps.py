@@ -84,6 +84,21 @@ def range_angle(
     ValueError, TypeError
         As `range_doppler`; for angles that do not broadcast to one axis, for "fft" with channels that are no uniform
         row, and for as many sources as channels of a subarray, or more.
+
+    See Also
+    --------
+    azimuth_elevation : Both angles in one range bin.
+    detect : Angles of single targets.
+    plot.range_angle_map : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([1.7, 1.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> azimuth = np.deg2rad(np.arange(-60, 61))
+    >>> power = rc.range_angle(frame, azimuth=azimuth)[4:].max(axis=0)
+    >>> print(f"{np.rad2deg(azimuth[power.argmax()]):.0f} degrees")
+    31 degrees
     """
     samples, radar = _checked(cube, radar)
     az, el = checked_angles(_front() if azimuth is None else azimuth, elevation)
@@ -145,6 +160,20 @@ def azimuth_elevation(
     ------
     ValueError, TypeError
         As `range_angle`, and for a range without a bin.
+
+    See Also
+    --------
+    range_angle : One angle at all ranges.
+    directions : Directions of detections.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([1.7, 1.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> angles = np.deg2rad(np.arange(-60, 61))
+    >>> power = rc.azimuth_elevation(frame, at_range=1.97, azimuth=angles, elevation=angles)
+    >>> power.shape
+    (121, 121)
     """
     samples, radar = _checked(cube, radar)
     az = np.atleast_1d(checked_angles(_front() if azimuth is None else azimuth, 0.0)[0])

@@ -42,6 +42,18 @@ class CramerRaoBound:
         Of the range at the middle of the frame [m].
     velocity : (...) float64
         Of the range rate [m/s].
+
+    See Also
+    --------
+    doppler_bound : Bound of all samples of a frame.
+    frequency_bound : Bound of one tone.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.doppler_bound(waveform, snr_db=[-10.0, 10.0])
+    >>> print(f"{bound.range[0] / bound.range[1]:.1f}")
+    10.0
     """
 
     range: NDArray[np.float64]
@@ -80,6 +92,15 @@ def frequency_bound(
     -------
     std : (...) float64
         In the shape of `snr_db`.
+
+    See Also
+    --------
+    doppler_bound : Of range and velocity.
+
+    Examples
+    --------
+    >>> print(f"{rc.frequency_bound(64, 1e6, snr_db=20.0):.0f} Hz")
+    76 Hz
     """
     number = check.count("num_samples", num_samples, 2)
     interval = 1.0 / check.positive("sample_rate", sample_rate, "Hz")
@@ -115,6 +136,18 @@ def doppler_bound(
     Returns
     -------
     bound : CramerRaoBound
+
+    See Also
+    --------
+    doppler_velocity : The estimate that it bounds.
+    range_migration_bound : Without Doppler's ambiguity.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.doppler_bound(waveform, snr_db=0.0)
+    >>> print(f"{1e3 * bound.range:.1f} mm, {1e3 * bound.velocity:.1f} mm/s")
+    0.7 mm, 0.6 mm/s
     """
     waveform.require_range()
     _require_chirps("waveform", waveform, 2)
@@ -155,6 +188,19 @@ def up_down_bound(
     -------
     bound : CramerRaoBound
         Range at the middle between the middles of both frames.
+
+    See Also
+    --------
+    up_down_velocity : The estimate that it bounds.
+    doppler_bound : Of many chirps of one slope.
+
+    Examples
+    --------
+    >>> up = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=1)
+    >>> down = up.replace(start_frequency=63e9, slope=-50e12)
+    >>> bound = rc.up_down_bound(up, down, snr_db=20.0)
+    >>> print(f"{1e3 * bound.range:.1f} mm, {bound.velocity:.2f} m/s")
+    0.1 mm, 0.10 m/s
     """
     solve = up_down_equations(up, down, down_delay)
     variances = [_beat_covariance(wf, window)[0, 0] for wf in (up, down)]
@@ -188,6 +234,18 @@ def chirp_rate_bound(
     -------
     bound : CramerRaoBound
         The range suffers from the velocity: ``velocity * f / slope`` is taken off the beat frequency's.
+
+    See Also
+    --------
+    chirp_rate_velocity : The estimate that it bounds.
+    doppler_bound : From the phase over all chirps.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.chirp_rate_bound(waveform, snr_db=20.0)
+    >>> print(f"{bound.velocity:.0f} m/s")  # these chirps are short and narrow
+    4 m/s
     """
     waveform.require_range()
     if waveform.num_samples < 3:
@@ -220,6 +278,18 @@ def range_migration_bound(
     -------
     bound : CramerRaoBound
         The range suffers from the velocity, as in `chirp_rate_bound`.
+
+    See Also
+    --------
+    range_migration_velocity : The estimate that it bounds.
+    doppler_bound : Far smaller, but ambiguous.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.range_migration_bound(waveform, snr_db=0.0)
+    >>> print(f"{bound.velocity:.2f} m/s")
+    0.12 m/s
     """
     waveform.require_range()
     _require_chirps("waveform", waveform, 2)

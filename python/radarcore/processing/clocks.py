@@ -57,6 +57,18 @@ class ClockOffset:
         Standard deviation of the offset [s], by what is left of the values of one record without those of the other.
     correlation : float
         Of the smoothed slopes of both records at this offset, 1 at most.
+
+    See Also
+    --------
+    processing.clock_offset : Makes one.
+
+    Examples
+    --------
+    >>> times = np.arange(0.0, 10.0, 0.05)
+    >>> walk = np.cos(times**1.5)
+    >>> offset = rc.processing.clock_offset(times, walk, times - 0.4, walk, max_offset=1.0)
+    >>> round(offset.offset, 3), round(offset.correlation, 3)
+    (0.4, 1.0)
     """
 
     offset: float
@@ -109,6 +121,18 @@ def clock_offset(
     ValueError
         When the records do not tell the offset: values that do not vary, that vary otherwise, that repeat themselves
         so that several offsets fit alike, that overlap too little, or that fit best at the largest offset.
+
+    See Also
+    --------
+    processing.ClockOffset : What comes back.
+    compare : Estimates it between recordings and truth, with ``offset="auto"``.
+
+    Examples
+    --------
+    >>> times = np.arange(0.0, 10.0, 0.05)
+    >>> walk = np.cos(times**1.5)  # seen by both; the second clock is 0.4 s behind
+    >>> round(rc.processing.clock_offset(times, walk, times - 0.4, walk, max_offset=1.0).offset, 3)
+    0.4
     """
     limit = check.positive("max_offset", max_offset, "s")
     a, b = _record("a", times_a, values_a), _record("b", times_b, values_b)

@@ -52,6 +52,17 @@ class Clusters:
         Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
         elevation [rad]. NaN for coordinates that are not told.
     num_detections : (cluster,) int
+
+    See Also
+    --------
+    cluster : Makes them.
+
+    Examples
+    --------
+    >>> found = rc.Detections([1.0, 1.1, 3.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.2], np.zeros(3), [20.0, 20.0, 12.0])
+    >>> clusters = rc.cluster(found, distance=0.3)
+    >>> clusters.num_detections.tolist(), clusters.centroids.range.round(2).tolist()
+    ([2, 1], [1.05, 3.0])
     """
 
     labels: Indices
@@ -105,6 +116,18 @@ def cluster(
         For anything but `Detections`.
     ValueError
         For limits that are not positive, and without covariances where they are asked for.
+
+    See Also
+    --------
+    Clusters : What comes back.
+    detect : Detections of a frame.
+    track : Tracks of clusters over time.
+
+    Examples
+    --------
+    >>> found = rc.Detections([1.0, 1.1, 3.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.2], np.zeros(3), [20.0, 20.0, 12.0])
+    >>> rc.cluster(found, distance=0.3).labels.tolist()
+    [0, 0, 1]
     """
     if not isinstance(detections, Detections):
         raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")

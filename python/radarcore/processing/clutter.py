@@ -53,6 +53,19 @@ def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Reco
     ------
     ValueError, TypeError
         For an axis that is not there, chirps of several waveforms, integers and other dtypes.
+
+    See Also
+    --------
+    cancel_pulses : Differences of chirps.
+    remove_running_mean : Over many frames.
+    remove_static : For a radar that moves.
+
+    Examples
+    --------
+    >>> wall, ball = rc.PointTarget([1.0, 0.0, 0.0]), rc.PointTarget([2.0, 0.0, 0.0], 0.01, velocity=[-0.5, 0.0, 0.0])
+    >>> frame = rc.Simulator(rc.Scene([wall, ball]), rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> [round(rc.strongest_peak(each).range, 1) for each in (frame, rc.remove_mean(frame))]
+    [1.0, 2.0]
     """
     if isinstance(cube, Frame | Recording):
         if check.index("axis", axis, cube.cube.ndim) == cube.cube.ndim - 2:
@@ -96,6 +109,19 @@ def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame
     ------
     ValueError, TypeError
         For fewer chirps than pulses, several waveforms, integers and other dtypes.
+
+    See Also
+    --------
+    remove_mean : Takes off the mean of the chirps.
+    remove_static : For a radar that moves.
+
+    Examples
+    --------
+    >>> wall, ball = rc.PointTarget([1.0, 0.0, 0.0]), rc.PointTarget([2.0, 0.0, 0.0], 0.01, velocity=[-0.5, 0.0, 0.0])
+    >>> frame = rc.Simulator(rc.Scene([wall, ball]), rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> moving = rc.cancel_pulses(frame)
+    >>> moving.radar.num_chirps, round(rc.strongest_peak(moving).range, 1)
+    (31, 2.0)
     """
     if isinstance(cube, Frame | Recording):
         radar = cube.radar
@@ -152,6 +178,19 @@ def remove_running_mean(
     ------
     ValueError, TypeError
         For a single frame, times that do not fit, several waveforms, integers and other dtypes.
+
+    See Also
+    --------
+    remove_mean : Over the chirps of a frame.
+    remove_static : For a radar that moves.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([1.0, 0.0, 0.0])])
+    >>> still = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=4)).record(0.0, 0.1)
+    >>> moving = rc.remove_running_mean(still, time_constant=1.0)
+    >>> bool(np.abs(moving.cube[1:]).max() < 0.1 * np.abs(still.cube).max())
+    True
     """
     if isinstance(cube, Recording):
         if time is not None:

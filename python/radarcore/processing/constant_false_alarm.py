@@ -71,9 +71,14 @@ def cfar(
     ValueError, TypeError
         For power that is negative or NaN, and for numbers out of range.
 
+    See Also
+    --------
+    detect : Detections of a frame, measured.
+    noise_level : Noise of a whole map.
+    range_doppler : Spectrum whose power may be tested.
+
     Examples
     --------
-    >>> import radarcore as rc
     >>> power = [1.0, 1.2, 0.8, 1.1, 90.0, 0.9, 1.0, 1.3, 0.7]
     >>> rc.cfar(power, guard=1, training=3, false_alarm_rate=1e-3).nonzero()[0].tolist()
     [4]

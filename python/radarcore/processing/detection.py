@@ -123,14 +123,20 @@ def detect(
         For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
         NaN or infinite samples, and numbers out of range.
 
+    See Also
+    --------
+    Detections : What comes back.
+    strongest_peak : The strongest echo alone.
+    cluster : One object for its many detections.
+    track : Targets over time.
+
     Examples
     --------
-    >>> import radarcore as rc
     >>> radar = rc.bgt60tr13c(num_chirps=32)
     >>> scene = rc.Scene([rc.PointTarget([1.5, 0.2, 0.0], velocity=[-0.5, 0.0, 0.0])])
     >>> found = rc.detect(rc.Simulator(scene, radar).frame())
-    >>> found.range.round(2).tolist()
-    [1.5]
+    >>> found.range.round(1).tolist(), found.velocity.round(1).tolist()
+    ([1.5], [-0.5])
     """
     # Check all arguments before any work.
     require_one_frame("frame", frame)

@@ -50,6 +50,17 @@ class Directions:
         Angles [rad], positive to the left and up.
     covariance : (detection, 2, 2) float64
         Of azimuth and elevation [rad^2]: the least that noise allows (Cramer-Rao); NaN without an SNR.
+
+    See Also
+    --------
+    directions : Makes them.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> found = rc.directions(np.ones((1, 3)), radar, snr_db=[20.0])
+    >>> len(found), found.azimuth.round(6).tolist()
+    (1, [0.0])
     """
 
     azimuth: NDArray[np.float64]
@@ -99,6 +110,19 @@ def directions(
     ------
     ValueError, TypeError
         For shapes that do not fit the radar, and for what are no numbers.
+
+    See Also
+    --------
+    steering_weights : Phases of a direction.
+    range_angle : Power over angles.
+    detect : Detections with their directions.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> toward = rc.steering_weights(radar.virtual_array, radar.waveform.wavelength, np.deg2rad(20.0)).conj()
+    >>> np.rad2deg(rc.directions([toward], radar).azimuth).round(3).tolist()
+    [20.0]
     """
     # Check all arguments before any work.
     if not isinstance(radar, Radar):

@@ -110,6 +110,20 @@ def remove_static(
     ValueError, TypeError
         For other shapes, several waveforms, transmitters in Doppler-division multiplex, real samples of a CW radar,
         which do not tell the sign of a velocity, and where the band takes all that the chirps tell.
+
+    See Also
+    --------
+    remove_mean : For a radar at rest.
+    cancel_pulses : Differences of chirps.
+
+    Examples
+    --------
+    >>> wall, ball = rc.PointTarget([2.0, 0.0, 0.0]), rc.PointTarget([3.0, 0.0, 0.0], 0.01, velocity=[1.5, 0.0, 0.0])
+    >>> sensor = rc.Linear(rc.Pose(), velocity=[0.2, 0.0, 0.0])
+    >>> frame = rc.Simulator(rc.Scene([wall, ball]), rc.bgt60tr13c(num_chirps=64), radar_motion=sensor).frame()
+    >>> filtered = rc.remove_static(frame, [0.2, 0.0, 0.0])
+    >>> [round(rc.strongest_peak(each).range, 1) for each in (frame, filtered)]
+    [2.0, 3.0]
     """
     if not isinstance(frame, Frame | Recording):
         raise TypeError(f"frame: expected Frame or Recording, got {type(frame).__name__}")

@@ -42,6 +42,17 @@ def cube_and_radar(
     return cube, radar
 
 
+def recording_of(name: str, frames: object) -> Recording:
+    """A recording as it is, and a frame as a recording of one; `name`: of the argument, for messages."""
+    if isinstance(frames, Recording):
+        return frames
+    if not isinstance(frames, Frame):
+        raise TypeError(f"{name}: expected Recording or Frame, got {type(frames).__name__}")
+    unit = unit_of(frames)
+    source = {} if unit is None else {"cube_unit": unit}
+    return Recording(frames.cube[None], np.array([frames.time]), frames.radar, source=source)
+
+
 def require_one_frame(name: str, cube: object) -> None:
     """Refuse recordings with a TypeError."""
     if isinstance(cube, Recording):

@@ -23,6 +23,20 @@ class Demultiplexed:
     spectrum : (..., tx * num_rx + rx, doppler, range) complex64 or complex128
     velocity : (doppler,) float64
         Velocities of the rows [m/s], receding positive, zero in the middle.
+
+    See Also
+    --------
+    demultiplex : Makes one.
+
+    Examples
+    --------
+    >>> radar = rc.Radar(
+    ...     rc.bgt60tr13c(num_chirps=16).waveform, tx=[[0, 0, 0], [0, 5e-3, 0]], schedule=rc.Schedule.ddm()
+    ... )
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), radar).frame()
+    >>> apart = rc.demultiplex(rc.range_doppler(frame), radar)
+    >>> apart.spectrum.shape, apart.velocity.shape
+    ((2, 8, 128), (8,))
     """
 
     spectrum: NDArray[Any]
@@ -54,6 +68,22 @@ def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
     ------
     ValueError, TypeError
         For a radar without such a schedule, other shapes, and rows that do not fit.
+
+    See Also
+    --------
+    Schedule.ddm : Transmitters that send at once, each with a Doppler code.
+    range_doppler : Spectrum that it takes.
+    range_angle : Angles of a radar whose transmitters are apart.
+
+    Examples
+    --------
+    >>> radar = rc.Radar(
+    ...     rc.bgt60tr13c(num_chirps=16).waveform, tx=[[0, 0, 0], [0, 5e-3, 0]], schedule=rc.Schedule.ddm()
+    ... )
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), radar).frame()
+    >>> spectrum = rc.range_doppler(frame)
+    >>> spectrum.shape, rc.demultiplex(spectrum, radar).spectrum.shape
+    ((1, 16, 128), (2, 8, 128))
     """
     if not isinstance(radar, Radar):
         raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")

@@ -45,6 +45,17 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     -------
     level : float
         In the unit of `power`, of the sum of all looks; 0 for a map without cells.
+
+    See Also
+    --------
+    cfar : Cells above the noise around them.
+
+    Examples
+    --------
+    >>> power = np.random.default_rng(1).exponential(2.0, 10_000)
+    >>> power[:20] = 1e6  # echoes
+    >>> print(f"{rc.noise_level(power):.1f}")
+    2.0
     """
     cells = checked_power(power)
     looks = check.count("num_looks", num_looks)

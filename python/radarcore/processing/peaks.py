@@ -59,6 +59,18 @@ class Peak:
         Nearest cell of ``range_doppler(cube, waveform)``.
     snr_db : float
         `power` over the noise [dB]: over the median of the map, scaled to the mean that noise with this median has.
+
+    See Also
+    --------
+    strongest_peak : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> peak = rc.strongest_peak(frame)
+    >>> round(peak.range, 1), round(peak.velocity, 1), peak.snr_db > 20.0
+    (2.0, -0.5, True)
     """
 
     range: float
@@ -130,6 +142,20 @@ def strongest_peak(
     ValueError, TypeError
         As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
         Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
+
+    See Also
+    --------
+    Peak : What comes back.
+    detect : All targets of a frame.
+    doppler_velocity : The strongest echo, as exactly as noise allows.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> peak = rc.strongest_peak(frame, min_range=0.5)
+    >>> print(f"{peak.range:.1f} m, {peak.velocity:+.1f} m/s")
+    2.0 m, -0.5 m/s
     """
     # Check all arguments before any work.
     require_one_frame("cube", cube)

@@ -32,6 +32,18 @@ class Detections:
         Of range, velocity, azimuth and elevation, in their units; NaN for coordinates that are not told.
     time : float
         Middle of the frame [s].
+
+    See Also
+    --------
+    detect : Detections of a frame.
+    cluster : Groups of them.
+    Tracker.update : Tracks from them.
+
+    Examples
+    --------
+    >>> found = rc.Detections([1.0, 2.0], [0.5, 0.0], np.deg2rad([0.0, 30.0]), [0.0, 0.0], [20.0, 12.0])
+    >>> found[found.snr_db > 15.0].range.tolist(), found.position.round(2).tolist()
+    ([1.0], [[1.0, 0.0, 0.0], [1.73, 1.0, 0.0]])
     """
 
     range: NDArray[np.float64]
@@ -54,7 +66,18 @@ class Detections:
 
     @classmethod
     def from_rows(cls, rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float) -> Detections:
-        """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only."""
+        """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only.
+
+        See Also
+        --------
+        Detections : Checks what it is given.
+
+        Examples
+        --------
+        >>> rows = np.array([[1.0], [0.5], [0.0], [0.0], [20.0]])  # range, velocity, azimuth, elevation, SNR
+        >>> len(rc.Detections.from_rows(rows, np.full((1, 4, 4), np.nan), time=0.1))
+        1
+        """
         if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
             raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")
         found = object.__new__(cls)

@@ -37,6 +37,19 @@ class VelocityEstimate:
         noise are taken for the echo.
     snr_db : float or (frame,) float64
         Power of the echo over that of the noise, per sample [dB]; -inf where the noise hides it.
+
+    See Also
+    --------
+    doppler_velocity : By the phase over the chirps.
+    up_down_velocity : By chirps of both slopes.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> estimate = rc.doppler_velocity(frame)
+    >>> round(estimate.velocity, 2), estimate.velocity_std < 1e-3
+    (-0.5, True)
     """
 
     range: Array | float

@@ -50,6 +50,20 @@ def range_profile(
     ------
     ValueError, TypeError
         For shapes that do not fit the waveform, and for a CW radar; for integers (raw ADC counts) and other dtypes.
+
+    See Also
+    --------
+    range_doppler : Ranges and velocities.
+    range_time : Ranges over a recording.
+    plot.range_profile : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> power = (abs(rc.range_profile(frame)) ** 2).mean(axis=(0, 1))  # channels and chirps
+    >>> print(f"{frame.radar.waveform.range_axis()[power.argmax()]:.2f} m")
+    2.04 m
     """
     cube, waveform = cube_and_waveform(cube, waveform)
     waveform.require_range()
@@ -101,6 +115,23 @@ def range_doppler(
     ValueError, TypeError
         For shapes that do not fit the waveform, for chirps at unequal intervals, and for a CW radar; for integers
         (raw ADC counts) and other dtypes.
+
+    See Also
+    --------
+    range_profile : Ranges alone.
+    strongest_peak : The largest, between the bins.
+    detect : Targets above the noise.
+    plot.range_doppler_map : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> power = (abs(rc.range_doppler(frame)) ** 2).sum(axis=0)  # of all channels
+    >>> row, column = np.unravel_index(power.argmax(), power.shape)
+    >>> waveform = frame.radar.waveform
+    >>> print(f"{waveform.range_axis()[column]:.2f} m, {waveform.velocity_axis()[row]:+.2f} m/s")
+    2.04 m, -0.52 m/s
     """
     cube, waveform = cube_and_waveform(cube, waveform)
     waveform.require_range()

@@ -52,6 +52,20 @@ def steering_weights(
     Returns
     -------
     weights : (..., element) complex128
+
+    See Also
+    --------
+    array_pattern : Gain of an array that is steered.
+    directions : Directions of echoes.
+    Schedule.steered : Beams that are sent.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> azimuth = np.deg2rad([0.0, 30.0])
+    >>> weights = rc.steering_weights(radar.virtual_array, radar.waveform.wavelength, azimuth)
+    >>> weights.shape, np.abs(weights).round(6).max().item()
+    ((2, 3), 1.0)
     """
     places = check.array("positions", positions, (None, 3))
     length = check.positive("wavelength", wavelength, "m")

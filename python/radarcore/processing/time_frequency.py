@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.inputs import require_one_waveform, require_uniform_chirps
+from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
 from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
-from radarcore.radar.waveform import Waveform
+from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
 _SEAMLESS = 1e-3
@@ -36,6 +36,18 @@ class Spectrogram:
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
     noise : float or None
         Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    spectrogram : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording)
+    >>> history.power.shape, history.velocity[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 32), [-0.52, -0.52, -0.52, -0.52])
     """
 
     time: NDArray[np.float64]
@@ -58,6 +70,18 @@ class RangeTime:
         ``abs(range_profile(...))**2``, mean over chirps and added over channels.
     noise : float or None
         Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    range_time : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> history.power.shape, history.range[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 65), [2.04, 2.04, 2.04, 1.89])
     """
 
     time: NDArray[np.float64]
@@ -67,7 +91,7 @@ class RangeTime:
 
 
 def spectrogram(
-    recording: Recording,
+    recording: Recording | Frame,
     *,
     channel: int | None = None,
     window_length: int | None = None,
@@ -88,8 +112,8 @@ def spectrogram(
 
     Parameters
     ----------
-    recording : Recording
-        Frames with chirps at equal intervals.
+    recording : Recording or Frame
+        Frames with chirps at equal intervals; a frame counts as a recording of one.
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
     window_length : int, optional
@@ -116,9 +140,25 @@ def spectrogram(
     ValueError, TypeError
         For numbers out of range, a gate without a bin, a window longer than the chirps without a gap, and chirps
         at unequal intervals, and frames of several waveforms.
+
+    See Also
+    --------
+    range_time : Ranges over time.
+    range_doppler : Velocities of a frame, with their phases.
+    plot.spectrogram : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording, window_length=16, overlap=0.0)
+    >>> print(f"{len(history.time)} columns, {history.velocity[history.power[0].argmax()]:+.2f} m/s")
+    8 columns, -0.52 m/s
     """
     # Check all arguments before any work.
-    wf = _waveform(recording)
+    recording = recording_of("recording", recording)
+    require_one_waveform(recording.radar)
+    wf = recording.radar.waveform
     require_uniform_chirps(wf)
     length = wf.num_chirps if window_length is None else check.count("window_length", window_length)
     shared = check.non_negative("overlap", overlap)
@@ -158,7 +198,7 @@ def spectrogram(
 
 
 def range_time(
-    recording: Recording,
+    recording: Recording | Frame,
     *,
     channel: int | None = None,
     remove_static: bool = False,
@@ -169,7 +209,8 @@ def range_time(
 
     Parameters
     ----------
-    recording : Recording
+    recording : Recording or Frame
+        A frame counts as a recording of one.
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
     remove_static : bool
@@ -187,8 +228,24 @@ def range_time(
     ------
     ValueError, TypeError
         For numbers out of range, a CW radar, and frames of several waveforms.
+
+    See Also
+    --------
+    spectrogram : Velocities over time.
+    range_profile : Ranges of a frame, with their phases.
+    plot.range_time : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> print(f"{history.range[history.power[0].argmax()]:.2f} m at {history.time[0]:.3f} s")
+    2.04 m at 0.005 s
     """
-    wf = _waveform(recording)
+    recording = recording_of("recording", recording)
+    require_one_waveform(recording.radar)
+    wf = recording.radar.waveform
     wf.require_range()
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
@@ -198,13 +255,6 @@ def range_time(
     noise = known_noise(recording, window_weights("window", window, wf.num_samples))
     noise = noise and noise * _num_channels(recording, channel)
     return RangeTime(recording.time + 0.5 * wf.duration, wf.range_axis(n)[:num_ranges], power, noise)
-
-
-def _waveform(recording: object) -> Waveform:
-    if not isinstance(recording, Recording):
-        raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
-    require_one_waveform(recording.radar)
-    return recording.radar.waveform
 
 
 def _num_channels(recording: Recording, channel: int | None) -> int:

@@ -47,6 +47,17 @@ class TrackerSettings:
         Standard deviation of the velocities of its parts [m/s]: likewise.
     num_dimensions : 1, 2 or 3, optional
         Range alone; the plane, by azimuth; space, by elevation too. Default: by what the first detections tell.
+
+    See Also
+    --------
+    track : Takes them as keywords.
+    Tracker : Likewise.
+
+    Examples
+    --------
+    >>> settings = rc.TrackerSettings(max_speed=2.0, confirm_hits=2, confirm_frames=3)
+    >>> rc.Tracker(max_speed=2.0, confirm_hits=2, confirm_frames=3).settings == settings
+    True
     """
 
     acceleration_density: float = 1.0

@@ -59,6 +59,20 @@ class Tracker:
         1, 2 or 3 of space; None until detections have told.
     num_begun : int
         Tracks that began, confirmed or not: the id of the next.
+
+    See Also
+    --------
+    track : Tracks of a whole recording.
+    TrackerSettings : What may be set.
+
+    Examples
+    --------
+    >>> tracker = rc.Tracker(confirm_hits=2)
+    >>> for k in range(3):
+    ...     found = rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k)
+    ...     states = tracker.update(found)
+    >>> print(f"{states[0].range:.2f} m, {states[0].velocity:+.2f} m/s, {states[0].is_confirmed}")
+    1.95 m, -0.52 m/s, True
     """
 
     _state: Array
@@ -97,6 +111,18 @@ class Tracker:
         ------
         TypeError, ValueError
             For anything but detections at a later time; the tracks are then as before.
+
+        See Also
+        --------
+        TrackState : What comes back, one for each target.
+        detect : Detections of a frame.
+
+        Examples
+        --------
+        >>> tracker = rc.Tracker()
+        >>> found = rc.Detections([2.0, 3.0], [-0.5, 0.0], [0.0, 0.5], [np.nan, np.nan], [20.0, 15.0], time=0.1)
+        >>> [round(state.range, 2) for state in tracker.update(found)]
+        [2.01, 3.02]
         """
         if not isinstance(detections, Detections):
             raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
@@ -323,6 +349,20 @@ def track(
     TypeError, ValueError
         For settings and times that are refused by `TrackerSettings` and `Tracker.update`; for anything but detections
         and frames.
+
+    See Also
+    --------
+    Tracks : What comes back.
+    Tracker : Frame by frame, for live use.
+    detect : Detections that are tracked.
+    plot.tracks : Picture over time.
+
+    Examples
+    --------
+    >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+    >>> tracks = rc.track(found)
+    >>> len(tracks), tracks[0].range.round(2).tolist()
+    (1, [2.01, 1.97, 1.95, 1.92, 1.89, 1.86])
     """
     TrackerSettings(**settings)  # refused before work starts
     if detector is not None and not callable(detector):

@@ -40,6 +40,17 @@ class TrackState:
         Whether the track had been detected often enough by then to be believed.
     num_hits : int
         Detections of the target until then.
+
+    See Also
+    --------
+    Tracker.update : Makes them.
+    Tracks.at : Those of a recording at one time.
+
+    Examples
+    --------
+    >>> state = rc.Tracker().update(rc.Detections([2.0], [-0.5], [0.0], [np.nan], [20.0]))[0]
+    >>> state.id, round(state.range, 2), state.num_hits, state.is_confirmed
+    (0, 2.01, 1, False)
     """
 
     id: int
@@ -52,7 +63,18 @@ class TrackState:
 
     @classmethod
     def of_fields(cls, **fields: Any) -> TrackState:
-        """A state of all its fields by name, made without a call for each."""
+        """A state of all its fields by name, made without a call for each.
+
+        See Also
+        --------
+        TrackState : Checks what it is given.
+
+        Examples
+        --------
+        >>> state = rc.Tracker().update(rc.Detections([2.0], [-0.5], [0.0], [np.nan], [20.0]))[0]
+        >>> rc.TrackState.of_fields(**(vars(state) | {"time": 0.1})).time
+        0.1
+        """
         state = object.__new__(cls)
         vars(state).update(fields)
         return state
@@ -116,6 +138,19 @@ class Track:
         As in `TrackState`.
     is_detected, is_confirmed : (row,) bool
         As in `TrackState`.
+
+    See Also
+    --------
+    track : Makes them.
+    Tracks : All of a recording.
+    TrackState : One at one time.
+
+    Examples
+    --------
+    >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+    >>> target = rc.track(found)[0]
+    >>> target.num_hits, target.position[-1].round(2).tolist(), target.longest_gap
+    (6, [1.86, 0.0, 0.0], 0)
     """
 
     id: int
@@ -196,6 +231,19 @@ class Tracks(Sequence[Track]):
     time : (frame,) float64
         Middle of every frame [s], those without a track too.
     tracks : sequence of Track
+
+    See Also
+    --------
+    track : Makes them.
+    assign_to_truth : Bodies that they follow.
+    plot.tracks_from_above : Picture of their ways.
+
+    Examples
+    --------
+    >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+    >>> tracks = rc.track(found)
+    >>> [target.id for target in tracks], len(tracks.time)
+    ([0], 6)
     """
 
     time: Array
@@ -216,7 +264,18 @@ class Tracks(Sequence[Track]):
         return f"Tracks({len(self.time)} frames; {', '.join(spans) or 'no tracks'})"
 
     def at(self, frame: int) -> list[TrackState]:
-        """States of the targets in a frame, by its index; negative ones count from the end."""
+        """States of the targets in a frame, by its index; negative ones count from the end.
+
+        See Also
+        --------
+        TrackState : What comes back.
+
+        Examples
+        --------
+        >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+        >>> [round(state.range, 2) for state in rc.track(found).at(-1)]
+        [1.86]
+        """
         index = check.index("frame", frame, len(self.time))
         rows = [(track, int(np.searchsorted(track.frame, index))) for track in self.tracks]
         return [_row(track, row) for track, row in rows if row < len(track) and track.frame[row] == index]
@@ -262,6 +321,19 @@ def assign_to_truth(tracks: Tracks, truth: Truth, *, max_distance: float = 0.5) 
     -------
     bodies : dict
         Name of the body, or None, by the id of the track. Several tracks may follow one body, one after the other.
+
+    See Also
+    --------
+    track : Tracks of a recording.
+    compare : Errors against the truth.
+    Truth : Where bodies are.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
+    >>> rc.assign_to_truth(rc.track(recording), recording.truth)
+    {0: 'ball'}
     """
     if not isinstance(tracks, Tracks):
         raise TypeError(f"tracks: expected Tracks, got {type(tracks).__name__}")

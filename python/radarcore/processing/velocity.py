@@ -78,6 +78,20 @@ def doppler_velocity(
     ValueError, TypeError
         For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
         transmitters in Doppler-division multiplex, and limits in the wrong order.
+
+    See Also
+    --------
+    doppler_bound : Least standard deviation.
+    strongest_peak : Quicker, to some hundredths of a bin.
+    range_migration_velocity : Without Doppler's ambiguity.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> estimate = rc.doppler_velocity(frame, min_range=0.5)
+    >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
+    2.00 m, -0.50 m/s
     """
     require_transmitters_apart(cube, waveform)
     given = checked_input(cube, waveform)
@@ -164,6 +178,22 @@ def up_down_velocity(
     ------
     ValueError, TypeError
         For slopes of equal sign, and as `doppler_velocity`.
+
+    See Also
+    --------
+    up_down_bound : Least standard deviation.
+    Waveform.alternating : Frames of both slopes.
+    doppler_velocity : From many chirps of one slope.
+
+    Examples
+    --------
+    >>> up = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=1)
+    >>> down = up.replace(start_frequency=63e9, slope=-50e12)
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
+    >>> frames = [rc.Simulator(scene, rc.Radar(each)).frame(time) for each, time in ((up, 0.0), (down, 0.01))]
+    >>> estimate = rc.up_down_velocity(*frames)
+    >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
+    2.01 m, +1.00 m/s
     """
     both = checked_input(up, up_waveform, "up"), checked_input(down, down_waveform, "down")
     waveforms = both[0].waveform, both[1].waveform
@@ -245,6 +275,20 @@ def chirp_rate_velocity(
     ------
     ValueError, TypeError
         As `doppler_velocity`.
+
+    See Also
+    --------
+    chirp_rate_bound : Least standard deviation.
+    doppler_velocity : The most accurate way, with many chirps.
+    up_down_velocity : From one chirp of each slope.
+
+    Examples
+    --------
+    >>> waveform = rc.Waveform(start_frequency=60e9, slope=2e12, sample_rate=1e6, num_samples=1024, num_chirps=1)
+    >>> scene = rc.Scene([rc.PointTarget([8.0, 0.0, 0.0], velocity=[-2.0, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
+    >>> print(f"{rc.chirp_rate_velocity(frame).velocity:+.1f} m/s from one chirp")
+    -2.0 m/s from one chirp
     """
     given = checked_input(cube, waveform)
     if given.waveform.num_samples < 3:
@@ -285,6 +329,21 @@ def range_migration_velocity(
     ------
     ValueError, TypeError
         As `doppler_velocity`.
+
+    See Also
+    --------
+    range_migration_bound : Least standard deviation.
+    doppler_velocity : The most accurate way.
+
+    Examples
+    --------
+    >>> waveform = rc.Waveform(
+    ...     start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=64, chirp_interval=1e-3
+    ... )
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
+    >>> print(f"{rc.range_migration_velocity(frame).velocity:+.2f} m/s")
+    +1.00 m/s
     """
     given = checked_input(cube, waveform)
     if given.waveform.num_chirps < 2:

@@ -15,6 +15,10 @@ Window = str | tuple[Any, ...] | None
 """A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
 
 
+_COSINES = {"boxcar": (1.0,), "hann": (0.5, 0.5), "hamming": (0.54, 1.0 - 0.54), "blackman": (0.42, 0.5, 0.08)}
+"""Weights of the cosines of which common windows are sums. SciPy has them too, and takes a second to be imported."""
+
+
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Periodic window, (length,), read-only."""
     if window is None or isinstance(window, str):
@@ -39,6 +43,8 @@ def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
 def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
     if window is None:
         return check.frozen(np.ones(length))
+    if isinstance(window, str) and window in _COSINES and length > 1:
+        return check.frozen(_sum_of_cosines(_COSINES[window], length + periodic)[:length])
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
     expected = "expected a window of scipy.signal.get_window or None"
@@ -49,6 +55,15 @@ def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArr
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
     return check.frozen(weights)
+
+
+def _sum_of_cosines(weights: tuple[float, ...], length: int) -> NDArray[np.float64]:
+    """Symmetric window, formed as SciPy does, to the last bit."""
+    angles = np.linspace(-np.pi, np.pi, length)
+    total = np.zeros(length)
+    for order, weight in enumerate(weights):
+        total += weight * np.cos(order * angles)
+    return total
 
 
 def window_centre(weights: NDArray[np.float64]) -> float:

@@ -43,6 +43,19 @@ class Leakage:
         Its phase [degrees]: 180 for a real receiver that starts below its mean.
     step_time : float
         Time in which the step falls to 1/e [s].
+
+    See Also
+    --------
+    Receiver : Takes it as `leakage`.
+    bgt60tr13c : Has that of a real chip with ``receiver="measured"``.
+
+    Examples
+    --------
+    >>> receiver = rc.Receiver(leakage=rc.Leakage(level_db=-40.0, delay=0.2e-9))
+    >>> radar = rc.Radar(rc.bgt60tr13c().waveform, tx_power_dbm=30.0, receiver=receiver)
+    >>> frame = rc.Simulator(rc.Scene(), radar).frame(0.0)
+    >>> print(f"{20 * np.log10(np.abs(frame.cube[0, 0, 0])):.1f} dBW")
+    -40.0 dBW
     """
 
     level_db: PerReceiver | None = None

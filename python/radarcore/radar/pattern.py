@@ -32,7 +32,18 @@ _NUM_ANGLES = 180
 
 @dataclass(frozen=True)
 class IsotropicPattern(Twinned):
-    """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of."""
+    """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of.
+
+    See Also
+    --------
+    GaussianPattern : A beam.
+    TabulatedPattern : Gains as measured.
+
+    Examples
+    --------
+    >>> rc.IsotropicPattern(gain_db=3.0).gain([0.0, 1.0], 0.0).round(3)
+    array([1.995, 1.995])
+    """
 
     gain_db: float = 0.0
 
@@ -68,6 +79,19 @@ class GaussianPattern(Twinned):
     -----
     UserWarning
         For more gain than beams of these widths can have: the antenna would radiate more power than it is fed with.
+
+    See Also
+    --------
+    TabulatedPattern : Gains as measured.
+    IsotropicPattern : The same gain everywhere.
+    Radar.field_of_view_deg : Angles that antennas see.
+
+    Examples
+    --------
+    >>> pattern = rc.GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0)
+    >>> loss = pattern.gain(np.deg2rad(0.5 * 65.0), 0.0) / pattern.gain(0.0, 0.0)
+    >>> print(f"{10 * np.log10(loss):.2f} dB")
+    -3.01 dB
     """
 
     gain_db: float
@@ -122,6 +146,17 @@ class TabulatedPattern(Twinned):
         Increasing, from -pi/2 to pi/2 [rad], positive up; at least two.
     gain_db : (n, m) array_like
         Power gain [dBi], finite: a null is some large negative number. Straight up and down are seen at azimuth 0.
+
+    See Also
+    --------
+    TabulatedPattern.load : Table of a CSV file.
+    GaussianPattern : A beam by its widths.
+
+    Examples
+    --------
+    >>> pattern = rc.TabulatedPattern([-1.0, 0.0, 1.0], [-0.5, 0.5], [[-9.0, -9.0], [3.0, 3.0], [-9.0, -9.0]])
+    >>> print(f"{10 * np.log10(pattern.gain(0.5, 0.0)):.1f} dBi")
+    -3.0 dBi
     """
 
     azimuth: NDArray[np.float64]
@@ -137,7 +172,18 @@ class TabulatedPattern(Twinned):
 
     @classmethod
     def from_degrees(cls, azimuth_deg: ArrayLike, elevation_deg: ArrayLike, gain_db: ArrayLike) -> TabulatedPattern:
-        """Pattern from angles in degrees."""
+        """Pattern from angles in degrees.
+
+        See Also
+        --------
+        TabulatedPattern.load : Table of a CSV file.
+
+        Examples
+        --------
+        >>> pattern = rc.TabulatedPattern.from_degrees([-60, 0, 60], [-30, 30], [[-9, -9], [3, 3], [-9, -9]])
+        >>> pattern
+        <TabulatedPattern: table of 3 x 2, peak 3 dBi, azimuth -60 to 60, elevation -30 to 30 degrees>
+        """
         azimuth = _angles("azimuth_deg", azimuth_deg, 180.0, "degrees")
         elevation = _angles("elevation_deg", elevation_deg, 90.0, "degrees")
         return cls(np.deg2rad(azimuth), np.deg2rad(elevation), gain_db)
@@ -158,6 +204,17 @@ class TabulatedPattern(Twinned):
             When there is no such file.
         ValueError
             When lines are no table; names the line where it can.
+
+        See Also
+        --------
+        TabulatedPattern.from_degrees : Table in memory.
+
+        Examples
+        --------
+        >>> rows = [(az, el, 3.0 - abs(az) / 10.0) for az in (-60, 0, 60) for el in (-30, 30)]
+        >>> np.savetxt("gain.csv", rows, header="azimuth_deg,elevation_deg,gain_db", delimiter=",", comments="")
+        >>> rc.TabulatedPattern.load("gain.csv")
+        <TabulatedPattern: table of 3 x 2, peak 3 dBi, azimuth -60 to 60, elevation -30 to 30 degrees>
         """
         try:
             return cls.from_degrees(*read_table(Path(path)))

@@ -48,6 +48,19 @@ def bgt60tr24(
         How the transmitters share the time, as in `Radar`.
     **waveform
         Keywords of `Waveform` in place of the defaults.
+
+    See Also
+    --------
+    bgt60tr13c : One transmitter and three receivers.
+    Schedule : How transmitters share the time.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr24(schedule=rc.Schedule.tdm())
+    >>> radar
+    <Radar 58 to 63.5 GHz, 16 chirps of 64 samples, 2 TX, 4 RX, 40 Hz>
+    >>> radar.num_channels
+    8
     """
     settings: dict[str, Any] = {
         "start_frequency": 58e9,

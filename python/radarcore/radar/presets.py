@@ -42,11 +42,11 @@ def bgt60tr13c(
 ) -> Radar:
     """Infineon BGT60TR13C: one TX, three RX in an L, real samples.
 
-    Defaults see 10 m and 4.1 m/s at 40 frames per second: 60 to 61 GHz, 128 samples at 2 MHz, 64 chirps every 300 us,
-    25 ms per frame; range bins of 0.16 m and velocity bins of 0.13 m/s. The ramp starts 3.1125 us before the first
-    sample and reaches `stop_frequency` at the last, so the sampled bandwidth is smaller than
-    ``stop_frequency - start_frequency``. The chip's own settings at power-up see 0.96 m at 13 Hz: 58 to 63.5 GHz, 64
-    samples, 64 chirps every 591.125 us, 77.26885 ms per frame.
+    By default it sees up to 10.1 m in bins of 0.157 m, up to 4.13 m/s towards or away in bins of 0.129 m/s, and 119 by
+    74 degrees, 40 times per second: 60 to 61 GHz, 128 samples at 2 MHz, 64 chirps every 300 us, 25 ms per frame. The
+    ramp starts 3.1125 us before the first sample and reaches `stop_frequency` at the last, so the sampled bandwidth is
+    smaller than ``stop_frequency - start_frequency``. The chip's own settings at power-up see 0.96 m at 13 Hz: 58 to
+    63.5 GHz, 64 samples, 64 chirps every 591.125 us, 77.26885 ms per frame.
 
     Power, gain, beam widths and noise figure are the data sheet's typical values (4 dBm, 3.5 dBi, 65 by 40
     degrees, 12 dB). RX1 and RX3 are the azimuth pair, RX2 and RX3 the elevation pair, 2.5 mm apart. The
@@ -78,6 +78,22 @@ def bgt60tr13c(
     ValueError
         For a ramp that begins or ends outside of 57 to 64 GHz, for a wish that cannot be had beside the others (the
         message names it, and what could be had), and as `Waveform`.
+
+    See Also
+    --------
+    bgt60tr24 : Two transmitters and four receivers.
+    Waveform.design : Waveform from wishes, of any radar.
+    open_sensor : A board with that chip.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> radar
+    <Radar 60.05 to 61 GHz, 64 chirps of 128 samples, 1 TX, 3 RX, 40 Hz>
+    >>> print(f"up to {radar.max_range:.1f} m in bins of {radar.waveform.range_resolution:.3f} m")
+    up to 10.1 m in bins of 0.157 m
+    >>> print(f"up to {radar.max_velocity:.2f} m/s in bins of {radar.waveform.velocity_resolution:.3f} m/s")
+    up to 4.13 m/s in bins of 0.129 m/s
     """
     names = [field.name for field in fields(Waveform)]
     check.keywords(

@@ -50,8 +50,9 @@ class Radar(Twinned):
     receiver : Receiver, optional
         None: the ideal receiver, I/Q without noise.
     polarization : "vertical", "horizontal" or (3,) array_like, optional
-        Direction of the field of every element, TX and RX: along z, along y, or a unit vector in the sensor frame; of
-        every ray the part across it. None: what materials reflect is averaged over polarisations.
+        Direction of the field of every element, TX and RX: "vertical" is the z axis of the radar, "horizontal" its y
+        axis; or a unit vector in the sensor frame. Of every ray the direction across it. None: what materials reflect
+        is averaged over polarisations.
     schedule : Schedule, optional
         When and in which phase transmitters send: `Schedule.tdm`, `.ddm`, `.steered`. None: every transmitter is
         received as if it were alone, all at the same time, which no radar with several can do.
@@ -68,6 +69,20 @@ class Radar(Twinned):
     -----
     UserWarning
         For antennas more than 100 wavelengths apart, which is hardly meant.
+
+    See Also
+    --------
+    bgt60tr13c : A real one.
+    Waveform : What it sends.
+    Receiver : What lies between antennas and samples.
+    Simulator : Frames of a scene.
+
+    Examples
+    --------
+    >>> wf = rc.Waveform.design(max_range=20.0, range_resolution=0.2, max_velocity=5.0, start_frequency=77e9)
+    >>> radar = rc.Radar(wf, rx=[[0.0, 0.0, 0.0], [0.0, 1.9e-3, 0.0]], tx_power_dbm=12.0)
+    >>> radar
+    <Radar 77 to 77.75 GHz, 64 chirps of 200 samples, 1 TX, 2 RX, 80.7 Hz>
     """
 
     waveform: Waveform
@@ -286,7 +301,11 @@ class Radar(Twinned):
 
     @property
     def max_range(self) -> float:
-        """Largest unambiguous range [m]: the waveform's, of several the least; twice that with I/Q samples."""
+        """Largest unambiguous range [m]: ``c sample_rate / (4 abs(slope))`` of real samples, of I/Q samples twice that.
+
+        A radar knows its receiver: this is the one of its own samples, `Waveform.max_range` always that of real ones.
+        Of several waveforms the least; inf for a CW radar.
+        """
         return min(waveform.max_range for waveform in self.waveforms) * (1.0 if self.is_real else 2.0)
 
     @cached_property

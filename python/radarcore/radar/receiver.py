@@ -71,6 +71,18 @@ class Receiver:
     adc_odd_width : float, optional
         Width of the odd codes, in steps, from a quarter of the codes on; of the even ones below. The others are as much
         wider. None: 1.
+
+    See Also
+    --------
+    Radar : Takes it as `receiver`.
+    Leakage : From the transmitters into the receivers.
+    bgt60tr13c : Has a measured one with ``receiver="measured"``.
+
+    Examples
+    --------
+    >>> receiver = rc.Receiver(noise_figure_db=12.0)
+    >>> print(f"{10 * np.log10(receiver.noise_variance(2e6)):.1f} dBW in 2 MHz")
+    -129.0 dBW in 2 MHz
     """
 
     output: str = "iq"

@@ -39,6 +39,19 @@ class Schedule:
         Steered: factors of the transmitted fields.
     azimuth, elevation : float or (chirp,) array_like, optional
         Steered: direction of the beam [rad], in place of weights.
+
+    See Also
+    --------
+    Schedule.tdm : Transmitters in turns.
+    Schedule.ddm : At once, told apart by Doppler.
+    Schedule.steered : At once, as one beam.
+    demultiplex : Channels from the samples of DDM.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr24(schedule=rc.Schedule(kind="tdm", order=(1, 0)))
+    >>> (1e6 * radar.channel_offsets).round(1)
+    array([295.6, 295.6, 295.6, 295.6,   0. ,   0. ,   0. ,   0. ])
     """
 
     kind: str
@@ -89,6 +102,17 @@ class Schedule:
             the number of transmitters.
         order : sequence of int, optional
             Numbers of the transmitters in the order of their turns; default: 0, 1, 2, ...
+
+        See Also
+        --------
+        Schedule.ddm : All at once, told apart by Doppler.
+        Radar.channel_offsets : Times of the channels.
+
+        Examples
+        --------
+        >>> radar = rc.bgt60tr24(schedule=rc.Schedule.tdm())
+        >>> (1e6 * radar.channel_offsets).round(1)
+        array([  0. ,   0. ,   0. ,   0. , 295.6, 295.6, 295.6, 295.6])
         """
         return cls(kind="tdm", interval=interval, order=order)  # type: ignore[arg-type]  # __post_init__ makes it one
 
@@ -106,6 +130,17 @@ class Schedule:
         turns : (tx,) array_like, optional
             Turns per chirp; default: ``i / num_tx``. ``i / (num_tx + 1)`` leaves a band empty, by which real radars
             tell which transmitter is which.
+
+        See Also
+        --------
+        demultiplex : Makes channels of the sum.
+        Schedule.tdm : In turns.
+
+        Examples
+        --------
+        >>> radar = rc.bgt60tr24(schedule=rc.Schedule.ddm())
+        >>> print(f"{radar.num_channels} channels, {radar.max_velocity:.2f} of {radar.waveform.max_velocity:.2f} m/s")
+        4 channels, 1.04 of 2.09 m/s
         """
         return cls(kind="ddm", turns=turns)  # type: ignore[arg-type]  # __post_init__ makes it an array
 
@@ -130,6 +165,17 @@ class Schedule:
             Factors of the transmitted fields (time dependence ``exp(j w t)``), of magnitudes up to 1.
         azimuth, elevation : float or (chirp,) array_like
             Direction of the beam [rad], in place of weights: azimuth positive to the left (+y), elevation up.
+
+        See Also
+        --------
+        steering_weights : Weights of a beam.
+        array_pattern : Beam of an array.
+
+        Examples
+        --------
+        >>> radar = rc.bgt60tr24(schedule=rc.Schedule.steered(azimuth=np.deg2rad(20.0)))
+        >>> radar.num_channels
+        4
         """
         return cls(kind="steered", weights=weights, azimuth=azimuth, elevation=elevation)  # type: ignore[arg-type]
 

@@ -78,6 +78,18 @@ class Waveform(Twinned):
     -----
     UserWarning
         For what is hardly meant: a sampled band wider than 30 % of its centre frequency, or ramps longer than 0.1 s.
+
+    See Also
+    --------
+    Waveform.design : From wishes: range, velocity, resolutions, rate.
+    Waveform.from_sweep : From two frequencies.
+    Radar : Takes it.
+
+    Examples
+    --------
+    >>> wf = rc.Waveform(start_frequency=77e9, slope=20e12, sample_rate=5e6, num_samples=256, num_chirps=64)
+    >>> print(f"bins of {wf.range_resolution:.2f} m up to {wf.max_range:.1f} m of real samples")
+    bins of 0.15 m up to 18.7 m of real samples
     """
 
     start_frequency: float
@@ -179,6 +191,16 @@ class Waveform(Twinned):
         ``stop_frequency = start_frequency + slope * num_samples / sample_rate``; the other keywords are those of
         `Waveform`. A stop below the start is a down-chirp. An `adc_delay` shifts the sampled band by
         ``slope * adc_delay``, its width stays.
+
+        See Also
+        --------
+        Waveform.design : From wishes: range, velocity, resolutions, rate.
+
+        Examples
+        --------
+        >>> wf = rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=128)
+        >>> print(f"{wf.bandwidth / 1e9:g} GHz in {1e6 * wf.num_samples / wf.sample_rate:g} us")
+        1 GHz in 64 us
         """
         start = check_frequency("start_frequency", start_frequency)
         stop = check_frequency("stop_frequency", stop_frequency)
@@ -215,8 +237,8 @@ class Waveform(Twinned):
         Parameters
         ----------
         max_range, range_resolution : float
-            Largest `max_range` and width of a range bin [m]; at least one of them. Without a resolution there are 128
-            samples, without a range as many as the resolution makes of 128.
+            Least `max_range`, that of real samples, and largest width of a range bin [m]; at least one of them. Without
+            a resolution there are 128 samples, without a range as many as the resolution makes of 128.
         max_velocity : float, optional
             Least `max_velocity` [m/s]; default: chirps as close as they can be.
         velocity_resolution : float, optional
@@ -234,6 +256,17 @@ class Waveform(Twinned):
         ------
         ValueError
             For a wish that cannot be had beside the others: the message names it, and what could be had.
+
+        See Also
+        --------
+        bgt60tr13c : The same wishes, of a real chip.
+        Waveform.from_sweep : From two frequencies.
+
+        Examples
+        --------
+        >>> wf = rc.Waveform.design(max_range=8.0, range_resolution=0.1, max_velocity=4.0, rate=40.0)
+        >>> print(f"{wf.num_chirps} x {wf.num_samples} samples, {wf.max_range:.1f} m, {wf.max_velocity:.1f} m/s")
+        64 x 160 samples, 8.0 m, 4.0 m/s
         """
         limits = design.Limits(
             sample_rate=check.positive("sample_rate", sample_rate, "Hz"),
@@ -258,6 +291,16 @@ class Waveform(Twinned):
         """Copy of the waveform with some parameters changed.
 
         A new number of chirps or chirp interval replaces the list of chirp times.
+
+        See Also
+        --------
+        bgt60tr13c : Takes the same keywords.
+
+        Examples
+        --------
+        >>> wf = rc.bgt60tr13c().waveform.replace(num_chirps=32)
+        >>> wf.num_chirps
+        32
         """
         if self.frame_interval == self._default_frame_interval:
             changes.setdefault("frame_interval", None)
@@ -276,6 +319,17 @@ class Waveform(Twinned):
 
         The chirps of this waveform with even numbers, and those with odd numbers falling from the end of the sampled
         band to its start (rising, if this one is falling). There is an even number of them.
+
+        See Also
+        --------
+        up_down_velocity : Velocity from such chirps.
+        Radar : Takes both.
+
+        Examples
+        --------
+        >>> up, down = rc.bgt60tr13c().waveform.alternating()
+        >>> up.num_chirps, up.slope == -down.slope
+        (32, True)
         """
         self.require_range()
         if self.num_chirps % 2 != 0:
@@ -333,7 +387,11 @@ class Waveform(Twinned):
 
     @property
     def max_range(self) -> float:
-        """Largest unambiguous range of a real receiver [m]; an I/Q receiver has twice that. Inf for a CW radar."""
+        """Largest unambiguous range [m]: ``c sample_rate / (4 abs(slope))`` of real samples, of I/Q samples twice that.
+
+        A waveform does not know its receiver: this is the one of real samples, `Radar.max_range` that of the radar's
+        own. Inf for a CW radar.
+        """
         return np.inf if self.is_cw else SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
 
     @property
@@ -371,6 +429,16 @@ class Waveform(Twinned):
 
         Bin k lies at ``k c sample_rate / (2 abs(slope) num_bins)``. A real receiver has the first
         ``num_bins // 2 + 1`` of them. Default: `num_samples`. A ValueError for a CW radar.
+
+        See Also
+        --------
+        range_profile : Transform that has these ranges.
+
+        Examples
+        --------
+        >>> wf = rc.bgt60tr13c().waveform
+        >>> wf.range_axis(256)[:3].round(3)
+        array([0.   , 0.079, 0.157])
         """
         self.require_range()
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
@@ -385,6 +453,16 @@ class Waveform(Twinned):
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
 
         Increasing, zero at index ``num_bins // 2``, receding positive. Default: `num_chirps`.
+
+        See Also
+        --------
+        range_doppler : Transform that has these velocities.
+
+        Examples
+        --------
+        >>> wf = rc.bgt60tr13c(num_chirps=4).waveform
+        >>> wf.velocity_axis().round(2)
+        array([-4.13, -2.06,  0.  ,  2.06])
         """
         n = self.num_chirps if num_bins is None else check.count("num_bins", num_bins)
         return (np.arange(n, dtype=np.float64) - n // 2) * (self.wavelength / (2.0 * n * self.chirp_interval))

@@ -32,16 +32,36 @@ Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
 class Truth:
     """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
 
+    Of a body with a mesh they are those of its **nearest visible point**: the point of its surface that is nearest to
+    the centre of the array among those that rays hit, neither the body's centre nor its origin. Of a sphere that is
+    about its centre's range less its radius; the strongest echo may come from another point. The velocity is that of
+    the material there. A `PointTarget` is that point itself, and always visible. Simulated truth holds for the middle
+    of the frame. What `compare` makes of bodies that it is given is of the nearest point of their meshes, visible or
+    not, and of a motion alone that of its origin.
+
     Parameters
     ----------
     names : tuple of str
         One per body.
     range : (body,) or (frame, body) array_like
-        Distance from the centre of the array [m].
+        Distance from the centre of the array, `Radar.array_center`, to that point [m].
     velocity : (body,) or (frame, body) array_like
-        Range rate, receding positive [m/s].
+        Range rate of that point, receding positive [m/s].
     azimuth, elevation : (body,) or (frame, body) array_like
-        Angles [rad], positive to the left and up.
+        Angles to it in the sensor frame [rad], positive to the left and up.
+
+    See Also
+    --------
+    Truth.select : Of some bodies.
+    assign_to_truth : Which track belongs to which body.
+    compare : What estimates differ by from the truth.
+
+    Examples
+    --------
+    >>> ball = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), [-1.0, 0.0, 0.0]), name="ball")
+    >>> truth = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c()).frame(0.0).truth
+    >>> print(f"{truth.names[0]}: {truth.range[0]:.2f} m, {truth.velocity[0]:.1f} m/s")  # its centre: 1.99 m
+    ball: 1.89 m, -1.0 m/s
     """
 
     names: tuple[str, ...]
@@ -77,7 +97,18 @@ class Truth:
         return truth
 
     def select(self, names: Sequence[str]) -> Truth:
-        """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there."""
+        """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there.
+
+        See Also
+        --------
+        Scene : Has the names.
+
+        Examples
+        --------
+        >>> truth = rc.Truth(("cat", "dog"), range=[1.0, 2.0], velocity=[0.0, 0.5], azimuth=[0, 0], elevation=[0, 0])
+        >>> truth.select(["dog"]).range
+        array([2.])
+        """
         if missing := [name for name in names if name not in self.names]:
             raise KeyError(f"no truth of {', '.join(map(repr, missing))}; there is {', '.join(self.names)}")
         columns = [self.names.index(name) for name in names]
@@ -114,6 +145,21 @@ class Frame:
         just before this one, and ``cube_unit``, where samples are neither in sqrt(W) nor codes.
     raw : (channel, chirp, sample) uint16, optional
         Codes of the ADC; the cube is then in full scale, see `radarcore.recording.codes.to_samples`.
+
+    See Also
+    --------
+    Simulator.frame : A simulated one.
+    Recording : Several of one radar.
+    range_doppler : Its range-velocity map.
+    detect : What is in it.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), radar).frame(0.0)
+    <Frame at 0 s: 3 channels x 64 chirps x 128 samples, float32, truth of point 0>
+    >>> rc.Frame(np.zeros((3, 64, 128), np.float32), time=0.0, radar=radar)
+    <Frame at 0 s: 3 channels x 64 chirps x 128 samples, float32>
     """
 
     cube: NDArray[Any]

@@ -38,6 +38,17 @@ class RecordingReader:
         Of the samples.
     time, truth, lost
         Of all frames, see `Recording`.
+
+    See Also
+    --------
+    Recording.load : All of it.
+    RecordingWriter : Writes frame by frame.
+
+    Examples
+    --------
+    >>> rc.Recording(np.zeros((2, 3, 64, 128), np.float32), [0.0, 0.025], rc.bgt60tr13c()).save("made")
+    >>> [frame.time for frame in rc.RecordingReader("made")]
+    [0.0, 0.025]
     """
 
     def __init__(

@@ -60,6 +60,22 @@ class Recording(Stored):
     lost : (frame,) array_like, optional
         Number of frames lost just before each; None if nobody counted. Frames have it in
         ``stats["lost_before"]``.
+
+    See Also
+    --------
+    Recording.load : From disk.
+    Simulator.record : A simulated one.
+    RecordingReader : One that does not fit into memory.
+    Frame : One of its frames.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c()
+    >>> recording = rc.Recording(np.zeros((4, 3, 64, 128), np.float32), time=0.025 * np.arange(4), radar=radar)
+    >>> recording
+    <Recording of 4 frames in 0.075 s: 3 channels x 64 chirps x 128 samples, float32>
+    >>> recording[1]
+    <Frame at 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
     """
 
     def __post_init__(self) -> None:
@@ -160,6 +176,18 @@ class Recording(Stored):
         loop : bool
             Begin again after the last frame, without end. Times of frames go on as if the recording did, an
             ordinary interval after the last.
+
+        See Also
+        --------
+        Recording.frames : Without waiting.
+        open_sensor : Frames of a board, in the same way.
+
+        Examples
+        --------
+        >>> radar = rc.bgt60tr13c()
+        >>> recording = rc.Recording(np.zeros((2, 3, 64, 128), np.float32), time=[0.0, 0.025], radar=radar)
+        >>> [frame.time for frame in recording.replay(speed=10.0)]
+        [0.0, 0.025]
         """
         factor = 0.0 if speed is None else 1.0 / check.positive("speed", speed)
         rounds = self._rounds() if loop else self.frames()
@@ -182,6 +210,18 @@ class Recording(Stored):
         """Recording of frames of one radar with the same bodies and dtype.
 
         If `source` has no ``cube_unit``, it is that of the first frame: full scale for the codes of an ADC.
+
+        See Also
+        --------
+        Simulator.record : Simulates many.
+        Recording.save : Writes to disk.
+
+        Examples
+        --------
+        >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c())
+        >>> recording = rc.Recording.from_frames(simulator.frame(time) for time in (0.0, 0.025))
+        >>> len(recording)
+        2
         """
         kept = list(frames)
         if not kept:
@@ -224,6 +264,19 @@ class Recording(Stored):
             When the place cannot be written to.
         ValueError
             When the format cannot hold this recording.
+
+        See Also
+        --------
+        Recording.load : Reads it.
+        RecordingWriter : Writes frame by frame.
+
+        Examples
+        --------
+        >>> point = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])])
+        >>> recording = rc.Simulator(point, rc.bgt60tr13c()).record(0.0, 0.1, rate=40.0, progress=False)
+        >>> recording.save("point.npz")
+        >>> len(rc.Recording.load("point.npz"))
+        4
         """
         path = Path(path)
         kind = format_of(path) if format is None else check.choice("format", format, ("npz", "infineon"))
@@ -280,6 +333,18 @@ class Recording(Stored):
             bare samples without what they need.
         ImportError
             For a MAT file of version 7.3 without h5py.
+
+        See Also
+        --------
+        Recording.save : Writes to disk.
+        RecordingReader : Reads a few frames at a time.
+        load_radar : Radar of a file.
+
+        Examples
+        --------
+        >>> np.save("samples.npy", np.zeros((2, 3, 64, 128), np.int16))
+        >>> rc.Recording.load("samples.npy", radar=rc.bgt60tr13c())
+        <Recording of 2 frames in 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
         """
         stored = stored_at(path, mmap=mmap, description=Description(radar, config, shape, dtype, variable))
         cube: Any = stored.cube

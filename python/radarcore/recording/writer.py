@@ -42,6 +42,21 @@ class RecordingWriter:
         When `path` exists and is not a recording to be overwritten.
     OSError
         When the place cannot be written to.
+
+    See Also
+    --------
+    RecordingReader : Reads frame by frame.
+    Recording.save : Writes all at once.
+    Simulator.record : Writes what it simulates with `path`.
+
+    Examples
+    --------
+    >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c())
+    >>> with rc.RecordingWriter("live", simulator.radar) as writer:
+    ...     for time in (0.0, 0.025):
+    ...         writer.append(simulator.frame(time))
+    >>> len(rc.Recording.load("live"))
+    2
     """
 
     def __init__(

@@ -36,6 +36,20 @@ class Body:
         shading belong to the mesh as it was given: where facets meet below the crease angle, its own vertices say.
     name : str, optional
         Name in tables and pictures.
+
+    See Also
+    --------
+    PointTarget : A point of a given cross-section.
+    Scene : Takes bodies and points.
+    shapes.box : One of the shapes of a mesh.
+    materials : What it may be made of.
+
+    Examples
+    --------
+    >>> box = rc.Body(rc.shapes.box(0.2), material=rc.materials["wood"], motion=rc.Pose([2.0, 0.0, 0.0]), name="box")
+    >>> image = rc.Simulator(rc.Scene([box]), rc.bgt60tr13c()).depth_image(0.0)
+    >>> print(f"{image.distance.min():.2f} m")
+    1.90 m
     """
 
     mesh: Mesh
@@ -84,6 +98,18 @@ class PointTarget:
         Constant velocity in the world [m/s].
     name : str, optional
         Name in tables and pictures.
+
+    See Also
+    --------
+    Body : A mesh, which has shadows and an echo of its own.
+    Scene : Takes bodies and points.
+
+    Examples
+    --------
+    >>> point = rc.PointTarget([3.0, 0.0, 0.0], rcs=0.5, velocity=[-1.0, 0.0, 0.0])
+    >>> truth = rc.Simulator(rc.Scene([point]), rc.bgt60tr13c()).frame(0.0).truth
+    >>> print(f"{truth.range[0]:.2f} m, {truth.velocity[0]:.1f} m/s")
+    2.99 m, -1.0 m/s
     """
 
     position: NDArray[np.float64]

@@ -55,6 +55,18 @@ class Interferer:
     ValueError
         For more frames per second than fit, for a radar of several sub-sequences, and for one whose transmitters send
         at once by a schedule.
+
+    See Also
+    --------
+    Scene : Takes it beside bodies.
+    Radar : What it is.
+
+    Examples
+    --------
+    >>> other = rc.Interferer(rc.bgt60tr13c(), rc.Pose.look_at([5.0, 0.0, 0.0], target=[0.0, 0.0, 0.0]), name="other")
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0]), other])
+    >>> scene.interferer_names
+    ('other',)
     """
 
     radar: Radar

@@ -82,7 +82,22 @@ def extrapolation(used: Iterable[Material], frequency: float) -> str | None:
 
 
 class _Library(Mapping[str, Material]):
-    """Materials by name; an unknown name is a KeyError that names near ones."""
+    """Materials by name; an unknown name is a KeyError that names near ones.
+
+    See Also
+    --------
+    Material : One of them, or another.
+    Body : Takes it.
+
+    Examples
+    --------
+    >>> rc.materials["glass"].permittivity
+    ItuPermittivity(a=6.31, b=0.0, c=0.0036, d=1.3394)
+    >>> print(f"{rc.materials['glass'].reflectance:.2f} of the power at normal incidence")
+    0.19 of the power at normal incidence
+    >>> "steel" in rc.materials
+    False
+    """
 
     def __init__(self) -> None:
         self._materials = {"perfect_conductor": Material(-1.0)} | {str(m.name): m for m in _entries()}
@@ -104,4 +119,19 @@ class _Library(Mapping[str, Material]):
 
 
 materials: Mapping[str, Material] = _Library()
-"""Materials by name: smooth half-spaces of ITU-R P.2040-3, skin, plastics; and perfect_conductor."""
+"""Materials by name: smooth half-spaces of ITU-R P.2040-3, skin, plastics; and perfect_conductor.
+
+See Also
+--------
+Material : One of them, or another.
+Body : Takes it.
+
+Examples
+--------
+>>> rc.materials["glass"].permittivity
+ItuPermittivity(a=6.31, b=0.0, c=0.0036, d=1.3394)
+>>> print(f"{rc.materials['glass'].reflectance:.2f} of the power at normal incidence")
+0.19 of the power at normal incidence
+>>> "steel" in rc.materials
+False
+"""

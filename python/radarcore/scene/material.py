@@ -45,6 +45,17 @@ class Material:
     ------
     ValueError
         When the reflected and scattered power exceeds the incident power.
+
+    See Also
+    --------
+    materials : Those with a name.
+    Material.dielectric : By its permittivity.
+    Material.lambertian : That scatters alone.
+
+    Examples
+    --------
+    >>> rc.Material(reflection=-0.5, albedo=0.1).reflectance
+    0.35
     """
 
     reflection: complex
@@ -76,7 +87,17 @@ class Material:
 
     @classmethod
     def lambertian(cls, albedo: float) -> Material:
-        """Diffuse surface without a specular part."""
+        """Diffuse surface without a specular part.
+
+        See Also
+        --------
+        Material.dielectric : By its permittivity.
+
+        Examples
+        --------
+        >>> rc.Material.lambertian(0.3).reflectance
+        0.3
+        """
         return cls(0.0, albedo)
 
     @classmethod
@@ -106,6 +127,18 @@ class Material:
             at every angle.
         name, source, valid_frequency
             See the attributes; simulating outside the frequencies (lowest, highest) [Hz] warns.
+
+        See Also
+        --------
+        materials : Those with a name.
+        Material.with_surface : A known one, rough or as a slab.
+        ItuPermittivity : Law of building materials.
+
+        Examples
+        --------
+        >>> plastic = rc.Material.dielectric(2.7 - 0.02j)
+        >>> print(f"{plastic.reflectance:.3f} of the power at normal incidence")
+        0.059 of the power at normal incidence
         """
         material = cls()
         material._put(
@@ -120,7 +153,18 @@ class Material:
     def with_surface(
         self, *, roughness: float = 0.0, thickness: float | None = None, scattering: float | None = None
     ) -> Material:
-        """Copy of this dielectric with another surface, or as a slab; parameters as for `dielectric`."""
+        """Copy of this dielectric with another surface, or as a slab; parameters as for `dielectric`.
+
+        See Also
+        --------
+        Material.dielectric : Of any permittivity.
+
+        Examples
+        --------
+        >>> pane = rc.materials["glass"].with_surface(thickness=4e-3)
+        >>> print(f"{pane.reflectance:.2f} of the power at 60 GHz")
+        0.04 of the power at 60 GHz
+        """
         if self.permittivity is None:
             raise ValueError(f"permittivity: expected a dielectric, got {self!r}")
         return Material.dielectric(
@@ -159,6 +203,16 @@ class Material:
         -------
         reflection : complex128, albedo : float64
             As the cosines.
+
+        See Also
+        --------
+        rcs : What a body returns.
+
+        Examples
+        --------
+        >>> reflection, albedo = rc.materials["glass"].response(60e9, cos_incidence=[1.0, 0.5], polarization="te")
+        >>> np.abs(reflection).round(2)
+        array([0.43, 0.65])
         """
         if polarization not in _SEEN:
             raise ValueError(f"polarization: expected None, 'te' or 'tm', got {polarization!r}")

@@ -14,7 +14,20 @@ VACUUM_PERMITTIVITY = 8.8541878128e-12
 
 @dataclass(frozen=True)
 class ItuPermittivity:
-    """``eps' = a f^b`` and a conductivity of ``c f^d`` [S/m], f in GHz: the form of ITU-R P.2040."""
+    """``eps' = a f^b`` and a conductivity of ``c f^d`` [S/m], f in GHz: the form of ITU-R P.2040.
+
+    See Also
+    --------
+    ColeCole : Law of tissue.
+    Material.dielectric : Takes it.
+    materials : Those with a name.
+
+    Examples
+    --------
+    >>> concrete = rc.ItuPermittivity(5.24, 0.0, 0.0462, 0.7822)
+    >>> print(f"{concrete.at(60e9):.2f}")
+    5.24-0.34j
+    """
 
     a: float
     b: float
@@ -47,6 +60,18 @@ class ColeCole:
         Steps of the permittivity, their times [s], and exponents, 1 for Debye's.
     conductivity : float
         Conductivity for direct current [S/m].
+
+    See Also
+    --------
+    ItuPermittivity : Law of building materials.
+    Material.dielectric : Takes it.
+    materials : Those with a name.
+
+    Examples
+    --------
+    >>> water = rc.ColeCole(high=5.2, relaxations=[(73.2, 8.3e-12, 1.0)])
+    >>> print(f"{water.at(60e9):.1f}")
+    12.0-21.2j
     """
 
     high: float

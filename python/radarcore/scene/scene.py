@@ -100,6 +100,18 @@ class Scene:
         Likewise; unnamed ones are called "interferer 0".
     parts : Parts
         Bodies with meshes and points apart, as arrays.
+
+    See Also
+    --------
+    Body : A mesh with a material and a motion.
+    PointTarget : A point of a given cross-section.
+    Simulator : What a radar receives of it.
+    load_scene : Scene of a file.
+
+    Examples
+    --------
+    >>> rc.Scene([rc.Body(rc.shapes.sphere(0.1), name="ball"), rc.PointTarget([3.0, 0.0, 0.0])])
+    <Scene: ball, point 1>
     """
 
     def __init__(self, bodies: Iterable[Body | PointTarget | Interferer] = ()) -> None:

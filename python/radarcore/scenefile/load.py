@@ -37,6 +37,19 @@ def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -
         When the file, or a mesh it names, does not exist.
     ValueError
         One line per fault, each naming file and key, what was expected and what came.
+
+    See Also
+    --------
+    Simulation : What it returns.
+    load_radar : The radar alone.
+    Scene : Scene in Python.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
+    >>> np.savetxt("scene.toml", lines, fmt="%s")
+    >>> rc.load_scene("scene.toml").scene
+    <Scene: point 0>
     """
     file = Path(path)
     return simulation(read.table(file), file, recorded)
@@ -58,6 +71,18 @@ def load_radar(path: str | PathLike[str]) -> Radar:
         When there is no such file.
     ValueError
         For another suffix, and one line per fault of the file.
+
+    See Also
+    --------
+    bgt60tr13c : A real one.
+    load_scene : All of a scene file.
+    Recording.load : Takes such files as `config`.
+
+    Examples
+    --------
+    >>> np.savetxt("radar.toml", ['radar.preset = "bgt60tr13c"', "radar.num_chirps = 32"], fmt="%s")
+    >>> rc.load_radar("radar.toml")
+    <Radar 60.05 to 61 GHz, 32 chirps of 128 samples, 1 TX, 3 RX, 40 Hz>
     """
     file = Path(path)
     if file.suffix != ".toml":

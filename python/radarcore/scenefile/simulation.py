@@ -32,6 +32,19 @@ class Simulation:
         The table `run` of the file: `start`, `stop`, `rate`, `resolution`, ...
     path : Path, optional
         The file, for messages.
+
+    See Also
+    --------
+    load_scene : Makes it.
+    Simulator : What it runs.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
+    >>> np.savetxt("scene.toml", lines, fmt="%s")
+    >>> simulation = rc.load_scene("scene.toml")
+    >>> simulation.simulator().frame(0.0)
+    <Frame at 0 s: 3 channels x 64 chirps x 128 samples, float32, truth of point 0>
     """
 
     scene: Scene
@@ -58,6 +71,18 @@ class Simulation:
         """Simulate the run; the parameters are those of `Simulator` and `Simulator.record`.
 
         Warns of a scene without bodies, whose recording has no echoes.
+
+        See Also
+        --------
+        Simulator.record : What it calls.
+        Recording : What it returns.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> rc.load_scene("scene.toml").record(progress=False)
+        <Recording of 4 frames in 0.075 s: 3 channels x 64 chirps x 128 samples, float32, truth of point 0>
         """
         run = self.run
         if not self.scene.bodies and not self.scene.interferers:

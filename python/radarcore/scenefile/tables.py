@@ -438,7 +438,10 @@ class RadarTable(Table):
     measured_receiver: bool = _key(False, "", "the receiver of the preset as it was measured, of a BGT60TR13C")
     if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
-        None, "", "of the antennas' field, or a unit vector in the sensor frame; default: averaged over polarisations"
+        None,
+        "",
+        "of the antennas' field: the radar's z axis, its y axis, or a unit vector in the sensor frame; "
+        "default: averaged over polarisations",
     )
 
 

@@ -30,6 +30,19 @@ class BoardInfo:
         Version of the firmware.
     serial_number : str
         Serial number; empty for a board without one.
+
+    See Also
+    --------
+    sensor.list_sensors : Those of all boards that answer.
+
+    Examples
+    --------
+    >>> from radarcore.sensor.emulator.pty import PtyPort
+    >>> from radarcore.sensor.emulator.source import Noise
+    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:  # in place of a board on USB
+    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+    ...         print(sensor.info.chip, sensor.info.protocol)
+    BGT60TR13C strata
     """
 
     port: str

@@ -27,6 +27,16 @@ class Check:
         Texts for people.
     values : dict
         Numbers behind them, ready for JSON.
+
+    See Also
+    --------
+    sensor.Sensor.selftest : Makes them.
+
+    Examples
+    --------
+    >>> check = rc.sensor.Check("frames", "PASS", measured="100 frames", expected="100 frames")
+    >>> check.result
+    'PASS'
     """
 
     name: str

@@ -63,6 +63,16 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     -----
     RuntimeWarning
         Boards that are there and left out, each with the reason: old firmware, no permission, another program.
+
+    See Also
+    --------
+    open_sensor : Connect to one of them.
+
+    Examples
+    --------
+    >>> # What is printed depends on what is plugged in.
+    >>> rc.sensor.list_sensors()  # doctest: +SKIP
+    [BoardInfo(port='/dev/ttyACM0', protocol='strata', name='Radar Baseboard MCU7 (MCU A)', chip='BGT60TR13C', ...)]
     """
     found, failures = [], []
     for port in transport.find_ports(usb_backend=usb_backend):
@@ -112,6 +122,23 @@ def open_sensor(
         another chip).
     ImportError
         Without the extra `usb`.
+
+    See Also
+    --------
+    sensor.Sensor : What comes back.
+    sensor.list_sensors : Boards that answer.
+    sensor.virtual_board : A board without hardware.
+    Simulator : Frames of a simulated scene, of the same kind.
+
+    Examples
+    --------
+    >>> from radarcore.sensor.emulator.pty import PtyPort
+    >>> from radarcore.sensor.emulator.source import Noise
+    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:  # in place of a board on USB
+    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+    ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+    ...         print([frame.cube.shape for frame in sensor.frames(2)])
+    [(3, 16, 128), (3, 16, 128)]
     """
     if protocol is not None:
         check.choice("protocol", protocol, PROTOCOLS)
@@ -250,6 +277,23 @@ class Sensor:
         Achieved settings of the board; None before `configure`.
     num_lost : int
         Frames lost since the last start.
+
+    See Also
+    --------
+    open_sensor : Makes one.
+    plot.view : Shows its frames.
+
+    Examples
+    --------
+    >>> from radarcore.sensor.emulator.pty import PtyPort
+    >>> from radarcore.sensor.emulator.source import Noise
+    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+    ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+    ...         for frame in sensor.frames(2):
+    ...             print(frame.cube.shape, frame.cube.dtype)
+    (3, 16, 128) float32
+    (3, 16, 128) float32
     """
 
     def __init__(self, board: Board, *, queue_size: int = 64) -> None:
@@ -296,6 +340,21 @@ class Sensor:
         ------
         ValueError
             For a radar beyond the board's limits, with the nearest possible value.
+
+        See Also
+        --------
+        bgt60tr13c : Radars that these boards can be.
+        sensor.Sensor.frames : Measure.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         radar = sensor.configure(rc.bgt60tr13c(frame_interval=0.0501234567), if_gain_db=40)
+        ...         print(f"{radar.waveform.frame_interval:.9f} s")
+        0.050121813 s
         """
         self._check_open()
         if not isinstance(radar, Radar):
@@ -321,6 +380,22 @@ class Sensor:
             When no frame comes in time; the message has the damage that came in their place.
         SensorDisconnectedError
             When the board is unplugged; open it again when it is back.
+
+        See Also
+        --------
+        sensor.Sensor.record : Measure into a file.
+        detect : Detections of a frame.
+        plot.view : Shows frames as they come.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        ...         print([frame.stats["index"] for frame in sensor.frames(3)])
+        [0, 1, 2]
         """
         self._configured("frames")
         wanted = None if num_frames is None else check.count("num_frames", num_frames, 0)
@@ -366,7 +441,24 @@ class Sensor:
             self._end()
 
     def stop(self) -> None:
-        """End measuring, and iterations over frames with it; does nothing where nothing is measured."""
+        """End measuring, and iterations over frames with it; does nothing where nothing is measured.
+
+        See Also
+        --------
+        sensor.Sensor.close : Give the port back as well.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        ...         for frame in sensor.frames():
+        ...             sensor.stop()
+        ...         print(frame.stats["index"])
+        0
+        """
         self._end()
 
     def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
@@ -406,6 +498,21 @@ class Sensor:
         -------
         recording : Recording
             Read from `path`. After Ctrl-C (KeyboardInterrupt is raised on) what was written is there to be loaded.
+
+        See Also
+        --------
+        sensor.Sensor.frames : One frame at a time.
+        Recording.load : Read it again.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        ...         print(sensor.record("measured", num_frames=3).cube.shape)
+        (3, 3, 16, 128)
         """
         radar = self._configured("record")
         if duration is not None and num_frames is not None:
@@ -425,7 +532,28 @@ class Sensor:
         return Recording.load(path)
 
     def source(self) -> dict[str, Any]:
-        """Origin of frames that are measured from now on, for `Recording.source`."""
+        """Origin of frames that are measured from now on, for `Recording.source`.
+
+        Raises
+        ------
+        SensorError
+            Before `configure`.
+
+        See Also
+        --------
+        Recording : Has it as `source`.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        ...         print(sensor.source()["cube_unit"])
+        full scale
+        """
+        self._configured("source")
         now = datetime.now().astimezone()
         details = self._board.details()
         if "infineon" in details:  # in the words of that format
@@ -434,7 +562,21 @@ class Sensor:
         return {"sensor": dict(vars(self.info)), "date": date, "cube_unit": FULL_SCALE, **details}
 
     def temperature(self) -> float:
-        """Temperature of the chip [degrees Celsius]."""
+        """Temperature of the chip [degrees Celsius].
+
+        See Also
+        --------
+        sensor.Sensor.selftest : Checks of the board.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         print(20.0 < sensor.temperature() < 60.0)
+        True
+        """
         self._check_open()
         return self._board.temperature()
 
@@ -453,6 +595,19 @@ class Sensor:
         checks : iterator of Check
             Name, result (``"PASS"``, ``"FAIL"``, ``"SKIP"``), what was measured and expected; each comes when it is
             done. The board needs `configure` afterwards.
+
+        See Also
+        --------
+        sensor.Check : What comes back, one by one.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+        ...         print({check.name: check.result for check in sensor.selftest(["identity"])}["chip id"])
+        PASS
         """
         self._check_open()
         if isinstance(groups, str):
@@ -465,7 +620,22 @@ class Sensor:
         return run_checks(self._board, groups, duration=seconds)
 
     def close(self) -> None:
-        """End measuring and give the port back; may be called twice."""
+        """End measuring and give the port back; may be called twice.
+
+        See Also
+        --------
+        open_sensor : In a ``with`` block this happens by itself.
+
+        Examples
+        --------
+        >>> from radarcore.sensor.emulator.pty import PtyPort
+        >>> from radarcore.sensor.emulator.source import Noise
+        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
+        ...     sensor = rc.open_sensor(port.path, protocol="strata")
+        ...     sensor.close()
+        ...     print(sensor.info.chip, "is free for others")
+        BGT60TR13C is free for others
+        """
         with self._closing:  # who closes while another does waits: then the port is free
             if not self._is_open:
                 return

@@ -50,9 +50,11 @@ def rcs(
         Unit vectors from the object to a receiver elsewhere; default: monostatic.
     max_bounces : int
         Largest number of reflections of a path.
-    polarization : None, "vertical", "horizontal" or (3,) array_like
-        Direction of the field of both antennas: along z, across z, or a unit vector; the part of it across the ray.
-        None: antennas without a polarisation.
+    polarization : "vertical", "horizontal" or (3,) array_like, optional
+        Direction of the field of both antennas: "vertical" is the z axis of the radar, "horizontal" its y axis, where
+        the radar looks upright at the object, as by `Pose.look_at` (from above or below, along z, with its y axis along
+        y); or a unit vector in the axes of the object. Of every ray the direction across it. None: what materials
+        reflect is averaged over polarisations.
     time : float
         Time of a scene, or of a body that deforms [s].
     threads : int, optional
@@ -65,6 +67,29 @@ def rcs(
     sigma : float64
         Cross-sections [m^2], in the shape of the directions, (direction,) or that of the angles; for an array of
         frequencies with an axis for these at the end.
+
+    See Also
+    --------
+    plot.rcs : Picture of cross-sections over azimuth.
+    shapes : Plates, corners, spheres and others.
+    PointTarget : Target of a cross-section that is known already.
+    mesh_report : Whether a mesh is good enough.
+
+    Notes
+    -----
+    It is the far field: that of distances beyond ``2 D**2 / wavelength``, D the extent of the object. `Simulator` has
+    echoes from nearer, too.
+
+    It is physical optics. What is missing is the diffraction of edges beyond that of the aperture, and creeping waves;
+    nothing passes through surfaces. A thin wire, a sharp edge seen along its face, a shadow side, and a body smaller
+    than a few wavelengths return something else in reality. An exact sphere of radius a differs by about
+    ``1 / (2 k a)``, 1 % for 4 cm at 60 GHz.
+
+    More than `max_bounces` reflections are left out: a dihedral takes two, a trihedral three. All of a path are
+    specular.
+
+    Plates, spheres, cylinders and corners of 10 cm agree at 60 GHz with their closed forms within 0.12 dB, see
+    docs/accuracy.md, "Cross-sections".
 
     Examples
     --------
@@ -175,11 +200,11 @@ def _fields(polarization: str | ArrayLike, directions: NDArray[np.float64]) -> N
     """Unit vectors along the fields of antennas in these directions, as far as they are across them."""
     if not isinstance(polarization, str):
         return np.ascontiguousarray(np.broadcast_to(_units("polarization", polarization), directions.shape))
-    if polarization == "vertical":
-        return np.tile([0.0, 0.0, 1.0], (len(directions), 1))
-    if polarization != "horizontal":
+    if polarization not in ("vertical", "horizontal"):
         raise ValueError(f"polarization: expected 'vertical', 'horizontal' or a unit vector, got {polarization!r}")
+    # The y axis of a radar that looks upright at the object, and its z axis.
     x, y, _ = directions.T
     across = np.stack([-y, x, 0.0 * x], axis=1)
     length = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.ascontiguousarray(np.where(length > 1e-9, across, [0.0, 1.0, 0.0]) / np.where(length > 1e-9, length, 1.0))
+    across = np.where(length > 1e-9, across, [0.0, 1.0, 0.0]) / np.where(length > 1e-9, length, 1.0)
+    return np.ascontiguousarray(across if polarization == "horizontal" else np.cross(directions, across))

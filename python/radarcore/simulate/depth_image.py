@@ -39,6 +39,20 @@ class DepthImage:
         Horizontal and vertical angle of the image [degrees].
     time : float
         Time of the image [s].
+
+    See Also
+    --------
+    Simulator.depth_image : Makes one.
+    frame_from_depth : Frame from such an image.
+    plot.depth_image : Picture of it.
+
+    Examples
+    --------
+    >>> ball = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([1.0, 0.0, 0.0]))
+    >>> simulator = rc.Simulator(rc.Scene([ball]), rc.bgt60tr13c(), resolution=33, field_of_view_deg=(20, 20))
+    >>> image = simulator.depth_image()
+    >>> print(f"{image.distance.shape} pixels, {len(image.points)} hits, the nearest at {image.distance.min():.3f} m")
+    (33, 33) pixels, 1009 hits, the nearest at 0.800 m
     """
 
     distance: NDArray[np.float64]

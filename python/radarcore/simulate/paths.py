@@ -25,6 +25,18 @@ class Paths:
     order : (channel, path) uint8
         Exponent n of amplitudes that fall with frequency^-n; `amplitude` holds at the centre of the band. 1 or 2 for
         edges, 0 for all others.
+
+    See Also
+    --------
+    Simulator.paths : Makes them.
+    beat_signal : Samples of paths.
+
+    Examples
+    --------
+    >>> target = rc.PointTarget([3.0, 0.0, 0.0], velocity=[-1.0, 0.0, 0.0])
+    >>> paths = rc.Simulator(rc.Scene([target]), rc.bgt60tr13c(num_chirps=16)).paths()
+    >>> print(f"{paths.delay_rate[0, 0] * 299792458.0 / 2.0:.3f} m/s")
+    -1.000 m/s
     """
 
     delay: NDArray[np.float64]

@@ -123,9 +123,23 @@ class Simulator(Settings):
         Once each: for echoes beyond `Radar.max_range`, bodies faster than `Waveform.max_velocity`, a scene of which no
         body is seen, and where the numbers behind the result do not hold.
 
+    See Also
+    --------
+    rcs : Cross-section of a body alone, without a radar.
+    beat_signal : Samples of paths that are known already.
+    frame_from_depth : Frame from a depth image of another program.
+    load_scene : Simulation that a scene file describes.
+
     Notes
     -----
     Settings are read-only: `dataclasses.replace` makes another simulator.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], name="reflector")])
+    >>> simulator = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16))
+    >>> simulator.frame()
+    <Frame at 0 s: 3 channels x 16 chirps x 128 samples, float32, truth of reflector>
     """
 
     scene: Scene
@@ -163,7 +177,18 @@ class Simulator(Settings):
         return whole_tiles(horizontal), whole_tiles(vertical)
 
     def with_radar(self, radar: Radar) -> Simulator:
-        """Simulator of the same scene with another radar."""
+        """Simulator of the same scene with another radar.
+
+        See Also
+        --------
+        Simulator : Settings, all of which stay as they are.
+
+        Examples
+        --------
+        >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=16))
+        >>> simulator.with_radar(rc.bgt60tr13c(num_chirps=32)).frame().cube.shape
+        (3, 32, 128)
+        """
         return replace(self, radar=radar)
 
     def frame(self, time: float | None = None) -> Frame:
@@ -173,6 +198,19 @@ class Simulator(Settings):
         body deforms, and delay and amplitude follow the exact geometry through the frame; visibility does not change
         within it. If a body turns by more than `retrace_deg` to either side, parts of the frame have casts of their
         own. `Frame.truth` holds for the middle of the frame, of several sub-sequences for that of the first.
+
+        See Also
+        --------
+        Simulator.frames : Frames at a rate, one at a time.
+        Simulator.record : Frames at a rate, kept.
+        Frame : What comes back.
+
+        Examples
+        --------
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame(time=1.0)
+        >>> frame.truth.range.round(2).tolist()
+        [1.5]
         """
         start = self._start(time)
         frame = next(self._frames(self._placed([start]), 1))
@@ -181,7 +219,19 @@ class Simulator(Settings):
         return frame
 
     def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
-        """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time."""
+        """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time.
+
+        See Also
+        --------
+        Simulator.record : The same frames as a recording, several of them side by side.
+        Simulator.frame : A single frame.
+
+        Examples
+        --------
+        >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=16))
+        >>> [round(frame.time, 3) for frame in simulator.frames(0.0, 0.1, rate=40.0)]
+        [0.0, 0.025, 0.05, 0.075]
+        """
         for time in frame_times(start, stop, rate):
             yield self.frame(time)
 
@@ -213,6 +263,18 @@ class Simulator(Settings):
             Replace a recording at `path`.
         source : dict, optional
             More to say of the origin of the frames: anything JSON can hold.
+
+        See Also
+        --------
+        Simulator.frames : One frame at a time, for what is to be processed as it comes.
+        Recording.save : Write a recording that is in memory.
+
+        Examples
+        --------
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1, rate=40.0)
+        >>> recording.truth.range[:, 0].round(3).tolist()
+        [1.999, 1.986, 1.974, 1.961]
         """
         times = frame_times(start, stop, rate)
         self._doubts.of_rate(rate)
@@ -232,6 +294,18 @@ class Simulator(Settings):
 
         The rays are cast at the middle of the frame, or of its first part where bodies turn fast; the points they hit
         are taken back to `time` with their bodies, or with their facets where bodies deform.
+
+        See Also
+        --------
+        Paths : What comes back.
+        beat_signal : Samples of paths.
+
+        Examples
+        --------
+        >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([1.5, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=16))
+        >>> paths = simulator.paths()
+        >>> print(paths.delay.shape, f"{1e9 * paths.delay[0, 0]:.2f} ns")
+        (3, 1) 10.01 ns
         """
         start = self._start(time)
         self._doubts.of_materials(self.scene)
@@ -249,6 +323,20 @@ class Simulator(Settings):
         """Depth image of a pinhole camera at a time [s], by default that of `frame`.
 
         Over `image_view_deg`: the field of view that was given, or what the antennas see up to 110 degrees.
+
+        See Also
+        --------
+        DepthImage : What comes back.
+        frame_from_depth : The way back: a frame from a depth image.
+        plot.depth_image : Picture of it.
+
+        Examples
+        --------
+        >>> wall = rc.Body(rc.shapes.plate(1.0, 1.0), motion=rc.Pose([2.0, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([wall]), rc.bgt60tr13c(), resolution=33, field_of_view_deg=(20.0, 20.0))
+        >>> image = simulator.depth_image()
+        >>> print(f"{image.distance.min():.3f} m, {(image.body == 0).mean():.0%} of the pixels")
+        2.000 m, 100% of the pixels
         """
         at = self._start(time)
         self._doubts.of_materials(self.scene)
@@ -281,6 +369,17 @@ class Simulator(Settings):
         Returns
         -------
         is_hidden : (n,) bool
+
+        See Also
+        --------
+        Simulator.depth_image : Nearest surface in every direction.
+
+        Examples
+        --------
+        >>> wall = rc.Body(rc.shapes.plate(1.0, 1.0), motion=rc.Pose([2.0, 0.0, 0.0]))
+        >>> simulator = rc.Simulator(rc.Scene([wall]), rc.bgt60tr13c())
+        >>> simulator.is_hidden([[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]).tolist()
+        [False, True]
         """
         at = self._start(time)
         world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)

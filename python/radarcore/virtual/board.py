@@ -54,6 +54,24 @@ def virtual_board(
         Time from a request to its answer, at least [s].
     faults : Faults, optional
         Faults of a Strata board.
+
+    See Also
+    --------
+    sensor.VirtualBoard : What comes back.
+    open_sensor : Connects to it as to any board.
+    Simulator.frames : The frames without a board in between.
+
+    Examples
+    --------
+    >>> from radarcore.sensor.emulator.pty import PtyPort
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> simulator = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32))
+    >>> with rc.sensor.virtual_board(simulator, receiver="ideal") as board, PtyPort(board) as port:
+    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
+    ...         radar = sensor.configure(simulator.radar)
+    ...         (frame,) = sensor.frames(1)
+    >>> print(f"{rc.strongest_peak(frame).range:.1f} m")
+    2.0 m
     """
     check.choice("protocol", protocol, PROTOCOLS)
     check.choice("receiver", receiver, RECEIVERS)
@@ -73,7 +91,19 @@ def virtual_board(
 
 
 class VirtualBoard:
-    """A `StreamPeripheral` made by `virtual_board`; a context manager."""
+    """A `StreamPeripheral` made by `virtual_board`; a context manager.
+
+    See Also
+    --------
+    sensor.virtual_board : Makes one.
+
+    Examples
+    --------
+    >>> from radarcore.sensor.emulator.source import Noise
+    >>> with rc.sensor.virtual_board(Noise()) as board:
+    ...     print(board.num_frames, board.num_lost)
+    0 0
+    """
 
     def __init__(
         self, source: FrameSource, protocol: str, speed: float | None, latency: float, faults: Faults | None

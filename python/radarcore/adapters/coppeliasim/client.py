@@ -15,7 +15,20 @@ _NOTHING = object()
 
 
 class CoppeliaSimError(OSError):
-    """CoppeliaSim did not answer within the time-out, or answered that it cannot do what it was asked."""
+    """CoppeliaSim did not answer within the time-out, or answered that it cannot do what it was asked.
+
+    See Also
+    --------
+    adapters.coppeliasim.CoppeliaSim : Raises it.
+
+    Examples
+    --------
+    >>> try:
+    ...     rc.adapters.coppeliasim.CoppeliaSim("127.0.0.1", 1, timeout=0.1)
+    ... except rc.adapters.coppeliasim.CoppeliaSimError as error:
+    ...     print("nobody answers")
+    nobody answers
+    """
 
 
 class Client:

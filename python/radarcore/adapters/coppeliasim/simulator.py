@@ -55,6 +55,20 @@ class CoppeliaSim:
     ------
     CoppeliaSimError
         When nobody answers within the time-out; all later calls raise it likewise.
+
+    See Also
+    --------
+    adapters.coppeliasim.VisionSensor : Its images of depth.
+    Live : Motions of any other program.
+
+    Examples
+    --------
+    >>> # CoppeliaSim must be running.
+    >>> with rc.adapters.coppeliasim.CoppeliaSim() as sim, sim.running():  # doctest: +SKIP
+    ...     scene = rc.Scene(sim.bodies())
+    ...     simulator = rc.Simulator(scene, rc.bgt60tr13c(), radar_motion=sim.motion("/radar"))
+    ...     print(sim.step(), simulator.frame().cube.shape)
+    0.05 (3, 64, 128)
     """
 
     def __init__(self, host: str = "localhost", port: int = PORT, *, timeout: float = 10.0) -> None:

@@ -43,6 +43,19 @@ class VisionImage:
         Of a radar at the sensor: x axis along the line of sight, z axis up in the image.
     time : float
         Time of the simulation [s].
+
+    See Also
+    --------
+    adapters.coppeliasim.VisionSensor.image : Makes one.
+    frame_from_depth : Frame from it.
+
+    Examples
+    --------
+    >>> buffer = np.full(12, 0.5, "<f4").tobytes()
+    >>> planar = rc.adapters.images.from_coppeliasim(buffer, (4, 3), angle=1.0, near=0.1, far=10.1)
+    >>> image = rc.adapters.coppeliasim.VisionImage(planar, np.full((3, 4), 200, np.uint8), rc.Pose(), time=0.5)
+    >>> image.depth.shape, image.camera.cx
+    ((3, 4), 2.0)
     """
 
     planar: PlanarDepth
@@ -83,6 +96,19 @@ class VisionSensor:
         Clipping planes [m].
     angle : float
         Angle of the larger side of the image [rad].
+
+    See Also
+    --------
+    adapters.coppeliasim.CoppeliaSim.vision_sensor : Makes one.
+    adapters.images.from_coppeliasim : Decodes its buffers.
+
+    Examples
+    --------
+    >>> # CoppeliaSim must be running.
+    >>> with rc.adapters.coppeliasim.CoppeliaSim() as sim, sim.running():  # doctest: +SKIP
+    ...     image = sim.vision_sensor("/camera").image()
+    ...     print(image.depth.shape, image.camera)
+    (128, 128) Camera(fx=110.9, fy=110.9, cx=64.0, cy=64.0)
     """
 
     def __init__(self, sim: Any, handle: int, path: str, motion: Motion) -> None:

@@ -14,7 +14,17 @@ GL_HINT = (
 
 
 def is_available() -> bool:
-    """True when the extra `mujoco` is installed."""
+    """True when the extra `mujoco` is installed.
+
+    See Also
+    --------
+    adapters.mujoco.LiveModel : What it is needed for.
+
+    Examples
+    --------
+    >>> rc.adapters.mujoco.is_available()
+    True
+    """
     return find_spec("mujoco") is not None
 
 

@@ -75,6 +75,25 @@ class LiveModel:
         Without the extra `mujoco`.
     ValueError
         For names that are not in the model, with near ones.
+
+    See Also
+    --------
+    adapters.mujoco.frames : The loop of physics and frames.
+    adapters.mujoco.spec_from_urdf : Models of robots.
+    adapters.mujoco.DepthView : Rendered depth in place of meshes.
+    LiveGroup : Motions of other programs.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    >>> data = mujoco.MjData(model)
+    >>> live = rc.adapters.mujoco.LiveModel(model)
+    >>> live.update(data)
+    >>> simulator = rc.Simulator(live.scene, rc.bgt60tr13c(num_chirps=16))
+    >>> round(simulator.frame().truth.range[0].item(), 2)
+    1.9
     """
 
     def __init__(
@@ -135,6 +154,22 @@ class LiveModel:
         by_differences : bool, optional
             Velocities by differences of updates; default: as `rates` says. MuJoCo's Euler steps have velocities that
             are half a step behind the positions: between updates of every step, differences fit better.
+
+        See Also
+        --------
+        adapters.mujoco.frames : Updates by itself.
+
+        Examples
+        --------
+        >>> import mujoco
+        >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+        >>> data = mujoco.MjData(model)
+        >>> live = rc.adapters.mujoco.LiveModel(model)
+        >>> mujoco.mj_step(model, data)
+        >>> live.update(data)
+        >>> live.newest
+        0.002
         """
         if not isinstance(data, mujoco_module().MjData):
             raise TypeError(f"data: expected MjData, got {type(data).__name__}")
@@ -154,7 +189,24 @@ class LiveModel:
         self._group.update(data.time, maps, velocities=linear, angular_velocities=angular)
 
     def clear(self) -> None:
-        """Forget all updates: time may start again, as after ``mj_resetData``."""
+        """Forget all updates: time may start again, as after ``mj_resetData``.
+
+        See Also
+        --------
+        adapters.mujoco.LiveModel.update : Takes the newest state.
+
+        Examples
+        --------
+        >>> import mujoco
+        >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+        >>> data = mujoco.MjData(model)
+        >>> live = rc.adapters.mujoco.LiveModel(model)
+        >>> live.update(data)
+        >>> live.clear()
+        >>> live.newest
+        -inf
+        """
         if self._group is not None:
             self._group.clear()
 
@@ -168,6 +220,19 @@ class LiveModel:
 
         The radar looks along the camera's line of sight, upright in its image, or along the x axis of the site with z
         up.
+
+        See Also
+        --------
+        adapters.mujoco.LiveModel.geom_motion : Motion of a geom.
+        Simulator : Takes it as `radar_motion`.
+
+        Examples
+        --------
+        >>> import mujoco
+        >>> site = '<site name="radar" pos="0 0 1"/>'
+        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{site}</worldbody></mujoco>")
+        >>> rc.adapters.mujoco.LiveModel(model).motion(site="radar").at(0.0).position.tolist()
+        [0.0, 0.0, 1.0]
         """
         given = [(kind, name) for kind, name in (("camera", camera), ("site", site)) if name is not None]
         if len(given) != 1:
@@ -177,7 +242,23 @@ class LiveModel:
         return Attached(motion, radar_in_camera("opengl")) if kind == "camera" else motion
 
     def geom_motion(self, geom: str) -> Motion:
-        """Motion of a geom by name, whether the radar sees it or not."""
+        """Motion of a geom by name, whether the radar sees it or not.
+
+        See Also
+        --------
+        adapters.mujoco.LiveModel.motion : Motion of a camera or a site.
+
+        Examples
+        --------
+        >>> import mujoco
+        >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+        >>> data = mujoco.MjData(model)
+        >>> live = rc.adapters.mujoco.LiveModel(model)
+        >>> live.update(data)
+        >>> live.geom_motion("ball").at(0.0).position.tolist()
+        [2.0, 0.0, 0.0]
+        """
         return self._motions[number_of(self.model, "geom", geom)]
 
     def __repr__(self) -> str:

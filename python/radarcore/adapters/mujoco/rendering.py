@@ -37,6 +37,20 @@ class View:
         Of the body's material at normal incidence: power of the specular part, and of the diffuse one.
     twists : (body, 6) float64
         Motion of every body relative to the radar, in its axes, as `frame_from_depth` takes it.
+
+    See Also
+    --------
+    adapters.mujoco.DepthView : Makes one.
+    frame_from_depth : Frame from it.
+
+    Examples
+    --------
+    >>> depth = rc.adapters.images.from_mujoco_renderer(np.full((48, 64), 2.0), fovy_deg=45.0, far=9.0, time=0.0)
+    >>> none, metal = np.zeros((48, 64)), np.full((48, 64), 0.9)
+    >>> view = rc.adapters.mujoco.View(depth, none.astype(np.int32), metal, none, twists=[[-0.5, 0, 0, 0, 0, 0]])
+    >>> frame = rc.frame_from_depth(radar=rc.bgt60tr13c(num_chirps=16), **view.arguments)
+    >>> frame.truth.velocity.round(2).tolist()
+    [-0.5]
     """
 
     depth: PlanarDepth
@@ -87,6 +101,25 @@ class DepthView:
     ------
     ImportError
         Where no OpenGL library is found: says which Debian packages have one.
+
+    See Also
+    --------
+    adapters.mujoco.View : What it draws.
+    adapters.mujoco.LiveModel : Meshes, exact in phase.
+    frame_from_depth : Frame from a view.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> ball = '<site name="radar"/><body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    >>> data = mujoco.MjData(model)
+    >>> live = rc.adapters.mujoco.LiveModel(model)
+    >>> # What follows needs OpenGL.
+    >>> with rc.adapters.mujoco.DepthView(live, site="radar", fovy_deg=40.0) as depth:  # doctest: +SKIP
+    ...     frame = rc.frame_from_depth(radar=rc.bgt60tr13c(), **depth.view(data).arguments)
+    >>> frame.truth.range.round(2).tolist()  # doctest: +SKIP
+    [1.9]
     """
 
     def __init__(

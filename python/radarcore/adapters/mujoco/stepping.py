@@ -69,6 +69,22 @@ def frames(
     ------
     frame : Frame
         In order; between them the program may read and change `data`.
+
+    See Also
+    --------
+    adapters.mujoco.LiveModel : Poses and velocities of a model.
+    Simulator.frames : Frames of motions that are known before.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    >>> data = mujoco.MjData(model)
+    >>> live = rc.adapters.mujoco.LiveModel(model)
+    >>> simulator = rc.Simulator(live.scene, rc.bgt60tr13c(num_chirps=16))
+    >>> [round(each.time, 3) for each in rc.adapters.mujoco.frames(simulator, live, data, duration=0.1, rate=40.0)]
+    [0.0, 0.025, 0.05, 0.075]
     """
     period = 1.0 / check.positive("rate", rate, "Hz")
     model, step = live.model, float(live.model.opt.timestep)

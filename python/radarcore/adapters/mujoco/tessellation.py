@@ -39,6 +39,20 @@ def geom_mesh(model: Any, geom: int, *, plane_size: float = 20.0, sagitta: float
     -------
     Mesh
         Planes face +z and are seen from both sides.
+
+    See Also
+    --------
+    adapters.mujoco.LiveModel : Meshes of all geoms.
+    Mesh : What comes back.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    >>> mesh = rc.adapters.mujoco.geom_mesh(model, 0)
+    >>> mesh.vertices.max().round(4).item()
+    0.1
     """
     size, number = np.asarray(model.geom_size[geom], dtype=np.float64), int(model.geom_dataid[geom])
     match kind_of(model, geom):

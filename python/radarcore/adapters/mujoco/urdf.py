@@ -53,6 +53,19 @@ def spec_from_urdf(
         Without the extra `mujoco`.
     ValueError
         For packages and meshes that are not found.
+
+    See Also
+    --------
+    models.RobotArm.from_urdf : Without MuJoCo.
+    adapters.mujoco.LiveModel : Bodies of the model.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> box = '<collision><geometry><box size="0.1 0.1 0.2"/></geometry></collision>'
+    >>> size = Path("box.urdf").write_text(f'<robot name="box"><link name="base">{box}</link></robot>')
+    >>> rc.adapters.mujoco.spec_from_urdf("box.urdf").compile().ngeom
+    1
     """
     mujoco = mujoco_module()
     check.choice("geometry", geometry, GEOMETRIES)

@@ -27,6 +27,17 @@ class CapturedBody:
         Order (w, x, y, z), body axes to the world.
     mean_marker_error : (n,) float64
         Mean distance of the seen markers from their places on the body [m]; NaN where the source does not say.
+
+    See Also
+    --------
+    adapters.optitrack.MotionCapture : Bodies with their times.
+
+    Examples
+    --------
+    >>> track = np.array([[2.0, 0.0, 1.0], [1.9, 0.0, 1.0], [1.8, 0.0, 1.0]])
+    >>> ball = rc.adapters.optitrack.CapturedBody(track, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), np.full(3, 1e-4))
+    >>> ball.is_tracked.tolist(), ball.rotation.shape
+    ([True, True, True], (3, 3, 3))
     """
 
     position: Array
@@ -74,6 +85,20 @@ class MotionCapture:
         Text of the start time: local time of the recording computer, without a zone.
     take : str
         Name of the take.
+
+    See Also
+    --------
+    adapters.optitrack.read_motive_csv : From a file.
+    adapters.optitrack.MotionCaptureClient.record : Live.
+    compare : Takes its trajectories as truth.
+
+    Examples
+    --------
+    >>> track = np.array([[2.0, 0.0, 1.0], [1.9, 0.0, 1.0], [1.8, 0.0, 1.0]])
+    >>> ball = rc.adapters.optitrack.CapturedBody(track, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), np.full(3, 1e-4))
+    >>> capture = rc.adapters.optitrack.MotionCapture(np.array([0.0, 0.1, 0.2]), {"ball": ball})
+    >>> capture.names, capture.trajectory("ball", max_gap=None).at(0.1).position.tolist()
+    (('ball',), [1.9, 0.0, 1.0])
     """
 
     time: Array
@@ -137,6 +162,20 @@ class MotionCapture:
         max_gap, within_gaps, beyond
             As for `Trajectory`. Times at which the body was not seen for longer than `max_gap` [s] are a gap; None
             bridges them all.
+
+        See Also
+        --------
+        Trajectory : What comes back.
+        processing.clock_offset : Offset of the clocks of camera and radar.
+
+        Examples
+        --------
+        >>> track = np.array([[2.0, 0.0, 1.0], [1.9, 0.0, 1.0], [1.8, 0.0, 1.0]])
+        >>> ball = rc.adapters.optitrack.CapturedBody(track, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), np.full(3, 1e-4))
+        >>> capture = rc.adapters.optitrack.MotionCapture(np.array([0.0, 0.1, 0.2]), {"ball": ball})
+        >>> motion = capture.trajectory("ball", clock_offset=10.0, max_gap=None)
+        >>> motion.at(10.1).position.tolist()
+        [1.9, 0.0, 1.0]
         """
         body = self[name]
         seen = body.is_tracked

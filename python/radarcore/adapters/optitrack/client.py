@@ -86,6 +86,22 @@ class MotionCaptureClient:
         When the server does not answer, or sends no frame, within the time-out.
     NatNetError
         When the server's version is before 3.0, or a packet is damaged.
+
+    See Also
+    --------
+    adapters.optitrack.MotionCaptureServer : Streams as Motive does.
+    adapters.optitrack.read_motive_csv : Takes from files.
+    Live : Motions that follow the stream.
+
+    Examples
+    --------
+    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+    ...         frames = client.frames()
+    ...         server.send(0.5)
+    ...         print(client.names, next(frames).poses["ball"].position.round(3))
+    ('ball',) [1.75 0.   1.  ]
     """
 
     def __init__(
@@ -117,7 +133,21 @@ class MotionCaptureClient:
         self.close()
 
     def connect(self) -> None:
-        """Ask the server for its version and its names, and join its multicast group if it has one."""
+        """Ask the server for its version and its names, and join its multicast group if it has one.
+
+        See Also
+        --------
+        adapters.optitrack.MotionCaptureClient : A ``with`` block connects and closes by itself.
+
+        Examples
+        --------
+        >>> with rc.adapters.optitrack.MotionCaptureServer({"ball": rc.Pose()}) as server:
+        ...     client = rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port)
+        ...     client.connect()
+        ...     print(client.info.version)
+        ...     client.close()
+        (4, 1)
+        """
         self.close()
         self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -132,7 +162,21 @@ class MotionCaptureClient:
             raise
 
     def close(self) -> None:
-        """Take leave of the server."""
+        """Take leave of the server.
+
+        See Also
+        --------
+        adapters.optitrack.MotionCaptureClient : A ``with`` block connects and closes by itself.
+
+        Examples
+        --------
+        >>> with rc.adapters.optitrack.MotionCaptureServer({"ball": rc.Pose()}) as server:
+        ...     client = rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port)
+        ...     client.connect()
+        ...     client.close()
+        ...     print(client.names)
+        ('ball',)
+        """
         if self._command is not None and self._info is not None:
             self._send(Kind.DISCONNECT)
         for one in (self._command, self._data):
@@ -171,11 +215,42 @@ class MotionCaptureClient:
         ----------
         motions : mapping of str to Live, optional
             Motions to update, by name of the body; those of bodies that are not tracked in a frame are not updated.
+
+        See Also
+        --------
+        adapters.optitrack.MotionCaptureClient.follow : In the background.
+        adapters.optitrack.CapturedFrame : What comes.
+
+        Examples
+        --------
+        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+        ...         ball = rc.Live()
+        ...         frames = client.frames({"ball": ball})
+        ...         server.send(0.5)
+        ...         print(next(frames).number, ball.at(0.5).position.round(3))
+        1 [1.75 0.   1.  ]
         """
         return self._frames(self.info.version, self._checked(motions), None)
 
     def record(self, duration: float, motions: Mapping[str, Updated] | None = None) -> MotionCapture:
-        """Frames of some time [s], by the server's clock."""
+        """Frames of some time [s], by the server's clock.
+
+        See Also
+        --------
+        adapters.optitrack.MotionCapture : What comes back.
+        adapters.optitrack.write_motive_csv : Saves it.
+
+        Examples
+        --------
+        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+        ...         server.start()
+        ...         print(client.record(0.05).names)
+        ('ball',)
+        """
         limit = check.positive("duration", duration, "s")
         kept: list[CapturedFrame] = []
         for frame in self.frames(motions):
@@ -189,6 +264,23 @@ class MotionCaptureClient:
         """Receive frames in the background, within a ``with`` statement; motions as for `frames`.
 
         An error of the stream is raised at the end of the statement, and by `Follower.capture`.
+
+        See Also
+        --------
+        adapters.optitrack.MotionCaptureClient.frames : Frame by frame.
+        Live : Motion by the newest poses.
+
+        Examples
+        --------
+        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+        ...         ball = rc.Live()
+        ...         with client.follow({"ball": ball}) as following:
+        ...             server.start()
+        ...             following.wait(3)  # or simulate meanwhile, with `ball` as a motion
+        ...         print(len(following.capture().time) >= 3)
+        True
         """
         stop = threading.Event()
         follower = Follower(self._frames(self.info.version, self._checked(motions), stop), self._axes)

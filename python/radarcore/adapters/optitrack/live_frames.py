@@ -29,6 +29,21 @@ class CapturedFrame:
         Of the bodies that are tracked, in the axes of the client.
     received : float
         Time at which the frame came, as of `time.time` [s].
+
+    See Also
+    --------
+    adapters.optitrack.MotionCaptureClient.frames : They come from there.
+
+    Examples
+    --------
+    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+    ...         frames = client.frames()
+    ...         server.send(0.5)
+    ...         frame = next(frames)
+    >>> print(frame.time, frame.bodies["ball"].is_tracked)
+    0.5 True
     """
 
     number: int

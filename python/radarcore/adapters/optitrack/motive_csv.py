@@ -70,6 +70,20 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     ------
     ValueError
         When the file is no such export, has Euler angles or no unit, or a line has other things than numbers.
+
+    See Also
+    --------
+    adapters.optitrack.MotionCapture : What comes back.
+    adapters.optitrack.write_motive_csv : The way back.
+
+    Examples
+    --------
+    >>> track = np.array([[2.0, 0.0, 1.0], [1.9, 0.0, 1.0], [1.8, 0.0, 1.0]])
+    >>> ball = rc.adapters.optitrack.CapturedBody(track, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), np.full(3, 1e-4))
+    >>> capture = rc.adapters.optitrack.MotionCapture(np.array([0.0, 0.1, 0.2]), {"ball": ball})
+    >>> rc.adapters.optitrack.write_motive_csv("take.csv", capture)
+    >>> rc.adapters.optitrack.read_motive_csv("take.csv")["ball"].position[0].tolist()
+    [2.0, 0.0, 1.0]
     """
     check.choice("axes", axes, AXES)
     file = Path(path)

@@ -34,6 +34,20 @@ def write_motive_csv(
         Those with which the capture was made and the file will be read, see `read_motive_csv`.
     overwrite : bool
         Replace a file that is there.
+
+    See Also
+    --------
+    adapters.optitrack.read_motive_csv : The way back.
+    adapters.optitrack.MotionCaptureClient.record : A capture from a live stream.
+
+    Examples
+    --------
+    >>> track = np.array([[2.0, 0.0, 1.0], [1.9, 0.0, 1.0], [1.8, 0.0, 1.0]])
+    >>> ball = rc.adapters.optitrack.CapturedBody(track, np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), np.full(3, 1e-4))
+    >>> capture = rc.adapters.optitrack.MotionCapture(np.array([0.0, 0.1, 0.2]), {"ball": ball})
+    >>> rc.adapters.optitrack.write_motive_csv("walk.csv", capture)
+    >>> rc.adapters.optitrack.read_motive_csv("walk.csv").names
+    ('ball',)
     """
     check.choice("axes", axes, AXES)
     file = Path(path)

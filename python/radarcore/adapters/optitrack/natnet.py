@@ -54,7 +54,20 @@ class _Described(IntEnum):
 
 
 class NatNetError(ValueError):
-    """A packet that is truncated or of another kind, or a version that is not supported."""
+    """A packet that is truncated or of another kind, or a version that is not supported.
+
+    See Also
+    --------
+    adapters.optitrack.decode_frame : Raises it.
+
+    Examples
+    --------
+    >>> try:
+    ...     rc.adapters.optitrack.decode_frame(b"", (4, 1))
+    ... except rc.adapters.optitrack.NatNetError as error:
+    ...     print(error)
+    packet: expected at least 4 bytes, got 0
+    """
 
 
 def packet_kind(packet: bytes) -> int:
@@ -78,7 +91,21 @@ def checked_version(version: Version) -> Version:
 
 
 def decode_server_info(packet: bytes) -> ServerInfo:
-    """Description of a server by itself; of versions that are not supported name and version alone."""
+    """Description of a server by itself; of versions that are not supported name and version alone.
+
+    See Also
+    --------
+    adapters.optitrack.ServerInfo : What comes back.
+
+    Examples
+    --------
+    >>> import struct
+    >>> packet = b"Motive".ljust(256, bytes(1)) + bytes([3, 0, 0, 0, 4, 1, 0, 0])
+    >>> packet += struct.pack("<QH?4B", 10_000_000, 1511, True, 239, 255, 42, 99)
+    >>> info = rc.adapters.optitrack.decode_server_info(struct.pack("<HH", 1, len(packet)) + packet)
+    >>> info.name, info.version, info.multicast_address
+    ('Motive', (4, 1), '239.255.42.99')
+    """
     data = _Reader(packet, Kind.SERVER_INFO)
     name = data.take(256).split(b"\0")[0].decode("utf-8", "replace")
     data.take(4)  # version of the program
@@ -102,6 +129,21 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
     ------
     NatNetError
         When the packet is truncated or of another kind, or the version is not 3.0 to 4.x.
+
+    See Also
+    --------
+    adapters.optitrack.NatNetFrame : What comes back.
+    adapters.optitrack.MotionCaptureClient : Receives packets and decodes them.
+
+    Examples
+    --------
+    >>> import struct
+    >>> layout = "<4i i3f4ffh 4i IId3Q hi"  # of version 3.0, with a rigid body alone
+    >>> body = 1, 0.5, 1.25, -0.75, 0.0, 0.0, 0.0, 1.0, 1e-4, 1
+    >>> packet = struct.pack(layout, 17, 0, 0, 1, *body, *4 * [0], 0, 0, 12.5, 1, 2, 3, 0, 0)
+    >>> frame = rc.adapters.optitrack.decode_frame(struct.pack("<HH", 7, len(packet)) + packet, (3, 0))
+    >>> frame.timestamp, frame.bodies[0].position
+    (12.5, (0.5, 1.25, -0.75))
     """
     data = _Reader(packet, Kind.FRAME)
     is_sized = checked_version(version) >= SIZED
@@ -139,7 +181,21 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
 
 
 def decode_model(packet: bytes, version: Version) -> ModelNames:
-    """Names of bodies, skeletons and assets of a packet of kind `Kind.MODEL`; errors as those of `decode_frame`."""
+    """Names of bodies, skeletons and assets of a packet of kind `Kind.MODEL`; errors as those of `decode_frame`.
+
+    See Also
+    --------
+    adapters.optitrack.ModelNames : What comes back.
+    adapters.optitrack.decode_frame : Bodies by these numbers.
+
+    Examples
+    --------
+    >>> import struct
+    >>> body = b"ball" + bytes(1) + struct.pack("<ii3fi", 1, -1, 0.0, 0.0, 0.0, 0)
+    >>> packet = struct.pack("<3i", 1, 1, len(body)) + body
+    >>> rc.adapters.optitrack.decode_model(struct.pack("<HH", 5, len(packet)) + packet, (4, 1)).bodies
+    {1: 'ball'}
+    """
     data = _Reader(packet, Kind.MODEL)
     checked_version(version)
     names = ModelNames()

@@ -25,6 +25,19 @@ class ServerInfo:
     is_multicast : bool
         Frames come by multicast, to all that have joined; otherwise to the address that connected.
     multicast_address : str
+
+    See Also
+    --------
+    adapters.optitrack.decode_server_info : Makes one.
+    adapters.optitrack.MotionCaptureClient : Has it as `info`.
+
+    Examples
+    --------
+    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+    ...         print(client.info.version, client.info.is_multicast)
+    (4, 1) False
     """
 
     name: str
@@ -50,6 +63,16 @@ class BodyState:
         [m].
     is_tracked : bool
         Position and quaternion are of this frame; otherwise they are old.
+
+    See Also
+    --------
+    adapters.optitrack.CapturedFrame : Has one for each body.
+
+    Examples
+    --------
+    >>> state = rc.adapters.optitrack.BodyState(1, (0.0, 1.0, 2.0), (1.0, 0.0, 0.0, 0.0), 1e-4, is_tracked=True)
+    >>> state.position
+    (0.0, 1.0, 2.0)
     """
 
     id: int
@@ -76,6 +99,16 @@ class MarkerState:
     is_occluded, is_unlabelled : bool
     residual : float
         Mean distance of the cameras' rays from the marker, as Motive gives it.
+
+    See Also
+    --------
+    adapters.optitrack.NatNetFrame : Has one for each marker.
+
+    Examples
+    --------
+    >>> marker = rc.adapters.optitrack.MarkerState(1, 2, (0.0, 1.0, 2.0), 0.014, False, False, residual=1e-4)
+    >>> marker.member
+    2
     """
 
     model: int
@@ -105,6 +138,17 @@ class NatNetFrame:
         Middle of the cameras' exposure, arrival of their data, departure of the frame, by the server's clock.
     is_recording, is_model_changed : bool
         `is_model_changed`: names are to be asked for again.
+
+    See Also
+    --------
+    adapters.optitrack.decode_frame : Makes one.
+    adapters.optitrack.CapturedFrame : The same with names, in the axes of a client.
+
+    Examples
+    --------
+    >>> frame = rc.adapters.optitrack.NatNetFrame(17, (), {}, {}, (), 12.5, 1, 2, 3, False, False)
+    >>> frame.number, frame.timestamp
+    (17, 12.5)
     """
 
     number: int
@@ -122,7 +166,17 @@ class NatNetFrame:
 
 @dataclass
 class ModelNames:
-    """Names of what a stream has, by identity."""
+    """Names of what a stream has, by identity.
+
+    See Also
+    --------
+    adapters.optitrack.decode_model : Makes one.
+
+    Examples
+    --------
+    >>> rc.adapters.optitrack.ModelNames(bodies={1: "ball"}).bodies[1]
+    'ball'
+    """
 
     bodies: dict[int, str] = field(default_factory=dict)
     skeletons: dict[int, tuple[str, dict[int, str]]] = field(default_factory=dict)

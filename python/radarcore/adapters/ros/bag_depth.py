@@ -44,6 +44,26 @@ class DepthImages:
     ------
     ValueError
         When the bag has no depth images, or nothing says what camera they are from: names the topics that there are.
+
+    See Also
+    --------
+    adapters.ros.frame_images : Images for every frame.
+    adapters.ros.from_ros_image : One message.
+    frame_from_depth : Frame from an image.
+
+    Examples
+    --------
+    >>> with rc.adapters.ros.BagWriter("depth") as bag:
+    ...     for k in range(3):
+    ...         image = rc.adapters.ros.to_map_image(np.full((4, 6), 2.0 - 0.1 * k), time_ns=k * 10**8, types=bag.types)
+    ...         bag.write("/camera/depth", image, time_ns=k * 10**8)
+    >>> with rc.adapters.ros.BagReader("depth") as bag:
+    ...     images = rc.adapters.ros.DepthImages(bag, camera=(60.0, 45.0))
+    ...     for image in images:
+    ...         print(f"{image.time:.1f} s: {image.depth[0, 0]:.1f} m")
+    0.0 s: 2.0 m
+    0.1 s: 1.9 m
+    0.2 s: 1.8 m
     """
 
     def __init__(
@@ -77,7 +97,22 @@ class DepthImages:
 
 
 class FrameImages(NamedTuple):
-    """Source of a frame of a radar."""
+    """Source of a frame of a radar.
+
+    See Also
+    --------
+    adapters.ros.frame_images : Makes them.
+
+    Examples
+    --------
+    >>> from radarcore.adapters.images import from_mujoco_renderer
+    >>> depths = [2.0, 1.9, 1.8]
+    >>> camera = {"fovy_deg": 45.0, "far": 9.0}
+    >>> images = [from_mujoco_renderer(np.full((4, 6), d), time=0.1 * k, **camera) for k, d in enumerate(depths)]
+    >>> first = next(rc.adapters.ros.frame_images(images, rate=10.0))
+    >>> print(f"{first.time:.1f} s, {first.interval:.1f} s after the image before it, {first.num_lost} lost")
+    0.1 s, 0.1 s after the image before it, 0 lost
+    """
 
     time: float
     """Start of the frame [s]."""
@@ -102,6 +137,20 @@ def frame_images(images: Iterable[PlanarDepth], rate: float, *, max_age: float =
         Frames per second [Hz].
     max_age : float
         Frames whose image, or the difference to the one before it, would be older are left out [s].
+
+    See Also
+    --------
+    adapters.ros.DepthImages : Images of a bag.
+    frame_from_depth : Takes an image and the one before it.
+
+    Examples
+    --------
+    >>> from radarcore.adapters.images import from_mujoco_renderer
+    >>> depths = [2.0, 1.9, 1.8]
+    >>> camera = {"fovy_deg": 45.0, "far": 9.0}
+    >>> images = [from_mujoco_renderer(np.full((4, 6), d), time=0.1 * k, **camera) for k, d in enumerate(depths)]
+    >>> [round(each.time, 3) for each in rc.adapters.ros.frame_images(images, rate=20.0)]
+    [0.1, 0.15, 0.2]
     """
     period, oldest = 1.0 / check.positive("rate", rate, "Hz"), check.positive("max_age", max_age, "s")
     start, index, num_lost = 0.0, 0, 0

@@ -43,6 +43,23 @@ class BagMotions:
     ----------
     bag : BagReader
     start_ns : int
+
+    See Also
+    --------
+    load_scene : Scene files name motions of bags too.
+    adapters.ros.TransformTree : Frames of TF.
+
+    Examples
+    --------
+    >>> with rc.adapters.ros.BagWriter("poses") as bag:
+    ...     for k in range(3):
+    ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+    ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+    ...         bag.write("/ball", message, time_ns=k * 10**8)
+    >>> with rc.adapters.ros.BagReader("poses") as bag:
+    ...     ball = rc.adapters.ros.BagMotions(bag).motion("/ball")
+    >>> print(ball.at(0.15).position.round(3))
+    [0.15 0.   0.  ]
     """
 
     def __init__(self, bag: BagReader, *, start_ns: int | None = None) -> None:
@@ -101,6 +118,22 @@ class BagMotions:
         ------
         ValueError
             For a topic, frame or body that is not there: names those that are.
+
+        See Also
+        --------
+        Trajectory : Most are of this kind.
+        adapters.ros.BagMotions.joints : Positions of joints.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("moving") as bag:
+        ...     for k in range(3):
+        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+        ...         bag.write("/ball", message, time_ns=k * 10**8)
+        >>> with rc.adapters.ros.BagReader("moving") as bag:
+        ...     print(rc.adapters.ros.BagMotions(bag).motion("/ball").at(0.1).position.round(3))
+        [0.1 0.  0. ]
         """
         found = self.bag.topic(topic, *TRANSFORMS, *POSES, *RIGID_BODIES)
         if found.type in TRANSFORMS:
@@ -114,7 +147,23 @@ class BagMotions:
     def joints(
         self, topic: str = "/joint_states", names: Sequence[str] | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Times (n,) [s] and positions (n, joint) [rad or m] of some joints (default: of all)."""
+        """Times (n,) [s] and positions (n, joint) [rad or m] of some joints (default: of all).
+
+        See Also
+        --------
+        adapters.ros.joint_series : From messages.
+        models.RobotArm : Arms that joints move.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("arm") as bag:
+        ...     head = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0, types=bag.types).header
+        ...     state = {"header": head, "name": ["elbow"], "position": np.array([0.5]), "velocity": [], "effort": []}
+        ...     bag.write("/joint_states", state, time_ns=0, type="sensor_msgs/msg/JointState")
+        >>> with rc.adapters.ros.BagReader("arm") as bag:
+        ...     print(rc.adapters.ros.BagMotions(bag).joints())
+        (array([0.]), array([[0.5]]))
+        """
         found = self.bag.topic(topic, *JOINTS)
         series = joint_series((message.message for message in self.bag.messages(found.name)), names)
         times = series.times(self.start_ns)

@@ -97,6 +97,24 @@ class BagReader:
         When rosbags is missing.
     ValueError
         When it is not a bag.
+
+    See Also
+    --------
+    adapters.ros.BagWriter : Writes one.
+    adapters.ros.BagMotions : Motions of its bodies.
+    adapters.ros.DepthImages : Its depth images.
+    adapters.ros.BagFrames : Its frames of a radar.
+
+    Examples
+    --------
+    >>> with rc.adapters.ros.BagWriter("poses") as bag:
+    ...     for k in range(3):
+    ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+    ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+    ...         bag.write("/ball", message, time_ns=k * 10**8)
+    >>> with rc.adapters.ros.BagReader("poses") as bag:
+    ...     print(bag.topics["/ball"].type, bag.start_ns, len(list(bag.messages("/ball"))))
+    geometry_msgs/msg/PoseStamped 0 3
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
@@ -122,7 +140,24 @@ class BagReader:
         self.close()
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the files.
+
+        See Also
+        --------
+        adapters.ros.BagReader : A ``with`` block does this by itself.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("open") as bag:
+        ...     for k in range(3):
+        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+        ...         bag.write("/ball", message, time_ns=k * 10**8)
+        >>> bag = rc.adapters.ros.BagReader("open")
+        >>> bag.close()
+        >>> bag.path.name
+        'open'
+        """
         self._readers, self._connections, self._closed = [], [], True
         self._stack.close()
 
@@ -133,6 +168,21 @@ class BagReader:
         ------
         ValueError
             When there is none: names those that there are; or when it has another type.
+
+        See Also
+        --------
+        adapters.ros.BagReader.only_topic : By its type.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("named") as bag:
+        ...     for k in range(3):
+        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+        ...         bag.write("/ball", message, time_ns=k * 10**8)
+        >>> with rc.adapters.ros.BagReader("named") as bag:
+        ...     print(bag.topic("ball").name)
+        /ball
         """
         wanted = f"/{name.strip('/')}"
         found = next((topic for topic in self.topics.values() if f"/{topic.name.strip('/')}" == wanted), None)
@@ -154,6 +204,21 @@ class BagReader:
         ------
         ValueError
             When there is none, or more than one: names them.
+
+        See Also
+        --------
+        adapters.ros.BagReader.topic : By its name.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("typed") as bag:
+        ...     for k in range(3):
+        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+        ...         bag.write("/ball", message, time_ns=k * 10**8)
+        >>> with rc.adapters.ros.BagReader("typed") as bag:
+        ...     print(bag.only_topic("geometry_msgs/msg/PoseStamped").name)
+        /ball
         """
         found = [topic for topic in self.topics.values() if topic.type in types]
         if not found:
@@ -181,6 +246,21 @@ class BagReader:
         ------
         ValueError
             For a topic that is not there, a message that is not what its definition says, and when the bag is closed.
+
+        See Also
+        --------
+        adapters.ros.from_pose : One of the functions that decode them.
+
+        Examples
+        --------
+        >>> with rc.adapters.ros.BagWriter("sent") as bag:
+        ...     for k in range(3):
+        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
+        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
+        ...         bag.write("/ball", message, time_ns=k * 10**8)
+        >>> with rc.adapters.ros.BagReader("sent") as bag:
+        ...     print([message.time_ns for message in bag.messages("/ball", start_ns=10**8)])
+        [100000000, 200000000]
         """
         if self._closed:
             raise ValueError(f"{self.path}: expected an open bag, got one that is closed")

@@ -42,6 +42,22 @@ def from_ros_image(
         Gazebo without ``optical_frame_id``, those of the link, x forward.
     start_ns : int
         Stamp that counts as time 0 [ns].
+
+    See Also
+    --------
+    adapters.ros.from_camera_info : Camera of the image.
+    adapters.ros.DepthImages : Images of a bag.
+    frame_from_depth : Frame from the image.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> pixels = np.full((48, 64), 2.0, np.float32)
+    >>> layout = {"height": 48, "width": 64, "encoding": "32FC1", "is_bigendian": 0, "step": 256}
+    >>> message = SimpleNamespace(data=pixels.tobytes(), **layout)
+    >>> image = rc.adapters.ros.from_ros_image(message, camera=(60.0, 47.0))
+    >>> print(image.depth.shape, image.depth[0, 0])
+    (48, 64) 2.0
     """
     if message.encoding not in _ENCODINGS:
         raise ValueError(f"encoding: expected 32FC1 or 16UC1, got {message.encoding!r}")
@@ -82,6 +98,18 @@ def from_camera_info(message: Any, *, centered: bool = False, rectified: bool = 
         (W - 1)/2, W/2 and (W + 1)/2 for it.
     rectified : bool
         The image is a rectified one: P counts, not K. Images that are not are warned of if there is a distortion.
+
+    See Also
+    --------
+    Camera : What comes back.
+    adapters.ros.from_ros_image : Takes the message as `camera_info`.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> k = [500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0]
+    >>> rc.adapters.ros.from_camera_info(SimpleNamespace(width=640, height=480, k=k, d=[], p=[0.0] * 12))
+    Camera(fx=500.0, fy=500.0, cx=320.0, cy=240.0)
     """
     name, size, places = ("p", 12, (0, 5, 2, 6)) if rectified else ("k", 9, (0, 4, 2, 5))
     matrix = check.array("camera_info", _field(message, name), (size,))

@@ -79,7 +79,22 @@ def checked_frame_id(frame_id: str) -> str:
 
 
 def installed(name: str) -> Callable[..., Any]:
-    """Class of a message of the ROS 1 or ROS 2 that is installed: ``types=installed``."""
+    """Class of a message of the ROS 1 or ROS 2 that is installed: ``types=installed``.
+
+    See Also
+    --------
+    adapters.ros.BagWriter : Has types of its own, ``bag.types``.
+    adapters.ros.to_samples_message : One of the functions that take them.
+
+    Examples
+    --------
+    >>> try:
+    ...     message = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0, types=rc.adapters.ros.installed)
+    ... except ImportError:
+    ...     message = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0)  # without ROS
+    >>> message.header.frame_id
+    'world'
+    """
     package, *_, kind = name.split("/")
     if package == "builtin_interfaces":
         try:

@@ -33,6 +33,19 @@ class PoseSeries:
         One per stamp.
     frame_id : str
         Frame that the poses are in.
+
+    See Also
+    --------
+    adapters.ros.pose_series : Makes one.
+    Trajectory : A motion through poses.
+
+    Examples
+    --------
+    >>> poses = [rc.Pose([2.0 - 0.1 * k, 0.0, 0.0]) for k in range(4)]
+    >>> messages = [rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 100_000_000) for k, pose in enumerate(poses)]
+    >>> series = rc.adapters.ros.pose_series(messages)
+    >>> series.times().tolist(), series.trajectory().at(0.15).position.round(3).tolist()
+    ([0.0, 0.1, 0.2, 0.3], [1.85, 0.0, 0.0])
     """
 
     times_ns: NDArray[np.int64]
@@ -52,13 +65,37 @@ class PoseSeries:
         return len(self.poses)
 
     def times(self, start_ns: int = 0) -> NDArray[np.float64]:
-        """Times since `start_ns` [s], (n,)."""
+        """Times since `start_ns` [s], (n,).
+
+        See Also
+        --------
+        adapters.ros.PoseSeries.trajectory : The motion.
+
+        Examples
+        --------
+        >>> poses = [rc.Pose([2.0 - 0.1 * k, 0.0, 0.0]) for k in range(4)]
+        >>> messages = [rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 100_000_000) for k, pose in enumerate(poses)]
+        >>> rc.adapters.ros.pose_series(messages).times(start_ns=100_000_000).tolist()
+        [-0.1, 0.0, 0.1, 0.2]
+        """
         return times_since(self.times_ns, start_ns)
 
     def trajectory(self, start_ns: int = 0, **options: Any) -> Trajectory | Pose:
         """Motion through the poses, its times counted from `start_ns`; a single pose rests.
 
         `options` are those of `radarcore.Trajectory`, such as ``beyond="hold"``.
+
+        See Also
+        --------
+        Trajectory : What comes back, and its options.
+
+        Examples
+        --------
+        >>> poses = [rc.Pose([2.0 - 0.1 * k, 0.0, 0.0]) for k in range(4)]
+        >>> messages = [rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 100_000_000) for k, pose in enumerate(poses)]
+        >>> motion = rc.adapters.ros.pose_series(messages).trajectory()
+        >>> motion.at(0.25).position.round(3).tolist()
+        [1.75, 0.0, 0.0]
         """
         if len(self.poses) == 1:
             return self.poses[0]
@@ -77,6 +114,20 @@ class JointSeries:
         One per joint.
     positions : (n, joint) float64
         Angles [rad] of revolute joints, ways [m] of prismatic ones.
+
+    See Also
+    --------
+    adapters.ros.joint_series : Makes one.
+    models.RobotArm : Arms that joints move.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> stamp = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0).header
+    >>> message = SimpleNamespace(header=stamp, name=["elbow", "wrist"], position=[0.5, -0.2])
+    >>> series = rc.adapters.ros.joint_series([message])
+    >>> series.names, series.positions.tolist(), series.times().tolist()
+    (('elbow', 'wrist'), [[0.5, -0.2]], [0.0])
     """
 
     times_ns: NDArray[np.int64]
@@ -88,12 +139,39 @@ class JointSeries:
             values.flags.writeable = False
 
     def times(self, start_ns: int = 0) -> NDArray[np.float64]:
-        """Times since `start_ns` [s], (n,)."""
+        """Times since `start_ns` [s], (n,).
+
+        See Also
+        --------
+        adapters.ros.PoseSeries.times : Those of poses.
+
+        Examples
+        --------
+        >>> from types import SimpleNamespace
+        >>> stamp = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0).header
+        >>> message = SimpleNamespace(header=stamp, name=["elbow", "wrist"], position=[0.5, -0.2])
+        >>> rc.adapters.ros.joint_series([message]).times(start_ns=-1_000_000_000).tolist()
+        [1.0]
+        """
         return times_since(self.times_ns, start_ns)
 
 
 def from_pose(message: Any) -> Pose:
-    """Pose of a ``geometry_msgs`` Pose, Transform, or one of these with a header; quaternions are (x, y, z, w)."""
+    """Pose of a ``geometry_msgs`` Pose, Transform, or one of these with a header; quaternions are (x, y, z, w).
+
+    See Also
+    --------
+    adapters.ros.pose_series : A motion from many of them.
+    adapters.ros.to_pose_stamped : The way back.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> at, turned = SimpleNamespace(x=1.0, y=2.0, z=0.5), SimpleNamespace(x=0.0, y=0.0, z=1.0, w=0.0)
+    >>> pose = rc.adapters.ros.from_pose(SimpleNamespace(position=at, orientation=turned))
+    >>> pose.apply([1.0, 0.0, 0.0]).round(6).tolist()
+    [0.0, 2.0, 0.5]
+    """
     return poses_of([pose_numbers(message)])[0]
 
 
@@ -120,7 +198,20 @@ def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
 
 
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
-    """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns]."""
+    """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns].
+
+    See Also
+    --------
+    adapters.ros.from_pose : The way back.
+    adapters.ros.to_transforms : Poses for TF.
+    adapters.ros.BagWriter.write : Writes it into a bag.
+
+    Examples
+    --------
+    >>> message = rc.adapters.ros.to_pose_stamped(rc.Pose([1.0, 2.0, 3.0]), time_ns=5_250_000_000, frame_id="map")
+    >>> message.pose.position.y, message.header.stamp.sec, message.header.stamp.nanosec
+    (2.0, 5, 250000000)
+    """
     w, x, y, z = quaternion_of(pose.rotation).tolist()
     placed = make(
         types,
@@ -133,7 +224,19 @@ def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types:
 
 
 def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
-    """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names."""
+    """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names.
+
+    See Also
+    --------
+    adapters.ros.TransformTree : The way back.
+    adapters.ros.to_pose_stamped : A single pose.
+
+    Examples
+    --------
+    >>> message = rc.adapters.ros.to_transforms({"radar": rc.Pose([1.0, 0.0, 0.5])}, time_ns=0, frame_id="map")
+    >>> [(each.header.frame_id, each.child_frame_id) for each in message.transforms]
+    [('map', 'radar')]
+    """
     sent = []
     for name, pose in poses.items():
         w, x, y, z = quaternion_of(pose.rotation).tolist()
@@ -150,7 +253,21 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
 
 
 def pose_series(messages: Iterable[Any]) -> PoseSeries:
-    """Series of ``geometry_msgs/PoseStamped`` (or with covariance) of one body, all in the same frame."""
+    """Series of ``geometry_msgs/PoseStamped`` (or with covariance) of one body, all in the same frame.
+
+    See Also
+    --------
+    adapters.ros.rigid_body_series : Of messages with several bodies.
+    adapters.ros.BagMotions.motion : Of a bag.
+
+    Examples
+    --------
+    >>> poses = [rc.Pose([2.0 - 0.1 * k, 0.0, 0.0]) for k in range(4)]
+    >>> messages = [rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 100_000_000) for k, pose in enumerate(poses)]
+    >>> series = rc.adapters.ros.pose_series(messages)
+    >>> len(series.poses), series.frame_id
+    (4, 'world')
+    """
     given = list(messages)
     if not given:
         raise ValueError("messages: expected at least one, got none")
@@ -165,6 +282,20 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     """Series of every rigid body in ``mocap4r2_msgs/RigidBodies``, by name.
 
     A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
+
+    See Also
+    --------
+    adapters.ros.pose_series : Of messages of one body.
+    adapters.optitrack.MotionCaptureClient : Bodies from the cameras' own program.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> stamped = rc.adapters.ros.to_pose_stamped(rc.Pose([1.0, 0.0, 0.0]), time_ns=0, frame_id="map")
+    >>> ball = SimpleNamespace(rigid_body_name="ball", pose=stamped.pose)
+    >>> series = rc.adapters.ros.rigid_body_series([SimpleNamespace(header=stamped.header, rigidbodies=[ball])])
+    >>> series["ball"].poses[0].position.tolist()
+    [1.0, 0.0, 0.0]
     """
     frame_id = ""
     found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
@@ -192,6 +323,19 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
         are left out.
     names : sequence of str, optional
         Joints in the order of the result; default: those of the first message that has positions.
+
+    See Also
+    --------
+    adapters.ros.BagMotions.joints : Of a bag.
+    models.RobotArm : Arms that joints move.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> stamp = rc.adapters.ros.to_pose_stamped(rc.Pose(), time_ns=0).header
+    >>> message = SimpleNamespace(header=stamp, name=["elbow", "wrist"], position=[0.5, -0.2])
+    >>> rc.adapters.ros.joint_series([message], names=["wrist", "elbow"]).positions.tolist()
+    [[-0.2, 0.5]]
     """
     given = [message for message in messages if len(message.position) > 0]
     if not given:

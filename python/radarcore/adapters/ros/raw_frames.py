@@ -46,7 +46,21 @@ _TRUTH_AXES = ("field", "body")
 
 
 def to_truth_message(truth: Truth, *, types: Types = None) -> Any:
-    """Truth of a frame as a ``std_msgs/Float64MultiArray``: range, velocity, azimuth, elevation [field, body]."""
+    """Truth of a frame as a ``std_msgs/Float64MultiArray``: range, velocity, azimuth, elevation [field, body].
+
+    See Also
+    --------
+    adapters.ros.from_truth_message : The way back.
+    Truth : Where bodies are.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> message = rc.adapters.ros.to_truth_message(frame.truth)
+    >>> rc.adapters.ros.from_truth_message(message, ("ball",)).range.round(2).tolist()
+    [2.0]
+    """
     rows = np.array([getattr(truth, name) for name in TRUTH_FIELDS])
     sizes, strides = rows.shape, (rows.size, rows.shape[1])
     dimensions = [
@@ -58,7 +72,20 @@ def to_truth_message(truth: Truth, *, types: Types = None) -> Any:
 
 
 def from_truth_message(message: Any, names: tuple[str, ...]) -> Truth:
-    """Truth of one frame, of bodies with `names`."""
+    """Truth of one frame, of bodies with `names`.
+
+    See Also
+    --------
+    adapters.ros.to_truth_message : The way back.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> message = rc.adapters.ros.to_truth_message(frame.truth)
+    >>> rc.adapters.ros.from_truth_message(message, ("ball",)).names
+    ('ball',)
+    """
     found = {str(dimension.label): int(dimension.size) for dimension in message.layout.dim}
     expected = dict(zip(_TRUTH_AXES, (len(TRUTH_FIELDS), len(names)), strict=True))
     if found != expected:
@@ -84,6 +111,22 @@ class FrameWriter:
         Name in front of those of the topics.
     start_ns : int
         Stamp of time 0 of the frames [ns since 1970].
+
+    See Also
+    --------
+    adapters.ros.write_frames : A whole recording.
+    adapters.ros.BagFrames : Reads them again.
+
+    Examples
+    --------
+    >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4))
+    >>> with rc.adapters.ros.BagWriter("run") as bag:
+    ...     writer = rc.adapters.ros.FrameWriter(bag, simulator.radar)
+    ...     for frame in simulator.frames(0.0, 0.1):
+    ...         writer.append(frame)
+    >>> with rc.adapters.ros.BagReader("run") as bag:
+    ...     print(sorted(bag.topics))
+    ['/radar/samples', '/radar/settings', '/radar/time', '/radar/truth']
     """
 
     def __init__(
@@ -155,7 +198,22 @@ class FrameWriter:
 def write_frames(
     bag: BagWriter, frames: Recording | RecordingReader, *, topic: str = "/radar", start_ns: int = 0
 ) -> None:
-    """Write a recording into a bag, frame by frame; parameters are those of `FrameWriter`."""
+    """Write a recording into a bag, frame by frame; parameters are those of `FrameWriter`.
+
+    See Also
+    --------
+    adapters.ros.FrameWriter : Frames one by one.
+    adapters.ros.BagFrames : Reads them again.
+
+    Examples
+    --------
+    >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4))
+    >>> with rc.adapters.ros.BagWriter("run") as bag:
+    ...     rc.adapters.ros.write_frames(bag, simulator.record(0.0, 0.1))
+    >>> with rc.adapters.ros.BagReader("run") as bag:
+    ...     print(len(rc.adapters.ros.BagFrames(bag)))
+    4
+    """
     writer = FrameWriter(bag, frames.radar, source=frames.source, topic=topic, start_ns=start_ns)
     for frame in frames.frames() if isinstance(frames, Recording) else frames:
         writer.append(frame)
@@ -181,6 +239,20 @@ class BagFrames:
     ------
     ValueError
         When the bag has no such frames, or its settings are damaged.
+
+    See Also
+    --------
+    adapters.ros.write_frames : Writes them.
+    adapters.ros.FrameWriter : Writes them one by one.
+
+    Examples
+    --------
+    >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4))
+    >>> with rc.adapters.ros.BagWriter("run") as bag:
+    ...     rc.adapters.ros.write_frames(bag, simulator.record(0.0, 0.1))
+    >>> with rc.adapters.ros.BagReader("run") as bag:
+    ...     print([frame.cube.shape for frame in rc.adapters.ros.BagFrames(bag)])
+    [(3, 4, 128), (3, 4, 128), (3, 4, 128), (3, 4, 128)]
     """
 
     def __init__(self, bag: BagReader, topic: str = "/radar") -> None:
@@ -226,7 +298,21 @@ class BagFrames:
             )
 
     def recording(self) -> Recording:
-        """All frames in memory."""
+        """All frames in memory.
+
+        See Also
+        --------
+        Recording.save : Other formats.
+
+        Examples
+        --------
+        >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4))
+        >>> with rc.adapters.ros.BagWriter("whole") as bag:
+        ...     rc.adapters.ros.write_frames(bag, simulator.record(0.0, 0.1))
+        >>> with rc.adapters.ros.BagReader("whole") as bag:
+        ...     print(rc.adapters.ros.BagFrames(bag).recording().cube.shape)
+        (4, 3, 4, 128)
+        """
         frames = list(self)
         if not frames:
             kind = np.float32 if self.radar.is_real else np.complex64

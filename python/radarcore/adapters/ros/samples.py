@@ -41,6 +41,19 @@ def to_samples_message(samples: Frame | NDArray[Any], *, types: Types = None) ->
         ``[frame, channel, chirp, sample]``, or without the frames' axis.
     types : optional
         Types of messages, see `radarcore.adapters.ros.messages`.
+
+    See Also
+    --------
+    adapters.ros.to_frame : The way back.
+    adapters.ros.to_settings_message : Settings that belong to them.
+    adapters.ros.FrameWriter : Both in a bag.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> message = rc.adapters.ros.to_samples_message(frame)
+    >>> [(each.label, each.size) for each in message.layout.dim]
+    [('channel', 3), ('chirp', 4), ('sample', 128)]
     """
     if isinstance(samples, Frame):
         samples = samples.cube if samples.raw is None else samples.raw
@@ -73,6 +86,18 @@ def from_samples_message(message: Any) -> NDArray[Any]:
     """Samples of a ``std_msgs/Int16MultiArray`` or one of floating-point numbers, ``[frame, channel, chirp, sample]``.
 
     int16, float32 or float64, or complex numbers of these; int16 with I and Q become complex64.
+
+    See Also
+    --------
+    adapters.ros.to_frame : A frame with its radar.
+    adapters.ros.to_samples_message : The way back.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> samples = rc.adapters.ros.from_samples_message(rc.adapters.ros.to_samples_message(frame))
+    >>> samples.dtype.name, (samples == frame.cube).all().item()
+    ('float32', True)
     """
     layout = message.layout
     labels = tuple(str(dimension.label) for dimension in layout.dim)
@@ -114,6 +139,19 @@ def to_frame(message: Any, radar: Radar, time: float, *, cube_unit: str | None =
         Start of the first chirp [s].
     cube_unit : str, optional
         As `from_settings_message` gives it: ``"full scale"`` of codes. Default: codes if the radar's receiver has them.
+
+    See Also
+    --------
+    adapters.ros.from_settings_message : Radar and unit.
+    adapters.ros.BagFrames : Frames of a bag.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> message = rc.adapters.ros.to_samples_message(frame)
+    >>> again = rc.adapters.ros.to_frame(message, frame.radar, time=0.5)
+    >>> again.time, (again.cube == frame.cube).all().item()
+    (0.5, True)
     """
     samples = from_samples_message(message)
     if samples.shape != (expected := (1, *frame_shape(radar))):
@@ -133,6 +171,17 @@ def to_settings_message(source: Frame | Radar, *, cube_unit: str | None = None, 
     """Settings of the radar and unit of its samples as a ``std_msgs/String`` of JSON, for a latched topic.
 
     From a frame, which knows its unit, or from a radar and `cube_unit`, as in `Recording.source`.
+
+    See Also
+    --------
+    adapters.ros.from_settings_message : The way back.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> radar, unit = rc.adapters.ros.from_settings_message(rc.adapters.ros.to_settings_message(frame))
+    >>> radar == frame.radar, unit
+    (True, None)
     """
     radar, unit = (source.radar, cube_unit or unit_of(source)) if isinstance(source, Frame) else (source, cube_unit)
     text = json.dumps({"radar": radar.to_dict(), "cube_unit": unit})
@@ -140,7 +189,20 @@ def to_settings_message(source: Frame | Radar, *, cube_unit: str | None = None, 
 
 
 def from_settings_message(message: Any) -> tuple[Radar, str | None]:
-    """Radar, and the unit of its samples as in ``Recording.source["cube_unit"]``; None: sqrt(W)."""
+    """Radar, and the unit of its samples as in ``Recording.source["cube_unit"]``; None: sqrt(W).
+
+    See Also
+    --------
+    adapters.ros.to_settings_message : The way back.
+    adapters.ros.to_frame : Takes both.
+
+    Examples
+    --------
+    >>> message = rc.adapters.ros.to_settings_message(rc.bgt60tr13c(num_chirps=4), cube_unit="full scale")
+    >>> radar, unit = rc.adapters.ros.from_settings_message(message)
+    >>> radar.num_chirps, unit
+    (4, 'full scale')
+    """
     try:
         settings = json.loads(message.data)
         return Radar.from_dict(settings["radar"]), settings.get("cube_unit")
@@ -162,6 +224,19 @@ def to_map_image(values: ArrayLike, *, time_ns: int, frame_id: str = "radar", ty
         Frame of the radar.
     types : optional
         Types of messages, see `radarcore.adapters.ros.messages`.
+
+    See Also
+    --------
+    adapters.ros.from_map_image : The way back.
+    range_doppler : The map.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> level = 20.0 * np.log10(np.abs(rc.range_doppler(frame)[0]))
+    >>> message = rc.adapters.ros.to_map_image(level, time_ns=0)
+    >>> message.encoding, message.height, message.width
+    ('32FC1', 4, 65)
     """
     given = np.asarray(values)
     if given.dtype.kind not in "fiu":
@@ -184,7 +259,18 @@ def to_map_image(values: ArrayLike, *, time_ns: int, frame_id: str = "radar", ty
 
 
 def from_map_image(message: Any) -> NDArray[np.float32]:
-    """Range-velocity map of a ``sensor_msgs/Image``, 32FC1: (doppler, range)."""
+    """Range-velocity map of a ``sensor_msgs/Image``, 32FC1: (doppler, range).
+
+    See Also
+    --------
+    adapters.ros.to_map_image : The way back.
+
+    Examples
+    --------
+    >>> message = rc.adapters.ros.to_map_image([[1.0, 2.0], [3.0, 4.0]], time_ns=0)
+    >>> rc.adapters.ros.from_map_image(message).tolist()
+    [[1.0, 2.0], [3.0, 4.0]]
+    """
     if message.encoding != "32FC1":
         raise ValueError(f"encoding: expected 32FC1, got {message.encoding!r}")
     rows, columns = check.count("height", message.height), check.count("width", message.width)

@@ -42,6 +42,18 @@ def to_radar_scan(
         Stamp [ns]; default: that of the detections, the middle of their frame, to the nearest nanosecond.
     types : optional
         Types of messages, see `radarcore.adapters.ros.messages`.
+
+    See Also
+    --------
+    adapters.ros.from_radar_scan : The way back.
+    adapters.ros.to_point_cloud : Points in place of ranges and angles.
+
+    Examples
+    --------
+    >>> found = rc.Detections([2.0], [-0.5], [0.25], [0.0], [20.0])
+    >>> message = rc.adapters.ros.to_radar_scan(found)
+    >>> message.returns[0].range, message.returns[0].doppler_velocity
+    (2.0, -0.5)
     """
     name = "radar_msgs/msg/RadarReturn"
     elevation = np.nan_to_num(detections.elevation)
@@ -71,6 +83,18 @@ def from_radar_scan(
         False for a 2D radar: its elevations, all 0, are not told.
     start_ns : int
         Stamp that counts as time 0 [ns].
+
+    See Also
+    --------
+    adapters.ros.to_radar_scan : The way back.
+    Tracker.update : Tracks from detections.
+
+    Examples
+    --------
+    >>> found = rc.Detections([2.0], [-0.5], [0.25], [0.0], [20.0])
+    >>> again = rc.adapters.ros.from_radar_scan(rc.adapters.ros.to_radar_scan(found))
+    >>> again.range.tolist(), again.azimuth.tolist()
+    ([2.0], [0.25])
     """
     is_draft = not hasattr(message, "returns")
     entries = message.points if is_draft else message.returns
@@ -97,6 +121,19 @@ def to_point_cloud(
 
     An elevation that is not told is 0; the points of an azimuth that is not told are NaN. Parameters are those of
     `to_radar_scan`.
+
+    See Also
+    --------
+    adapters.ros.from_point_cloud : The way back.
+    adapters.ros.to_radar_scan : Ranges and angles in place of points.
+    detect : Detections of a frame.
+
+    Examples
+    --------
+    >>> found = rc.Detections([2.0], [-0.5], [0.25], [0.0], [20.0])
+    >>> message = rc.adapters.ros.to_point_cloud(found)
+    >>> [field.name for field in message.fields], message.width
+    (['x', 'y', 'z', 'velocity', 'intensity'], 1)
     """
     points = np.empty(len(detections), [(name, "<f4") for name in _FIELDS])
     for name, values in zip(_FIELDS, (*detections.position.T, detections.velocity, detections.snr_db), strict=True):
@@ -143,6 +180,18 @@ def from_point_cloud(
         The publisher's velocities are positive for what comes closer.
     start_ns : int
         Stamp that counts as time 0 [ns].
+
+    See Also
+    --------
+    adapters.ros.to_point_cloud : The way back.
+    Tracker.update : Tracks from detections.
+
+    Examples
+    --------
+    >>> found = rc.Detections([2.0], [-0.5], [0.25], [0.0], [20.0])
+    >>> again = rc.adapters.ros.from_point_cloud(rc.adapters.ros.to_point_cloud(found))
+    >>> again.range.round(3).tolist(), again.azimuth.round(3).tolist()
+    ([2.0], [0.25])
     """
     x, y, z = (_column(message, "fields", name) for name in "xyz")
     rates, strengths = (

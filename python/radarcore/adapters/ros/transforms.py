@@ -36,6 +36,21 @@ class TransformTree:
     ------
     ValueError
         For a frame with two parents, and for frames that go round in a circle.
+
+    See Also
+    --------
+    adapters.ros.BagMotions.motion : The same from a bag.
+    Attached : A motion on another.
+
+    Examples
+    --------
+    >>> to_transforms = rc.adapters.ros.to_transforms
+    >>> poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+    >>> moving = [to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+    >>> still = [to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")]
+    >>> tree = rc.adapters.ros.TransformTree(moving, still)
+    >>> tree.motion("radar", within="map").at(0.1).position.round(3).tolist()
+    [0.1, 0.0, 0.5]
     """
 
     def __init__(self, messages: Iterable[Any] = (), static: Iterable[Any] = ()) -> None:
@@ -69,11 +84,41 @@ class TransformTree:
         return tuple(sorted({*self._parents, *self._parents.values()}))
 
     def parent(self, frame: str) -> str | None:
-        """Parent of a frame; None for a root."""
+        """Parent of a frame; None for a root.
+
+        See Also
+        --------
+        adapters.ros.TransformTree.series : Poses in the parent.
+
+        Examples
+        --------
+        >>> to_transforms = rc.adapters.ros.to_transforms
+        >>> poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+        >>> moving = [to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+        >>> still = [to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")]
+        >>> tree = rc.adapters.ros.TransformTree(moving, still)
+        >>> tree.parent("radar"), tree.parent("map")
+        ('cart', None)
+        """
         return self._parents.get(self._known("frame", frame))
 
     def series(self, frame: str) -> PoseSeries | Pose:
-        """Poses of a frame in its parent, as they were sent; the pose of a static one."""
+        """Poses of a frame in its parent, as they were sent; the pose of a static one.
+
+        See Also
+        --------
+        adapters.ros.TransformTree.motion : In any other frame.
+
+        Examples
+        --------
+        >>> to_transforms = rc.adapters.ros.to_transforms
+        >>> poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+        >>> moving = [to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+        >>> still = [to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")]
+        >>> tree = rc.adapters.ros.TransformTree(moving, still)
+        >>> tree.series("cart").times().tolist()
+        [0.0, 0.1, 0.2]
+        """
         name = self._known("frame", frame)
         if name not in self._parents:
             raise ValueError(f"frame: expected one with a parent, got the root {name!r}")
@@ -98,6 +143,20 @@ class TransformTree:
         ------
         ValueError
             For a frame that is not there, and for frames that no transforms connect.
+
+        See Also
+        --------
+        adapters.ros.TransformTree.radar_motion : Of a radar at a camera.
+
+        Examples
+        --------
+        >>> to_transforms = rc.adapters.ros.to_transforms
+        >>> poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+        >>> moving = [to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+        >>> still = [to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")]
+        >>> tree = rc.adapters.ros.TransformTree(moving, still)
+        >>> tree.motion("map", within="cart").at(0.2).position.round(3).tolist()
+        [-0.2, 0.0, 0.0]
         """
         up, down = self._line(self._known("frame", frame)), self._line(self._known("within", within))
         common = next((name for name in up if name in down), None)
@@ -116,6 +175,22 @@ class TransformTree:
 
         `axes`: ``"optical"`` or ``"link"``, those of the camera's frame, see `radar_in_camera`; default: optical for a
         name that ends in ``_optical_frame``. Others as in `motion`.
+
+        See Also
+        --------
+        adapters.ros.radar_in_camera : Pose of a radar at a camera.
+        Simulator : Takes it as `radar_motion`.
+
+        Examples
+        --------
+        >>> to_transforms = rc.adapters.ros.to_transforms
+        >>> poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+        >>> moving = [to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+        >>> still = [to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")]
+        >>> tree = rc.adapters.ros.TransformTree(moving, still)
+        >>> motion = tree.radar_motion("radar", within="map", axes="optical")
+        >>> motion.at(0.0).rotation[:, 0].tolist()  # it looks along z of that frame
+        [0.0, 0.0, 1.0]
         """
         if axes is None:
             axes = "optical" if camera.endswith(_OPTICAL) else "link"

@@ -56,6 +56,20 @@ class Human:
     ------
     ValueError
         For a height above 3 m, a speed above the model's limit, and for a path with legs too short for its turns.
+
+    See Also
+    --------
+    Human.bodies : Its bodies for a scene.
+    models.RobotArm : An arm.
+    Scene : Takes the bodies.
+
+    Examples
+    --------
+    >>> person = rc.models.Human(height=1.8, speed=1.2, path=[[4.0, 0.0], [1.0, 0.0]])
+    >>> person
+    <Human: 1.8 m, 74.1 kg, 1.2 m/s along 3 m>
+    >>> print(f"{person.segment_motion('head').at(1.0).position[2]:.1f} m")
+    1.6 m
     """
 
     def __init__(
@@ -127,6 +141,17 @@ class Human:
             The bodies are called ``name/segment``, such as ``human/left_foot``.
         subdivisions : int
             Subdivisions of every spheroid, as for `shapes.sphere`: ``20 * 4**subdivisions`` triangles.
+
+        See Also
+        --------
+        Human.mesh_bodies : With the meshes of a man.
+        Scene : Takes them.
+
+        Examples
+        --------
+        >>> bodies = rc.models.Human(path=[[4.0, 0.0], [1.0, 0.0]]).bodies(subdivisions=2)
+        >>> len(bodies), bodies[0].name
+        (16, 'human/pelvis')
         """
         unit = shapes.sphere(1.0, subdivisions=subdivisions)
         meshes = {

@@ -50,6 +50,21 @@ class RobotArm:
         As given, the root first and every other after its parent.
     joint_names : tuple of str
         The joints that move: the order of joint angles.
+
+    See Also
+    --------
+    RobotArm.named : A real arm by its name.
+    RobotArm.from_urdf : Arm of a file.
+    models.MovingArm : The arm in motion.
+    models.JointTrajectory : Joint angles over time.
+
+    Examples
+    --------
+    >>> arm = rc.models.RobotArm.ur10()
+    >>> arm.joint_names[:2]
+    ('shoulder_pan_joint', 'shoulder_lift_joint')
+    >>> arm.link_pose("tool0", [0.0, -1.57, 1.57, 1.57, 1.57, 0.0]).position.round(2)
+    array([0.46, 0.16, 0.65])
     """
 
     def __init__(self, joints: Iterable[Joint], links: Mapping[str, Mesh | None], *, name: str = "arm") -> None:
@@ -107,9 +122,23 @@ class RobotArm:
         ValueError
             When the file is not XML (names the line) or lacks what URDF demands.
 
+        See Also
+        --------
+        RobotArm.named : A real arm by its name.
+        RobotArm.ur10 : One that needs no file.
+
         Notes
         -----
         Joints that mimic others are joints of their own here, with a warning.
+
+        Examples
+        --------
+        >>> links = '<link name="base"/><link name="tool"/>'
+        >>> origin = '<origin xyz="0 0 0.5"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'
+        >>> joint = f'<joint name="turn" type="revolute"><parent link="base"/><child link="tool"/>{origin}</joint>'
+        >>> np.savetxt("arm.urdf", [f'<robot name="small">{links}{joint}</robot>'], fmt="%s")
+        >>> rc.models.RobotArm.from_urdf("arm.urdf")
+        <RobotArm 'small': 2 links, joints turn>
         """
         from radarcore.models.robots import urdf
 
@@ -139,9 +168,19 @@ class RobotArm:
         ImportError
             When the extra is not installed.
 
+        See Also
+        --------
+        models.robots.arm_names : The names.
+        RobotArm.from_urdf : Arm of a file.
+
         Notes
         -----
         Joints count from the base outwards. The fingers of the Panda's hand are closed and no joints.
+
+        Examples
+        --------
+        >>> rc.models.RobotArm.named("panda", meshes=None).joint_names[-1]
+        'panda_joint7'
         """
         from radarcore.models.robots import catalogue
 
@@ -150,14 +189,37 @@ class RobotArm:
 
     @classmethod
     def ur10(cls) -> RobotArm:
-        """A UR10 made of cylinders: kinematics of the real arm, sizes of its housings; base_link to tool0."""
+        """A UR10 made of cylinders: kinematics of the real arm, sizes of its housings; base_link to tool0.
+
+        See Also
+        --------
+        RobotArm.ur10_meshes : With its real meshes.
+        RobotArm.named : Other arms.
+
+        Examples
+        --------
+        >>> rc.models.RobotArm.ur10().joint_names[0]
+        'shoulder_pan_joint'
+        """
         from radarcore.models.robots import ur10
 
         return cls(ur10.joints(), ur10.shapes(), name="ur10")
 
     @classmethod
     def ur10_meshes(cls) -> RobotArm:
-        """A UR10 with its seven real collision meshes (``pip install radarcore[robots]``)."""
+        """A UR10 with its seven real collision meshes (``pip install radarcore[robots]``).
+
+        See Also
+        --------
+        RobotArm.ur10 : Needs nothing else.
+        RobotArm.named : Other arms.
+
+        Examples
+        --------
+        >>> arm = rc.models.RobotArm.ur10_meshes()
+        >>> sum(mesh is not None for mesh in arm.links.values())
+        7
+        """
         from radarcore.models.robots import ur10
 
         return cls(ur10.joints(), ur10.collision_meshes(), name="ur10")
@@ -179,7 +241,19 @@ class RobotArm:
         return angles
 
     def link_pose(self, link: str, joint_angles: JointAngles) -> Pose:
-        """Pose of a link in the coordinates of the root link."""
+        """Pose of a link in the coordinates of the root link.
+
+        See Also
+        --------
+        RobotArm.jacobian : How it moves.
+        MovingArm.link_motion : Over time, in the world.
+
+        Examples
+        --------
+        >>> arm = rc.models.RobotArm.ur10()
+        >>> arm.link_pose("tool0", {"elbow_joint": np.pi / 2}).position.round(2)
+        array([ 0.5 ,  0.26, -0.44])
+        """
         number = self.link_number(link)
         return as_pose(self.link_poses(self.joint_array(joint_angles))[number])
 
@@ -187,6 +261,17 @@ class RobotArm:
         """Geometric Jacobian of a link, (6, num_joints), in the coordinates of the root link.
 
         Velocity of the link's origin [m/s] and angular velocity [rad/s] per rate of each joint.
+
+        See Also
+        --------
+        RobotArm.link_pose : Pose of the link.
+        models.cartesian_line : Joint angles of a straight line.
+
+        Examples
+        --------
+        >>> jacobian = rc.models.RobotArm.ur10().jacobian("tool0", [0.0, -1.57, 1.57, 1.57, 1.57, 0.0])
+        >>> jacobian[3:, 0].round(3) + 0.0  # the base turns the tool about z
+        array([0., 0., 1.])
         """
         number = self.link_number(link)
         return self._jacobian(number, self.link_poses(self.joint_array(joint_angles)))
@@ -203,6 +288,19 @@ class RobotArm:
             central differences); or joint angles at which the arm stays.
         base : Pose or other motion, optional
             Root link to world.
+
+        See Also
+        --------
+        models.JointTrajectory : Joint angles over time.
+        models.cartesian_line : Those of a straight line.
+        MovingArm.bodies : Its bodies for a scene.
+
+        Examples
+        --------
+        >>> arm = rc.models.RobotArm.ur10()
+        >>> moving = arm.moving(lambda time: [0.5 * time, -1.57, 1.57, 1.57, 1.57, 0.0], base=rc.Pose([2.0, 0.0, 0.0]))
+        >>> moving.link_motion("tool0").at(0.0).position.round(2)
+        array([2.46, 0.16, 0.65])
         """
         return MovingArm(self, joint_motion, base)
 
@@ -282,6 +380,19 @@ class MovingArm:
     ----------
     arm, joint_motion, base
         As in `RobotArm.moving`.
+
+    See Also
+    --------
+    RobotArm.moving : Makes it.
+    MovingArm.bodies : Its bodies for a scene.
+    models.RADAR_AT_TOOL0 : Pose of a radar on its flange.
+
+    Examples
+    --------
+    >>> moving = rc.models.RobotArm.ur10().moving([0.0, -1.57, 1.57, 1.57, 1.57, 0.0])
+    >>> radar = rc.Attached(moving.link_motion("tool0"), rc.models.RADAR_AT_TOOL0)
+    >>> radar.at(0.0).rotation[:, 0].round(2) + 0.0  # it looks down
+    array([ 0.,  0., -1.])
     """
 
     def __init__(
@@ -309,7 +420,19 @@ class MovingArm:
         return newest_of(self.base, self.joint_motion)
 
     def link_motion(self, link: str) -> Motion:
-        """Motion of a link in the world, for bodies on it and for `Attached`."""
+        """Motion of a link in the world, for bodies on it and for `Attached`.
+
+        See Also
+        --------
+        Attached : A radar, or a body, on it.
+        MovingArm.bodies : The links themselves.
+
+        Examples
+        --------
+        >>> moving = rc.models.RobotArm.ur10().moving(lambda time: [time, -1.57, 1.57, 1.57, 1.57, 0.0])
+        >>> np.linalg.norm(moving.link_motion("tool0").rate_at(0.0)[:, 3]).round(2).item()
+        0.49
+        """
         number = self.arm.link_number(link)
         if self._resting is None:
             return LinkMotion(self, number)
@@ -325,6 +448,17 @@ class MovingArm:
             Material of all links; default: that of `Body`, metal.
         name : str, optional
             Prefix of the names; default: the arm's name.
+
+        See Also
+        --------
+        Scene : Takes them.
+        MovingArm.link_motion : Motion of one link.
+
+        Examples
+        --------
+        >>> moving = rc.models.RobotArm.ur10().moving([0.0, -1.57, 1.57, 1.57, 1.57, 0.0])
+        >>> [body.name for body in moving.bodies()][:2]
+        ['ur10/base_link', 'ur10/shoulder_link']
         """
         prefix = self.arm.name if name is None else name
         return [

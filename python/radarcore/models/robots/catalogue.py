@@ -42,7 +42,18 @@ ARMS = {
 
 
 def arm_names() -> tuple[str, ...]:
-    """Names that `RobotArm.named` knows."""
+    """Names that `RobotArm.named` knows.
+
+    See Also
+    --------
+    models.RobotArm.named : The arm of a name.
+    models.robots.is_available : Whether their files are there.
+
+    Examples
+    --------
+    >>> rc.models.robots.arm_names()[:3]
+    ('ur3', 'ur5', 'ur10')
+    """
     return tuple(ARMS)
 
 

@@ -37,7 +37,18 @@ class LinkMesh(NamedTuple):
 
 
 def is_available() -> bool:
-    """True when the extra `robots` is installed."""
+    """True when the extra `robots` is installed.
+
+    See Also
+    --------
+    models.robots.arm_names : Arms that it has.
+    models.RobotArm.named : One of them.
+
+    Examples
+    --------
+    >>> rc.models.robots.is_available()
+    True
+    """
     try:
         importlib.metadata.distribution("example-robot-data")
         import trimesh  # noqa: F401  # only whether it is there
@@ -47,9 +58,19 @@ def is_available() -> bool:
 
 
 def through_obj(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Mesh:
-    """A mesh, written to an OBJ file and read back by radarcore's own reader."""
-    import trimesh
+    """A mesh, written to an OBJ file and read back by radarcore's own reader.
 
+    See Also
+    --------
+    load_mesh : Reads any file.
+    models.robots.human_links : Meshes for it.
+
+    Examples
+    --------
+    >>> rc.models.robots.through_obj(np.array([[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1]]))
+    <Mesh: 1 triangles, 3 vertices, smooth>
+    """
+    trimesh = _trimesh()
     with TemporaryDirectory() as directory:
         path = Path(directory) / "mesh.obj"
         trimesh.Trimesh(vertices, triangles, process=False).export(path)
@@ -69,14 +90,18 @@ def meshes_of(model: urdf.Model) -> Iterator[LinkMesh]:
 @cache
 def _read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Read a mesh; equal vertices are merged (STL has none in common)."""
+    mesh: Any = _trimesh().load(path, force="mesh")
+    vertices, triangles = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
+    vertices.flags.writeable = triangles.flags.writeable = False
+    return vertices, triangles
+
+
+def _trimesh() -> Any:
     try:
         import trimesh
     except ImportError:
         raise ImportError("robot and human meshes need trimesh: pip install radarcore[robots]") from None
-    mesh: Any = trimesh.load(path, force="mesh")
-    vertices, triangles = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
-    vertices.flags.writeable = triangles.flags.writeable = False
-    return vertices, triangles
+    return trimesh
 
 
 def data_file(end: str) -> Path:

@@ -32,6 +32,19 @@ class JointTrajectory:
     ends : "rest" or "moving"
         At the first and the last time the joints are at rest; or they move there as the values say, which are a part
         of a longer motion: those of a measurement. The second derivative is zero then.
+
+    See Also
+    --------
+    models.cartesian_line : Joint angles of a straight line.
+    RobotArm.moving : Takes it.
+
+    Examples
+    --------
+    >>> joints = rc.models.JointTrajectory([0.0, 1.0], [[0.0, -1.57], [0.6, -1.0]])
+    >>> joints.angles(0.5)
+    array([ 0.3  , -1.285])
+    >>> joints.rates(0.5).round(2)
+    array([0.9 , 0.86])
     """
 
     def __init__(

@@ -75,6 +75,19 @@ def cartesian_line(
     ValueError
         When the line leaves the arm's reach, comes too near a singular pose, or asks a joint for more than its limits;
         says where.
+
+    See Also
+    --------
+    models.JointTrajectory : What it returns.
+    RobotArm.moving : Takes it.
+
+    Examples
+    --------
+    >>> arm, start = rc.models.RobotArm.ur10(), [0.0, -1.57, 1.57, 1.57, 1.57, 0.0]
+    >>> line = rc.models.cartesian_line(arm, start, direction=[0.0, 0.0, -1.0], speed=0.2, duration=1.0)
+    >>> before, after = (arm.link_pose("tool0", line.angles(time)).position for time in (0.0, 1.0))
+    >>> (after - before).round(3) + 0.0
+    array([ 0.  ,  0.  , -0.15])
     """
     angles = arm.joint_array(start_angles)
     start = arm.link_pose(link, angles)

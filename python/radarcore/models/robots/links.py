@@ -15,7 +15,19 @@ from radarcore.models.robots.joint import JointAngles
 
 
 class Link(NamedTuple):
-    """One rigid part of a model."""
+    """One rigid part of a model.
+
+    See Also
+    --------
+    models.robots.ur10_links : Those of an arm.
+    models.robots.human_links : Those of a human.
+
+    Examples
+    --------
+    >>> link = rc.models.robots.Link("plate", np.zeros((4, 3)), np.array([[0, 1, 2]]), np.eye(4))
+    >>> link.name, link.vertices.shape
+    ('plate', (4, 3))
+    """
 
     name: str
     vertices: NDArray[np.float64]
@@ -37,6 +49,17 @@ def ur10_links(joint_angles: JointAngles) -> list[Link]:
     ----------
     joint_angles : (6,)
         Shoulder pan, shoulder lift, elbow, wrist 1, 2, 3 [rad].
+
+    See Also
+    --------
+    models.RobotArm.ur10_meshes : The same as an arm that moves.
+    models.robots.human_links : A human.
+
+    Examples
+    --------
+    >>> links = rc.models.robots.ur10_links([0.0, -1.57, 1.57, 1.57, 1.57, 0.0])
+    >>> len(links), sum(len(link.triangles) for link in links)
+    (7, 5862)
     """
     return _links(UR10, "collision", joint_angles)
 
@@ -48,6 +71,17 @@ def human_links(joint_angles: Mapping[str, float] | None = None) -> list[Link]:
     ----------
     joint_angles : mapping, optional
         Angle [rad] by name of the URDF joint, such as ``left_knee_Z``; those left out are zero (arms hanging).
+
+    See Also
+    --------
+    models.Human : A human who walks.
+    models.robots.human_joints : Where the joints are.
+
+    Examples
+    --------
+    >>> links = rc.models.robots.human_links({"left_knee_Z": -1.0})
+    >>> len(links)
+    23
     """
     links = _human_links(joint_angles or {})
 
@@ -59,7 +93,19 @@ def human_links(joint_angles: Mapping[str, float] | None = None) -> list[Link]:
 
 
 def human_joints() -> dict[str, NDArray[np.float64]]:
-    """Origins (3,) of the links of `human_links` with all joints at zero [m], by name: the joint that moves each."""
+    """Origins (3,) of the links of `human_links` with all joints at zero [m], by name: the joint that moves each.
+
+    See Also
+    --------
+    models.robots.human_links : The meshes.
+    models.Human : A human who walks.
+
+    Examples
+    --------
+    >>> joints = rc.models.robots.human_joints()
+    >>> print(f"{joints['left_lowerleg'][2]:.2f} m")
+    0.52 m
+    """
     model = urdf.read(data_file(HUMAN), geometry="visual")
     tree = RobotArm(model.joints, dict.fromkeys(model.links))
     floor = np.array([0.0, 0.0, _lowest(_human_links({}))])

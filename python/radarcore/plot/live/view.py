@@ -67,6 +67,20 @@ class LiveView:
     Attributes
     ----------
     figure : matplotlib Figure
+
+    See Also
+    --------
+    plot.view : Shows frames in a window.
+    plot.overview : A single frame at a glance.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> view = rc.plot.LiveView(frame.radar, remove_static=False)
+    >>> view.update(frame)
+    >>> [round(float(each.range), 1) for each in view.detections]
+    [2.1]
     """
 
     def __init__(
@@ -128,12 +142,40 @@ class LiveView:
         ------
         ValueError
             For a frame of another radar.
+
+        See Also
+        --------
+        plot.LiveView.draw : Paint what has changed.
+
+        Examples
+        --------
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+        >>> view = rc.plot.LiveView(frame.radar)
+        >>> view.update(frame)
+        >>> [(round(float(each.range), 1), round(float(each.velocity), 1)) for each in view.detections]
+        [(2.1, -0.5)]
         """
         self._stream.take(frame)
         self._show()
 
     def draw(self) -> None:
-        """Paint the changes of `update`: axes at once, texts a few times per second; all if the scale changed."""
+        """Paint the changes of `update`: axes at once, texts a few times per second; all if the scale changed.
+
+        See Also
+        --------
+        plot.LiveView.save : Write a picture.
+
+        Examples
+        --------
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+        >>> view = rc.plot.LiveView(frame.radar)
+        >>> view.update(frame)
+        >>> view.draw()
+        >>> [ax.get_title() for ax in view.figure.axes if ax.get_title()]
+        ['Range and velocity', 'Range over time, static echoes removed']
+        """
         painting: Any = self.figure.canvas
         if not self._still:
             painting.draw()
@@ -143,7 +185,23 @@ class LiveView:
             self._paint(self._text_axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the figure as a PNG picture; missing parents are made."""
+        """Write the figure as a PNG picture; missing parents are made.
+
+        See Also
+        --------
+        plot.view : A picture every second of any frames.
+
+        Examples
+        --------
+        >>> import os
+        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+        >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+        >>> view = rc.plot.LiveView(frame.radar)
+        >>> view.update(frame)
+        >>> view.save("live.png")
+        >>> os.path.getsize("live.png") > 0
+        True
+        """
         from matplotlib.image import imsave
 
         painting: Any = self.figure.canvas

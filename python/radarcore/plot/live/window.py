@@ -83,6 +83,19 @@ def view(
     ------
     Exception
         Errors of the source, after the last picture is written.
+
+    See Also
+    --------
+    plot.LiveView : The figure alone, for windows of one's own.
+    sensor.Sensor.frames : Frames of a board.
+    Recording.replay : Frames of a recording, each when it is due.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
+    >>> rc.plot.view(recording.frames(), output="pictures", every=10.0)
+    4
     """
     canvas.require()
     check.positive("every", every, "s")
