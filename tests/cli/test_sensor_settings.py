@@ -69,7 +69,7 @@ def test_receivers_are_those_of_a_list_or_as_many_as_a_number(words: str, receiv
 
 def test_radar_of_a_scene_keeps_its_waveform_and_phases(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(re.sub("receiver = {.*}", "measured_receiver = true", SWING))
+    path.write_text(re.sub("^receiver = .*$", "measured_receiver = true", SWING, flags=re.MULTILINE))
     scene = rc.load_scene(path).radar
     found = radar(f"--radar {path} --rx 2,3 --rate 10")
     assert found.waveform == scene.waveform.replace(frame_interval=0.1)

@@ -17,7 +17,8 @@ from radarcore.processing.inputs import (
     require_uniform_chirps,
     with_samples,
 )
-from radarcore.recording.frame import Frame, check_alike, check_frame
+from radarcore.processing.windows import window_weights
+from radarcore.recording.frame import Frame, check_alike, check_frame, is_of_adc
 from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
@@ -240,6 +241,20 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
     finally:
         if isinstance(frames, Generator):  # a sensor ends measuring
             frames.close()
+
+
+def has_offsets(frame: Frame) -> bool:
+    """True for samples of an ADC, whose offset differs a little from chirp to chirp; a CW radar has nothing but it."""
+    return is_of_adc(frame) and not frame.radar.waveform.is_cw and frame.radar.waveform.num_samples > 1
+
+
+def without_offset(cube: NDArray[Any]) -> NDArray[Any]:
+    """Samples (..., sample) without the offset of every chirp: without static echoes it is all that is left at 0 m.
+
+    It is the mean weighted as by the window of the range transform, in which echoes leave next to nothing.
+    """
+    weights = window_weights("window", "hann", cube.shape[-1])
+    return np.asarray(cube - (cube @ (weights / weights.sum()).astype(cube.real.dtype))[..., np.newaxis])
 
 
 def updated_mean(

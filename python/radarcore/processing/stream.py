@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.clutter import updated_mean
+from radarcore.processing.clutter import has_offsets, updated_mean, without_offset
 from radarcore.processing.detection import detect
 from radarcore.processing.noise import noise_level, rounding_noise
 from radarcore.processing.spectra import range_doppler, range_profile
@@ -58,7 +58,7 @@ class Stream:
     ----------
     radar : Radar
     remove_static : bool
-        Take off the mean of the samples over the last seconds.
+        Take off the mean of the samples over the last seconds, and of an ADC's the offset of every chirp.
     max_range : float, optional
         End of the ranges [m]; default: the largest unambiguous range.
     history : float
@@ -168,7 +168,7 @@ class Stream:
         self.level = np.full_like(self.level, np.nan)
         self.detections = []
         if np.isfinite(frame.cube).all():
-            moving = self._moving(frame.cube)
+            moving = self._moving(frame)
             self.level[:] = self._levels(frame.cube, moving)
             self.detections = self._detections(moving)
         self._remember(self.level.max(axis=0))
@@ -194,14 +194,18 @@ class Stream:
         level = np.maximum(power[:, : len(self.ranges)] / noise, lowest)
         return np.asarray(10.0 * np.log10(level), dtype=np.float32)
 
-    def _moving(self, cube: NDArray[Any]) -> NDArray[Any]:
-        """The samples without their mean: that of all frames at first, later that of the last seconds."""
+    def _moving(self, frame: Frame) -> NDArray[Any]:
+        """The samples without their mean: that of all frames at first, later that of the last seconds; and offsets."""
+        cube = frame.cube
         if self._static is None or len(self._times) < 2:
             self._static, self._num_static = np.zeros(1, cube.dtype), 0
         interval = self._times[-1] - self._times[-2] if self._num_static else 0.0
         self._static = updated_mean(self._static, cube, self._num_static, interval, _STATIC_TIME)
         self._num_static += 1
-        return cube - self._static if self.remove_static else cube
+        if not self.remove_static:
+            return cube
+        moving = cube - self._static
+        return without_offset(moving) if has_offsets(frame) else moving
 
     def _detections(self, moving: NDArray[Any]) -> list[Detection]:
         """The strongest detections above the threshold, by increasing range."""

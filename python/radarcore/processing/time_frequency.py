@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.processing.clutter import has_offsets, without_offset
 from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
 from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
@@ -125,7 +126,8 @@ def spectrogram(
     remove_static : bool
         Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
         function `remove_static` is for one that moves. What stands still throughout goes,
-        however strong; what moves slowly, or rests for a while, stays.
+        however strong; what moves slowly, or rests for a while, stays. Of an ADC's samples the offset of every chirp
+        goes too, which differs a little from the next one's.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     num_velocity_bins : int, optional
@@ -283,8 +285,11 @@ def _profiles(
         index = check.index("channel", channel, recording.radar.num_channels)
         channels = slice(index, index + 1)
 
+    takes_offset = remove_static and len(recording) > 0 and has_offsets(recording[0])
+
     def profile(frame: NDArray[Any]) -> NDArray[Any]:
-        return fast_spectrum(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
+        samples = without_offset(frame[channels]) if takes_offset else frame[channels]
+        return fast_spectrum(samples, wf, window=window, num_bins=num_bins)[..., gate]
 
     mean: NDArray[Any] | float = 0.0
     if remove_static:

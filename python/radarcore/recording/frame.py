@@ -22,6 +22,9 @@ FULL_SCALE = "full scale"
 PARTS_OF_FULL_SCALE = "parts of full scale"
 """Unit of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
 
+COUNTS = "counts"
+"""Unit of samples that were integers of an ADC whose full scale nothing tells."""
+
 _MAX_LOST = np.iinfo(np.int32).max
 
 Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
@@ -232,6 +235,11 @@ def unit_of(frame: Frame) -> str | None:
     receiver = frame.radar.receiver
     unit: str | None = frame.stats.get("cube_unit", None if receiver is None else receiver.unit)
     return unit
+
+
+def is_of_adc(frame: Frame) -> bool:
+    """True for samples of an ADC, measured or simulated: codes, counts, or parts of its full scale."""
+    return unit_of(frame) in (FULL_SCALE, PARTS_OF_FULL_SCALE, COUNTS)
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int]:

@@ -79,8 +79,6 @@ class RecordingWriter:
         self._closed = False
 
         check_radar(radar)
-        if format_of(self.path) != "directory":
-            raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
         meta = meta_text(radar, self.source, self.num_frames, None)
         _make_room(self.path, overwrite)
         write_whole(self.path / "meta.json", meta.encode())
@@ -147,8 +145,10 @@ class RecordingWriter:
         self.close()
 
 
-def _make_room(path: Path, overwrite: bool) -> None:
-    """An empty directory at `path`, or one with other people's files only where a recording was."""
+def check_room(path: Path, overwrite: bool) -> bool:
+    """Whether a recording is to be replaced at `path`; an error where none can be written."""
+    if format_of(path) != "directory":
+        raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
     if path.exists() and not path.is_dir():
         raise exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):
@@ -160,6 +160,13 @@ def _make_room(path: Path, overwrite: bool) -> None:
             raise exists(path, "a directory that is not empty and no recording")
         if not overwrite:
             raise exists(path, "a recording; overwrite=True replaces it")
+        return True
+    return False
+
+
+def _make_room(path: Path, overwrite: bool) -> None:
+    """An empty directory at `path`, or one with other people's files only where a recording was."""
+    if check_room(path, overwrite):
         for name in ("cube", "time", "lost", *TRUTH_FILES):
             (path / f"{name}.npy").unlink(missing_ok=True)
     path.mkdir(parents=True, exist_ok=True)

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import errno
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from radarcore import check
 from radarcore.cli.options import OPTIONS, Count, Flag, Output, OutputFolder, one_of_several
 from radarcore.cli.sensor.options import Port, Speed
-from radarcore.cli.sensor.settings import NOT_SET, BoardSettings, gains_of, radar_of, refuse_settings, sight
+from radarcore.cli.sensor.settings import (
+    NOT_SET,
+    BoardSettings,
+    gains_of,
+    radar_of,
+    refuse_settings,
+    sight,
+    words_of_options,
+)
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
+from radarcore.recording.writer import check_room
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.times import frame_times
@@ -54,23 +63,39 @@ def run_record(
     """
     from radarcore.sensor import open_sensor
 
+    # What is wrong without a board is told without one.
+    wanted = radar_of(settings)
+    if frames is not None:
+        check.count("--frames", frames)
+    if duration is not None:
+        check.positive("--duration", duration, "s")
+    check_room(output, overwrite)
     with open_sensor(port, capture=capture) as sensor:
-        wanted = radar_of(settings)
-        achieved = sensor.configure(wanted, **gains_of(settings))
+        with words_of_options():
+            achieved = sensor.configure(wanted, **gains_of(settings))
         print(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
-        for line in _differences(wanted, achieved):
+        for line in (*_differences(wanted, achieved), *_gain(settings.gain, sensor.source())):
             print(f"  {line}")
         print(f"  {sight(achieved)}")
-        began = time.perf_counter()
+        began, before = time.perf_counter(), _written_at(output)
         try:
             recording = sensor.record(output, duration=duration, num_frames=frames, overwrite=overwrite)
         except KeyboardInterrupt:
-            if duration is not None or frames is not None:
+            has_length = duration is not None or frames is not None
+            if has_length or _written_at(output) == before:  # ended before it began
                 raise
             recording = Recording.load(output)  # as long as was wanted
         elapsed = time.perf_counter() - began
         lost = sensor.num_lost
     print(f"{output}: {len(recording)} frames in {elapsed:.1f} s, {lost} lost")
+
+
+def _written_at(path: Path) -> int | None:
+    """Time at which the description of a recording was written; None where there is none."""
+    try:
+        return (path / "meta.json").stat().st_mtime_ns
+    except OSError:
+        return None
 
 
 def _differences(wanted: Radar, achieved: Radar) -> list[str]:
@@ -87,6 +112,14 @@ def _differences(wanted: Radar, achieved: Radar) -> list[str]:
         asked, got = (scale * getattr(radar.waveform, name) for radar in (wanted, achieved))
         lines.append(f"{text:<19} {asked:.9g} {unit} asked, {got:.9g} {unit} achieved")
     return lines
+
+
+def _gain(asked: int | None, source: Mapping[str, Any]) -> list[str]:
+    """The gain that was asked for and its nearest step."""
+    achieved = source.get("infineon", {}).get("if_gain_dB")
+    if asked is None or achieved is None:
+        return []
+    return [f"{'IF gain':<19} {asked} dB asked, {achieved} dB achieved"]
 
 
 def run_view(
@@ -120,6 +153,9 @@ def run_view(
     from radarcore import plot
 
     plot.require()
+    if frames is not None:
+        check.count("--frames", frames)
+    check.positive("--every", every, "s")
     with ExitStack() as stack:
         # Pictures need not wait for anybody.
         shown, title, is_sensor = _frames(source, None if output is not None else speed, settings, stack)
@@ -151,8 +187,10 @@ def _frames(
             return Recording.load(path).replay(speed=speed), source, False
     from radarcore.sensor import open_sensor
 
+    wanted = radar_of(settings)
     sensor = stack.enter_context(open_sensor(source))
-    achieved = sensor.configure(radar_of(settings), **gains_of(settings))
+    with words_of_options():
+        achieved = sensor.configure(wanted, **gains_of(settings))
     print(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
     return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
 

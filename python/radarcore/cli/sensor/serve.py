@@ -84,6 +84,8 @@ def run(
             _wait(duration, _Clients(port).news, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
+        finally:
+            board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +36,9 @@ _OPTIONS = {
     "num_samples": ("--samples", ""),
 }
 """Options of a waveform by their keywords, and units."""
+
+_GAINS = {"if_gain_db": "--gain", "tx_power_level": "--power"}
+"""Options of a board beside its waveform by their keywords."""
 
 _RECEIVERS = {1: (0,), 2: (0, 2), 3: (0, 1, 2)}
 """Receivers by their number: of two, the horizontal pair."""
@@ -110,6 +115,18 @@ def gains_of(settings: BoardSettings) -> dict[str, Any]:
     """Options of a board beside its radar."""
     given = {"if_gain_db": settings.gain, "tx_power_level": settings.power}
     return {name: value for name, value in given.items() if value is not None}
+
+
+@contextmanager
+def words_of_options() -> Iterator[None]:
+    """Errors of a board's settings in the words of the options."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        name, colon, rest = str(error).partition(":")
+        if name not in _GAINS:
+            raise
+        raise ValueError(f"{_GAINS[name]}{colon}{rest}") from None
 
 
 def sight(radar: Radar) -> str:

@@ -304,7 +304,8 @@ class Chip:
                     for ramps in sequence.ramps
                 ]
             except Exception as error:  # a source that fails ends the measurement, not the board
-                self.failure = error
+                if self._run == run:
+                    self.failure = error
                 return
             if is_test:
                 parts = zip(cubes, sequence.ramps, strict=True)
