@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cyclopts import App
 
 import radarcore as rc
 from boards import SWING
-from radarcore.cli.sensor.settings import add_settings, radar_of, sight
+from radarcore.cli.sensor.settings import NOT_SET, BoardSettings, radar_of, sight
 from radarcore.sensor.bgt60.settings import Settings
 from radarcore.units import SPEED_OF_LIGHT
 
 
 def radar(words: str = "") -> rc.Radar:
     """The radar of options, which the chip can be."""
-    parser = argparse.ArgumentParser()
-    add_settings(parser)
-    found = radar_of(parser.parse_args(words.split()))
+    app = App(result_action="return_value")
+
+    @app.default
+    def command(settings: BoardSettings = NOT_SET) -> BoardSettings:
+        return settings
+
+    found = radar_of(app(words.split(), exit_on_error=False, print_error=False))
     Settings.from_radar(found)  # refuses what the chip cannot do
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,18 +13,6 @@ from radarcore.processing.clutter import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
-
-
-def add_static(parser: argparse.ArgumentParser) -> None:
-    """Add the options ``--remove-static`` and ``--keep-static``."""
-    choice = parser.add_mutually_exclusive_group()
-    choice.add_argument(
-        "--remove-static",
-        action="store_true",
-        default=None,
-        help="leave out what stands still throughout (default: of recordings of sensors, with their leakage)",
-    )
-    choice.add_argument("--keep-static", dest="remove_static", action="store_false", default=None, help="leave it in")
 
 
 def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:

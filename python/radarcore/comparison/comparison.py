@@ -49,7 +49,7 @@ class Comparison(Record):
     """
 
     def __str__(self) -> str:
-        return "\n".join(text(self))
+        return text(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the series as plain numbers and texts, for JSON; what is not known is None.
