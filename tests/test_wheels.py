@@ -13,7 +13,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from wheel_contents import ABOUT, LARGEST, contents, faults, package_files
+from wheel_contents import ABOUT, LARGEST, contents, faults, newest_glibc, package_files
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -53,6 +53,20 @@ def test_wheel_with_too_much_or_too_little_is_refused(tmp_path, names, fault):
 def test_large_wheel_is_refused(tmp_path):
     (found,) = faults(wheel(tmp_path, PYTHON | {CORE}, _core=LARGEST), PYTHON)
     assert f"expected less than {LARGEST} bytes" in found
+
+
+def test_wheel_that_asks_for_a_newer_c_library_than_its_name_says_is_refused(tmp_path):
+    path = wheel(tmp_path, PYTHON)
+    with ZipFile(path, "a") as archive:
+        archive.writestr(CORE, b"\0GLIBC_2.2.5\0GLIBC_2.9\0GLIBC_2.18\0")
+    (found,) = faults(path, PYTHON)
+    assert found.endswith("expected symbols of that C library, got those of 2.18")
+    assert faults(path.rename(tmp_path / WHEEL.replace("2_17", "2_18")), PYTHON) == []
+
+
+def test_versions_of_the_c_library_are_ordered_as_numbers():
+    assert newest_glibc(b"\0GLIBC_2.9\0GLIBC_2.17\0GLIBC_2.2.5\0") == (2, 17)
+    assert newest_glibc(b"\0malloc\0") == (0, 0)
 
 
 def test_contents_are_listed_largest_first_and_add_up(tmp_path):

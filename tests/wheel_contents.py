@@ -1,7 +1,7 @@
 """Checks of built wheels: `python tests/wheel_contents.py dist/*.whl`, with the standard library alone.
 
-A wheel is small, and holds the files of the package, the compiled core and what tells about them, nothing else. Prints
-what takes its space.
+A wheel is small, holds the files of the package, the compiled core and what tells about them, nothing else, and asks
+for no newer C library than its name says. Prints what takes its space.
 """
 
 from __future__ import annotations
@@ -33,6 +33,12 @@ def package_files() -> set[str]:
     return {f"radarcore/{path.relative_to(PACKAGE).as_posix()}" for path in found}
 
 
+def newest_glibc(core: bytes) -> tuple[int, int]:
+    """Version of the GNU C library that the compiled core asks for by its symbols, (0, 0) if it names none."""
+    found = re.findall(rb"\0GLIBC_(\d+)\.(\d+)(?:\.\d+)?(?=\0)", core)
+    return max(((int(major), int(minor)) for major, minor in found), default=(0, 0))
+
+
 def faults(path: Path, expected: set[str]) -> list[str]:
     """What is wrong with a wheel that should hold the `expected` files of the package; empty if nothing is."""
     wrong = []
@@ -41,9 +47,13 @@ def faults(path: Path, expected: set[str]) -> list[str]:
         wrong.append(f"{path.name}: expected less than {LARGEST} bytes, got {size}")
     with ZipFile(path) as wheel:
         names = {info.filename for info in wheel.infolist() if not info.is_dir()}
-    cores = {name for name in names if CORE.fullmatch(name)}
+        cores = {name for name in names if CORE.fullmatch(name)}
+        glibc = max((newest_glibc(wheel.read(name)) for name in cores), default=(0, 0))
     if len(cores) != 1:
         wrong.append(f"{path.name}: expected one compiled core, got {sorted(cores)}")
+    promised = re.search(r"manylinux_(\d+)_(\d+)", path.name)
+    if promised and glibc > (int(promised[1]), int(promised[2])):
+        wrong.append(f"{path.name}: expected symbols of that C library, got those of {glibc[0]}.{glibc[1]}")
     folder = "-".join(path.name.split("-")[:2]) + ".dist-info"
     wanted = expected | {f"{folder}/{name}" for name in ABOUT}
     wrong += [f"{path.name}: {name} should not be in it" for name in sorted(names - cores - wanted)]
