@@ -142,15 +142,6 @@ def test_boards_are_a_table(on_terminal, monkeypatch: pytest.MonkeyPatch, capsys
     assert rows[1] == ["usb:1-4", "Radar", "Baseboard", "MCU7", "BGT60TR13C", "2.5.1"]
 
 
-def test_errors_of_the_demo_are_a_table(on_terminal, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    shown = on_terminal("demo", "-o", tmp_path, "--duration", "0.1", "--no-robots")
-    assert "\x1b[36m1/2 range bin" in shown
-    (cylinder,) = (line for line in cells(shown) if line[0] == "cylinder")
-    assert cylinder[1:3] == ["4", "4"], "frames in which it is visible and tracked"
-    assert max(map(float, cylinder[3:7])) < 1.0, "errors in bins"
-
-
 def test_text_with_brackets_is_no_markup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(terminal, "is_coloured", lambda *_: True)
     terminal.show(terminal.Table(["[m]", "[bold]"], [["[red]a", "[/]"]], [], "[title]", "[note]"))

@@ -8,8 +8,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 #[test]
-fn five_million_random_rays_of_images_hit_what_the_exhaustive_search_finds_at_every_level() {
-    let counts: Vec<[usize; 2]> = (0..320)
+fn two_million_random_rays_of_images_hit_what_the_exhaustive_search_finds_at_every_level() {
+    let counts: Vec<[usize; 2]> = (0..140)
         .into_par_iter()
         .map(|seed| {
             let mut random = Random::new(seed);
@@ -38,7 +38,7 @@ fn five_million_random_rays_of_images_hit_what_the_exhaustive_search_finds_at_ev
         })
         .collect();
     let [rays, hits] = [0, 1].map(|i| counts.iter().map(|count| count[i]).sum::<usize>());
-    assert!(rays > 5_000_000 && hits > rays / 3, "{rays} {hits}");
+    assert!(rays > 2_000_000 && hits > rays / 3, "{rays} {hits}");
     println!("{rays} rays, {hits} hits");
 }
 
@@ -69,8 +69,8 @@ fn random_ray(random: &mut Random, bodies: &Bodies, scale: f64) -> Ray {
 }
 
 #[test]
-fn five_million_random_rays_one_by_one_hit_what_the_exhaustive_search_finds() {
-    let counts: Vec<[usize; 2]> = (1000..1320)
+fn two_million_random_rays_one_by_one_hit_what_the_exhaustive_search_finds() {
+    let counts: Vec<[usize; 2]> = (1000..1140)
         .into_par_iter()
         .map(|seed| {
             let mut random = Random::new(seed);
@@ -89,7 +89,7 @@ fn five_million_random_rays_one_by_one_hit_what_the_exhaustive_search_finds() {
         })
         .collect();
     let [rays, hits] = [0, 1].map(|i| counts.iter().map(|count| count[i]).sum::<usize>());
-    assert!(rays > 5_000_000 && hits > rays / 5, "{rays} {hits}");
+    assert!(rays > 2_000_000 && hits > rays / 5, "{rays} {hits}");
     println!("{rays} rays, {hits} hits");
 }
 

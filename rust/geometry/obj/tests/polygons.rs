@@ -256,12 +256,12 @@ fn ring_of_many_laps_is_refused() {
 
 #[test]
 fn hopeless_ring_is_given_up_soon() {
-    // What takes cubic time takes half a minute here.
+    // What takes cubic time takes several seconds here.
     for noise in [1e-15, 1e-12, 1e-9, 1e-3] {
-        let _ = triangulate(&there_and_back(4_000, noise));
+        let _ = triangulate(&there_and_back(2_000, noise));
     }
     let almost_laps = |i: i32| f64::from(i) * (std::f64::consts::TAU / 3.0 + 1e-5);
-    let star: Vec<DVec3> = (0..4_000)
+    let star: Vec<DVec3> = (0..2_000)
         .map(almost_laps)
         .map(|t| DVec3::new(t.cos(), t.sin(), 0.0))
         .collect();
