@@ -19,7 +19,7 @@ import radarcore as rc
 
 SOURCES = Path(rc.__file__).parents[1]
 PACKAGES = (
-    *("radarcore", "radarcore.geometry.shapes", "radarcore.models", "radarcore.models.robots", "radarcore.plot"),
+    *("radarcore", "radarcore.dataset", "radarcore.geometry.shapes", "radarcore.models", "radarcore.models.robots", "radarcore.plot"),
     *("radarcore.processing", "radarcore.sensor"),
     *(f"radarcore.adapters.{name}" for name in dir(rc.adapters)),
 )

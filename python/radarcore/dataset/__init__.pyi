@@ -1,0 +1,9 @@
+from radarcore.dataset.export import to_hdf5 as to_hdf5
+from radarcore.dataset.export import to_mcap as to_mcap
+from radarcore.dataset.export import to_webdataset as to_webdataset
+from radarcore.dataset.joints import JOINTS as JOINTS
+from radarcore.dataset.labels import LabelLayout as LabelLayout
+from radarcore.dataset.labels import Labelled as Labelled
+from radarcore.dataset.labels import Labels as Labels
+from radarcore.dataset.labels import dims_of as dims_of
+from radarcore.dataset.labels import labels_of as labels_of
