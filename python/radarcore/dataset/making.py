@@ -21,7 +21,7 @@ from radarcore.dataset.opened import Dataset, open_dataset
 from radarcore.dataset.plan import planned
 from radarcore.dataset.samples import Recipe
 from radarcore.dataset.shardfile import PARTIAL
-from radarcore.dataset.shards import Done, Work
+from radarcore.dataset.shards import Done, Work, Worker
 from radarcore.dataset.store import attrs_of, create, zarr
 from radarcore.dataset.variation import Variation
 
@@ -133,7 +133,7 @@ def make(
             create(target, plan)
         else:
             _check_same(target, before, json.loads(plan.attrs["settings"]))
-        work, journal = Work(str(target), recipe, plan.layout), Journal(target)
+        work, journal = Worker.of(Work(str(target), recipe, plan.layout)), Journal(target)
         complete = journal.complete()
         left = [shard for shard in range(plan.layout.num_shards) if shard not in complete]
         shutil.rmtree(target / PARTIAL, ignore_errors=True)
@@ -208,7 +208,9 @@ def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> No
 def _differing_line(before: str, now: str) -> str:
     """The first line of a scene file that has changed."""
     old, new = before.splitlines(), now.splitlines()
-    same = next((k for k, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]), min(len(old), len(new)))
+    same = next(
+        (k for k, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]), min(len(old), len(new))
+    )
     texts = [repr(lines[same].strip()) if same < len(lines) else "nothing" for lines in (new, old)]
     return f"another scene (line {same + 1}: {texts[0]}, not {texts[1]})"
 

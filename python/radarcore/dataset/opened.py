@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -77,9 +78,7 @@ class Dataset:
         made = int((self.status == STATUS["made"]).sum())
         count = f"{made} samples" if made == len(self) else f"{made} of {len(self)} samples"
         dtype = "ADC codes" if self.has_codes else self._arrays["cube"].dtype
-        return (
-            f"<Dataset of {count} x {frames} frames: {channels} channels x {chirps} chirps x {samples} samples, {dtype}>"
-        )
+        return f"<Dataset of {count} x {frames} frames: {channels} channels x {chirps} chirps x {samples} samples, {dtype}>"
 
     def __len__(self) -> int:
         return int(self.sizes["sample"])
@@ -167,8 +166,20 @@ class Dataset:
 
     @cached_property
     def variation(self) -> Variation:
-        """The scene file with its distributions."""
-        return Variation.from_text(self.attrs["scene"], folder=self.attrs["folder"])
+        """The scene file with its distributions: where it was, or if it is gone or has changed, a copy of it.
+
+        Meshes that it names are found beside the file alone.
+        """
+        file, text = Path(self.attrs["scene_path"]), self.attrs["scene"]
+        try:
+            if file.read_text(encoding="utf-8") == text:
+                return Variation.load(file)
+        except (OSError, UnicodeDecodeError):
+            pass
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / file.name
+            copy.write_text(text, encoding="utf-8")
+            return Variation.load(copy)
 
     @property
     def seed(self) -> int:

@@ -67,7 +67,7 @@ class Plan:
 def settings_of(recipe: Recipe, count: int, samples_of_shard: int | None) -> dict[str, Any]:
     """What results follow from, as JSON holds it; they are compared when a run is resumed."""
     return {
-        "scene": recipe.variation.text,
+        "scene": recipe.variation.path.read_text(encoding="utf-8"),
         "count": count,
         "seed": recipe.seed,
         "labels": asdict(recipe.labels),
@@ -102,14 +102,14 @@ def planned(recipe: Recipe, count: int, given_samples_per_shard: int | None) -> 
     attrs = {
         "format": FORMAT,
         "version": VERSION,
-        "folder": str(recipe.variation.folder),
+        "scene_path": str(recipe.variation.path.absolute()),
         **{name: value for name, value in settings.items() if name not in ("labels", "samples_per_shard")},
         "radar": json.dumps(radar.to_dict()),
         "radar_varies": varies,
         "signs": SIGNS,
         "settings": json.dumps(settings),
     }
-    return Plan(layout, _coordinates(radar, recipe.variation.body_names, varies), attrs)
+    return Plan(layout, _coordinates(radar, recipe.body_names, varies), attrs)
 
 
 def _results(recipe: Recipe, frames: list[Frame]) -> dict[str, Variable]:
@@ -128,7 +128,7 @@ def _results(recipe: Recipe, frames: list[Frame]) -> dict[str, Variable]:
         variables = {"cube": Variable(axes, shape, cube.dtype.name, np.nan, attrs)}
     time = {"units": "s", "long_name": "start of the first chirp"}
     variables["time"] = Variable(("frame",), (num_frames,), "float64", np.nan, time)
-    labels = dims_of(first.radar, recipe.variation.body_names, recipe.labels)
+    labels = dims_of(first.radar, recipe.body_names, recipe.labels)
     for name, (dims, lengths, dtype, attrs) in labels.items():
         named = ("frame", *(AXES.get(axis, axis) for axis in dims))
         is_map = len(dims) > 1 and np.dtype(dtype).kind in "iub"
@@ -152,7 +152,7 @@ def _parameters(recipe: Recipe) -> dict[str, Variable]:
         # Zarr's names are those of folders.
         name = f"parameter.{parameter.path}".replace("/", "_")
         attrs = {"path": parameter.path, "distribution": parameter.kind}
-        dtype, fill = ("float64", np.nan) if parameter.kind != "choice" else (TEXT, "")
+        dtype, fill = ("float64", np.nan) if parameter.is_number else (TEXT, "")
         variables[name] = Variable((), (), dtype, fill, attrs)
     return variables
 

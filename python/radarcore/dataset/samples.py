@@ -45,6 +45,11 @@ class Recipe:
     labels: Labels
     threads: int
 
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names along the axis `body`: of people, arms and others made of parts one each."""
+        return tuple(dict.fromkeys(name.partition("/")[0] for name in self.variation.body_names))
+
     def sample(self, index: int) -> Sample:
         """The sample as drawn; a ValueError names what is out of range."""
         return self.variation.sample(index, seed=self.seed)
@@ -105,7 +110,7 @@ def parameters_of(sample: Sample, layout: Layout) -> dict[str, Any]:
 
 
 def as_stored(value: Any, variable: Variable) -> Any:
-    """A drawn value as its variable holds it: texts, and JSON of lists and tables."""
+    """A drawn value as its variable holds it: true and false as texts."""
     if variable.dtype != TEXT:
         return float(value)
     return value if isinstance(value, str) else json.dumps(value)
@@ -118,7 +123,7 @@ def _rows(layout: Layout, values: dict[str, Any]) -> Rows:
 
 def _results(recipe: Recipe, sample: Sample, layout: Layout) -> dict[str, Any]:
     """Samples, times and labels of the frames of a sample, (frame, ...) each, all of the type and shape planned."""
-    names = recipe.variation.body_names
+    names = recipe.body_names
     columns: dict[str, list[Any]] = {}
     for simulator, frame in simulated(recipe, sample):
         labelled = labels_of(simulator, frame, names, recipe.labels)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
 import time
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
+from threading import get_ident
 from typing import Any
 
 from radarcore.dataset.layout import Layout
@@ -71,7 +74,7 @@ class Work:
     recipe: Recipe
     layout: Layout
 
-    def __call__(self, shard: int) -> Done:
+    def make(self, shard: int) -> Done:
         """Make a shard; an OSError names the file that cannot be written."""
         began = time.perf_counter()
         failed: list[Failed] = []
@@ -86,6 +89,31 @@ class Work:
                 files.append(rows)
             written = files.finish()
         return Done(shard, written, tuple(failed), warned, round(time.perf_counter() - began, 3))
+
+
+@dataclass(frozen=True)
+class Worker:
+    """Makes shards of some work, wherever it is sent: with every shard to another process, where the work is kept.
+
+    What scenes have in common, such as meshes of people, is made once per process and thread.
+    """
+
+    work: bytes
+
+    @classmethod
+    def of(cls, work: Work) -> Worker:
+        """Worker of some work."""
+        return cls(pickle.dumps(work))
+
+    def __call__(self, shard: int) -> Done:
+        """Make a shard."""
+        return _loaded(self.work, get_ident()).make(shard)
+
+
+@lru_cache(maxsize=32)
+def _loaded(work: bytes, thread: int) -> Work:  # noqa: ARG001  # whose it is
+    loaded: Work = pickle.loads(work)
+    return loaded
 
 
 def _kind(warning: Any) -> str:
