@@ -23,13 +23,19 @@ IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
 
 SOURCES = Cargo.toml Cargo.lock pyproject.toml $(shell find rust -name '*.rs')
 
-.PHONY: help demo test $(CHECKS) wheel bench docs docs-serve notebooks format clean tools checkers
+# Of the wheels for a release: Linux on both processors, with the C library of most distributions and with Alpine's.
+# Those that rustup has are built, or the ones that are named: make wheels TARGETS=aarch64-unknown-linux-gnu
+LINUX = x86_64-unknown-linux-gnu aarch64-unknown-linux-gnu x86_64-unknown-linux-musl aarch64-unknown-linux-musl
+TARGETS = $(filter $(LINUX),$(shell rustup target list --installed))
+
+.PHONY: help demo test $(CHECKS) wheel wheels bench docs docs-serve notebooks format clean tools checkers
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo     build and simulate the experiment and compare with the truth; results go to out/demo"
 	@echo "make test     format, lint, types, Rust and Python tests, benches once tiny, wheel"
-	@echo "make wheel    build dist/*.whl"
+	@echo "make wheel    build dist/*.whl for this machine"
+	@echo "make wheels   build wheels for Linux systems old and new, as a release has them"
 	@echo "make bench    measure speed"
 	@echo "make docs     build the site into out/site; make docs-serve shows it while pages are written"
 	@echo "make notebooks run the tutorials into out/notebooks, and renew their outputs on the site"
@@ -60,10 +66,12 @@ lint-rust: $(VENV)/created | tests-rust
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
 	@cargo clippy --quiet --lib --locked -- -D warnings
 
+# What a user's checker of types finds of the package, beside that the package is right: every name with its type.
 types: $(VENV)/adapters $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
+	@known=$$(PATH="$(CURDIR)/$(BIN):$$PATH" basedpyright --verifytypes radarcore --ignoreexternal) || { echo "$$known"; exit 1; }
 
 # What traces rays is inside of the core. The rest, benches once and tiny among it, takes a core that is not optimised,
 # which is built in no time.
@@ -90,9 +98,22 @@ wheel: $(VENV)/demo | $(VENV)/built
 	@rm -f dist/radarcore-*.whl
 	@$(BIN)/maturin build --quiet --release --locked --out dist
 
+# For systems older than this machine: zig links them, and has the C library of each. Without `rustup target add`, there
+# are none but this machine's.
+wheels: $(VENV)/wheels
+	@rm -f dist/radarcore-*.whl
+	@set -e; for target in $(TARGETS); do \
+		case $$target in *-musl) oldest=musllinux_1_2 ;; *) oldest=manylinux_2_17 ;; esac; \
+		echo "-- wheel: $$target, $$oldest"; \
+		PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --quiet --release --locked --zig --target $$target \
+			--compatibility $$oldest --out dist; \
+	done
+	@$(BIN)/python tests/wheel_contents.py dist/*.whl
+
 # The wheel in an empty environment with its required packages only, away from the sources.
 wheel-check: wheel
 	@echo "-- wheel in an empty environment"
+	@$(PYTHON) tests/wheel_contents.py dist/*.whl
 	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; \
 	$(PYTHON) -m venv "$$directory"; \
 	"$$directory/bin/pip" install --quiet --disable-pip-version-check --no-compile --constraint requirements/demo.txt dist/*.whl; \
@@ -161,6 +182,11 @@ $(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
 $(VENV)/docs: requirements/docs.txt $(VENV)/dev
 	@echo "-- packages: requirements/docs.txt"
 	@$(PIP_INSTALL) --no-deps -r requirements/docs.txt
+	@touch $@
+
+$(VENV)/wheels: requirements/wheels.txt $(VENV)/demo
+	@echo "-- packages: requirements/wheels.txt (100 MB)"
+	@$(PIP_INSTALL) --no-deps -r requirements/wheels.txt
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo

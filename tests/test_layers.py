@@ -39,6 +39,7 @@ MAY_IMPORT = {
     "virtual": {"scenefile", "simulate", "sensor", "receive"} | DESCRIPTIONS,
     "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,
     "comparison": {"scenefile", "simulate", "plot", "processing"} | BODIES | DESCRIPTIONS,
+    "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,
 }
 MAY_IMPORT["cli"] = {*MAY_IMPORT, "cli"}
 

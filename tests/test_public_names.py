@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+import radarcore as rc
+
 PUBLIC = [
     *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
     *("dataset", "models", "models.robots", "plot", "processing", "sensor"),
@@ -44,6 +46,46 @@ def test_every_name_loads_and_stays(face: ModuleType) -> None:
             assert value.__qualname__ == name
 
 
+def test_nothing_but_its_own_modules_is_reachable_beside_the_names_of_a_package(face: ModuleType) -> None:
+    """The import system puts the modules there: neither `dir` nor a checker of types shows them."""
+    for name in face.__all__:
+        getattr(face, name)
+    for name in vars(face).keys() - set(face.__all__):
+        if not name.startswith("__"):
+            beside = getattr(face, name)
+            assert isinstance(beside, ModuleType)
+            assert beside.__name__ == f"{face.__name__}.{name}"
+
+
+@pytest.mark.parametrize("name", ["shapes", "adapters.images", "adapters.gazebo", "adapters.rerun"])
+def test_module_of_public_functions_shows_these_alone(name: str) -> None:
+    shown = import_module(f"radarcore.{name}" if name != "shapes" else "radarcore.geometry.shapes")
+    assert dir(shown) == sorted(shown.__all__)
+    own = {
+        key
+        for key, value in vars(shown).items()
+        if getattr(value, "__module__", None) == shown.__name__ and not key.startswith("_")
+    }
+    assert own - set(shown.__all__) <= {"Image"}  # a protocol: what a type needs, for checkers
+
+
+def test_helpers_of_the_package_are_no_members_of_its_classes() -> None:
+    """Members that only the package calls would be completed and documented beside what users may call."""
+    helpers = {
+        rc.Camera: ["every"],
+        rc.Detections: ["from_rows"],
+        rc.Interferer: ["chirps_between", "sent_after"],
+        rc.Receiver: ["check_receivers", "is_plain"],
+        rc.RecordingWriter: ["open_as"],
+        rc.Schedule: ["require_fit"],
+        rc.Simulator: ["changed", "to_core"],
+        rc.TrackState: ["of_fields"],
+        rc.Truth: ["from_rows"],
+        rc.Waveform: ["require_range"],
+    }
+    assert [(kind.__name__, name) for kind, names in helpers.items() for name in names if hasattr(kind, name)] == []
+
+
 def test_no_module_has_the_name_of_something_else(face: ModuleType) -> None:
     """The import system would put the module in the place of a function, depending on what was loaded before."""
     others = {words[3] for words in stub_of(face) if words[1] != face.__name__}
@@ -65,10 +107,17 @@ new = {{name.partition(".")[0] for name in set(sys.modules) - before}}
 print(*sorted(name for name in new if name not in sys.stdlib_module_names))
 """
 SIMULATOR = "radarcore.Simulator(radarcore.Scene(), radarcore.bgt60tr13c())"
+FRAME = (
+    "plate = radarcore.Body(radarcore.shapes.plate(0.1, 0.1), motion=radarcore.Pose([1.0, 0.0, 0.0]))\n"
+    "radarcore.Simulator(radarcore.Scene([plate]), radarcore.bgt60tr13c(num_chirps=1), resolution=4).frame()"
+)
+"""Loads no scipy, pydantic or matplotlib: what it takes to simulate a frame is numpy and the core."""
 
 
-@pytest.mark.parametrize(("use", "packages"), [("", ["radarcore"]), (SIMULATOR, ["numpy", "radarcore"])])
-def test_import_loads_nothing_else_and_a_simulator_numpy_alone(use: str, packages: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("use", "packages"), [("", ["radarcore"]), (SIMULATOR, ["numpy", "radarcore"]), (FRAME, ["numpy", "radarcore"])]
+)
+def test_import_loads_nothing_else_and_a_simulator_and_its_frames_numpy_alone(use: str, packages: list[str]) -> None:
     code = LOADED.format(use=use)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stderr == ""

@@ -1,6 +1,8 @@
 """Checks of an installed wheel, run by `make wheel-check` with nothing but the required packages around it."""
 
+import contextlib
 import importlib.metadata
+import io
 import sys
 from pathlib import Path
 
@@ -13,13 +15,21 @@ assert source not in Path(radarcore.__file__).resolve().parents, radarcore.__fil
 assert radarcore.__version__ == importlib.metadata.version("radarcore"), radarcore.__version__
 
 # Importing radarcore imports numpy and nothing else heavy, installed or not.
-heavy = {"scipy", "pydantic", "matplotlib", "tqdm", "trimesh", "usb"} & set(sys.modules)
+heavy = {"scipy", "pydantic", "matplotlib", "tqdm", "trimesh", "usb", "cyclopts", "rich"} & set(sys.modules)
 assert not heavy, f"import radarcore also imports {sorted(heavy)}"
 
 # Scene files and commands need nothing else.
 from radarcore.scenefile import schema  # noqa: E402  # after the check of what is imported
 
 assert "body[].shape.radius" in schema.text()
+
+from radarcore.cli.commands import examples  # noqa: E402
+from radarcore.cli.main import main  # noqa: E402
+
+for command in examples():
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main([*command.split(), "--help"]) == 0, command
+    assert "Options:" in printed.getvalue(), command
 
 # The main job runs: a mesh in, samples and a peak out.
 sphere = radarcore.Body(radarcore.shapes.sphere(0.1), motion=radarcore.Pose([2.0, 0.0, 0.0]))

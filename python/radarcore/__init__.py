@@ -7,3 +7,5 @@ rate, receding positive; the sensor looks along +x, y is left and z up.
 from radarcore.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__)
+
+del attach

@@ -6,22 +6,25 @@ import difflib
 import operator
 from collections.abc import Callable, Iterable
 from functools import wraps
-from inspect import signature
+from inspect import Parameter, signature
 from math import isfinite
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import notice
 
-_Kind = TypeVar("_Kind", bound=type)
+_Called = TypeVar("_Called", bound=Callable[..., Any])
 
 _LONGEST_TIME = 1e12
 """Largest time of a series [s], hundreds of times the seconds since 1970."""
 
 _SHORTEST_INTERVAL = 1e-12
 """Shortest interval between two times of a series [s]."""
+
+_MOST_NAMED = 6
+"""Keywords that a message names for those who gave values without."""
 
 
 def number(name: str, value: object, unit: str = "") -> float:
@@ -99,7 +102,8 @@ def index(name: str, value: object, length: int) -> int:
 def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
     """Word out of a few choices."""
     if value not in choices:
-        raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}")
+        meant = f"; {near_names(value, choices)}" if near(value, choices) else ""
+        raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}{meant}")
     return str(value)
 
 
@@ -196,15 +200,35 @@ def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
             raise TypeError(f"{owner}: unknown keyword {name!r}; {near_names(name, names)}")
 
 
-def knows_keywords(kind: _Kind) -> _Kind:
-    """The class, whose constructor then says which keyword an unknown one is near to."""
-    construct: Callable[..., None] = kind.__init__  # type: ignore[misc]  # of this class, not of one below it
-    known = list(signature(construct).parameters)[1:]
+def knows_keywords(called: _Called) -> _Called:
+    """The class or function, which then says what an unknown keyword is near to and which arguments need keywords."""
+    if isinstance(called, type):
+        # The constructor is of this class, not of one below it.
+        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1)  # type: ignore[misc]
+        return called
+    owner = called.__qualname__  # of a method with its class
+    return cast(_Called, _with_known_keywords(owner, called, int("." in owner)))
 
-    @wraps(construct)
-    def checked(self: Any, *args: Any, **given: Any) -> None:
-        keywords(kind.__name__, given, known)
-        construct(self, *args, **given)
 
-    kind.__init__ = checked  # type: ignore[misc]  # a wrapper of the same arguments
-    return kind
+def _with_known_keywords(owner: str, function: Callable[..., Any], num_bound: int) -> Callable[..., Any]:
+    """A function behind a check of its arguments' names; its first ones are what it is bound to."""
+    parameters = list(signature(function).parameters.values())
+    kinds = {each.kind for each in parameters}
+    takes_any_keyword, takes_any_number = Parameter.VAR_KEYWORD in kinds, Parameter.VAR_POSITIONAL in kinds
+    known = {each.name: None for each in parameters[num_bound:] if each.kind is not Parameter.POSITIONAL_ONLY}.keys()
+    named = [f"{each.name}=" for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
+    most = len(parameters) - len(named) - takes_any_keyword
+
+    @wraps(function)
+    def checked(*args: Any, **given: Any) -> Any:
+        if not (takes_any_keyword or given.keys() <= known):
+            keywords(owner, given, known)
+        if len(args) > most and named and not takes_any_number:
+            expected = ", ".join(named[:_MOST_NAMED]) + (", ..." if len(named) > _MOST_NAMED else "")
+            first = f"{most - num_bound} positional and then " if most > num_bound else ""
+            raise TypeError(
+                f"{owner}: expected {first}keywords {expected}, got {len(args) - num_bound} positional values"
+            )
+        return function(*args, **given)
+
+    return checked

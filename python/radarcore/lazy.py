@@ -20,7 +20,8 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 
     def load(name: str) -> object:
         if name not in origins:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            # With both given, the interpreter suggests near names of those that `dir` lists.
+            raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=face)
         module = origins[name]
         # A name that another package does not have yet is a file in it; so are all names of its own.
         found = None if module == package else getattr(import_module(module), name, None)

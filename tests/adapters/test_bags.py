@@ -432,6 +432,12 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
         BagWriter(tmp_path / "take", "ros1")
     with pytest.raises(ValueError, match=r"path: expected \.db3 or a folder for the format 'sqlite3', got"):
         BagWriter(tmp_path / "take.mcap", "sqlite3")
+    for name in ("take.bg", "take.mcap.gz", "take.MCAP"):
+        with pytest.raises(ValueError, match=r"path: expected a bag \(\.bag, \.mcap, \.db3\) or a folder"):
+            BagWriter(tmp_path / name)
+    with BagWriter(tmp_path / "2026.11.26"):
+        pass
+    assert (tmp_path / "2026.11.26").is_dir()
     with BagWriter(tmp_path / "bag", overwrite=True) as bag:
         with pytest.raises(ValueError, match=r"type: expected a known message, got 'std_msgs/msg/Strin'; did you mean"):
             bag.write("/a", {"data": "x"}, 0, type="std_msgs/msg/Strin")

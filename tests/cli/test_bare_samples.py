@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import radarcore as rc
 from dca1000_files import Scene, commands
 from radarcore.cli.main import main
 from recordings import CODES
@@ -44,6 +45,30 @@ def test_process_finds_the_target_of_a_capture(
     assert float(loudest["range"]) == pytest.approx(SCENE.range, abs=0.02)
     assert float(loudest["velocity"]) == pytest.approx(SCENE.velocity, abs=0.1)
     assert float(loudest["azimuth_deg"]) == pytest.approx(20.0, abs=0.5)
+
+
+def test_leakage_of_a_capture_is_neither_drawn_nor_the_strongest_peak(
+    capture: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    from matplotlib.figure import Figure
+
+    # A tone of a tenth of a range bin, the same in every chirp, 20 dB over the target.
+    leak = np.exp(0.2j * np.pi * np.arange(64) / 64.0)
+    chirp = np.stack([leak.imag, leak.real], -1).reshape(32, 2, 2).transpose(0, 2, 1)  # Q Q I I
+    numbers = SCENE.numbers("lanes2", q_first=True).reshape(-1, 32, 2, 2)
+    (numbers + np.rint(1e4 * chirp).astype("<i2")).tofile(capture[0])
+    frame = rc.Recording.load(capture[0], config=capture[2])[0]
+    loudest, peak = rc.strongest_peak(frame, min_range=0.0), rc.strongest_peak(frame)
+    assert loudest is not None
+    assert loudest.range_index == 0
+    assert peak is not None
+    assert peak.range == pytest.approx(SCENE.range, abs=0.02)
+
+    titles: list[str] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: titles.append(figure.axes[0].get_title()))
+    assert main(["plot", *capture, "-o", str(tmp_path / "map.png"), "--kind", "map"]) == 0
+    assert "static echoes removed" in titles[0]
 
 
 def test_plot_draws_a_capture(capture: list[str], tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     lines: list[str] = []
-    result = experiment.run(tmp_path, duration=0.25, with_robots=False, say=lines.append)
+    result = experiment.run(tmp_path, duration=0.25, with_robots=False, say=lambda content: lines.append(str(content)))
     cylinder, person = result["targets"]
     assert (cylinder["name"], person["name"]) == ("cylinder", "person")
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 10

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.cli.main import main
+from radarcore.processing.stream import Stream
 
 START, SPEED, WALL = 2.0, 0.8, 3.0
 """Range [m] and velocity [m/s] of what moves, and range of what stands still and echoes more [m]."""
@@ -31,6 +32,17 @@ def leaky(simulated: rc.Recording, tmp_path_factory: pytest.TempPathFactory) -> 
     """The same as a sensor's recording: codes, and no truth."""
     path = tmp_path_factory.mktemp("leaky") / "recording"
     replace(simulated, truth=None).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def faint(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four frames at the default gain of the commands, of what echoes as a person far away does."""
+    path = tmp_path_factory.mktemp("faint") / "recording"
+    radar = rc.bgt60tr13c(receiver="measured", if_gain_db=23, num_chirps=64, max_range=10.0)
+    person = rc.PointTarget([START, 0.0, 0.0], velocity=[SPEED, 0.0, 0.0], rcs=0.02)
+    recording = rc.Simulator(rc.Scene([person]), radar).record(0.0, 0.1, progress=False)
+    replace(recording, truth=None).save(path)
     return path
 
 
@@ -78,6 +90,30 @@ def test_history_and_profile_of_a_sensors_recording_show_what_moves(leaky: Path,
     assert START - bin_width < range_of_brightest(history.images[0]) < at(20) + bin_width
     ranges, levels = profile.lines[0].get_data()
     assert abs(ranges[np.argmax(levels)] - at(12)) < bin_width
+
+
+@pytest.mark.parametrize("kind", ["overview", "range-time", "range-profile"])
+def test_offsets_of_chirps_are_not_what_is_seen_first(kind: str, faint: Path, figures: list[Any]) -> None:
+    """At the default gain they are louder than a person, at 0 m and all velocities, and differ from chirp to chirp."""
+    assert main(["plot", str(faint), "-o", "picture.png", "--kind", kind, "--frame", "2"]) == 0
+    drawn = next(ax for ax in figures[0].axes if kind != "overview" or ax.images)
+    if kind == "range-profile":
+        ranges, levels = drawn.lines[0].get_data()
+        seen = float(ranges[np.argmax(levels)])
+    else:
+        seen = range_of_brightest(drawn.images[0])
+    assert abs(seen - START) < 2.0 * rc.Recording.load(faint).radar.waveform.range_resolution
+
+
+def test_live_view_leaves_out_offsets_of_chirps(faint: Path) -> None:
+    frames = list(rc.Recording.load(faint).frames())
+    stream = Stream(frames[0].radar)
+    for frame in frames:
+        stream.take(frame)
+    assert abs(stream.ranges[np.argmax(stream.level.max(axis=0))] - START) < 0.3
+    kept = Stream(frames[0].radar, remove_static=False)
+    kept.take(frames[0])
+    assert kept.ranges[np.argmax(kept.level.max(axis=0))] < 0.3, "the leakage"
 
 
 def test_samples_of_a_sensor_are_drawn_as_they_are(leaky: Path, figures: list[Any]) -> None:

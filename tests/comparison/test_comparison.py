@@ -255,6 +255,18 @@ def test_bad_arguments_are_refused(simulated: rc.Recording, arguments: dict[str,
         rc.compare(simulated, progress=False, **arguments)  # type: ignore[arg-type]
 
 
+def test_names_of_recordings_differ(simulated: rc.Recording) -> None:
+    with pytest.raises(ValueError, match="names: expected names that differ, got 'a', 'a'"):
+        rc.compare(simulated, simulated, names=("a", "a"), progress=False)
+
+
+def test_time_of_the_maps_is_within_the_frames_of_both(side_by_side: rc.Comparison) -> None:
+    with pytest.raises(ValueError, match=r"time: expected one within the frames of 'simulated', .* to .* s, got 99"):
+        side_by_side.figure(time=99.0)
+    with pytest.raises(ValueError, match="time: expected one within the frames of 'simulated'"):
+        side_by_side.report("never.html", time=-1.0)
+
+
 def test_what_is_no_recording_is_refused(simulated: rc.Recording, tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="recording_b: expected Recording or a path, got int"):
         rc.compare(simulated, 3)  # type: ignore[arg-type]

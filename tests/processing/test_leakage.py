@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,33 @@ def test_limit_of_range_that_is_given_is_the_only_one() -> None:
     peak = rc.strongest_peak(ideal)
     assert peak is not None
     assert abs(peak.range - 1.5 * width) < 0.5 * width, "an ideal echo in the nearest bins is one"
+
+
+ADC = {"gain_db": 50.0, "full_scale": 1.21, "adc_bits": 12}
+
+
+@pytest.mark.parametrize("output", ["real", "iq"])
+@pytest.mark.parametrize("distance", [0.15, 0.3, 0.42])
+def test_near_echo_behind_an_adc_without_leakage_is_a_peak(distance: float, output: str) -> None:
+    """Bins of 15 cm: all of these lie where leakage would."""
+    radar = rc.bgt60tr13c(num_chirps=16)
+    radar = replace(radar, receiver=rc.Receiver(noise_figure_db=12.0, output=output, **ADC))
+    point = rc.PointTarget([distance, 0.0, 0.0], rcs=0.01)
+    frame = rc.Simulator(rc.Scene([point]), radar).frame()
+    assert (frame.raw is not None) == (output == "real")
+    peak = rc.strongest_peak(frame)
+    assert peak is not None
+    # The mirror image of real samples moves what is nearer than a bin.
+    assert abs(peak.range - distance) < (0.3 if output == "real" else 0.02) * radar.waveform.range_resolution
+
+
+@pytest.mark.parametrize("effect", [{"dc_offset": 0.05}, {"chirp_offset_lsb": 1.0}])
+def test_offset_of_the_adc_is_no_peak(effect: dict[str, Any]) -> None:
+    receiver = rc.Receiver(noise_figure_db=12.0, output="real", adc_noise_lsb=0.9, **ADC, **effect)
+    radar = replace(rc.bgt60tr13c(num_chirps=16), receiver=receiver)
+    frame = rc.Simulator(rc.Scene([]), radar).frame()
+    assert rc.strongest_peak(frame, min_range=0.0) is not None, "there is one at 0 m"
+    assert rc.strongest_peak(frame) is None
 
 
 def test_mean_of_frames_that_come_is_that_of_their_recording(real: rc.Recording) -> None:

@@ -175,6 +175,19 @@ def test_replace_keeps_staggered_chirps_until_their_number_or_interval_changes()
     np.testing.assert_array_equal(waveform().replace(chirp_times=times).chirp_times, times)
 
 
+def test_replace_keeps_the_delay_of_a_waveform_that_starts_late() -> None:
+    late = waveform(num_chirps=8).delayed(2e-3)
+    np.testing.assert_array_equal(late.replace(slope=40e12).chirp_times, late.chirp_times)
+    assert late.replace(slope=40e12) == waveform(num_chirps=8, slope=40e12).delayed(2e-3)
+    fewer = late.replace(num_chirps=4, chirp_interval=500e-6)
+    np.testing.assert_allclose(fewer.chirp_times, 2e-3 + 500e-6 * np.arange(4), rtol=1e-15)
+    times = 400e-6 * np.arange(8)
+    np.testing.assert_array_equal(late.replace(chirp_times=times).chirp_times, times)
+    back_to_back = rc.Waveform(start_frequency=60e9, slope=1e12, sample_rate=1e6, num_samples=100, num_chirps=4)
+    longer = back_to_back.delayed(1e-3).replace(num_chirps=8)
+    assert longer.frame_interval == pytest.approx(800e-6, rel=4 * EPS)  # that of the chirps, as where it was delayed
+
+
 STAGGERED = (400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)).tolist()
 
 

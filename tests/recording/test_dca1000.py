@@ -176,7 +176,7 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 3"}, "one transmitter per chirp .TDM., got the mask 0x3 of chirp 0"),
         ({"chirp0": "chirpCfg 0 0 0 1e6 0 0 0 1"}, "chirps as their profile has them, got changes of chirp 0"),
         ({"chirp0": "chirpCfg 0 0 1 0 0 0 0 1"}, r"chirps of one profile, got those of \[0, 1\]"),
-        ({"chirp1": ""}, "expected a chirpCfg of chirp 1, which frameCfg has, got none"),
+        ({"chirp1": ""}, "expected chirp 1, which the frame has, in chirpCfg, got none"),
         ({"chirp0": "chirpCfg 0 1e9 0 0 0 0 0 1"}, "expected chirps 0 to 511, got 0 to 1000000000"),
         ({"frameCfg": "frameCfg 0 nan 16 0 50 1 0"}, "line 11: expected numbers after frameCfg"),
         ({"channelCfg": "channelCfg 31 5 0"}, "a mask of up to 4 receivers, got 0x1f"),

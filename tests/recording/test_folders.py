@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ from recordings import CODES, recording
 def several(tmp_path: Path) -> Path:
     """A native recording, one of Infineon's tools, one file, bare samples, and what is none."""
     place = tmp_path / "all"
-    recording(3).save(place / "b")
+    board = {"name": "Radar Baseboard MCU7", "firmware": "2.6.0", "port": "/dev/ttyACM0"}
+    replace(recording(3), source={"sensor": board}).save(place / "b")  # as `Sensor.record` has it
     recording(2).save(place / "c.npz")
     folder(place / "a")
     np.save(place / "d.npy", CODES)
@@ -50,11 +52,20 @@ def test_info_lists_the_recordings_of_a_folder(several: Path, capsys: pytest.Cap
     assert lines[0].split() == ["folder", str(several)]
     assert lines[1] == "  a  5 frames of 3 x 4 x 16, 0.386 s, 58 GHz, BGT60TR13C FMCW Radar Sensor"
     assert lines[2].startswith("  b  3 frames of 2 x 4 x 16, 0.05")
+    assert lines[2].endswith(" GHz, Radar Baseboard MCU7, firmware 2.6.0")
     assert lines[4].startswith("  d.npy  expected the radar's settings, got an array (4, 3, 4, 16) of uint16")
     scene = several / "scene.toml"
     scene.write_text('[radar]\npreset = "bgt60tr13c"\nnum_chirps = 4\nnum_samples = 16\n')
     assert main(["info", str(several), "--config", str(scene)]) == 0
     assert "  d.npy  4 frames of 3 x 4 x 16, 0.1 s, 60 GHz" in capsys.readouterr().out
+
+
+def test_info_names_the_board_of_a_recording_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    board = {"port": "/dev/ttyACM0", "name": "Radar Baseboard MCU7", "firmware": "2.6.0"}
+    for name in ("a", "b"):
+        replace(recording(1), source={"sensor": board}).save(tmp_path / name)
+    assert main(["info", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1].endswith("GHz, Radar Baseboard MCU7, firmware 2.6.0")
 
 
 def test_sensors_of_a_recording_are_listed_and_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -506,9 +506,8 @@ def test_commands_take_such_recordings(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["info", str(path)]) == 0
     assert "5, 3, 4, 16" in capsys.readouterr().out
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    for kind in ("overview", "range-time"):
-        assert main(["plot", str(path / FOLDER), "-o", str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
-        assert (tmp_path / f"{kind}.png").stat().st_size > 10_000
+    assert main(["plot", str(path / FOLDER), "-o", str(tmp_path / "overview.png"), "--kind", "overview"]) == 0
+    assert (tmp_path / "overview.png").stat().st_size > 10_000
 
 
 def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:

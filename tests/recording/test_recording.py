@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,8 @@ def test_recording_gives_its_frames_back() -> None:
         np.testing.assert_array_equal(one.truth.range, frame(index).truth.range)  # type: ignore[union-attr]
     assert rec[-1].time == rec[2].time == 0.05
     assert np.shares_memory(rec[1].cube, rec.cube)
-    assert [one.time for one in rec] == [0.0, 0.025, 0.05]  # type: ignore[attr-defined]
+    assert [one.time for one in rec] == [0.0, 0.025, 0.05]
+    assert isinstance(rec, Iterable)
     with pytest.raises(IndexError, match="3 frames, got 3"):
         rec[3]
     with pytest.raises(TypeError, match="frame_index: expected an integer"):
@@ -42,6 +44,17 @@ def test_slice_is_the_recording_of_its_frames() -> None:
     assert len(rec[-2:]) == 2
     with pytest.raises(ValueError, match="frames that follow each other, got step 2"):
         rec[::2]
+
+
+def test_arrays_of_a_frame_and_a_recording_are_their_samples() -> None:
+    for one in (recording(), frame(0)):
+        samples = np.asarray(one)
+        assert np.shares_memory(samples, one.cube)
+        assert samples.shape == one.cube.shape
+        assert np.asarray(one, dtype=np.complex128).dtype == np.complex128
+        assert not np.shares_memory(np.array(one), one.cube)
+    assert np.array_equal(recording(), recording())  # == tells whether it is the same object
+    assert recording() != recording()
 
 
 @pytest.mark.parametrize("where", ["rec", "deep/down/rec", "rec.npz", "deep/rec.npz"])

@@ -62,6 +62,13 @@ def test_board_that_tells_no_rate_or_duration_is_refused(name, message, monkeypa
         board.configure(wanted)
 
 
+def test_board_whose_chirps_have_no_duration_has_no_present_radar(monkeypatch):
+    board = ComLibBoard(Pipe(ComLibEmulator(Ramp())))
+    monkeypatch.setattr(board, "_number", lambda *asked: 0)
+    with pytest.raises(ProtocolError, match=r"expected a sample rate and a duration of chirps, got 2e\+06 Hz and 0 s"):
+        board.present_radar()
+
+
 def test_down_chirp_starts_at_its_upper_frequency():
     emulator = ComLibEmulator(Ramp())
     achieved = ComLibBoard(Pipe(emulator)).configure(radar(start_frequency=63e9, slope=-40e12))

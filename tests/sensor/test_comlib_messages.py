@@ -32,7 +32,7 @@ from radarcore.sensor.comlib.payloads import (
 )
 from radarcore.sensor.errors import ProtocolError
 
-fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 ENDPOINTS = [Endpoint(EndpointType.RBAS), Endpoint(EndpointType.RFMC), Endpoint(EndpointType.RADX)]
 FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4, 1)
 

@@ -316,6 +316,8 @@ def test_wrong_use_names_what_is_expected():
             sensor.source()
         with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
             sensor.configure(SMALL.waveform)
+        with pytest.raises(TypeError, match=r"gain: expected an option of BGT60TR13C \(tx_power_level or if_gain_db"):
+            sensor.configure(SMALL, gain=33)
         with pytest.raises(ValueError, match=r"frame_interval|frame_time"):
             sensor.configure(rc.Radar(SMALL.waveform.replace(frame_interval=1e-3), receiver=SMALL.receiver))
         sensor.close()
@@ -327,7 +329,7 @@ def test_wrong_use_names_what_is_expected():
 def test_ten_thousand_frames_come_without_loss():
     """40 frames per second for 250 s, as fast as the driver takes them."""
     with opened(Controller(Numbered(), speed=None), queue_size=10_000) as sensor:
-        sensor.configure(rc.bgt60tr13c(num_samples=64, num_chirps=8, frame_interval=25e-3))
+        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=4, frame_interval=25e-3))
         number = 0
         for frame in sensor.frames(10_000):
             assert frame.stats["index"] == number

@@ -11,6 +11,8 @@ import radarcore as rc
 from boards import TRANSPORTS, opened, plugged
 from radarcore.sensor import SensorError, open_sensor
 from radarcore.sensor.bgt60.registers import ADC0, CSU1_2, PLL1_1
+from radarcore.sensor.board import Lost
+from radarcore.sensor.checks import reasons_of
 from radarcore.sensor.emulator import chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
@@ -222,6 +224,13 @@ def test_lost_frames_are_counted():
     assert "lost: expected packet" in checks["frames lost"].measured
 
 
+def test_reasons_of_losses_are_the_first_of_many():
+    losses = [Lost(1, f"between frames {number} and {number + 2}") for number in (3, 3, 7, 9, 12, 20)]
+    text = reasons_of(losses)
+    assert text == "between frames 3 and 5, between frames 7 and 9, between frames 9 and 11 and 2 more"
+    assert reasons_of(losses[:3]) == "between frames 3 and 5, between frames 7 and 9"
+
+
 def test_silent_board_is_named_soon():
     class Failing(Receivers):
         def frame(self, *arguments, **options):
@@ -229,7 +238,7 @@ def test_silent_board_is_named_soon():
 
     checks = checks_of(controller(Failing()), "pattern")
     assert failed(checks) == ["test pattern"]
-    assert "0 of 3 frames came in 2.2 s" in checks["test pattern"].measured
+    assert "0 of 3 frames, which take 0.15 s, came in 2.2 s" in checks["test pattern"].measured
 
 
 def test_board_that_is_gone_fails_one_check_and_skips_the_rest():

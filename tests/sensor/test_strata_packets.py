@@ -31,7 +31,7 @@ from radarcore.sensor.strata.packets import (
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
 
 # Equal examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
-fuzz = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 REQUESTS = {
     "c0 80 01 00 00 00 10 00 d7 45": Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16),
@@ -446,7 +446,7 @@ def test_much_rubbish_takes_little_memory_and_leaves_the_next_packet_whole(kind)
     generator = random.Random(1)
     stream = {
         "random": generator.randbytes(100_000),
-        "start bytes": b"\xd3" * 100_000,
+        "start bytes": b"\xd3" * 70_000,
         "long claims": bytes.fromhex("d3 00 d3 00 f0 0f") * 5_000,
         "longest claims": bytes.fromhex("d3 00 11 11 ff ff") * 11_500,
     }[kind]

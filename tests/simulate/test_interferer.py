@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.receive.low_pass import LowPass
+from radarcore.scene.interferer import chirps_between
 from radarcore.simulate.first_bounce import BouncePaths
 from scene_files import check_fault, load, write
 
@@ -179,7 +180,7 @@ def test_phase_anew_in_every_chirp_spreads_the_ghost_over_all_velocities() -> No
 
 def test_drift_of_its_clock_shifts_frequency_slope_and_times() -> None:
     other = rc.Interferer(rc.Radar(FMCW.replace(frame_interval=1e-3)), rc.Pose(), start=0.25e-3, drift_ppm=20.0)
-    starts, frame, chirp = other.chirps_between(0.0, 2e-3, 0.0)
+    starts, frame, chirp = chirps_between(other, 0.0, 2e-3, 0.0)
     clock = 1.0 + 20e-6
     np.testing.assert_allclose(starts, 0.25e-3 + frame * 1e-3 / clock + FMCW.chirp_times[chirp] / clock, atol=1e-15)
     shifted = tone(0.0)
@@ -194,7 +195,7 @@ def test_drift_of_its_clock_shifts_frequency_slope_and_times() -> None:
 def test_chirps_of_any_time_are_all_there(origin: float) -> None:
     other = rc.Interferer(rc.Radar(FMCW), rc.Pose(), start=0.1, rate=400.0)
     begin, end = -1e-3, 6e-3
-    starts, frame, chirp = other.chirps_between(begin, end, origin)
+    starts, frame, chirp = chirps_between(other, begin, end, origin)
     assert (np.diff(starts) > 0.0).all()
     # Numbers of frames count from the start; their time is known to the rounding of the origin.
     expected = 0.1 - origin + frame / 400.0 + FMCW.chirp_times[chirp]

@@ -15,6 +15,14 @@ from radarcore.adapters.planar_depth import GZ_AXES, PlanarDepth, centered, deco
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
 from radarcore.geometry.pose import Pose
 
+__all__ = ["from_gz_image", "from_gz_poses"]
+
+
+def __dir__() -> list[str]:
+    """What completion shows: the public names."""
+    return __all__
+
+
 _PIXEL_FORMATS = (
     "UNKNOWN", "L_INT8", "L_INT16", "RGB_INT8", "RGBA_INT8",
     "BGRA_INT8", "RGB_INT16", "RGB_INT32", "BGR_INT8", "BGR_INT16",
@@ -25,6 +33,7 @@ _PIXEL_FORMATS = (
 _R_FLOAT32 = _PIXEL_FORMATS.index("R_FLOAT32")
 
 
+@check.knows_keywords
 def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> PlanarDepth:
     """Depth image of a Gazebo camera (``gz.msgs.Image``, R_FLOAT32): metres, top row first.
 

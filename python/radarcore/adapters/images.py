@@ -31,10 +31,32 @@ from radarcore.adapters.planar_depth import PlanarDepth as PlanarDepth
 from radarcore.adapters.ros.images import from_ros_image as from_ros_image
 from radarcore.geometry.camera import Camera, warn_of_radians
 
+__all__ = [
+    "COPPELIASIM_AXES",
+    "DEPTH_MAPS",
+    "GZ_AXES",
+    "OPENGL_AXES",
+    "ROS_OPTICAL_AXES",
+    "PlanarDepth",
+    "from_coppeliasim",
+    "from_gz_image",
+    "from_mujoco_pixels",
+    "from_mujoco_renderer",
+    "from_pybullet",
+    "from_ros_image",
+]
+
+
+def __dir__() -> list[str]:
+    """What completion shows: the public names."""
+    return __all__
+
+
 DEPTH_MAPS = ("zero_far", "zero_near")
 """Depths that ``mjr_readPixels`` has as 0."""
 
 
+@check.knows_keywords
 def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time: float | None = None) -> PlanarDepth:
     """Image of ``mujoco.Renderer`` with depth rendering: metres, top row first.
 
@@ -56,6 +78,7 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
     return decoded(metres, _far(far), _camera_by_height(fovy_deg, metres.shape, "fovy_deg"), OPENGL_AXES, time)
 
 
+@check.knows_keywords
 def from_mujoco_pixels(
     buffer: ArrayLike,
     *,
@@ -88,6 +111,7 @@ def from_mujoco_pixels(
     return decoded(metres, f, _camera_by_height(fovy_deg, d.shape, "fovy_deg"), OPENGL_AXES, time)
 
 
+@check.knows_keywords
 def from_pybullet(
     buffer: ArrayLike, *, fov_deg: float, near: float, far: float, time: float | None = None
 ) -> PlanarDepth:
@@ -112,6 +136,7 @@ def from_pybullet(
     return decoded(metres, f, _camera_by_height(fov_deg, d.shape, "fov_deg"), OPENGL_AXES, time)
 
 
+@check.knows_keywords
 def from_coppeliasim(
     data: bytes,
     resolution: tuple[int, int],

@@ -26,6 +26,14 @@ from radarcore.recording.frame import Frame, Truth
 from radarcore.scene.body import Body
 from radarcore.scene.scene import Scene
 
+__all__ = ["TIME_LINE", "Viewer"]
+
+
+def __dir__() -> list[str]:
+    """What completion shows: the public names."""
+    return __all__
+
+
 TIME_LINE = "sim_time"
 """Name of the time line: seconds of the simulation or recording."""
 
@@ -72,6 +80,7 @@ class Image(Protocol):
         """Time of the image [s]."""
 
 
+@check.knows_keywords
 class Viewer:
     """A file for Rerun, or its viewer, to which things are shown at their times.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 import warnings
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from radarcore import check, notice
 from radarcore.adapters.ros.bag_depth import DepthImages, FrameImages, frame_images
 from radarcore.adapters.ros.bag_motions import BagMotions
 from radarcore.adapters.ros.bags import BagReader
+from radarcore.cli.bag_options import BagOptions
 from radarcore.depth.frame import frame_from_depth
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
@@ -24,10 +24,15 @@ from radarcore.scenefile.build.simulation import frame_rate
 from radarcore.scenefile.load import load_radar, load_scene
 
 
-def simulated(options: argparse.Namespace) -> tuple[Recording, float]:
+def simulated(
+    scene: Path | None, options: BagOptions, output: Path, *, overwrite: bool, threads: int | None
+) -> tuple[Recording, float]:
     """Recording of a scene whose motions a bag holds, or of its depth images; and its frames per second."""
+    assert options.bag is not None
     with BagReader(options.bag) as bag:
-        return _scene(bag, options) if options.scene is not None else _depth(bag, options)
+        if scene is not None:
+            return _scene(bag, scene, output, overwrite=overwrite, threads=threads)
+        return _depth(bag, options, output, overwrite=overwrite, threads=threads)
 
 
 def facts(path: Path) -> dict[str, Any]:
@@ -45,23 +50,27 @@ def facts(path: Path) -> dict[str, Any]:
         }
 
 
-def _scene(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
+def _scene(
+    bag: BagReader, scene: Path, output: Path, *, overwrite: bool, threads: int | None
+) -> tuple[Recording, float]:
     recorded = BagMotions(bag)
-    simulation = load_scene(options.scene, recorded=recorded)
+    simulation = load_scene(scene, recorded=recorded)
     if recorded.span is None:
-        notice.warn(f"{options.scene}: expected a motion or joints of kind 'bag', got none: the bag is not used")
+        notice.warn(f"{scene}: expected a motion or joints of kind 'bag', got none: the bag is not used")
     source = {"bag": {"path": str(bag.path), "start_ns": recorded.start_ns}}
-    recording = simulation.record(options.output, overwrite=options.overwrite, threads=options.threads, source=source)
+    recording = simulation.record(output, overwrite=overwrite, threads=threads, source=source)
     return recording, simulation.run.rate
 
 
-def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, float]:
+def _depth(
+    bag: BagReader, options: BagOptions, output: Path, *, overwrite: bool, threads: int | None
+) -> tuple[Recording, float]:
     """Every frame from the newest depth image and the one before it."""
+    assert options.radar is not None
     radar = load_radar(options.radar)
     rate = frame_rate(radar) if options.rate is None else check.positive("rate", options.rate, "Hz")
-    angles = None if options.field_of_view is None else tuple(options.field_of_view)
     with _argument_names(bag.path):
-        images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=angles)
+        images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=options.field_of_view)
     if len(images) < 2:
         raise ValueError(f"{bag.path}: expected at least two depth images on {images.topic}, got {len(images)}")
     reflectance = 1.0 if options.reflectance is None else options.reflectance
@@ -76,16 +85,16 @@ def _depth(bag: BagReader, options: argparse.Namespace) -> tuple[Recording, floa
         # The first frame tells whether all arguments are right, before anything is written.
         if (found := next(chosen, None)) is None:
             raise ValueError(f"--max-age: expected two depth images within it somewhere, got {max_age:g} s")
-        frame = _frame(found, radar, reflectance, options.threads)
-        with RecordingWriter(options.output, radar, source=source, overwrite=options.overwrite) as writer:
+        frame = _frame(found, radar, reflectance, threads)
+        with RecordingWriter(output, radar, source=source, overwrite=overwrite) as writer:
             writer.append(frame)
             num_lost += found.num_lost
             for found in chosen:
-                writer.append(_frame(found, radar, reflectance, options.threads))
+                writer.append(_frame(found, radar, reflectance, threads))
                 num_lost += found.num_lost
     if num_lost:
         notice.warn(f"{bag.path}: {num_lost} frames left out: no two depth images within {max_age:g} s")
-    return Recording.load(options.output), rate
+    return Recording.load(output), rate
 
 
 def _frame(found: FrameImages, radar: Radar, reflectance: float, threads: int | None) -> Frame:

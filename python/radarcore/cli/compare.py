@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from radarcore import check, plot
 from radarcore.adapters.ros.bags import is_bag
 from radarcore.cli.captured import motions_of, name_of
+from radarcore.cli.options import File, Flag, Json, Method, Metres, OutputFile, Seconds
 from radarcore.cli.source import load_recording
+from radarcore.cli.terminal import Table, show
+from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
-from radarcore.comparison.comparison import compare
+from radarcore.comparison.comparison import Comparison, compare
 from radarcore.processing.detection import detect
 
 _RADAR = "radar"
@@ -24,33 +28,90 @@ _FALSE_ALARM_RATE = 1e-4
 """As in `compare`, which has no limits of range."""
 
 
-def run(options: argparse.Namespace) -> int:
-    """Compare, print the tables, and write the report or the picture."""
-    _check_output(options.output)
-    sources = [text for text in (options.a, options.b) if text is not None]
-    settings = ("method", "min_range", "max_range")
-    chosen = {name: value for name in settings if (value := getattr(options, name)) is not None}
+def run(
+    a: Annotated[str, Parameter(metavar="A")],
+    b: Annotated[str | None, Parameter(metavar="B")] = None,
+    /,
+    *,
+    output: OutputFile = None,
+    truth: File = None,
+    radar: Annotated[str | None, Parameter(metavar="NAME")] = None,
+    radius: Annotated[str | None, Parameter(metavar="NAME=M,...")] = None,
+    offset: Annotated[str | None, Parameter(metavar="S", allow_leading_hyphen=True)] = None,
+    max_offset: Seconds = None,
+    targets: Annotated[str | None, Parameter(metavar="NAME,...")] = None,
+    method: Method = None,
+    names: Annotated[str | None, Parameter(metavar="NAME,NAME")] = None,
+    min_range: Metres = None,
+    max_range: Metres = None,
+    range_only: Flag = False,
+    time: Seconds = None,
+    as_json: Json = False,
+) -> None:
+    """Compare, print the tables, and write the report or the picture.
+
+    Parameters
+    ----------
+    a : str
+        recording, or BAG:/TOPIC; its clock, or the truth's, is the time base
+    b : str
+        recording, or BAG:/TOPIC, to compare with A
+    output : path
+        report (.html), or picture (.png, .pdf, .svg)
+    truth : path
+        motion capture (Motive's .csv, poses in a bag), or recording with truth (default: the recordings' own)
+    radar : str
+        body of motion capture that is the radar (default: radar)
+    radius : str
+        distance of the surfaces of bodies of motion capture before their origins [m]
+    offset : str
+        added to the times of the last recording it gives those of the time base [s], or auto (default: 0); S,S for both
+    max_offset : float
+        largest offset that auto looks for [s]
+    targets : str
+        targets to compare; NAME=BODY names one anew (default: all that are seen)
+    names : str
+        names of the recordings (default: those of their files)
+    min_range : float
+        nearest range of detections [m]
+    max_range : float
+        farthest range of detections, and of pictures [m]
+    range_only : bool
+        leave out angles, of radars whose receivers are not calibrated
+    time : float
+        time of the maps (default: the middle)
+    """
+    _check_output(output)
+    sources = [text for text in (a, b) if text is not None]
+    wishes = {"method": method, "min_range": min_range, "max_range": max_range}
+    chosen: dict[str, Any] = {name: value for name, value in wishes.items() if value is not None}
     recordings = [load_recording(Path(text)) for text in sources]
     compared = compare(
         *recordings,
-        **_truth(options),
-        targets=_pairs("targets", options.targets),
-        offset=_offset(options.offset),
-        max_offset=options.max_offset,
-        names=_names(options.names, sources),
-        range_only=options.range_only,
+        **_truth(truth, a, radar, radius),
+        targets=_pairs("targets", targets),
+        offset=_offset(offset),
+        max_offset=max_offset,
+        names=_names(names, sources),
+        range_only=range_only,
         detector=partial(detect, false_alarm_rate=_FALSE_ALARM_RATE, **chosen),
     )
-    if options.json:
+    if as_json:
         print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))
     else:
-        print(compared)
-    if options.output is not None:
-        write = compared.report if options.output.suffix.lower() == _PAGE else compared.figure
-        write(options.output, time=options.time, max_range=options.max_range)
-        if not options.json:
-            print(f"\n{options.output}")
-    return 0
+        _show(compared)
+    if output is not None:
+        write = compared.report if output.suffix.lower() == _PAGE else compared.figure
+        write(output, time=time, max_range=max_range)
+        if not as_json:
+            print(f"\n{output}")
+
+
+def _show(compared: Comparison) -> None:
+    for number, table in enumerate(report.tables(compared)):
+        if number:
+            print()
+        show(Table(table.header, table.rows, report.lines(table), table.title, table.note))
 
 
 def _check_output(path: Path | None) -> None:
@@ -63,27 +124,25 @@ def _check_output(path: Path | None) -> None:
     plot.require()
 
 
-def _truth(options: argparse.Namespace) -> dict[str, Any]:
+def _truth(path: Path | None, reference: str, radar: str | None, radius: str | None) -> dict[str, Any]:
     """The truth that was given, and the radar's motion in it: arguments of `compare`."""
-    path: Path | None = options.truth
     if path is not None and (path.suffix.lower() == ".csv" or is_bag(path)):
-        return _captured(path, options)
-    for name in ("radar", "radius"):
-        if getattr(options, name) is not None:
+        return _captured(path, reference, _RADAR if radar is None else radar, radius)
+    for name, value in (("radar", radar), ("radius", radius)):
+        if value is not None:
             got = "none" if path is None else path
             raise ValueError(f"--{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
     return {} if path is None else {"truth": load_recording(path)}
 
 
-def _captured(path: Path, options: argparse.Namespace) -> dict[str, Any]:
+def _captured(path: Path, reference: str, radar: str, radius: str | None) -> dict[str, Any]:
     """Motions of the bodies that motion capture saw, and of the one that is the radar."""
-    motions = motions_of(path, options.a)
-    radar = _RADAR if options.radar is None else options.radar
+    motions = motions_of(path, reference)
     if radar not in motions:
         raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
     if len(motions) == 1:
         raise ValueError(f"--truth: expected a body of {path} besides the radar {radar!r}, got none")
-    radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(options.radius)}
+    radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(radius)}
     return {
         "truth": {name: motion for name, motion in motions.items() if name != radar},
         "radar_motion": motions[radar],

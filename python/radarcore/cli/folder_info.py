@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from radarcore.cli.measured import measured_facts
 from radarcore.recording.description import NOTHING_SAID, Description
 from radarcore.recording.reader import RecordingReader
 
@@ -22,7 +23,7 @@ def _line(place: Path, config: Description) -> str:
     num_frames, *row = reader.shape
     wf = reader.radar.waveform
     seconds = float(reader.time[-1] - reader.time[0]) + wf.frame_interval if num_frames else 0.0
-    sensor = f", {text}" if (text := reader.source.get("sensor")) else ""
+    sensor = f", {text}" if (text := measured_facts(reader.source).get("sensor")) else ""
     shape = " x ".join(map(str, row))
     return f"{num_frames} frames of {shape}, {seconds:.3g} s, {wf.start_frequency * 1e-9:.6g} GHz{sensor}"
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from radarcore.adapters.ros.bags import is_bag
 from radarcore.cli import bag
 from radarcore.cli.folder_info import folder_facts
 from radarcore.cli.measured import measured_facts
-from radarcore.cli.source import load_recording, path_and_topic
+from radarcore.cli.options import Json, Source
+from radarcore.cli.source import NOT_BARE, BareSamples, load_recording, path_and_topic
+from radarcore.cli.terminal import show_facts
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.recording.description import Description
@@ -24,22 +28,40 @@ from radarcore.simulate.times import frame_times
 from radarcore.summary import line
 
 
-def run(options: argparse.Namespace) -> int:
-    """Print the content of a recording, a scene file, a bag or a mesh."""
-    if options.source.suffix.lower() in SUFFIXES:
-        return _mesh_info(options)
-    facts = _facts(options.source, options.config)
-    if options.json:
+def run(
+    source: Source,
+    /,
+    *,
+    scale: Annotated[float, Parameter(metavar="M")] = 1.0,
+    as_json: Json = False,
+    bare: BareSamples = NOT_BARE,
+) -> None:
+    """Print the content of a recording, a scene file, a bag or a mesh.
+
+    Parameters
+    ----------
+    source : path
+        recording, scene file (TOML), ROS bag, or mesh (OBJ, STL, PLY, ...)
+    scale : float
+        metres per unit of a mesh
+    """
+    if source.suffix.lower() in SUFFIXES:
+        _show_mesh(source, scale, as_json)
+        return
+    facts = _facts(source, bare.description)
+    if as_json:
         print(json.dumps(facts, indent=2))
     else:
-        width = max(map(len, facts))
-        for name, value in facts.items():
-            if name in ("topics", "recordings"):
-                print("\n".join(f"  {entry}  {text}" for entry, text in value.items()))
-            else:
-                label, text = line(name, value)
-                print(f"{label:<{width}}  {text}")
-    return 0
+        show_facts(_texts(facts), max(map(len, facts)))
+
+
+def _texts(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Names and values as text; of topics and recordings an entry each."""
+    for name, value in facts.items():
+        if name in ("topics", "recordings"):
+            yield from ((f"  {entry}", text) for entry, text in value.items())
+        else:
+            yield line(name, value)
 
 
 def _facts(path: Path, config: Description) -> dict[str, Any]:
@@ -51,13 +73,12 @@ def _facts(path: Path, config: Description) -> dict[str, Any]:
     return folder_facts(path, found, config) if found else _recording_facts(path, config)
 
 
-def _mesh_info(options: argparse.Namespace) -> int:
-    report = mesh_report(load_mesh(options.source, scale=options.scale))
-    if options.json:
-        print(json.dumps({"mesh": str(options.source), **report.facts(), "verdicts": report.verdicts}, indent=2))
+def _show_mesh(path: Path, scale: float, as_json: bool) -> None:
+    report = mesh_report(load_mesh(path, scale=scale))
+    if as_json:
+        print(json.dumps({"mesh": str(path), **report.facts(), "verdicts": report.verdicts}, indent=2))
     else:
         print(report)
-    return 0
 
 
 def _scene_facts(path: Path) -> dict[str, Any]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
+from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.source import load_recording
+from radarcore.cli.options import Count, Metres, Output, RemoveStatic, Source, whole_number
+from radarcore.cli.source import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.static import moving, moving_frame, removes_static
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
@@ -67,6 +69,60 @@ VIEWS = {
 """Options of the pictures."""
 
 _WITHOUT_STATIC = "static echoes removed"
+
+
+def run(
+    source: Source,
+    /,
+    *,
+    output: Output,
+    kind: Annotated[str, Parameter(metavar="KIND", choices=KINDS)] = "overview",
+    frame: Count = None,
+    sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
+    channel: Count = None,
+    min_range: Metres = None,
+    max_range: Metres = None,
+    max_velocity: Annotated[float | None, Parameter(metavar="V")] = None,
+    remove_static: RemoveStatic = None,
+    bare: BareSamples = NOT_BARE,
+) -> None:
+    """Draw a recording or a scene file.
+
+    Parameters
+    ----------
+    source : path
+        recording, BAG:/TOPIC, or scene file (TOML)
+    output : path
+        picture: .png, .pdf, .svg
+    kind : str
+        the last four need a scene file
+    frame : int
+        index of the frame (default: the middle one)
+    sequence : int
+        index of the sub-sequence, of several
+    channel : int
+        one channel (default: the powers of all, added)
+    min_range : float
+        start of the range gate [m]
+    max_range : float
+        end of the range axis, or of the range gate [m]
+    max_velocity : float
+        end of the velocity axis to either side [m/s]
+    """
+    draw(
+        source,
+        output,
+        kind=kind,
+        frame=frame,
+        sequence=sequence,
+        config=bare.description,
+        channel=channel,
+        min_range=min_range,
+        max_range=max_range,
+        max_velocity=max_velocity,
+        remove_static=remove_static,
+    )
+    print(output)
 
 
 def draw(

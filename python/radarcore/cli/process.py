@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import errno
 import json
@@ -11,13 +10,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
 from radarcore import check, notice
-from radarcore.cli.source import AnyReader, open_recording
+from radarcore.cli.bag_results import ResultBag
+from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, RemoveStatic, Source, whole_number
+from radarcore.cli.source import NOT_BARE, AnyReader, BareSamples, open_recording
 from radarcore.cli.static import moving, removes_static
+from radarcore.cli.terminal import Table, show
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import Tracker
@@ -49,20 +52,68 @@ class _Summary:
             self.nearest, self.farthest = min(self.nearest, state.range), max(self.farthest, state.range)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Detect and track frame by frame, write results as they come, and print a summary."""
-    names = ("false_alarm_rate", "method", "min_range", "max_range")
-    chosen = {name: value for name in names if (value := getattr(options, name)) is not None}
+def run(
+    source: Source,
+    /,
+    *,
+    output: OutputFolder = None,
+    bag: Annotated[Path | None, Parameter(metavar="BAG")] = None,
+    samples: Flag = False,
+    overwrite: Flag = False,
+    sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
+    false_alarm_rate: Annotated[float | None, Parameter(metavar="P")] = None,
+    method: Method = None,
+    min_range: Metres = None,
+    max_range: Metres = None,
+    remove_static: RemoveStatic = None,
+    range_only: Flag = False,
+    as_json: Json = False,
+    bare: BareSamples = NOT_BARE,
+) -> None:
+    """Detect and track frame by frame, write results as they come, and print a summary.
+
+    Parameters
+    ----------
+    source : path
+        recording, bag with one, BAG:/TOPIC, or bare samples with --config
+    output : path
+        write detections.csv and tracks.csv there
+    bag : path
+        write detections and range-velocity maps into a ROS bag
+    samples : bool
+        put the samples into that bag as well
+    overwrite : bool
+        replace the results that are there
+    sequence : int
+        sub-sequence of radars with several
+    false_alarm_rate : float
+        detections per cell of noise (default: 1e-6)
+    min_range : float
+        nearest range of detections [m]
+    max_range : float
+        farthest range of detections [m]
+    range_only : bool
+        track ranges and velocities, without angles
+    """
+    wishes = {
+        "false_alarm_rate": false_alarm_rate,
+        "method": method,
+        "min_range": min_range,
+        "max_range": max_range,
+    }
+    chosen = {name: value for name, value in wishes.items() if value is not None}
     tracks: dict[int, _Summary] = {}
     num_detections = 0
     began = time.perf_counter()
-    if options.samples and options.bag is None:
+    if samples and bag is None:
         raise ValueError("--samples: expected --bag as well, got none")
     with ExitStack() as files:
-        reader = files.enter_context(open_recording(options.source, options.config))
-        write = _writers(options.output, options.overwrite, files) if options.output is not None else None
-        bag = _bag(reader, options, files) if options.bag is not None else None
-        for index, frame, part, found, states in _processed(reader, options, chosen):
+        reader = files.enter_context(open_recording(source, bare.description))
+        write = _writers(output, overwrite, files) if output is not None else None
+        results = _results(bag, reader, files, with_samples=samples, overwrite=overwrite) if bag is not None else None
+        removes = removes_static(reader, remove_static)
+        processed = _processed(reader, sequence, chosen, removes=removes, range_only=range_only)
+        for index, frame, part, found, states in processed:
             num_detections += len(found)
             believed = [state for state in states if state.is_confirmed]
             for state in believed:
@@ -70,50 +121,54 @@ def run(options: argparse.Namespace) -> int:
                 tracks.setdefault(state.id, new).add(index, state)
             if write is not None:
                 write(index, found, believed)
-            if bag is not None:
-                bag.write(frame, part, found)
+            if results is not None:
+                results.write(frame, part, found)
     elapsed = time.perf_counter() - began
 
     duration = len(reader) * reader.radar.waveform.frame_interval  # of data
     summary = {
-        "recording": str(options.source),
+        "recording": str(source),
         "frames": len(reader),
         "detections": num_detections,
         "tracks": [{"track": number, **vars(track)} for number, track in sorted(tracks.items())],
         "seconds": elapsed,
         "real_time_factor": duration / elapsed,
     }
-    if options.json:
+    if as_json:
         print(json.dumps(summary, indent=2))
-        return 0
-    print(f"{options.source}: {len(reader)} frames, {num_detections} detections, {len(tracks)} tracks")
+        return
+    print(f"{source}: {len(reader)} frames, {num_detections} detections, {len(tracks)} tracks")
     if tracks:
-        print("track  from [s]  to [s]  detected  nearest [m]  farthest [m]")
-    for number, track in sorted(tracks.items()):
-        print(
-            f"{number:>5}  {track.start:>8.2f}  {track.stop:>6.2f}  {track.hits:>8}  {track.nearest:>11.2f}  "
-            f"{track.farthest:>12.2f}"
-        )
+        show(_table(tracks))
     print(f"{elapsed:.1f} s, {duration / elapsed:.2g} x real time")
-    if options.output is not None:
-        print(" ".join(str(options.output / name) for name in FILES))
-    if options.bag is not None:
-        print(options.bag)
-    return 0
+    if output is not None:
+        print(" ".join(str(output / name) for name in FILES))
+    if bag is not None:
+        print(bag)
+
+
+def _table(tracks: dict[int, _Summary]) -> Table:
+    header = ("track", "from [s]", "to [s]", "detected", "nearest [m]", "farthest [m]")
+    rows = [
+        (
+            *(str(number), f"{track.start:.2f}", f"{track.stop:.2f}", str(track.hits)),
+            *(f"{track.nearest:.2f}", f"{track.farthest:.2f}"),
+        )
+        for number, track in sorted(tracks.items())
+    ]
+    widths = list(map(len, header))
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in (header, *rows)]
+    return Table(header, rows, lines, num_left=0)
 
 
 def _processed(
-    reader: AnyReader, options: argparse.Namespace, chosen: dict[str, Any]
+    reader: AnyReader, sequence: int, chosen: dict[str, Any], *, removes: bool, range_only: bool
 ) -> Iterator[tuple[int, Frame, Frame, Detections, Sequence[TrackState]]]:
     """Index, frame, what was processed of it, detections and tracks of all frames, with a bar of the progress."""
     radars = reader.radar.sequences()
-    sequence = check.index("sequence", options.sequence, len(radars))
-    radar = radars[sequence]
+    radar = radars[check.index("sequence", sequence, len(radars))]
     has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
-    tracker = Tracker(
-        max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if options.range_only else None
-    )
-    removes = removes_static(reader, options.remove_static)
+    tracker = Tracker(max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if range_only else None)
     frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):
@@ -122,18 +177,9 @@ def _processed(
             yield index, frame, part, found, tracker.update(found)
 
 
-def _bag(reader: AnyReader, options: argparse.Namespace, files: ExitStack) -> Any:
+def _results(path: Path, reader: AnyReader, files: ExitStack, *, with_samples: bool, overwrite: bool) -> ResultBag:
     """Bag of the results."""
-    from radarcore.cli.bag_results import ResultBag
-
-    return ResultBag(
-        options.bag,
-        reader.radar,
-        reader.source,
-        with_samples=options.samples,
-        overwrite=options.overwrite,
-        files=files,
-    )
+    return ResultBag(path, reader.radar, reader.source, with_samples=with_samples, overwrite=overwrite, files=files)
 
 
 def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from cyclopts import Group, Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
@@ -21,38 +22,38 @@ AnyReader = RecordingReader | BagFrames
 _SETTINGS = "/settings"
 
 
-class _Describe(argparse.Action):
-    """Option that fills the field of its name in the `Description` under ``config``."""
+@Parameter(
+    name="*", group=Group("Bare samples", sort_key=2, help="options of .npy and .mat files, raw files and captures")
+)
+@dataclass(frozen=True, kw_only=True)
+class BareSamples:
+    """What a user says of samples that do not say themselves what they are."""
 
-    def __call__(
-        self,
-        _: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        name = (option_string or "").lstrip("-")
-        setattr(namespace, self.dest, replace(getattr(namespace, self.dest), **{name: values}))
-
-
-def add_config(parser: argparse.ArgumentParser) -> None:
-    """Add the options of bare samples; all of them are a `Description` in ``options.config``."""
-    bare = parser.add_argument_group("bare samples", "options of .npy and .mat files, raw files and captures")
-    for name, kind, metavar, text in (
-        (
-            "config",
-            Path,
-            "FILE",
-            "their radar: a scene file (TOML, its table [radar]), the meta.json of a recording, or settings of a chip: "
-            "config.json (Infineon), .mmwave.json, .setup.json, .cfg (TI)",
+    config: Annotated[
+        Path | None,
+        Parameter(
+            metavar="FILE",
+            help="their radar: a scene file (TOML, its table [radar]), the meta.json of a recording, or settings of a "
+            "chip: config.json (Infineon), .mmwave.json, .setup.json, .cfg (TI)",
         ),
-        ("shape", str, "AXES", "axes in the order of the file, as frame,rx,chirp,sample; frame,tx,rx,chirp,sample,iq"),
-        ("dtype", str, "TYPE", "numbers of a raw file: int16, uint16, >i2, float32"),
-        ("variable", str, "NAME", "array of a .mat file, of several"),
-    ):
-        bare.add_argument(
-            f"--{name}", dest="config", action=_Describe, type=kind, metavar=metavar, default=NOTHING_SAID, help=text
-        )
+    ] = None
+
+    shape: Annotated[str | None, Parameter(metavar="AXES")] = None
+    """axes in the order of the file, as frame,rx,chirp,sample; frame,tx,rx,chirp,sample,iq"""
+
+    dtype: Annotated[str | None, Parameter(metavar="TYPE")] = None
+    """numbers of a raw file: int16, uint16, >i2, float32"""
+
+    variable: Annotated[str | None, Parameter(metavar="NAME")] = None
+    """array of a .mat file, of several"""
+
+    @property
+    def description(self) -> Description:
+        """The same, as readers take it."""
+        return Description(**vars(self))
+
+
+NOT_BARE = BareSamples()
 
 
 def path_and_topic(source: str | Path) -> tuple[Path, str]:

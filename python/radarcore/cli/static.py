@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,21 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.cli.source import AnyReader
+from radarcore.processing.clutter import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
-from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
+from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
-
-
-def add_static(parser: argparse.ArgumentParser) -> None:
-    """Add the options ``--remove-static`` and ``--keep-static``."""
-    choice = parser.add_mutually_exclusive_group()
-    choice.add_argument(
-        "--remove-static",
-        action="store_true",
-        default=None,
-        help="leave out what stands still throughout (default: of recordings of sensors, with their leakage)",
-    )
-    choice.add_argument("--keep-static", dest="remove_static", action="store_false", default=None, help="leave it in")
 
 
 def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
@@ -35,22 +23,32 @@ def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
     if chosen is not None:
         return chosen
     first = next(_frames(frames), None)
-    if first is None or first.truth is not None or unit_of(first) not in (FULL_SCALE, PARTS_OF_FULL_SCALE):
+    if first is None or first.truth is not None or not is_of_adc(first):
         return False
     return len(frames) * first.radar.num_chirps > 1
 
 
 def moving(frames: AnyReader | Recording) -> Iterator[Frame]:
-    """The frames without what stands still throughout: their mean over all chirps of the recording, taken off."""
+    """The frames without what stands still throughout: their mean over all chirps of the recording, taken off.
+
+    Of an ADC's samples the offset of every chirp goes too, which differs a little from the next one's.
+    """
     mean = _mean(frames)
     for frame in _frames(frames):
-        yield with_samples(frame, (frame.cube - mean).astype(frame.cube.dtype), frame.radar)
+        yield _without(frame, mean)
 
 
 def moving_frame(recording: Recording, index: int) -> Frame:
     """One of the frames that `moving` gives."""
-    frame = recording[index]
-    return with_samples(frame, (frame.cube - _mean(recording)).astype(frame.cube.dtype), frame.radar)
+    return _without(recording[index], _mean(recording))
+
+
+def _without(frame: Frame, mean: NDArray[Any] | float) -> Frame:
+    """A frame without the mean of all and offsets."""
+    moving = frame.cube - mean
+    if has_offsets(frame):
+        moving = without_offset(moving)
+    return with_samples(frame, moving.astype(frame.cube.dtype), frame.radar)
 
 
 def _mean(frames: AnyReader | Recording) -> NDArray[Any] | float:

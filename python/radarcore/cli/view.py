@@ -2,51 +2,66 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
-from radarcore.cli.source import open_recording
+from radarcore.cli.options import OutputFile, RemoveStatic, Source
+from radarcore.cli.source import NOT_BARE, BareSamples, open_recording
 from radarcore.cli.static import moving, removes_static
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import Tracker
 from radarcore.radar.radar import Radar
+from radarcore.recording.description import Description
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.load import load_scene
 from radarcore.simulate.times import frame_times
 
 
-def run(options: argparse.Namespace) -> int:
-    """Show every frame: what is there, what the radar sees of it, and what is detected and tracked."""
-    source: Path = options.source
-    if options.output is not None and options.output.suffix != ".rrd":
-        raise ValueError(f"{options.output}: expected a file for Rerun (.rrd), got suffix {options.output.suffix!r}")
-    frames = _of_scene if source.suffix == ".toml" else _of_recording
-    if source.suffix == ".toml" and options.config.given:
-        got = ", ".join(f"--{name}" for name in options.config.given)
+def run(
+    source: Source,
+    /,
+    *,
+    output: OutputFile = None,
+    remove_static: RemoveStatic = None,
+    bare: BareSamples = NOT_BARE,
+) -> None:
+    """Show every frame: what is there, what the radar sees of it, and what is detected and tracked.
+
+    Parameters
+    ----------
+    source : path
+        recording, BAG:/TOPIC, or scene file (TOML), which is simulated
+    output : path
+        write an .rrd file in place of opening it
+    """
+    if output is not None and output.suffix != ".rrd":
+        raise ValueError(f"{output}: expected a file for Rerun (.rrd), got suffix {output.suffix!r}")
+    if source.suffix == ".toml" and bare.description.given:
+        got = ", ".join(f"--{name}" for name in bare.description.given)
         raise ValueError(f"{source}: expected no --config with a scene file, which has its radar, got {got}")
-    if source.suffix == ".toml" and options.remove_static:
+    if source.suffix == ".toml" and remove_static:
         raise ValueError(
             f"{source}: expected no --remove-static with a scene file, whose frames are shown as they come"
         )
     number = 0
-    with Viewer(options.output) as viewer:
+    with Viewer(output) as viewer:
+        is_scene = source.suffix == ".toml"
+        frames = _of_scene(source, viewer) if is_scene else _of_recording(source, bare.description, remove_static)
         tracker: Tracker | None = None
-        for frame in frames(source, options, viewer):
+        for frame in frames:
             tracker = tracker or _tracker(frame.radar)
             viewer.show_frame(frame)
             found = detect(frame)
             viewer.show_detections(found)
             viewer.show_tracks(tracker.update(found), found.time)
             number += 1
-    shown = "the viewer" if options.output is None else options.output
+    shown = "the viewer" if output is None else output
     print(f"{source}: {number} frames in {shown}")
-    return 0
 
 
-def _of_scene(path: Path, _: argparse.Namespace, viewer: Viewer) -> Iterator[Frame]:
+def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:
     """Frames of a scene file as they are simulated; poses and depth images are shown."""
     simulation = load_scene(path)
     simulator, run = simulation.simulator(), simulation.run
@@ -59,10 +74,10 @@ def _of_scene(path: Path, _: argparse.Namespace, viewer: Viewer) -> Iterator[Fra
             yield simulator.frame(time).sequences()[0]
 
 
-def _of_recording(path: Path, options: argparse.Namespace, _: Viewer) -> Iterator[Frame]:
+def _of_recording(path: Path, config: Description, remove_static: bool | None) -> Iterator[Frame]:
     """Frames of a recording, however long; those of a sensor without what stands still."""
-    with open_recording(path, options.config) as reader:
-        frames = moving(reader) if removes_static(reader, options.remove_static) else iter(reader)
+    with open_recording(path, config) as reader:
+        frames = moving(reader) if removes_static(reader, remove_static) else iter(reader)
         with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
             for frame in counted:
                 yield frame.sequences()[0]

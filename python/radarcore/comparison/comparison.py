@@ -49,7 +49,7 @@ class Comparison(Record):
     """
 
     def __str__(self) -> str:
-        return "\n".join(text(self))
+        return text(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the series as plain numbers and texts, for JSON; what is not known is None.
@@ -98,6 +98,7 @@ class Comparison(Record):
         Path(path).write_text(page, encoding="utf-8")
 
 
+@check.knows_keywords
 def compare(
     recording_a: Recording | AnyPath,
     recording_b: Recording | AnyPath | None = None,
@@ -222,6 +223,8 @@ def _names(given: Sequence[Any], names: Sequence[str] | None) -> tuple[str, ...]
     if names is not None:
         if isinstance(names, str) or len(names) != len(given):
             raise ValueError(f"names: expected {len(given)}, one per recording, got {names!r}")
+        if len(set(map(str, names))) < len(names):
+            raise ValueError(f"names: expected names that differ, got {', '.join(map(repr, map(str, names)))}")
         return tuple(map(str, names))
     of_paths = [Path(one).resolve().stem for one in given if isinstance(one, str | os.PathLike)]
     return tuple(of_paths) if len(set(of_paths)) == len(given) else ("A", "B")[: len(given)]

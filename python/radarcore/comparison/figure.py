@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.comparison.record import Record, Side
+from radarcore.comparison.time_base import usual_interval
 from radarcore.plot import canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name
@@ -49,7 +50,7 @@ def draw(
 ) -> Figure:
     """The figure of `Comparison.figure`."""
     sides = comparison.sides
-    when = _middle(sides) if time is None else check.number("time", time, "s")
+    when = _middle(sides) if time is None else _within(sides, check.number("time", time, "s"))
     end = _range_end(comparison) if max_range is None else check.positive("max_range", max_range, "m")
     figure = canvas.new_figure(12.0, 10.0)
     grid = figure.add_gridspec(3, 1, height_ratios=[1.25, 1.0, 1.0])
@@ -187,6 +188,17 @@ def _middle(sides: Sequence[Side]) -> float:
     """Middle of the time that the recordings have in common, or of A [s]."""
     first, last = max(side.time[0] for side in sides), min(side.time[-1] for side in sides)
     return float(0.5 * (first + last) if first <= last else sides[0].time.mean())
+
+
+def _within(sides: Sequence[Side], time: float) -> float:
+    """A time [s], or a ValueError where a recording has no frame at about that time."""
+    for side in sides:
+        margin = usual_interval(side.recording)
+        first, last = side.time[0] - margin, side.time[-1] + margin
+        if not first <= time <= last:
+            span = f"{side.time[0]:g} to {side.time[-1]:g} s"
+            raise ValueError(f"time: expected one within the frames of {side.name!r}, {span}, got {time:g}")
+    return time
 
 
 def _span(sides: Sequence[Side]) -> tuple[float, float]:

@@ -52,7 +52,7 @@ class MovingTargets:
             raise TypeError(f"truth: expected motions by name, a Recording or a path, got {type(targets).__name__}")
         if not targets:
             raise ValueError("truth: expected at least one motion, got none")
-        self.names = tuple(map(str, targets))
+        self.names: tuple[str, ...] = tuple(map(str, targets))
         self._radar = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
         self._radii = {name: check.non_negative(f"radii[{name!r}]", r, "m") for name, r in (radii or {}).items()}
         if unknown := [name for name in self._radii if name not in self.names]:
@@ -120,8 +120,9 @@ class RecordedTruth:
     """
 
     def __init__(self, times: ArrayLike, truth: Truth) -> None:
-        self.times, self.truth = np.asarray(times, dtype=np.float64), truth
-        self.names = truth.names
+        self.times: NDArray[np.float64] = np.asarray(times, dtype=np.float64)
+        self.truth: Truth = truth
+        self.names: tuple[str, ...] = truth.names
 
     @property
     def span(self) -> tuple[float, float] | None:

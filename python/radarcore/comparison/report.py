@@ -24,7 +24,7 @@ img { max-width: 100%; height: auto } p { max-width: 50rem } .note { color: #666
 """
 
 
-class _Table(NamedTuple):
+class Table(NamedTuple):
     """A table: its title, the header, rows of texts, and a note below it."""
 
     title: str
@@ -33,17 +33,17 @@ class _Table(NamedTuple):
     note: str = ""
 
 
-def text(comparison: Record) -> list[str]:
-    """The tables as lines of text."""
-    lines: list[str] = []
-    for table in _tables(comparison):
-        lines += ["", table.title] if lines else [table.title]
-        lines += _in_columns(table) if table.rows else []
-        lines += [table.note] if table.note else []
-    return lines
+def text(comparison: Record) -> str:
+    """The tables as text."""
+    return "\n\n".join("\n".join(lines(table)) for table in tables(comparison))
 
 
-def _in_columns(table: _Table) -> list[str]:
+def lines(table: Table) -> list[str]:
+    """A table as lines of text: the title, the rows in columns, the note."""
+    return [table.title, *(_in_columns(table) if table.rows else []), *([table.note] if table.note else [])]
+
+
+def _in_columns(table: Table) -> list[str]:
     """Lines of a table, the first column to the left, the others to the right."""
     height = max(cell.count("\n") for cell in table.header) + 1
     heads = [[*[""] * (height - 1), *cell.split("\n")][-height:] for cell in table.header]
@@ -68,7 +68,7 @@ def html(comparison: Record, *, time: float | None = None, max_range: float | No
         f"<h1>Comparison: {escape(title)}</h1>",
         _picture(draw(comparison, None, time=time, max_range=max_range), "Range-velocity maps, ranges and velocities"),
     ]
-    for table in _tables(comparison):
+    for table in tables(comparison):
         parts.append(f"<h2>{escape(table.title)}</h2>")
         head = "".join(f"<th>{escape(cell).replace(chr(10), '<br>')}</th>" for cell in table.header)
         rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
@@ -113,27 +113,28 @@ def facts(comparison: Record) -> dict[str, Any]:
     }
 
 
-def _tables(comparison: Record) -> Iterator[_Table]:
+def tables(comparison: Record) -> Iterator[Table]:
+    """The tables, one after the other."""
     sides = comparison.sides
     yield _recordings(sides)
     if len(sides) == 2:
         header = ("", *(side.name for side in sides))
         note = "" if comparison.differences else "None: the radars are alike."
-        yield _Table("Settings that differ", header, comparison.differences, note)
+        yield Table("Settings that differ", header, comparison.differences, note)
     for k, side in enumerate(sides):
         if comparison.truth_source:
             rows = [_errors(target.errors[k]) for target in comparison.targets]
             note = f"Truth: {comparison.truth_source}. Shares are of the frames in which a target was visible."
-            yield _Table(f"Errors of {side.name} against the truth", _HEADER, rows, note)
+            yield Table(f"Errors of {side.name} against the truth", _HEADER, rows, note)
     if len(sides) == 2:
         a, b = (side.name for side in sides)
         differing = [_errors(target.difference) for target in comparison.targets if target.difference is not None]
-        yield _Table(f"{b} less {a}", _HEADER, differing, f"Over the frames of {b} in which {a} tracks the target.")
+        yield Table(f"{b} less {a}", _HEADER, differing, f"Over the frames of {b} in which {a} tracks the target.")
         yield _echoes(comparison, a, b)
     yield _dropped(sides)
 
 
-def _recordings(sides: Sequence[Side]) -> _Table:
+def _recordings(sides: Sequence[Side]) -> Table:
     header = ("", "frames", "from [s]", "to [s]", "range bin [m]", "velocity bin [m/s]", "clock offset [s]", "dropped")
     rows = []
     for side in sides:
@@ -154,7 +155,7 @@ def _recordings(sides: Sequence[Side]) -> _Table:
         )
     estimated = any(side.offset.is_estimated for side in sides)
     note = "Offsets with a deviation are estimated from velocities that change." if estimated else ""
-    return _Table("Recordings, by the common time base", header, rows, note)
+    return Table("Recordings, by the common time base", header, rows, note)
 
 
 _HEADER = (
@@ -175,7 +176,7 @@ def _errors(errors: TargetErrors) -> tuple[str, ...]:
     return (*cells, _share(errors.range_share), _share(errors.velocity_share))
 
 
-def _echoes(comparison: Record, a: str, b: str) -> _Table:
+def _echoes(comparison: Record, a: str, b: str) -> Table:
     header = (
         "",
         "frames",
@@ -202,17 +203,17 @@ def _echoes(comparison: Record, a: str, b: str) -> _Table:
             )
         )
     note = f"{'; '.join(notes)}." if notes else ""
-    return _Table(f"Echoes of {b} against those of {a}", header, rows, note[:1].upper() + note[1:])
+    return Table(f"Echoes of {b} against those of {a}", header, rows, note[:1].upper() + note[1:])
 
 
-def _dropped(sides: Sequence[Side]) -> _Table:
+def _dropped(sides: Sequence[Side]) -> Table:
     rows = [
         (side.name, str(one.frame), f"{one.time:.3f}", str(one.count), "counted" if one.is_counted else "gap")
         for side in sides
         for one in side.dropped
     ]
     header = ("", "before frame", "at [s]", "frames", "known by")
-    return _Table("Dropped frames", header, rows, "" if rows else "None.")
+    return Table("Dropped frames", header, rows, "" if rows else "None.")
 
 
 def _number(value: float, form: str) -> str:

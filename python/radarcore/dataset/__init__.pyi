@@ -7,3 +7,8 @@ from radarcore.dataset.labels import Labelled as Labelled
 from radarcore.dataset.labels import Labels as Labels
 from radarcore.dataset.labels import dims_of as dims_of
 from radarcore.dataset.labels import labels_of as labels_of
+from radarcore.dataset.making import make as make
+from radarcore.dataset.opened import Dataset as Dataset
+from radarcore.dataset.opened import open_dataset as open_dataset
+from radarcore.dataset.verification import Verified as Verified
+from radarcore.dataset.verification import verify as verify

@@ -17,7 +17,7 @@ from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame
 from radarcore.simulate.doubts import Doubts
 from radarcore.simulate.ramps import ramps_of, received
-from radarcore.simulate.settings import Settings
+from radarcore.simulate.settings import Settings, core_settings
 from radarcore.simulate.simulator import stats_of
 
 SAMPLINGS = ("footprint", "point")
@@ -29,6 +29,7 @@ _NUMS_OF_TIMES = (17, 33, 65)
 _FAR_MARGIN = 1e-6
 
 
+@check.knows_keywords
 def frame_from_depth(
     distance: ArrayLike,
     reflectance: ArrayLike,
@@ -229,7 +230,7 @@ def _simulate(
         antennas=radar._core,
         waveform=waveform._core,
         center=(0.0, 0.0, 0.0),
-        settings=settings.to_core(),
+        settings=core_settings(settings),
         threads=settings.threads,
     )
     for num_times in _NUMS_OF_TIMES:

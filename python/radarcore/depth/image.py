@@ -34,7 +34,7 @@ class Image:
             step += 1
         chosen = [_middle_ones(length, step) for length in (rows, columns)]
         parts = {name: getattr(self, name)[tuple(chosen)] for name in vars(self) if name != "camera"}
-        camera = self.camera.every(step, chosen[0].start, chosen[1].start)
+        camera = _every(self.camera, step, chosen[0].start, chosen[1].start)
         return replace(self, camera=camera, **parts)
 
 
@@ -130,3 +130,13 @@ def _middle_ones(length: int, step: int) -> slice:
     count = max(1, length // step)
     first = (length - ((count - 1) * step + 1)) // 2
     return slice(first, first + (count - 1) * step + 1, step)
+
+
+def _every(camera: Camera, step: int, row: int, column: int) -> Camera:
+    """Camera of every `step`-th pixel in both directions, from a row and a column on."""
+    return Camera(
+        camera.fx / step,
+        camera.fy / step,
+        (camera.cx - column - 0.5) / step + 0.5,
+        (camera.cy - row - 0.5) / step + 0.5,
+    )

@@ -13,6 +13,7 @@ _LIKE_RADIANS = (0.25, 2.0)
 """Angles of a field of view that are hardly meant in degrees: 15 to 115 degrees are such numbers of radians."""
 
 
+@check.knows_keywords
 @dataclass(frozen=True)
 class Camera:
     """Pinhole camera that looks along +x; row 0 of its images is on top (+z), column 0 on the left (+y).
@@ -81,15 +82,6 @@ class Camera:
         u, v = self.plane(rows, columns)
         slant: NDArray[np.float64] = np.sqrt(1.0 + u**2 + v[:, None] ** 2)
         return slant
-
-    def every(self, step: int, row: int, column: int) -> Camera:
-        """Camera of every `step`-th pixel in both directions, from a row and a column on."""
-        return Camera(
-            self.fx / step,
-            self.fy / step,
-            (self.cx - column - 0.5) / step + 0.5,
-            (self.cy - row - 0.5) / step + 0.5,
-        )
 
 
 def checked_field_of_view(field_of_view_deg: tuple[float, float]) -> tuple[float, float]:

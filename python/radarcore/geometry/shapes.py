@@ -19,6 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 
+__all__ = ["box", "capsule", "cylinder", "dihedral", "disc", "plate", "sphere", "trihedral"]
+
+
+def __dir__() -> list[str]:
+    """What completion shows: the public names."""
+    return __all__
+
+
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
@@ -58,6 +66,7 @@ def plate(width: float, height: float) -> Mesh:
     return Mesh([[0, -y, -z], [0, -y, z], [0, y, z], [0, y, -z]], [[0, 1, 2], [0, 2, 3]])
 
 
+@check.knows_keywords
 def disc(radius: float, *, segments: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Disc in the y-z plane, seen from -x.
 
@@ -130,6 +139,7 @@ def box(size: ArrayLike) -> Mesh:
     return Mesh(corners, np.vstack([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]]))
 
 
+@check.knows_keywords
 def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Sphere: an icosahedron whose triangles are split in four, level by level.
 
@@ -185,6 +195,7 @@ def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5
     return Mesh(radius * vertices, triangles)
 
 
+@check.knows_keywords
 def cylinder(
     radius: float, length: float, *, segments: int | None = None, sagitta: float = 5e-5, caps: bool = True
 ) -> Mesh:
@@ -232,6 +243,7 @@ def cylinder(
     return Mesh(np.vstack(vertices), np.vstack(triangles))
 
 
+@check.knows_keywords
 def capsule(radius: float, length: float, *, segments: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Cylinder along z that ends in two half-spheres.
 
@@ -287,6 +299,7 @@ def capsule(radius: float, length: float, *, segments: int | None = None, sagitt
     return Mesh(np.vstack([upper, lower[:-segments]]), np.vstack([triangles, number[lower_triangles]]))
 
 
+@check.knows_keywords
 def dihedral(width: float, height: float | None = None) -> Mesh:
     """Dihedral corner reflector: two plates at a right angle, open towards -x.
 
@@ -323,6 +336,7 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
     )
 
 
+@check.knows_keywords
 def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     """Trihedral corner reflector: three perpendicular plates, open towards -x.
 

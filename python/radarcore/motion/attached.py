@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, newest_of, poses_at
 from radarcore.sealed import sealed
 
 
+@check.knows_keywords
 @sealed
 class Attached:
     """A motion relative to another: a body, or the radar, mounted on something that moves.
@@ -35,7 +37,7 @@ class Attached:
     """
 
     def __init__(self, parent: AnyMotion, motion: AnyMotion | None = None) -> None:
-        self.parent = as_motion("parent", parent)
+        self.parent: Motion = as_motion("parent", parent)
         self.motion: Motion = Pose() if motion is None else as_motion("motion", motion)
 
     @property

@@ -17,6 +17,7 @@ from radarcore.sealed import sealed
 Vertices = NDArray[np.float64]
 
 
+@check.knows_keywords
 @sealed
 class Deformation:
     """Vertices at given times and a cubic spline through them.
@@ -50,8 +51,8 @@ class Deformation:
     def __init__(self, times: ArrayLike, vertices: ArrayLike, *, beyond: str | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
-        self.times = check.increasing("times", times)
-        self.vertices = check.frozen(check.array("vertices", vertices, (len(self.times), None, 3)))
+        self.times: NDArray[np.float64] = check.increasing("times", times)
+        self.vertices: NDArray[np.float64] = check.frozen(check.array("vertices", vertices, (len(self.times), None, 3)))
         self._spline = CubicSpline(self.times, self.vertices, bc_type="natural")
         self._ends = Ends("Deformation", self.times, beyond)
 
@@ -98,7 +99,8 @@ class DeformationFunction:
     """
 
     def __init__(self, vertices: Callable[[float], ArrayLike], num_vertices: int) -> None:
-        self._vertices, self.num_vertices = vertices, num_vertices
+        self._vertices = vertices
+        self.num_vertices: int = num_vertices
 
     def at(self, time: float) -> Vertices:
         """The vertices at a time [s], (n, 3) [m]."""

@@ -39,7 +39,7 @@ class Ends:
     def __init__(
         self, series: str, times: _Floats, beyond: str | None, speeds: tuple[float, float] | None = None
     ) -> None:
-        self.choice = None if beyond is None else check.choice("beyond", beyond, BEYOND)
+        self.choice: str | None = None if beyond is None else check.choice("beyond", beyond, BEYOND)
         self._series, self._speeds = series, speeds or (0.0, 0.0)
         self._kind = self.choice or ("hold" if speeds is None else "continue")
         self._first, self._last = float(times[0]), float(times[-1])

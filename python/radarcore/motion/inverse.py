@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from radarcore.geometry.pose import Matrix, Pose, transforms
 from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, poses_at
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at
 from radarcore.sealed import sealed
 
 
@@ -22,7 +22,7 @@ class Inverse:
     """
 
     def __init__(self, motion: AnyMotion) -> None:
-        self.motion = as_motion("motion", motion)
+        self.motion: Motion = as_motion("motion", motion)
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""

@@ -37,7 +37,8 @@ class LinkMotion:
     """
 
     def __init__(self, group: Links, member: int) -> None:
-        self.group, self.member = group, member
+        self.group: Links = group
+        self.member: int = member
 
     @property
     def newest(self) -> float | None:

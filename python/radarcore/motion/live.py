@@ -32,6 +32,7 @@ _SAME_TIME = 1e-9
 """Times that are nearer are the same [s]."""
 
 
+@check.knows_keywords
 @sealed
 class LiveGroup:
     """Several bodies whose poses a running program gives, all by one call, step by step.
@@ -64,7 +65,7 @@ class LiveGroup:
 
     def __init__(self, num_bodies: int) -> None:
         self._num_bodies = check.count("num_bodies", num_bodies)
-        self.motions = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
+        self.motions: tuple[LinkMotion, ...] = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
         self._known = _Known()
 
     def update(
@@ -135,6 +136,7 @@ class LiveGroup:
         return f"<LiveGroup of {self._num_bodies} bodies: {self._known}>"
 
 
+@check.knows_keywords
 @sealed
 class Live:
     """A motion whose pose a running program gives, step by step; `LiveGroup` has many in one call.

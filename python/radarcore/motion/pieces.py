@@ -36,9 +36,11 @@ class Pieces:
         self._slack = slack(times)
         breaks = np.flatnonzero(np.diff(times) > (np.inf if max_gap is None else max_gap + self._slack))
         starts, stops = np.append(0, breaks + 1), np.append(breaks + 1, len(times))
-        self.parts = [slice(start, stop) for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)]
+        self.parts: list[slice[int, int, None]] = [
+            slice(start, stop) for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
+        ]
         self._first, self._last = times[starts], times[stops - 1]
-        self.gaps = check.frozen(np.column_stack([self._last[:-1], self._first[1:]]))
+        self.gaps: NDArray[np.float64] = check.frozen(np.column_stack([self._last[:-1], self._first[1:]]))
 
     @staticmethod
     def neighbours(times: _Floats, max_gap: float) -> NDArray[np.intp]:

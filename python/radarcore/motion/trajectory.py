@@ -17,6 +17,7 @@ WITHIN_GAPS = ("error", "interpolate")
 """Ways to treat times within a gap."""
 
 
+@check.knows_keywords
 @sealed
 class Trajectory:
     """A smooth motion through poses at given times: C2 splines of position and rotation.
@@ -67,15 +68,15 @@ class Trajectory:
         from scipy.interpolate import CubicSpline
         from scipy.spatial.transform import Rotation, RotationSpline
 
-        self.times = check.increasing("times", times)
-        self.poses = tuple(poses)
+        self.times: NDArray[np.float64] = check.increasing("times", times)
+        self.poses: tuple[Pose, ...] = tuple(poses)
         if len(self.poses) != len(self.times):
             raise ValueError(f"poses: expected {len(self.times)}, one per time, got {len(self.poses)}")
         for k, pose in enumerate(self.poses):
             if not isinstance(pose, Pose):
                 raise TypeError(f"poses: expected Pose, got {type(pose).__name__} at index {k}")
-        self.max_gap = None if max_gap is None else check.positive("max_gap", max_gap, "s")
-        self.within_gaps = check.choice("within_gaps", within_gaps, WITHIN_GAPS)
+        self.max_gap: float | None = None if max_gap is None else check.positive("max_gap", max_gap, "s")
+        self.within_gaps: str = check.choice("within_gaps", within_gaps, WITHIN_GAPS)
         if self.max_gap is not None:
             kept = Pieces.neighbours(self.times, self.max_gap)
             self.times = check.frozen(self.times[kept])

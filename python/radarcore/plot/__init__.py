@@ -7,3 +7,5 @@ Figures are made without pyplot, so no window opens and no backend changes: save
 from radarcore.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__)
+
+del attach

@@ -24,6 +24,7 @@ PARTS = {"two-way": "two_way_db", "transmit": "transmit_db", "receive": "receive
 _AXIS = {"azimuth": "Azimuth [°, positive to the left]", "elevation": "Elevation [°]"}
 
 
+@check.knows_keywords
 def antenna_pattern(
     antenna: Radar | Pattern, ax: Axes | None = None, *, polar: bool = True, dynamic_range_db: float = 30.0
 ) -> Axes:
@@ -67,6 +68,7 @@ def antenna_pattern(
     return _finish(ax, (top - depth, top), "Gain [dBi]", "Angle [°, positive to the left and up]")
 
 
+@check.knows_keywords
 def array_pattern(
     radar: Radar,
     ax: Axes | None = None,
@@ -137,6 +139,7 @@ def array_pattern(
     return ax
 
 
+@check.knows_keywords
 def rcs(
     azimuth_deg: ArrayLike,
     rcs_m2: ArrayLike,

@@ -31,6 +31,7 @@ _MARKERS = (".", "^", "s", "D")
 """Markers of tracks, the next when the colours begin again."""
 
 
+@check.knows_keywords
 def range_time(
     recording: Recording,
     ax: Axes | None = None,
@@ -89,6 +90,7 @@ def range_time(
     return ax
 
 
+@check.knows_keywords
 def spectrogram(
     recording: Recording,
     ax: Axes | None = None,
@@ -157,6 +159,7 @@ def spectrogram(
     return ax
 
 
+@check.knows_keywords
 def tracks(
     recording: Recording,
     estimates: Mapping[str, Any] | Tracks,

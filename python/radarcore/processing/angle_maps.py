@@ -15,6 +15,7 @@ from radarcore.processing.inputs import Samples, checked_samples, cube_and_radar
 from radarcore.processing.steering import checked_angles, steering_vectors, uniform_row, unit_vectors
 from radarcore.processing.windows import Window
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import require_range
 
 METHODS = ("bartlett", "capon", "music", "fft")
 
@@ -22,6 +23,7 @@ _BLOCK = 2**20
 """Numbers of the largest intermediate array worked on at a time, 16 MB."""
 
 
+@check.knows_keywords
 def range_angle(
     cube: Samples,
     radar: Radar | None = None,
@@ -105,7 +107,7 @@ def range_angle(
     if len(shape := np.broadcast_shapes(az.shape, el.shape)) > 1:
         raise ValueError(f"azimuth, elevation: expected angles that broadcast to one axis, got shape {shape}")
     to_power = _beamformer(method, radar, np.atleast_2d(unit_vectors(az, el)), num_sources, loading)
-    radar.waveform.require_range()
+    require_range(radar.waveform)
     n = transform_length("num_range_bins", num_range_bins, "num_samples", radar.waveform.num_samples)
 
     # Frames in turn, ranges in blocks: no array of all frames but the result.
@@ -128,6 +130,7 @@ def range_angle(
     return power
 
 
+@check.knows_keywords
 def azimuth_elevation(
     cube: Samples,
     radar: Radar | None = None,

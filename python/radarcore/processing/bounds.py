@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.windows import Window, window_centre, window_weights
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.units import SPEED_OF_LIGHT
 
 
@@ -60,6 +60,7 @@ class CramerRaoBound:
     velocity: NDArray[np.float64]
 
 
+@check.knows_keywords
 def frequency_bound(
     num_samples: int,
     sample_rate: float,
@@ -111,6 +112,7 @@ def frequency_bound(
     return _deviation(float(covariance[0, 0]), _information(snr_db, is_real, num_channels))
 
 
+@check.knows_keywords
 def doppler_bound(
     waveform: Waveform,
     snr_db: ArrayLike,
@@ -149,7 +151,7 @@ def doppler_bound(
     >>> print(f"{1e3 * bound.range:.1f} mm, {1e3 * bound.velocity:.1f} mm/s")
     0.7 mm, 0.6 mm/s
     """
-    waveform.require_range()
+    require_range(waveform)
     _require_chirps("waveform", waveform, 2)
     weights = _weights(waveform, window, doppler_window)
     gradients = range_and_velocity_gradients(waveform)
@@ -157,6 +159,7 @@ def doppler_bound(
     return _bound(covariance, snr_db, is_real, num_channels)
 
 
+@check.knows_keywords
 def up_down_bound(
     up: Waveform,
     down: Waveform,
@@ -208,6 +211,7 @@ def up_down_bound(
     return _bound(inverse @ np.diag(variances) @ inverse.T, snr_db, is_real, num_channels)
 
 
+@check.knows_keywords
 def chirp_rate_bound(
     waveform: Waveform,
     snr_db: ArrayLike,
@@ -247,12 +251,13 @@ def chirp_rate_bound(
     >>> print(f"{bound.velocity:.0f} m/s")  # these chirps are short and narrow
     4 m/s
     """
-    waveform.require_range()
+    require_range(waveform)
     if waveform.num_samples < 3:
         raise ValueError(f"waveform: expected at least 3 samples per chirp, got {waveform.num_samples}")
     return _of_frequency_change(waveform, 2, 4.0, snr_db, is_real, num_channels, window)
 
 
+@check.knows_keywords
 def range_migration_bound(
     waveform: Waveform,
     snr_db: ArrayLike,
@@ -291,7 +296,7 @@ def range_migration_bound(
     >>> print(f"{bound.velocity:.2f} m/s")
     0.12 m/s
     """
-    waveform.require_range()
+    require_range(waveform)
     _require_chirps("waveform", waveform, 2)
     return _of_frequency_change(waveform, 1, 2.0, snr_db, is_real, num_channels, window)
 
@@ -350,7 +355,7 @@ def beat_gradients(waveform: Waveform) -> NDArray[np.float64]:
 def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) -> NDArray[np.float64]:
     """Beat frequencies (up, down) of a unit of range (first column) and of velocity (second), (2, 2)."""
     for name, wf in (("up", up), ("down", down)):
-        wf.require_range()
+        require_range(wf)
         if wf.num_samples < 2:
             raise ValueError(f"{name}: expected at least 2 samples per chirp, got {wf.num_samples}")
     if np.sign(up.slope) == np.sign(down.slope):

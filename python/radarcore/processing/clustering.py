@@ -74,6 +74,7 @@ class Clusters:
         return len(self.centroids)
 
 
+@check.knows_keywords
 def cluster(
     detections: Detections,
     *,

@@ -17,7 +17,8 @@ from radarcore.processing.inputs import (
     require_uniform_chirps,
     with_samples,
 )
-from radarcore.recording.frame import Frame, check_alike, check_frame
+from radarcore.processing.windows import window_weights
+from radarcore.recording.frame import Frame, check_alike, check_frame, is_of_adc
 from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
@@ -30,6 +31,7 @@ def remove_mean(cube: Frame, *, axis: int = ...) -> Frame: ...
 def remove_mean(cube: Recording, *, axis: int = ...) -> Recording: ...
 @overload
 def remove_mean(cube: ArrayLike, *, axis: int = ...) -> NDArray[Any]: ...
+@check.knows_keywords
 def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Recording:
     """Take off the mean along an axis: of the chirps of a frame by default, which is what stands still within it.
 
@@ -86,6 +88,7 @@ def cancel_pulses(cube: Frame, *, num_pulses: int = ...) -> Frame: ...
 def cancel_pulses(cube: Recording, *, num_pulses: int = ...) -> Recording: ...
 @overload
 def cancel_pulses(cube: ArrayLike, *, num_pulses: int = ...) -> NDArray[Any]: ...
+@check.knows_keywords
 def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame | Recording:
     """Canceller over chirps: differences of neighbours (two pulses), or differences of these (three).
 
@@ -151,6 +154,7 @@ def remove_running_mean(cube: Recording, time: None = ..., *, time_constant: flo
 def remove_running_mean(cube: Iterator[Frame], time: None = ..., *, time_constant: float) -> Iterator[Frame]: ...
 @overload
 def remove_running_mean(cube: ArrayLike, time: ArrayLike, *, time_constant: float) -> NDArray[Any]: ...
+@check.knows_keywords
 def remove_running_mean(
     cube: ArrayLike | Recording | Iterator[Frame], time: ArrayLike | None = None, *, time_constant: float
 ) -> NDArray[Any] | Recording | Iterator[Frame]:
@@ -240,6 +244,20 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
     finally:
         if isinstance(frames, Generator):  # a sensor ends measuring
             frames.close()
+
+
+def has_offsets(frame: Frame) -> bool:
+    """True for samples of an ADC, whose offset differs a little from chirp to chirp; a CW radar has nothing but it."""
+    return is_of_adc(frame) and not frame.radar.waveform.is_cw and frame.radar.waveform.num_samples > 1
+
+
+def without_offset(cube: NDArray[Any]) -> NDArray[Any]:
+    """Samples (..., sample) without the offset of every chirp: without static echoes it is all that is left at 0 m.
+
+    It is the mean weighted as by the window of the range transform, in which echoes leave next to nothing.
+    """
+    weights = window_weights("window", "hann", cube.shape[-1])
+    return np.asarray(cube - (cube @ (weights / weights.sum()).astype(cube.real.dtype))[..., np.newaxis])
 
 
 def updated_mean(

@@ -19,13 +19,13 @@ from radarcore.processing.inputs import checked_samples, cube_and_radar, require
 from radarcore.processing.map_layout import LEAST_GAIN, MAIN_LOBE, Layout, layout_of
 from radarcore.processing.map_test import MapTest, map_test
 from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.point_cloud import Detections, detections_of_rows
 from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import fast_spectrum, transformed
 from radarcore.processing.tone_fit import Fit, fit
 from radarcore.processing.windows import Window
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
 
 _TRAINING_2D, _TRAINING_1D = 8, 16
@@ -48,6 +48,7 @@ _LARGEST_NOISE = 20.0
 """Powers above that many medians are echoes rather than noise."""
 
 
+@check.knows_keywords
 def detect(
     frame: Frame | ArrayLike,
     radar: Radar | None = None,
@@ -225,7 +226,7 @@ def detect(
     if search.has_limits:
         order = order[(distance[order] >= search.lowest) & (distance[order] <= search.highest)]
     found = np.array([distance, velocity, seen.azimuth, seen.elevation, 10.0 * np.log10(in_cell)])
-    return Detections.from_rows(found[:, order], covariance[order], time)
+    return detections_of_rows(found[:, order], covariance[order], time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +310,7 @@ def _limits(wf: Waveform, min_range: float | None, max_range: float | None) -> t
     if highest < lowest:
         raise ValueError(f"max_range: expected at least min_range = {lowest:g} m, got {highest:g}")
     if min_range is not None or max_range is not None:
-        wf.require_range()
+        require_range(wf)
     return lowest, highest
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.processing.steering import channel_corrections
 from radarcore.radar.radar import Radar
 
@@ -71,6 +72,7 @@ class Directions:
         return len(self.azimuth)
 
 
+@check.knows_keywords
 def directions(
     snapshots: ArrayLike,
     radar: Radar,

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.constant_false_alarm import checked_power
+from radarcore.radar.receiver import is_plain
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording
 
@@ -28,6 +29,7 @@ LEAST_NOISE = float(np.finfo(np.float32).tiny)
 """Smallest noise of a cell at all."""
 
 
+@check.knows_keywords
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     """Noise power of the cells of a map: their mean, if half of them have no echo.
 
@@ -100,7 +102,7 @@ def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | Non
     """
     receiver = frame.radar.receiver
     unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
-    if receiver is None or not receiver.is_plain or unit is not None:
+    if receiver is None or not is_plain(receiver) or unit is not None:
         return None
     variance = receiver.noise_variance(frame.radar.waveform.sample_rate)
     return variance * float(np.prod([np.square(w).sum() for w in weights])) or None

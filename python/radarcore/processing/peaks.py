@@ -25,8 +25,8 @@ from radarcore.processing.sidelobes import envelope
 from radarcore.processing.spectra import spectrum as spectrum_of
 from radarcore.processing.windows import Window, window_centre, window_weights
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
-from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.recording.frame import Frame, is_of_adc
 
 _PADDING = 4
 """Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
@@ -81,6 +81,7 @@ class Peak:
     snr_db: float
 
 
+@check.knows_keywords
 def strongest_peak(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
@@ -106,10 +107,10 @@ def strongest_peak(
     targets, and compares each with what is around it.
 
     **Leakage.** A sensor hears its own transmitter, most of all in its nearest range bins and far louder than any echo.
-    Of a frame with samples of an ADC (`Frame.raw`, or in parts of full scale), measured or simulated with such a
-    receiver, a peak is therefore sought beyond three range bins, and not among what may be sidelobes of the leakage.
-    With `min_range` given, 0 included, limits are all there is, as for any other frame. What stands still is an echo
-    like others: `remove_running_mean` takes it off.
+    Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
+    range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
+    neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
+    What stands still is an echo like others: `remove_running_mean` takes it off.
 
     From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
     their mirror image and are less accurate.
@@ -160,7 +161,7 @@ def strongest_peak(
     # Check all arguments before any work.
     require_one_frame("cube", cube)
     require_transmitters_apart(cube, waveform)
-    has_leakage = isinstance(cube, Frame) and unit_of(cube) in (FULL_SCALE, PARTS_OF_FULL_SCALE)
+    has_leakage = isinstance(cube, Frame) and _has_leakage(cube)
     cube, waveform = cube_and_waveform(cube, waveform)
     samples = checked_samples(
         cube,
@@ -178,7 +179,7 @@ def strongest_peak(
     leaks = min_range is None and has_leakage and not waveform.is_cw
     range_limits = limits("range", "m", 0.0 if min_range is None else min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
-        waveform.require_range()
+        require_range(waveform)
     velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
     least_snr_db = None if min_snr_db is None else check.number("min_snr_db", min_snr_db, "dB")
 
@@ -264,6 +265,20 @@ def strongest_peak(
         velocity_index=velocity_index % num_chirps,
         snr_db=snr_db,
     )
+
+
+def _has_leakage(frame: Frame) -> bool:
+    """True for samples of an ADC, unless the receiver is known in full, as only simulated ones are, and adds nothing.
+
+    Offsets lie in the same bins as leakage.
+    """
+    if not is_of_adc(frame):
+        return False
+    receiver = frame.radar.receiver
+    if receiver is None or receiver.full_scale is None:
+        return True
+    offsets = (receiver.dc_offset, receiver.chirp_offset_lsb)
+    return receiver.leakage is not None or any(value is not None and np.any(value) for value in offsets)
 
 
 def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, is_cyclic: bool) -> NDArray[np.float64]:

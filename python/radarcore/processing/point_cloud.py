@@ -64,27 +64,6 @@ class Detections:
         object.__setattr__(self, "covariance", _numbers("covariance", covariance, (number, 4, 4)))
         object.__setattr__(self, "time", check.number("time", self.time, "s"))
 
-    @classmethod
-    def from_rows(cls, rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float) -> Detections:
-        """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only.
-
-        See Also
-        --------
-        Detections : Checks what it is given.
-
-        Examples
-        --------
-        >>> rows = np.array([[1.0], [0.5], [0.0], [0.0], [20.0]])  # range, velocity, azimuth, elevation, SNR
-        >>> len(rc.Detections.from_rows(rows, np.full((1, 4, 4), np.nan), time=0.1))
-        1
-        """
-        if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
-            raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")
-        found = object.__new__(cls)
-        fields = zip((*COORDINATES, "snr_db"), check.frozen(rows), strict=True)
-        vars(found).update(fields, covariance=check.frozen(covariance), time=time)
-        return found
-
     def __len__(self) -> int:
         return len(self.range)
 
@@ -102,6 +81,16 @@ class Detections:
         across = self.range * np.cos(elevation)
         points = (across * np.cos(self.azimuth), across * np.sin(self.azimuth), self.range * np.sin(elevation))
         return np.stack(points, axis=-1)
+
+
+def detections_of_rows(rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float) -> Detections:
+    """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only."""
+    if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
+        raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")
+    found = object.__new__(Detections)
+    fields = zip((*COORDINATES, "snr_db"), check.frozen(rows), strict=True)
+    vars(found).update(fields, covariance=check.frozen(covariance), time=time)
+    return found
 
 
 def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from radarcore.processing.bounds import CramerRaoBound
 from radarcore.processing.inputs import Samples, checked_samples, cube_and_radar, cube_and_waveform
 from radarcore.processing.phase_fit import PhaseFit
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = 
         of_channels = cube_and_radar(cube, waveform)[1].channel_offsets
         if of_channels.any():
             offsets = of_channels
-    wf.require_range()
+    require_range(wf)
     checked = checked_samples(
         samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples
     )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.processing.inputs import (
     Samples,
     checked_samples,
@@ -16,9 +17,10 @@ from radarcore.processing.inputs import (
 )
 from radarcore.processing.windows import Window, window_weights
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
 
 
+@check.knows_keywords
 def range_profile(
     cube: Samples, waveform: Waveform | Radar | None = None, *, window: Window = "hann", num_bins: int | None = None
 ) -> NDArray[Any]:
@@ -66,7 +68,7 @@ def range_profile(
     2.04 m
     """
     cube, waveform = cube_and_waveform(cube, waveform)
-    waveform.require_range()
+    require_range(waveform)
     return fast_spectrum(cube, waveform, window=window, num_bins=num_bins)
 
 
@@ -78,6 +80,7 @@ def fast_spectrum(cube: ArrayLike, waveform: Waveform, *, window: Window, num_bi
     return _fast_transform(windowed, n, waveform)
 
 
+@check.knows_keywords
 def range_doppler(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
@@ -134,7 +137,7 @@ def range_doppler(
     2.04 m, -0.52 m/s
     """
     cube, waveform = cube_and_waveform(cube, waveform)
-    waveform.require_range()
+    require_range(waveform)
     return spectrum(
         cube,
         waveform,

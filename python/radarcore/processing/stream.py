@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.clutter import updated_mean
+from radarcore.processing.clutter import has_offsets, updated_mean, without_offset
 from radarcore.processing.detection import detect
 from radarcore.processing.noise import noise_level, rounding_noise
 from radarcore.processing.spectra import range_doppler, range_profile
@@ -58,7 +58,7 @@ class Stream:
     ----------
     radar : Radar
     remove_static : bool
-        Take off the mean of the samples over the last seconds.
+        Take off the mean of the samples over the last seconds, and of an ADC's the offset of every chirp.
     max_range : float, optional
         End of the ranges [m]; default: the largest unambiguous range.
     history : float
@@ -104,7 +104,7 @@ class Stream:
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
         self.radar = radar
         self.remove_static = remove_static
-        self.seconds = check.positive("history", history, "s")
+        self.seconds: float = check.positive("history", history, "s")
         self._threshold_db = check.number("threshold_db", threshold_db, "dB")
         self._max_detections = check.count("max_detections", max_detections, 0)
 
@@ -115,18 +115,24 @@ class Stream:
             last = min(check.positive("max_range", max_range, "m"), last)
         ranges = wf.range_axis(_num_cells(wf.num_samples, _MOST_RANGES))
         self._num_ranges, self._range_step = len(ranges), float(ranges[1])
-        self.ranges = ranges[: int(np.searchsorted(ranges, last * (1.0 + 1e-9), side="right"))]
+        self.ranges: NDArray[np.float64] = ranges[: int(np.searchsorted(ranges, last * (1.0 + 1e-9), side="right"))]
         has_velocity = wf.num_chirps > 2 and wf.has_uniform_chirps  # the window leaves one of two
-        self.velocities = wf.velocity_axis(_num_cells(wf.num_chirps, _MOST_VELOCITIES)) if has_velocity else None
-        self.level = np.full((1 if self.velocities is None else len(self.velocities), len(self.ranges)), np.nan, "f4")
+        self.velocities: NDArray[np.float64] | None = (
+            wf.velocity_axis(_num_cells(wf.num_chirps, _MOST_VELOCITIES)) if has_velocity else None
+        )
+        self.level: NDArray[np.float32] = np.full(
+            (1 if self.velocities is None else len(self.velocities), len(self.ranges)), np.nan, "f4"
+        )
         self.detections: list[Detection] = []
 
         # Columns of the history are not finer than frames come.
         num_columns = max(1, round(min(_MOST_COLUMNS, self.seconds / wf.frame_interval)))
-        self.history = np.full((num_columns, len(self.ranges)), np.nan, "f4")
+        self.history: NDArray[np.float32] = np.full((num_columns, len(self.ranges)), np.nan, "f4")
         self._column_time = self.seconds / num_columns
         self._origin, self._column = np.nan, 0
 
+        self.num_frames: int
+        self.num_lost: int
         self.num_frames = self.num_lost = 0
         self._times: deque[float] = deque(maxlen=_RATE_INTERVALS + 1)
         self._static: NDArray[Any] | None = None
@@ -168,7 +174,7 @@ class Stream:
         self.level = np.full_like(self.level, np.nan)
         self.detections = []
         if np.isfinite(frame.cube).all():
-            moving = self._moving(frame.cube)
+            moving = self._moving(frame)
             self.level[:] = self._levels(frame.cube, moving)
             self.detections = self._detections(moving)
         self._remember(self.level.max(axis=0))
@@ -194,14 +200,18 @@ class Stream:
         level = np.maximum(power[:, : len(self.ranges)] / noise, lowest)
         return np.asarray(10.0 * np.log10(level), dtype=np.float32)
 
-    def _moving(self, cube: NDArray[Any]) -> NDArray[Any]:
-        """The samples without their mean: that of all frames at first, later that of the last seconds."""
+    def _moving(self, frame: Frame) -> NDArray[Any]:
+        """The samples without their mean: that of all frames at first, later that of the last seconds; and offsets."""
+        cube = frame.cube
         if self._static is None or len(self._times) < 2:
             self._static, self._num_static = np.zeros(1, cube.dtype), 0
         interval = self._times[-1] - self._times[-2] if self._num_static else 0.0
         self._static = updated_mean(self._static, cube, self._num_static, interval, _STATIC_TIME)
         self._num_static += 1
-        return cube - self._static if self.remove_static else cube
+        if not self.remove_static:
+            return cube
+        moving = cube - self._static
+        return without_offset(moving) if has_offsets(frame) else moving
 
     def _detections(self, moving: NDArray[Any]) -> list[Detection]:
         """The strongest detections above the threshold, by increasing range."""

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.processing.clutter import has_offsets, without_offset
 from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
 from radarcore.processing.noise import known_noise
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.radar.waveform import require_range
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
@@ -90,6 +92,7 @@ class RangeTime:
     noise: float | None = None
 
 
+@check.knows_keywords
 def spectrogram(
     recording: Recording | Frame,
     *,
@@ -125,7 +128,8 @@ def spectrogram(
     remove_static : bool
         Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
         function `remove_static` is for one that moves. What stands still throughout goes,
-        however strong; what moves slowly, or rests for a while, stays.
+        however strong; what moves slowly, or rests for a while, stays. Of an ADC's samples the offset of every chirp
+        goes too, which differs a little from the next one's.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     num_velocity_bins : int, optional
@@ -197,6 +201,7 @@ def spectrogram(
     return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers), noise)
 
 
+@check.knows_keywords
 def range_time(
     recording: Recording | Frame,
     *,
@@ -246,7 +251,7 @@ def range_time(
     recording = recording_of("recording", recording)
     require_one_waveform(recording.radar)
     wf = recording.radar.waveform
-    wf.require_range()
+    require_range(wf)
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
@@ -283,8 +288,11 @@ def _profiles(
         index = check.index("channel", channel, recording.radar.num_channels)
         channels = slice(index, index + 1)
 
+    takes_offset = remove_static and len(recording) > 0 and has_offsets(recording[0])
+
     def profile(frame: NDArray[Any]) -> NDArray[Any]:
-        return fast_spectrum(frame[channels], wf, window=window, num_bins=num_bins)[..., gate]
+        samples = without_offset(frame[channels]) if takes_offset else frame[channels]
+        return fast_spectrum(samples, wf, window=window, num_bins=num_bins)[..., gate]
 
     mean: NDArray[Any] | float = 0.0
     if remove_static:
@@ -315,7 +323,7 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     wf = recording.radar.waveform
     if wf.is_cw:
         if min_range is not None or max_range is not None:
-            wf.require_range()
+            require_range(wf)
         return slice(None)
     ranges = wf.range_axis()[: None if np.iscomplexobj(recording.cube) else wf.num_samples // 2 + 1]
     if nearest > ranges[-1]:

@@ -27,7 +27,7 @@ from radarcore.processing.kalman import Array, smoothed
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.state_space import SHORTEST_RANGE
 from radarcore.processing.tracker_settings import TrackerSettings
-from radarcore.processing.tracks import Tracks, TrackState, tracks_of
+from radarcore.processing.tracks import Tracks, TrackState, state_of_fields, tracks_of
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
@@ -38,6 +38,7 @@ _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
 
 
+@check.knows_keywords
 class Tracker:
     """Tracks of a stream of frames: their state, which each update takes on.
 
@@ -80,10 +81,10 @@ class Tracker:
     _lives: list[_Life]
 
     def __init__(self, **settings: Any) -> None:
-        self.settings = TrackerSettings(**settings)
-        self.time = -np.inf
+        self.settings: TrackerSettings = TrackerSettings(**settings)
+        self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
-        self.num_begun = 0
+        self.num_begun: int = 0
         self._periods = periods_of(self.settings.max_velocity)
         largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
         self._gate: dict[str, Any] = {
@@ -272,7 +273,7 @@ class Tracker:
         """States of all tracks."""
         states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
         return [
-            TrackState.of_fields(
+            state_of_fields(
                 id=life.id,
                 time=self.time,
                 state=state,
@@ -313,6 +314,7 @@ def _without_lost_angles(values: Array, variance: Array) -> Array:
     return values
 
 
+@check.knows_keywords
 def track(
     source: Recording | Iterable[Detections | Frame],
     *,

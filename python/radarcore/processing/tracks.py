@@ -61,24 +61,6 @@ class TrackState:
     is_confirmed: bool
     num_hits: int
 
-    @classmethod
-    def of_fields(cls, **fields: Any) -> TrackState:
-        """A state of all its fields by name, made without a call for each.
-
-        See Also
-        --------
-        TrackState : Checks what it is given.
-
-        Examples
-        --------
-        >>> state = rc.Tracker().update(rc.Detections([2.0], [-0.5], [0.0], [np.nan], [20.0]))[0]
-        >>> rc.TrackState.of_fields(**(vars(state) | {"time": 0.1})).time
-        0.1
-        """
-        state = object.__new__(cls)
-        vars(state).update(fields)
-        return state
-
     @property
     def range(self) -> float:
         """Distance from the centre of the array [m]."""
@@ -120,6 +102,13 @@ class TrackState:
     def _polar(self) -> tuple[Array, Array]:
         values, covariances = polar(self.state[None], self.state_covariance[None])
         return values[0], covariances[0]
+
+
+def state_of_fields(**fields: Any) -> TrackState:
+    """A state of all its fields by name, made without a call for each."""
+    state = object.__new__(TrackState)
+    vars(state).update(fields)
+    return state
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,6 +292,7 @@ def tracks_of(times: Sequence[float], frames: Sequence[Sequence[TrackState]]) ->
     return Tracks(np.array(times, dtype=np.float64), tuple(tracks))
 
 
+@check.knows_keywords
 def assign_to_truth(tracks: Tracks, truth: Truth, *, max_distance: float = 0.5) -> dict[int, str | None]:
     """Body that each track follows: that whose range is nearest over the frames of the track, in the median.
 

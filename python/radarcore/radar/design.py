@@ -53,7 +53,8 @@ class WishError(ValueError):
         number = step * (math.ceil if is_least else math.floor)(possible / step) if possible < math.inf else possible
         side = "at least" if is_least else "at most"
         super().__init__(f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}")
-        self.wish, self.possible = wish, possible
+        self.wish: str = wish
+        self.possible: float = possible
 
     def is_better_than(self, other: WishError) -> bool:
         """True if more can be had of the same wish than by another error."""

@@ -17,6 +17,7 @@ _PITCH = 3.5e-3
 """Side of the square of receivers [m]."""
 
 
+@check.knows_keywords
 def bgt60tr24(
     *,
     tx_power_dbm: float = 4.0,

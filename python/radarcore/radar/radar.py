@@ -16,8 +16,8 @@ from radarcore.radar.baseband import responses
 from radarcore.radar.facts import band_text, pattern_facts
 from radarcore.radar.levels import level
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
-from radarcore.radar.receiver import Receiver
-from radarcore.radar.schedule import Schedule
+from radarcore.radar.receiver import Receiver, check_receivers
+from radarcore.radar.schedule import Schedule, require_fit
 from radarcore.radar.sequences import check_sequences, shortest_interval
 from radarcore.radar.waveform import Waveform
 from radarcore.summary import html_table
@@ -140,7 +140,7 @@ class Radar(Twinned):
         put(self, "receiver", receiver)
         put(self, "polarization", antennas.polarization(polarization))
         if receiver is not None:
-            receiver.check_receivers(len(self.rx))
+            check_receivers(receiver, len(self.rx))
             if receiver.high_pass is not None and any(each.slope == 0.0 for each in (waveform, *more_waveforms)):
                 raise ValueError(
                     "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
@@ -149,7 +149,7 @@ class Radar(Twinned):
         put(self, "more_waveforms", tuple(more_waveforms))
         if schedule is not None:
             for each in self.waveforms:
-                schedule.require_fit(len(self.tx), each.num_chirps)
+                require_fit(schedule, len(self.tx), each.num_chirps)
         check_sequences(self.waveforms, self._tx_offsets)
         aperture = float(np.linalg.norm(np.ptp(np.concatenate([self.tx, self.rx]), axis=0)))
         if aperture > _WIDEST_APERTURE * waveform.wavelength:

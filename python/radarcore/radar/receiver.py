@@ -167,15 +167,6 @@ class Receiver:
             if getattr(self, name) is not None and self.output == "real":
                 raise ValueError(f"{name}: expected None for a real receiver, got {getattr(self, name):g}")
 
-    def check_receivers(self, num_rx: int) -> None:
-        """Refuse settings with one number per receiver for another number of receivers."""
-        check_per_receiver("receiver.rx_phase_deg", self.rx_phase_deg, num_rx)
-        check_per_receiver("receiver.dc_offset", self.dc_offset, num_rx)
-        check_per_receiver("receiver.chirp_offset_lsb", self.chirp_offset_lsb, num_rx)
-        if self.leakage is not None:
-            for name in PER_RECEIVER:
-                check_per_receiver(f"receiver.leakage.{name}", getattr(self.leakage, name), num_rx)
-
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
         """Settings of some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
 
@@ -187,15 +178,6 @@ class Receiver:
             leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in PER_RECEIVER})
             return replace(self, leakage=leakage, **chosen)
         return replace(self, **chosen)
-
-    @property
-    def is_plain(self) -> bool:
-        """True if nothing happens but thermal noise and taking the real part."""
-        plain = Receiver(output=self.output, noise_figure_db=self.noise_figure_db)
-        return all(
-            getattr(self, field.name) == getattr(plain, field.name) or field.name in _MATTER_NOT_ALONE
-            for field in fields(self)
-        )
 
     @property
     def has_codes(self) -> bool:
@@ -235,6 +217,25 @@ class Receiver:
         if (leakage := given.get("leakage")) is not None:
             given["leakage"] = Leakage(**leakage)
         return cls(**given)
+
+
+def is_plain(receiver: Receiver) -> bool:
+    """True if nothing happens but thermal noise and taking the real part."""
+    plain = Receiver(output=receiver.output, noise_figure_db=receiver.noise_figure_db)
+    return all(
+        getattr(receiver, field.name) == getattr(plain, field.name) or field.name in _MATTER_NOT_ALONE
+        for field in fields(receiver)
+    )
+
+
+def check_receivers(receiver: Receiver, num_rx: int) -> None:
+    """Refuse settings with one number per receiver for another number of receivers."""
+    check_per_receiver("receiver.rx_phase_deg", receiver.rx_phase_deg, num_rx)
+    check_per_receiver("receiver.dc_offset", receiver.dc_offset, num_rx)
+    check_per_receiver("receiver.chirp_offset_lsb", receiver.chirp_offset_lsb, num_rx)
+    if receiver.leakage is not None:
+        for name in PER_RECEIVER:
+            check_per_receiver(f"receiver.leakage.{name}", getattr(receiver.leakage, name), num_rx)
 
 
 _MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")

@@ -87,6 +87,7 @@ class Schedule:
                 raise ValueError(f"weights: expected either weights or azimuth and elevation, got {got}")
 
     @classmethod
+    @check.knows_keywords
     def tdm(cls, interval: float | None = None, order: Sequence[int] | None = None) -> Schedule:
         """Transmitters take turns (time-division multiplexing): after every chirp of the first comes one of the second.
 
@@ -117,6 +118,7 @@ class Schedule:
         return cls(kind="tdm", interval=interval, order=order)  # type: ignore[arg-type]  # __post_init__ makes it one
 
     @classmethod
+    @check.knows_keywords
     def ddm(cls, turns: ArrayLike | None = None) -> Schedule:
         """All transmitters send at once, told apart by their Doppler frequency (Doppler-division multiplexing).
 
@@ -145,6 +147,7 @@ class Schedule:
         return cls(kind="ddm", turns=turns)  # type: ignore[arg-type]  # __post_init__ makes it an array
 
     @classmethod
+    @check.knows_keywords
     def steered(
         cls,
         weights: ArrayLike | None = None,
@@ -183,19 +186,6 @@ class Schedule:
     def is_sum(self) -> bool:
         """True if all transmitters send at once, so that receivers get the sum of their echoes."""
         return self.kind != "tdm"
-
-    def require_fit(self, num_tx: int, num_chirps: int) -> None:
-        """Refuse a number of transmitters or of chirps that the schedule does not fit."""
-        if self.order is not None and len(self.order) != num_tx:
-            raise ValueError(f"schedule: expected an order of {num_tx} transmitters, got {list(self.order)}")
-        if self.turns is not None and len(self.turns) != num_tx:
-            raise ValueError(f"schedule: expected turns of {num_tx} transmitters, got {self.turns.tolist()}")
-        if self.weights is not None and self.weights.shape not in ((num_tx,), (num_chirps, num_tx)):
-            expected = f"({num_tx},) or ({num_chirps}, {num_tx})"
-            raise ValueError(f"schedule: expected weights of shape {expected}, got {self.weights.shape}")
-        for name in ("azimuth", "elevation"):
-            if (angles := getattr(self, name)) is not None and angles.shape not in ((), (num_chirps,)):
-                raise ValueError(f"schedule: expected one {name} or {num_chirps} of them, got {len(angles)}")
 
     def offsets(self, num_tx: int, shortest: float) -> NDArray[np.float64]:
         """Time from the chirps of a waveform to the ramps of every transmitter [s], (tx,).
@@ -259,6 +249,20 @@ class Schedule:
 
     def __hash__(self) -> int:
         return hash((self.kind, self.interval, self.order))
+
+
+def require_fit(schedule: Schedule, num_tx: int, num_chirps: int) -> None:
+    """Refuse a number of transmitters or of chirps that the schedule does not fit."""
+    if schedule.order is not None and len(schedule.order) != num_tx:
+        raise ValueError(f"schedule: expected an order of {num_tx} transmitters, got {list(schedule.order)}")
+    if schedule.turns is not None and len(schedule.turns) != num_tx:
+        raise ValueError(f"schedule: expected turns of {num_tx} transmitters, got {schedule.turns.tolist()}")
+    if schedule.weights is not None and schedule.weights.shape not in ((num_tx,), (num_chirps, num_tx)):
+        expected = f"({num_tx},) or ({num_chirps}, {num_tx})"
+        raise ValueError(f"schedule: expected weights of shape {expected}, got {schedule.weights.shape}")
+    for name in ("azimuth", "elevation"):
+        if (angles := getattr(schedule, name)) is not None and angles.shape not in ((), (num_chirps,)):
+            raise ValueError(f"schedule: expected one {name} or {num_chirps} of them, got {len(angles)}")
 
 
 _KIND_OF = {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -183,6 +184,7 @@ class Waveform(Twinned):
         return check.frozen(starts)
 
     @classmethod
+    @check.knows_keywords
     def from_sweep(
         cls, *, start_frequency: float, stop_frequency: float, sample_rate: float, num_samples: int, **others: Any
     ) -> Waveform:
@@ -216,6 +218,7 @@ class Waveform(Twinned):
         )
 
     @classmethod
+    @check.knows_keywords
     def design(
         cls,
         *,
@@ -290,7 +293,7 @@ class Waveform(Twinned):
     def replace(self, **changes: Any) -> Waveform:
         """Copy of the waveform with some parameters changed.
 
-        A new number of chirps or chirp interval replaces the list of chirp times.
+        A new number of chirps or chirp interval replaces the list of chirp times, of which the first stays.
 
         See Also
         --------
@@ -302,13 +305,16 @@ class Waveform(Twinned):
         >>> wf.num_chirps
         32
         """
-        if self.frame_interval == self._default_frame_interval:
+        check.keywords("Waveform.replace", changes, (each.name for each in fields(self)))
+        delay = float(self.chirp_times[0])
+        back_to_back = self._default_frame_interval - delay
+        if self.frame_interval == back_to_back or (delay and isclose(self.frame_interval, back_to_back)):
             changes.setdefault("frame_interval", None)
-        if "chirp_times" not in changes and (
-            self.has_uniform_chirps or {"num_chirps", "chirp_interval"} & changes.keys()
-        ):
-            changes["chirp_times"] = None
-        return replace(self, **changes)
+        is_new = bool({"num_chirps", "chirp_interval"} & changes.keys())
+        if "chirp_times" in changes or not (is_new or (self.has_uniform_chirps and delay == 0.0)):
+            return replace(self, **changes)
+        waveform = replace(self, **changes | {"chirp_times": None})
+        return waveform.delayed(delay) if delay else waveform
 
     def delayed(self, delay: float) -> Waveform:
         """Waveform whose chirps start later by a time [s]: of a sub-sequence after another, see `Radar`."""
@@ -331,7 +337,7 @@ class Waveform(Twinned):
         >>> up.num_chirps, up.slope == -down.slope
         (32, True)
         """
-        self.require_range()
+        require_range(self)
         if self.num_chirps % 2 != 0:
             raise ValueError(f"num_chirps: expected an even number for chirps in turn, got {self.num_chirps}")
         shared: dict[str, Any] = {"num_chirps": self.num_chirps // 2, "chirp_interval": None}
@@ -440,14 +446,9 @@ class Waveform(Twinned):
         >>> wf.range_axis(256)[:3].round(3)
         array([0.   , 0.079, 0.157])
         """
-        self.require_range()
+        require_range(self)
         n = self.num_samples if num_bins is None else check.count("num_bins", num_bins)
         return np.arange(n, dtype=np.float64) * (SPEED_OF_LIGHT * self.sample_rate / (2.0 * abs(self.slope) * n))
-
-    def require_range(self) -> None:
-        """Refuse a CW radar with a ValueError: its samples say nothing of range."""
-        if self.is_cw:
-            raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
     def velocity_axis(self, num_bins: int | None = None) -> NDArray[np.float64]:
         """Velocity of every bin of a Doppler transform of length `num_bins` [m/s], (num_bins,).
@@ -492,6 +493,12 @@ class Waveform(Twinned):
 
     def __hash__(self) -> int:
         return hash((self.start_frequency, self.slope, self.sample_rate, self.num_samples, self.num_chirps))
+
+
+def require_range(waveform: Waveform) -> None:
+    """Refuse a CW radar with a ValueError: its samples say nothing of range."""
+    if waveform.is_cw:
+        raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
 
 
 def _time(name: str, seconds: float) -> float:

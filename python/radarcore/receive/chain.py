@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radarcore import _core
 from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive import adc
 from radarcore.receive.draws import Draws
 from radarcore.receive.imbalance import unbalance
@@ -35,7 +35,7 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> ND
     seed : int
     """
     receiver = radar.receiver or Receiver()
-    if receiver.is_plain:
+    if is_plain(receiver):
         # White noise of an I/Q receiver has half of its power in either part.
         variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
         return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)

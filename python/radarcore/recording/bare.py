@@ -18,15 +18,12 @@ from radarcore.recording import axes, dca1000, matlab
 from radarcore.recording.codes import to_samples
 from radarcore.recording.configuration import Configuration, configuration, is_setup
 from radarcore.recording.description import Description
-from radarcore.recording.frame import CUBE_TYPES, FULL_SCALE, check_radar, frame_shape
+from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, check_radar, frame_shape
 from radarcore.recording.native import Stored
 from radarcore.recording.npy import HEADER_ERRORS, Converted, naming
 
-COUNTS = "counts"
-"""``source["cube_unit"]`` of samples that were integers."""
-
 UNKNOWN = "unknown"
-"""Unit of other samples: nothing says that they are in sqrt(W)."""
+"""``source["cube_unit"]`` of samples that were no integers: nothing says that they are in sqrt(W)."""
 
 _ARRAYS = (".npy", ".mat")
 """Suffixes of files that say what their numbers are."""

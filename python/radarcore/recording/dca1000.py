@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from radarcore import notice
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import frame_shape
+from radarcore.recording.frame import COUNTS, frame_shape
 from radarcore.recording.native import Stored
 from radarcore.recording.npy import Converted
 
@@ -82,7 +82,7 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
     source = {
         "file": files[0].name,
         **({"files": [file.name for file in files]} if len(files) > 1 else {}),
-        "cube_unit": "counts",
+        "cube_unit": COUNTS,
         "capture": {"board": "DCA1000", **dict(capture.facts)},
     }
     time = radar.waveform.frame_interval * np.arange(len(words), dtype=np.float64)

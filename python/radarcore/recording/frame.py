@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
@@ -22,12 +22,16 @@ FULL_SCALE = "full scale"
 PARTS_OF_FULL_SCALE = "parts of full scale"
 """Unit of samples that are no codes of 12 bits, see `Receiver.unit`: filtered ones among them."""
 
+COUNTS = "counts"
+"""Unit of samples that were integers of an ADC whose full scale nothing tells."""
+
 _MAX_LOST = np.iinfo(np.int32).max
 
 Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
 """Dtype of the cube and names of the bodies (None: no truth): what all frames of a recording share."""
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Truth:
     """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
@@ -87,15 +91,6 @@ class Truth:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
             object.__setattr__(self, name, check.frozen(values))
 
-    @classmethod
-    def from_rows(cls, names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
-        """Truth of one frame from an array (field, body), which becomes read-only and is not copied."""
-        if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
-            raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
-        truth = object.__new__(cls)
-        vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
-        return truth
-
     def select(self, names: Sequence[str]) -> Truth:
         """The truth of some bodies only, in the order of `names`; KeyError for a name that is not there.
 
@@ -127,6 +122,16 @@ class Truth:
         return Truth(self.names, *(getattr(self, name)[frame_index] for name in TRUTH_FIELDS))
 
 
+def truth_of_rows(names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
+    """Truth of one frame from an array (field, body), which becomes read-only and is not copied."""
+    if rows.shape != (expected := (len(TRUTH_FIELDS), len(names))):
+        raise ValueError(f"rows: expected shape {expected}, got {rows.shape}")
+    truth = object.__new__(Truth)
+    vars(truth).update(zip(TRUTH_FIELDS, check.frozen(rows), strict=True), names=tuple(names))
+    return truth
+
+
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Frame of samples, simulated or measured.
@@ -182,6 +187,9 @@ class Frame:
                 raise ValueError(f"raw: expected shape {self.cube.shape} as the cube, got {codes.shape}")
             object.__setattr__(self, "raw", codes)
 
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.cube, dtype=dtype, copy=copy)
+
     def __repr__(self) -> str:
         channels, chirps, samples = self.cube.shape
         return (
@@ -232,6 +240,11 @@ def unit_of(frame: Frame) -> str | None:
     receiver = frame.radar.receiver
     unit: str | None = frame.stats.get("cube_unit", None if receiver is None else receiver.unit)
     return unit
+
+
+def is_of_adc(frame: Frame) -> bool:
+    """True for samples of an ADC, measured or simulated: codes, counts, or parts of its full scale."""
+    return unit_of(frame) in (FULL_SCALE, PARTS_OF_FULL_SCALE, COUNTS)
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int]:

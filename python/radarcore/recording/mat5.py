@@ -55,7 +55,7 @@ class MatFile:
         if mark not in (b"IM", b"MI"):
             raise ValueError("no mark of its byte order, as versions 5 to 7.2 have")
         self._order = "<" if mark == b"IM" else ">"
-        self.variables = dict(self._variables())
+        self.variables: dict[str, Variable] = dict(self._variables())
 
     def read(self, name: str) -> NDArray[Any]:
         """The array of a name."""

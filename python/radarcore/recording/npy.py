@@ -55,7 +55,9 @@ class GrowingFile:
     def __init__(
         self, path: Path, dtype: np.dtype[Any], row: tuple[int, ...], first: NDArray[Any] | None = None
     ) -> None:
-        self.path, self.dtype, self.row = path, dtype.newbyteorder("<"), row
+        self.path: Path = path
+        self.dtype: np.dtype[Any] = dtype.newbyteorder("<")
+        self.row: tuple[int, ...] = row
         header = self._header(0)
         self._offset = len(header)
         write_whole(path, header + (b"" if first is None else self._bytes(first)))
@@ -107,10 +109,11 @@ class ArrayFile:
     def __init__(self, path: Path, row: tuple[int, ...], dtypes: tuple[str, ...], described_by: str) -> None:
         self.path = path
         with path.open("rb") as file:
+            self.dtype: np.dtype[Any]
             shape, fortran_order, self.dtype = read_header(file, path)
             self._offset = file.tell()
             file.seek(0)
-            self.header = file.read(self._offset)
+            self.header: bytes = file.read(self._offset)
             num_bytes = file.seek(0, os.SEEK_END) - self._offset
         if self.dtype.name not in dtypes:
             raise ValueError(f"{path}: expected {', '.join(dtypes)}, got {self.dtype}")
@@ -119,9 +122,10 @@ class ArrayFile:
             raise ValueError(
                 f"{path}: expected shape {check.shape_text((None, *row))} by its {described_by}, got {shape}{order}"
             )
-        self.shape, self.header_rows = row, int(shape[0])
+        self.shape: tuple[int, ...] = row
+        self.header_rows: int = int(shape[0])
         row_bytes = _num_bytes(row, self.dtype)
-        self.num_rows = num_bytes // row_bytes if row_bytes else None  # rows of nothing: any number of them
+        self.num_rows: int | None = num_bytes // row_bytes if row_bytes else None  # rows of nothing: any number of them
 
     def read(self, num_rows: int, mmap: bool) -> NDArray[Any]:
         """The first rows, copied or mapped."""
@@ -163,7 +167,7 @@ class Converted:
         dtype: DTypeLike = np.float32,
     ) -> None:
         self._stored, self._convert, self._path = stored, convert, path
-        self.shape = (len(stored), *(stored[:0].shape[1:] if row is None else row))
+        self.shape: tuple[int, ...] = (len(stored), *(stored[:0].shape[1:] if row is None else row))
         self.dtype: np.dtype[Any] = np.dtype(dtype)
 
     def __len__(self) -> int:

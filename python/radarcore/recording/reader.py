@@ -7,9 +7,13 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.description import Description
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.native import Stored
 from radarcore.recording.recording import Recording, stored_at
 
@@ -17,6 +21,7 @@ _CHUNK = 16
 """Frames that are read at once."""
 
 
+@check.knows_keywords
 class RecordingReader:
     """Frames of a recording on disk, a few at a time in memory, however many there are.
 
@@ -63,10 +68,13 @@ class RecordingReader:
     ) -> None:
         self._stored: Stored = stored_at(path, description=Description(radar, config, shape, dtype, variable))
         Recording(**self._part(0))  # refuses what does not fit together
-        self.radar = self._stored.radar
+        self.radar: Radar = self._stored.radar
         self.source: dict[str, Any] = self._stored.source
-        self.shape, self.dtype = self._stored.cube.shape, self._stored.cube.dtype
-        self.time, self.truth, self.lost = self._stored.time, self._stored.truth, self._stored.lost
+        self.shape: tuple[int, ...] = self._stored.cube.shape
+        self.dtype: np.dtype[Any] = self._stored.cube.dtype
+        self.time: NDArray[np.float64] = self._stored.time
+        self.truth: Truth | None = self._stored.truth
+        self.lost: NDArray[np.int32] | None = self._stored.lost
 
     def __len__(self) -> int:
         return len(self._stored.cube)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
@@ -37,10 +37,11 @@ from radarcore.recording.frame import (
 )
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
-from radarcore.recording.writer import RecordingWriter
+from radarcore.recording.writer import RecordingWriter, open_as
 from radarcore.summary import html_table
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Recording(Stored):
     """Frames of one radar.
@@ -91,6 +92,12 @@ class Recording(Stored):
 
     def __len__(self) -> int:
         return len(self.cube)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self.frames()
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.cube, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
         channels, chirps, samples = self.cube.shape[1:]
@@ -206,6 +213,7 @@ class Recording(Stored):
             start += length
 
     @classmethod
+    @check.knows_keywords
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
@@ -283,6 +291,7 @@ class Recording(Stored):
         _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
+    @check.knows_keywords
     def load(
         cls,
         path: str | os.PathLike[str],
@@ -393,7 +402,7 @@ class _Format(NamedTuple):
 def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
     source, num_frames = recording.source, len(recording)
     with RecordingWriter(path, recording.radar, num_frames=num_frames, source=source, overwrite=overwrite) as writer:
-        writer.open_as(kind_of(recording.cube, recording.truth))  # also where there are no frames
+        open_as(writer, kind_of(recording.cube, recording.truth))  # also where there are no frames
         for frame in recording.frames():
             writer.append(frame)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from radarcore import check
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices
+from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""
@@ -107,12 +107,7 @@ def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tup
             if any(changes) and first <= index <= last:
                 raise ValueError(f"{where}: expected chirps as their profile has them, got changes of chirp {index}")
             chirps[index] = int(profile), int(mask)
-    if missing := [index for index in indices(first, last, where) if index not in chirps]:
-        raise ValueError(f"{where}: expected a chirpCfg of chirp {missing[0]}, which frameCfg has, got none")
-    used = [chirps[index] for index in indices(first, last, where)]
-    if len(numbers := sorted({profile for profile, _ in used})) != 1:
-        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
-    return tuple(mask for _, mask in used), numbers[0]
+    return of_one_profile(chirps, indices(first, last, where), "chirpCfg", where)
 
 
 def _profile(commands: _Commands, number: int, where: str) -> Profile:

@@ -6,6 +6,7 @@ fields of TI's mmWaveLink: frequencies in GHz, slopes in MHz/us, times in us, ra
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -247,3 +248,17 @@ def indices(first: int, last: int, where: str) -> range:
     if first < 0 or last >= _NUM_CHIRPS:
         raise ValueError(f"{where}: expected chirps 0 to {_NUM_CHIRPS - 1}, got {first} to {last}")
     return range(first, last + 1)
+
+
+def of_one_profile(
+    chirps: Mapping[int, tuple[int, int]], used: range, listed: str, where: str
+) -> tuple[tuple[int, ...], int]:
+    """Masks of the transmitters of the chirps that a frame uses, and their profile, of (profile, mask) by index.
+
+    `listed` is what the files call the list of the chirps.
+    """
+    if missing := [index for index in used if index not in chirps]:
+        raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in {listed}, got none")
+    if len(numbers := sorted({chirps[index][0] for index in used})) != 1:
+        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
+    return tuple(chirps[index][1] for index in used), numbers[0]

@@ -8,7 +8,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.recording.native import parsed_json
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices
+from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
 
 SETUP_SUFFIX = ".setup.json"
 _MMWAVE_SUFFIX = ".mmwave.json"
@@ -142,16 +142,11 @@ def _chirps(rf: _Table, frame: _Table, where: str) -> tuple[tuple[int, ...], int
                     f"{where}: expected chirps as their profile has them, got {changed[0]} of chirp {index}"
                 )
             chirps[index] = entry.whole("profileId"), entry.whole("txEnable")
-    if missing := [index for index in indices(first, last, where) if index not in chirps]:
-        raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in rlChirps, got none")
     for entry in rf.entries("rlBpmChirps", "rlBpmChirpCfg_t"):
         is_used = entry.whole("chirpStartIdx") <= last and entry.whole("chirpEndIdx") >= first
         if is_used and entry.whole("constBpmVal") != 0:
             raise ValueError(f"{where}: expected transmitters that take turns, got binary phases (rlBpmChirps)")
-    used = [chirps[index] for index in indices(first, last, where)]
-    if len(numbers := sorted({profile for profile, _ in used})) != 1:
-        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
-    return tuple(mask for _, mask in used), numbers[0]
+    return of_one_profile(chirps, indices(first, last, where), "rlChirps", where)
 
 
 def _profile(rf: _Table, number: int, where: str) -> Profile:

@@ -18,6 +18,7 @@ from radarcore.recording.native import FORMAT, TRUTH_FILES, exists, format_of, m
 from radarcore.recording.npy import GrowingFile, write_whole
 
 
+@check.knows_keywords
 class RecordingWriter:
     """Writes a recording's directory frame by frame, readable at any moment as far as it got.
 
@@ -68,10 +69,10 @@ class RecordingWriter:
         source: dict[str, Any] | None = None,
         overwrite: bool = False,
     ) -> None:
-        self.path = Path(path)
+        self.path: Path = Path(path)
         self.radar = radar
-        self.num_frames = None if num_frames is None else check.count("num_frames", num_frames, 0)
-        self.source = dict(source or {})
+        self.num_frames: int | None = None if num_frames is None else check.count("num_frames", num_frames, 0)
+        self.source: dict[str, Any] = dict(source or {})
         self._kind: Kind | None = None
         self._files: dict[str, GrowingFile] = {}
         self._written = 0
@@ -79,8 +80,6 @@ class RecordingWriter:
         self._closed = False
 
         check_radar(radar)
-        if format_of(self.path) != "directory":
-            raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
         meta = meta_text(radar, self.source, self.num_frames, None)
         _make_room(self.path, overwrite)
         write_whole(self.path / "meta.json", meta.encode())
@@ -105,7 +104,7 @@ class RecordingWriter:
             if self._kind is None:
                 if (unit := unit_of(frame)) is not None:
                     self.source.setdefault("cube_unit", unit)
-                self.open_as(kind_of(frame.cube, frame.truth))
+                open_as(self, kind_of(frame.cube, frame.truth))
             if num_lost is not None and "lost" not in self._files:
                 none_yet = np.zeros(self._written, np.int32)
                 self._files["lost"] = GrowingFile(self.path / "lost.npy", none_yet.dtype, (), none_yet)
@@ -118,16 +117,6 @@ class RecordingWriter:
         except BaseException:  # a full disk, Ctrl-C: keep the whole frames
             self.close()
             raise
-
-    def open_as(self, kind: Kind) -> None:
-        """Make the array files, the cube last: where it is missing, no frame has been written."""
-        dtype, names = kind
-        write_whole(self.path / "meta.json", meta_text(self.radar, self.source, self.num_frames, kind).encode())
-        self._files["time"] = GrowingFile(self.path / "time.npy", np.dtype(np.float64), ())
-        for name in () if names is None else TRUTH_FILES:
-            self._files[name] = GrowingFile(self.path / f"{name}.npy", np.dtype(np.float64), (len(names or ()),))
-        self._files["cube"] = GrowingFile(self.path / "cube.npy", dtype, frame_shape(self.radar))
-        self._kind = kind
 
     def close(self) -> None:
         """Put the number of frames in the headers; drops what an interruption left of an unfinished frame."""
@@ -147,8 +136,21 @@ class RecordingWriter:
         self.close()
 
 
-def _make_room(path: Path, overwrite: bool) -> None:
-    """An empty directory at `path`, or one with other people's files only where a recording was."""
+def open_as(writer: RecordingWriter, kind: Kind) -> None:
+    """Make the array files, the cube last: where it is missing, no frame has been written."""
+    dtype, names = kind
+    write_whole(writer.path / "meta.json", meta_text(writer.radar, writer.source, writer.num_frames, kind).encode())
+    writer._files["time"] = GrowingFile(writer.path / "time.npy", np.dtype(np.float64), ())
+    for name in () if names is None else TRUTH_FILES:
+        writer._files[name] = GrowingFile(writer.path / f"{name}.npy", np.dtype(np.float64), (len(names or ()),))
+    writer._files["cube"] = GrowingFile(writer.path / "cube.npy", dtype, frame_shape(writer.radar))
+    writer._kind = kind
+
+
+def check_room(path: Path, overwrite: bool) -> bool:
+    """Whether a recording is to be replaced at `path`; an error where none can be written."""
+    if format_of(path) != "directory":
+        raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
     if path.exists() and not path.is_dir():
         raise exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):
@@ -160,6 +162,13 @@ def _make_room(path: Path, overwrite: bool) -> None:
             raise exists(path, "a directory that is not empty and no recording")
         if not overwrite:
             raise exists(path, "a recording; overwrite=True replaces it")
+        return True
+    return False
+
+
+def _make_room(path: Path, overwrite: bool) -> None:
+    """An empty directory at `path`, or one with other people's files only where a recording was."""
+    if check_room(path, overwrite):
         for name in ("cube", "time", "lost", *TRUTH_FILES):
             (path / f"{name}.npy").unlink(missing_ok=True)
     path.mkdir(parents=True, exist_ok=True)

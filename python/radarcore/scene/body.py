@@ -18,6 +18,7 @@ from radarcore.scene.library import materials
 from radarcore.scene.material import Material
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Body:
     """A mesh of one material that may move and change its shape.
@@ -84,6 +85,7 @@ class Body:
         return self.mesh.vertices if self.deformation is None else self.deformation.at(time)
 
 
+@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class PointTarget:
     """An ideal point of a given radar cross-section: no shadow, no phase of its own.

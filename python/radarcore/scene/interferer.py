@@ -131,37 +131,39 @@ class Interferer:
         return 1.0 + 1e-6 * self.drift_ppm
 
     @property
-    def sent_after(self) -> NDArray[np.float64]:
-        """Time from the start of a chirp to that of every transmitter [s of its clock], (tx,)."""
-        offsets, num_tx = self.radar.channel_offsets, len(self.radar.tx)
-        # A radar whose transmitters send at once may have channels of its receivers alone.
-        return offsets[:: len(self.radar.rx)] if len(offsets) == num_tx * len(self.radar.rx) else np.zeros(num_tx)
-
-    def chirps_between(
-        self, begin: float, end: float, origin: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """Starts of chirps that some transmitter sends between `begin` and `end` after `origin` [s].
-
-        Returns
-        -------
-        starts : (sent,) float64
-            After `origin`, increasing [s].
-        frame, chirp : (sent,) int64
-            Numbers of its frames, 0 that of `start`, and of chirps within the frame.
-        """
-        interval = 1.0 / (self.rate * self.clock)
-        # A remainder is exact, a product of the number of frames since 1970 and the interval is not.
-        elapsed = origin - self.start
-        since = fmod(elapsed, interval)
-        number = round((elapsed - since) / interval)
-        low, high = int(np.floor((begin + since) / interval)) - 1, int(np.floor((end + since) / interval))
-        frames = np.arange(low, high + 1)
-        starts = (frames * interval - since)[:, None] + self.radar.waveform.chirp_times / self.clock
-        frame, chirp = np.indices(starts.shape)
-        kept = (starts.ravel() <= end) & (starts.ravel() + self._longest / self.clock >= begin)
-        return starts.ravel()[kept], (frame.ravel() + (number + low))[kept], chirp.ravel()[kept]
-
-    @property
     def _longest(self) -> float:
         """Time from the start of a chirp to the end of the last transmitter's ramp [s of its clock]."""
-        return float(self.sent_after.max()) + self.ramp_duration
+        return float(sent_after(self).max()) + self.ramp_duration
+
+
+def sent_after(interferer: Interferer) -> NDArray[np.float64]:
+    """Time from the start of a chirp to that of every transmitter [s of its clock], (tx,)."""
+    radar = interferer.radar
+    offsets, num_tx, num_rx = radar.channel_offsets, len(radar.tx), len(radar.rx)
+    # A radar whose transmitters send at once may have channels of its receivers alone.
+    return offsets[::num_rx] if len(offsets) == num_tx * num_rx else np.zeros(num_tx)
+
+
+def chirps_between(
+    interferer: Interferer, begin: float, end: float, origin: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Starts of chirps that some transmitter sends between `begin` and `end` after `origin` [s].
+
+    Returns
+    -------
+    starts : (sent,) float64
+        After `origin`, increasing [s].
+    frame, chirp : (sent,) int64
+        Numbers of its frames, 0 that of `start`, and of chirps within the frame.
+    """
+    interval = 1.0 / (interferer.rate * interferer.clock)
+    # A remainder is exact, a product of the number of frames since 1970 and the interval is not.
+    elapsed = origin - interferer.start
+    since = fmod(elapsed, interval)
+    number = round((elapsed - since) / interval)
+    low, high = int(np.floor((begin + since) / interval)) - 1, int(np.floor((end + since) / interval))
+    frames = np.arange(low, high + 1)
+    starts = (frames * interval - since)[:, None] + interferer.radar.waveform.chirp_times / interferer.clock
+    frame, chirp = np.indices(starts.shape)
+    kept = (starts.ravel() <= end) & (starts.ravel() + interferer._longest / interferer.clock >= begin)
+    return starts.ravel()[kept], (frame.ravel() + (number + low))[kept], chirp.ravel()[kept]

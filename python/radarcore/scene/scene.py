@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core
+from radarcore import _core, check
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
@@ -79,6 +79,7 @@ class Parts:
         return np.ascontiguousarray(deformation.rate_at(time))
 
 
+@check.knows_keywords
 @sealed
 class Scene:
     """Bodies and point targets; an empty scene is a scene without echoes.
@@ -123,16 +124,16 @@ class Scene:
                 raise TypeError(
                     f"bodies: expected Body, PointTarget and Interferer, got {type(body).__name__} at index {i}"
                 )
-        self.bodies = tuple(body for body in given if not isinstance(body, Interferer))
-        self.interferers = tuple(body for body in given if isinstance(body, Interferer))
-        self.names = tuple(
+        self.bodies: tuple[Body | PointTarget, ...] = tuple(body for body in given if not isinstance(body, Interferer))
+        self.interferers: tuple[Interferer, ...] = tuple(body for body in given if isinstance(body, Interferer))
+        self.names: tuple[str, ...] = tuple(
             body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
         )
-        self.interferer_names = tuple(
+        self.interferer_names: tuple[str, ...] = tuple(
             interferer.name or f"interferer {i}" for i, interferer in enumerate(self.interferers)
         )
         _check_names(self.names + self.interferer_names)
-        self.parts = Parts.of(self.bodies)
+        self.parts: Parts = Parts.of(self.bodies)
 
     @property
     def num_triangles(self) -> int:

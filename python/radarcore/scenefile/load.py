@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.configuration import configuration
 from radarcore.scenefile import read
@@ -15,6 +16,7 @@ from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.simulation import Simulation
 
 
+@check.knows_keywords
 def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -> Simulation:
     """Read a scene file.
 

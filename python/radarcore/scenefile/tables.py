@@ -5,7 +5,7 @@ Numbers are checked by the classes and functions that take them.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field
 
@@ -20,7 +20,7 @@ def _key(default: Any = ..., unit: str = "", text: str = "") -> Any:
 class Table(BaseModel):
     """A table: no unknown keys, no text where a number is meant."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class PoseTable(Table):

@@ -1,8 +1,6 @@
 from radarcore.sensor.board import BoardInfo as BoardInfo
 from radarcore.sensor.checks import Check as Check
 from radarcore.sensor.device import Sensor as Sensor
-from radarcore.sensor.device import list_sensors as list_sensors
-from radarcore.sensor.device import open_sensor as open_sensor
 from radarcore.sensor.errors import FramesLostWarning as FramesLostWarning
 from radarcore.sensor.errors import ProtocolError as ProtocolError
 from radarcore.sensor.errors import RequestError as RequestError
@@ -10,5 +8,7 @@ from radarcore.sensor.errors import SensorDisconnectedError as SensorDisconnecte
 from radarcore.sensor.errors import SensorError as SensorError
 from radarcore.sensor.errors import SensorNotFoundError as SensorNotFoundError
 from radarcore.sensor.errors import SensorTimeoutError as SensorTimeoutError
+from radarcore.sensor.opening import list_sensors as list_sensors
+from radarcore.sensor.opening import open_sensor as open_sensor
 from radarcore.virtual.board import VirtualBoard as VirtualBoard
 from radarcore.virtual.board import virtual_board as virtual_board

@@ -13,6 +13,9 @@ from radarcore.sensor.errors import SensorError
 
 Result = Literal["PASS", "FAIL", "SKIP"]
 
+_MANY_REASONS = 3
+"""Reasons of losses that a text has at most."""
+
 
 @dataclass(frozen=True)
 class Check:
@@ -70,6 +73,13 @@ def set_to(board: Board, radar: Radar, **options: Any) -> float:
         raise SensorError(f"{board.info.port}: the board's own settings are beyond its limits: {error}") from error
 
 
+def reasons_of(lost: list[Lost]) -> str:
+    """Reasons of losses in words: the first ones, as each may have numbers of its own."""
+    reasons = list(dict.fromkeys(loss.reason for loss in lost))
+    more = f" and {len(reasons) - _MANY_REASONS} more" if len(reasons) > _MANY_REASONS else ""
+    return ", ".join(reasons[:_MANY_REASONS]) + more
+
+
 def measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFrame], list[Lost]]:
     """Some frames of a board every `interval` [s], and losses among them; SensorError where they take far too long."""
     frames: list[RawFrame] = []
@@ -84,9 +94,10 @@ def measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFra
                 else:
                     lost.append(item)
             if len(frames) < num_frames and time.monotonic() > deadline:
-                reasons = ", ".join(dict.fromkeys(loss.reason for loss in lost))
+                reasons = reasons_of(lost)
                 raise SensorError(
-                    f"{board.info.port}: {len(frames)} of {num_frames} frames came in "
+                    f"{board.info.port}: {len(frames)} of {num_frames} frames, which take "
+                    f"{num_frames * interval:.2g} s, came in "
                     f"{2.0 + 1.5 * num_frames * interval:.1f} s{': ' + reasons if reasons else ''}"
                 )
     finally:

@@ -1,11 +1,11 @@
-"""Sensor: open a board, configure it, and take frames like those of the simulator."""
+"""Sensor: configure a board, and take frames like those of the simulator."""
 
 from __future__ import annotations
 
 import threading
 import weakref
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -20,242 +20,14 @@ from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import FULL_SCALE, Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from radarcore.sensor import transport
-from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame
+from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.checks import Check
-from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.errors import (
-    FramesLostWarning,
-    ProtocolError,
-    SensorError,
-    SensorNotFoundError,
-    SensorTimeoutError,
-)
+from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
 from radarcore.sensor.selftest import GROUPS, run_checks
-from radarcore.sensor.strata.board import StrataBoard
-from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
-from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
-PROTOCOLS = ("comlib", "strata")
-"""Protocols that boards speak."""
-
-_SPELLED = {"comlib": "ComLib", "strata": "Strata"}
-
-_XMC = (0x058B, 0x0058)
-"""USB ids of boards with ComLib, and of other products of the vendor."""
-
-_CAPTURE = "capture:"
 _POLL = 0.1
-_PROBE_TIMEOUT = 0.3
 _SILENCE = 2.0
 """A frame that is so much later than its time does not come [s]: boards wake up in less than 2 ms."""
-
-
-def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
-    """Boards that answer, one after the other.
-
-    Parameters
-    ----------
-    usb_backend : object, optional
-        Backend of pyusb; default: the system's.
-
-    Warns
-    -----
-    RuntimeWarning
-        Boards that are there and left out, each with the reason: old firmware, no permission, another program.
-
-    See Also
-    --------
-    open_sensor : Connect to one of them.
-
-    Examples
-    --------
-    >>> # What is printed depends on what is plugged in.
-    >>> rc.sensor.list_sensors()  # doctest: +SKIP
-    [BoardInfo(port='/dev/ttyACM0', protocol='strata', name='Radar Baseboard MCU7 (MCU A)', chip='BGT60TR13C', ...)]
-    """
-    found, failures = [], []
-    for port in transport.find_ports(usb_backend=usb_backend):
-        try:
-            board = _connect(port, None, usb_backend)
-        except SensorError as error:
-            if _is_of_board(port, error):
-                failures.append(error)
-            continue
-        found.append(board.info)
-        board.close()
-    if failures:
-        notice.warn(f"boards left out:{_listed(failures)}", RuntimeWarning)
-    return found
-
-
-def open_sensor(
-    port: str | Port | None = None,
-    *,
-    protocol: str | None = None,
-    queue_size: int = 64,
-    capture: str | PathLike[str] | None = None,
-    usb_backend: Any = None,
-) -> Sensor:
-    """Connect to a board.
-
-    Parameters
-    ----------
-    port : str or Port, optional
-        Device file or a link to one, ``COM3``, ``usb:BUS-ADDRESS`` or ``usb:VENDOR:PRODUCT``; default: the first board
-        that answers. ``capture:FILE`` plays a capture as if its board were there, for a program that asks the same.
-    protocol : "strata" or "comlib", optional
-        Default: by its USB id, or else what it answers to.
-    queue_size : int
-        Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
-    capture : path, optional
-        File to write every byte to and from the board into, of a port with a byte stream.
-    usb_backend : object, optional
-        Backend of pyusb; default: the system's.
-
-    Raises
-    ------
-    SensorNotFoundError
-        When there is no board, or nothing at `port`.
-    SensorError
-        When it cannot be opened (permissions, another program), or is not a radar that is known here (old firmware,
-        another chip).
-    ImportError
-        Without the extra `usb`.
-
-    See Also
-    --------
-    sensor.Sensor : What comes back.
-    sensor.list_sensors : Boards that answer.
-    sensor.virtual_board : A board without hardware.
-    Simulator : Frames of a simulated scene, of the same kind.
-
-    Examples
-    --------
-    >>> from radarcore.sensor.emulator.pty import PtyPort
-    >>> from radarcore.sensor.emulator.source import Noise
-    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:  # in place of a board on USB
-    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-    ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-    ...         print([frame.cube.shape for frame in sensor.frames(2)])
-    [(3, 16, 128), (3, 16, 128)]
-    """
-    if protocol is not None:
-        check.choice("protocol", protocol, PROTOCOLS)
-    if port is not None:
-        return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
-    failures, reasons = [], []
-    for found in transport.find_ports(usb_backend=usb_backend):
-        try:
-            return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
-        except SensorError as error:
-            failures.append(error)
-            if _is_of_board(found, error):
-                reasons.append(error)
-    if len(reasons) == 1:
-        raise reasons[0]
-    if reasons:
-        raise SensorError(f"expected a radar board that can be opened, got{_listed(reasons)}")
-    tried = f"; tried:{_listed(failures)}" if failures else ": no known USB device and no serial port of one"
-    raise SensorNotFoundError(f"no radar board found{tried}")
-
-
-def _is_of_board(port: Port, error: SensorError) -> bool:
-    """True for a failure of what is there and a radar board for certain: by its answer, or by its USB ids."""
-    if isinstance(error, SensorNotFoundError):
-        return False  # unplugged meanwhile
-    ids = (port.vendor_id, port.product_id)
-    if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
-        return bool(error.protocol)
-    return bool(error.protocol) or ids in transport.KNOWN_BOARDS
-
-
-def _listed(failures: list[SensorError]) -> str:
-    return "".join(f"\n  {failure}" for failure in failures)
-
-
-def _connect(
-    port: str | Port, protocol: str | None, usb_backend: Any, capture: str | PathLike[str] | None = None
-) -> Board:
-    """The board at a port."""
-    if isinstance(port, str) and port.startswith(_CAPTURE):
-        path = port.removeprefix(_CAPTURE)
-        return _comlib(Replay(path), 1.0) if protocol == "comlib" else _strata(StreamLink(Replay(path)), 1.0)
-    if isinstance(port, str):
-        port = _port_of(port, usb_backend)
-    if port.kind == "usb-vendor":
-        if capture is not None:
-            raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
-        return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
-    protocols = _protocols_of(port) if protocol is None else (protocol,)
-    timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
-    failures: dict[str, SensorError] = {}
-    for name in protocols:
-        stream = transport.open_stream(port, usb_backend=usb_backend)
-        if capture is not None:
-            stream = _captured(stream, capture)
-        try:
-            return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
-        except (SensorTimeoutError, ProtocolError) as error:
-            if len(protocols) == 1 or error.protocol:
-                raise
-            failures[name] = error
-    reasons = "; ".join(
-        f"{_SPELLED[name]}: {str(error).removeprefix(f'{port.path}: ')}" for name, error in failures.items()
-    )
-    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
-
-
-def _protocols_of(port: Port) -> tuple[str, ...]:
-    """Protocols that a port may speak, in the order in which they are tried.
-
-    Boards with known ids speak one. Bridges with ids of their own and UARTs are ways to Strata boards, while ComLib
-    boards are USB devices themselves. At a pty either may be, and of the two a Strata board takes requests of the
-    other protocol more lightly: a ComLib board then is silent for seconds.
-    """
-    ids = (port.vendor_id, port.product_id)
-    if ids == _XMC:
-        return ("comlib",)  # other products with these ids speak no Strata either
-    if ids in transport.KNOWN_BOARDS:
-        return ("strata",)
-    return PROTOCOLS if port.vendor_id is None and transport.may_be_usb(port) else PROTOCOLS[::-1]
-
-
-def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
-    try:
-        return Capture(stream, path)
-    except BaseException:
-        stream.close()
-        raise
-
-
-def _strata(link: Link, timeout: float) -> Board:
-    return _or_close(link, lambda: StrataBoard(link, timeout=timeout))
-
-
-def _comlib(stream: Stream, timeout: float) -> Board:
-    return _or_close(stream, lambda: ComLibBoard(stream, timeout=timeout))
-
-
-def _port_of(text: str, usb_backend: Any) -> Port:
-    """Port of a name: a USB device that is plugged in, or else a serial port."""
-    if not text.startswith("usb:"):
-        return transport.serial_port(text)
-    ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
-    for port in ports:
-        if text.lower() in (port.path, f"usb:{port.vendor_id:04x}:{port.product_id:04x}"):
-            return port
-    there = f"; there is {', '.join(port.path for port in ports)}" if ports else ""
-    raise SensorNotFoundError(f"{text}: expected a radar board on USB, got none{there}")
-
-
-def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
-    """Board made from a resource, which is closed when that fails."""
-    try:
-        return make()
-    except BaseException:
-        resource.close()
-        raise
 
 
 class Sensor:
@@ -299,9 +71,9 @@ class Sensor:
     def __init__(self, board: Board, *, queue_size: int = 64) -> None:
         self._board = board
         self._queue_size = check.count("queue_size", queue_size)
-        self.info = board.info
+        self.info: BoardInfo = board.info
         self.radar: Radar | None = None
-        self.num_lost = 0
+        self.num_lost: int = 0
         self._is_open = True
         self._closing = threading.RLock()
         self._reader: _Reader | None = None
@@ -359,6 +131,7 @@ class Sensor:
         self._check_open()
         if not isinstance(radar, Radar):
             raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check_options(options, self._board.configure, self.info.chip)
         self.stop()
         self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
         return self.radar
@@ -520,6 +293,8 @@ class Sensor:
         if duration is not None:
             seconds = check.positive("duration", duration, "s")
             num_frames = max(1, round(seconds / radar.waveform.frame_interval))
+        if num_frames is not None:
+            num_frames = check.count("num_frames", num_frames)
         frames = self.frames(num_frames)
         bar = notice.progress(frames, "recording", "frame", total=num_frames, shown=progress)
         with (

@@ -13,11 +13,11 @@ from radarcore.sensor.bgt60.registers import CHIP_ID, FIFO, chip_name
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
 from radarcore.sensor.board import Board, Lost, RawFrame
-from radarcore.sensor.checks import Check, judged, measure, present_radar, set_to, with_rx
+from radarcore.sensor.checks import Check, judged, measure, present_radar, reasons_of, set_to, with_rx
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
-from radarcore.sensor.measured import pace_of
 from radarcore.sensor.signal_checks import any_noise_checks, noise_checks, pattern_checks
+from radarcore.sensor.signal_statistics import pace_of
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.transport import KNOWN_BOARDS
 
@@ -243,7 +243,7 @@ def _usual_radar() -> Radar:
 
 def _lost(name: str, frames: list[RawFrame], lost: list[Lost]) -> Check:
     number = sum(loss.num_frames for loss in lost)
-    reasons = ", ".join(dict.fromkeys(loss.reason for loss in lost))
+    reasons = reasons_of(lost)
     because = f": {reasons}" if reasons else ""
     text = f"{number} of {len(frames) + number} frames lost{because}"
     return judged(name, number == 0, text, "0 lost", {"lost": number, "frames": len(frames), "reasons": reasons})

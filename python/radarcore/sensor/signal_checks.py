@@ -12,8 +12,8 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.sensor.board import Board
 from radarcore.sensor.checks import Check, judged, measure, present_radar, set_to, with_rx
-from radarcore.sensor.measured import chirp_noise, clipped, leakage
 from radarcore.sensor.packing import pack_msb, test_pattern, unpack_lsb
+from radarcore.sensor.signal_statistics import chirp_noise, clipped, leakage
 from radarcore.sensor.strata.board import StrataBoard
 
 _NOISE = {23: 1.1, 50: 5.5, 55: 9.8}

@@ -17,7 +17,7 @@ from radarcore.scene.scene import Scene
 from radarcore.simulate.directions import angles
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles
-from radarcore.simulate.settings import Settings
+from radarcore.simulate.settings import Settings, core_settings
 from radarcore.units import SPEED_OF_LIGHT
 
 _NUM_TIMES = 17
@@ -187,7 +187,7 @@ class FirstBounce:
             ),
             waveform=self._waveform._core,
             center=self._radar.array_center.tolist(),
-            settings=self._settings.to_core(reuse_tiles=False),
+            settings=core_settings(self._settings, reuse_tiles=False),
             threads=self._settings.threads,
         )
 

@@ -14,7 +14,7 @@ from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
 from radarcore.receive.low_pass import low_pass_of
-from radarcore.scene.interferer import Interferer
+from radarcore.scene.interferer import Interferer, chirps_between, sent_after
 from radarcore.scene.scene import Scene
 from radarcore.simulate.directions import angles
 from radarcore.simulate.first_bounce import BouncePaths, FirstBounce
@@ -110,7 +110,7 @@ class Interference:
         wf, clock = interferer.radar.waveform, interferer.clock
         end = float(self._starts.max() + self._radar.waveform.sample_times[-1])
         begin = -self._low_pass.settling_time - _LONGEST_DELAY
-        starts, frame, chirp = interferer.chirps_between(begin, end, start)
+        starts, frame, chirp = chirps_between(interferer, begin, end, start)
         if wf.is_cw:
             phases = wf.start_frequency * clock * starts + _turns(self._seed, number, np.zeros(1, dtype=np.int64))
         else:
@@ -143,7 +143,7 @@ class Interference:
                     delay=delay,
                     delay_rate=np.broadcast_to(paths.delay_rate[..., None], delay.shape),
                     amplitude=np.broadcast_to(paths.amplitude[..., None], delay.shape),
-                    sent_after=interferer.sent_after[paths.transmitter] / interferer.clock,
+                    sent_after=sent_after(interferer)[paths.transmitter] / interferer.clock,
                 )
             )
         return found
@@ -176,7 +176,7 @@ class Interference:
         delay = distance / SPEED_OF_LIGHT
         # Absolute times are rounded: what lies between them is not quite the span.
         rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
-        sent_after = interferer.sent_after / interferer.clock
+        sent = sent_after(interferer) / interferer.clock
         delays, rates, amplitudes = (  # per offset (chirp, rx, tx)
             np.split(values, len(self._starts)) for values in (delay[0], rate, amplitude.astype(np.complex128))
         )
@@ -185,7 +185,7 @@ class Interference:
                 delay=delays[k].transpose(1, 2, 0),
                 delay_rate=rates[k].transpose(1, 2, 0),
                 amplitude=amplitudes[k].transpose(1, 2, 0),
-                sent_after=sent_after,
+                sent_after=sent,
             )
             for k in range(len(self._starts))
         ]

@@ -79,11 +79,6 @@ class Settings:
         if self.ray_budget is not None:
             object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self._cells))
 
-    def changed(self) -> dict[str, Any]:
-        """Settings that are not the default ones."""
-        given = {field.name: getattr(self, field.name) for field in fields(Settings)}
-        return {name: value for name, value in given.items() if value != getattr(Settings, name)}
-
     @property
     def view_deg(self) -> Angles:
         """Horizontal and vertical angle that frames have [degrees]: those chosen, or as wide as any antennas see."""
@@ -149,30 +144,37 @@ class Settings:
         left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
-    def to_core(self, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
-        """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
-        pixels, image = self._pixels, self.image_view_deg
-        rays = self._cells if self.is_adaptive else pixels
-        return _core.Settings(
-            sampling="adaptive" if self.is_adaptive else self.sampling,
-            rotations=rays.rotations,
-            rays=rays.planes,
-            tubes=pixels.planes,
-            image=one_plane(image, *(self._number or (_IMAGE_SIDE, _IMAGE_SIDE))),
-            rcs_floor=_RCS_FLOORS.get(self.sampling, 1.0) if self.rcs_floor is None else self.rcs_floor,
-            follows_echo=self.rcs_floor is None,
-            ray_budget=self.most_rays,
-            end_points=self.end_points,
-            gain_floor=None if self.gain_floor_db == np.inf else _ratio(self.gain_floor_db),
-            skip_empty=skip_empty,
-            reuse_tiles=reuse_tiles,
-            max_bounces=self.max_bounces or 1,
-            bounce_floor=_ratio(self.bounce_floor_db),
-            retrace=float(np.deg2rad(self.retrace_deg)),
-            seed=self.seed,
-            tolerance=self.tolerance,
-            method=self.method,
-        )
+
+def changed_settings(settings: Settings) -> dict[str, Any]:
+    """Settings that are not the default ones."""
+    given = {field.name: getattr(settings, field.name) for field in fields(Settings)}
+    return {name: value for name, value in given.items() if value != getattr(Settings, name)}
+
+
+def core_settings(settings: Settings, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
+    """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
+    pixels, image = settings._pixels, settings.image_view_deg
+    rays = settings._cells if settings.is_adaptive else pixels
+    return _core.Settings(
+        sampling="adaptive" if settings.is_adaptive else settings.sampling,
+        rotations=rays.rotations,
+        rays=rays.planes,
+        tubes=pixels.planes,
+        image=one_plane(image, *(settings._number or (_IMAGE_SIDE, _IMAGE_SIDE))),
+        rcs_floor=_RCS_FLOORS.get(settings.sampling, 1.0) if settings.rcs_floor is None else settings.rcs_floor,
+        follows_echo=settings.rcs_floor is None,
+        ray_budget=settings.most_rays,
+        end_points=settings.end_points,
+        gain_floor=None if settings.gain_floor_db == np.inf else _ratio(settings.gain_floor_db),
+        skip_empty=skip_empty,
+        reuse_tiles=reuse_tiles,
+        max_bounces=settings.max_bounces or 1,
+        bounce_floor=_ratio(settings.bounce_floor_db),
+        retrace=float(np.deg2rad(settings.retrace_deg)),
+        seed=settings.seed,
+        tolerance=settings.tolerance,
+        method=settings.method,
+    )
 
 
 def _ratio(floor_db: float) -> float:

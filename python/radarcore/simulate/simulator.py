@@ -19,7 +19,7 @@ from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.frame import Frame, truth_of_rows
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
@@ -30,7 +30,7 @@ from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.sectors import Angles, whole_tiles
-from radarcore.simulate.settings import Settings
+from radarcore.simulate.settings import Settings, changed_settings, core_settings
 from radarcore.simulate.side_by_side import in_order
 from radarcore.simulate.times import frame_times
 from radarcore.summary import html_table
@@ -155,7 +155,7 @@ class Simulator(Settings):
         object.__setattr__(self, "radar_motion", motion)
 
     def __repr__(self) -> str:
-        changed = "".join(f", {name}={value!r}" for name, value in self.changed().items())
+        changed = "".join(f", {name}={value!r}" for name, value in changed_settings(self).items())
         horizontal, vertical = self.view_deg
         return f"<Simulator of {self.scene!r} and {self.radar!r}: {horizontal:.4g} x {vertical:.4g} degrees{changed}>"
 
@@ -164,7 +164,7 @@ class Simulator(Settings):
             "bodies": list(self.scene.names),
             "triangles": self.scene.num_triangles,
             "field of view [degrees]": "{:.4g} x {:.4g}".format(*self.view_deg),
-            **self.changed(),
+            **changed_settings(self),
         }
         return html_table("Simulator", {**facts, **self.radar.facts()})
 
@@ -412,7 +412,7 @@ class Simulator(Settings):
             rows = ideals[0].truth
             assert rows is not None  # as every scene has one
             self._doubts.of_velocities(self.scene.names, rows[1])
-            truth = Truth.from_rows(self.scene.names, rows)
+            truth = truth_of_rows(self.scene.names, rows)
             yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
@@ -528,7 +528,7 @@ class Simulator(Settings):
             antennas=radar._core,
             waveform=ramps_of(radar)._core,
             center=radar.array_center.tolist(),
-            settings=self.to_core(reuse_tiles=reuse_tiles, skip_empty=skip_empty),
+            settings=core_settings(self, reuse_tiles=reuse_tiles, skip_empty=skip_empty),
             threads=own_threads or self.threads,
             own_threads=own_threads is not None,
         )

@@ -109,6 +109,7 @@ class Plan:
         return self.text
 
 
+@check.knows_keywords
 def beat_signal(
     delay: ArrayLike,
     amplitude: ArrayLike,
@@ -187,6 +188,7 @@ def beat_signal(
     return samples
 
 
+@check.knows_keywords
 def plan_beat_signal(
     delay: ArrayLike,
     amplitude: ArrayLike,

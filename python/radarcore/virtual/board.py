@@ -23,6 +23,7 @@ _KEEPS_UP = 0.95
 """Part of the speed that was asked for below which a scene is slow."""
 
 
+@check.knows_keywords
 def virtual_board(
     source: Simulator | Simulation | Recording | FrameSource,
     *,
@@ -87,7 +88,7 @@ def virtual_board(
         frames = Playback(source)
     else:
         frames = source
-    return VirtualBoard(frames, protocol, speed, latency, faults)
+    return VirtualBoard(frames, protocol, speed, latency, faults, is_own=frames is not source)
 
 
 class VirtualBoard:
@@ -106,9 +107,17 @@ class VirtualBoard:
     """
 
     def __init__(
-        self, source: FrameSource, protocol: str, speed: float | None, latency: float, faults: Faults | None
+        self,
+        source: FrameSource,
+        protocol: str,
+        speed: float | None,
+        latency: float,
+        faults: Faults | None,
+        *,
+        is_own: bool,
     ) -> None:
         self._speed = speed
+        self._simulated = source if is_own and isinstance(source, Simulated) else None
         self._controller: Controller | None = None
         self._board: CdcBoard | ComLibEmulator
         self._measures: Chip | ComLibEmulator
@@ -161,7 +170,9 @@ class VirtualBoard:
         return news
 
     def close(self) -> None:
-        """End measuring."""
+        """End measuring, without waiting for a frame that is being simulated; may be called twice."""
+        if self._simulated is not None:
+            self._simulated.close()
         if self._controller is not None:
             self._controller.close()
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from radarcore.radar.baseband import phase_noise_delays
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive.chain import receive
 from radarcore.recording.codes import FULL_SCALE_VOLT, to_codes
 from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
 from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
+from radarcore.virtual.worker import Worker
 
 RECEIVERS = ("measured", "ideal")
 
@@ -67,15 +69,15 @@ class Simulated:
     """
 
     def __init__(self, simulator: Simulator, *, start: float = 0.0, receiver: str = "measured") -> None:
-        self.start = check.number("start", start, "s")
+        self.start: float = check.number("start", start, "s")
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
         self._simulators: dict[Radar, Simulator] = {}
         self._known: dict[tuple[Radar, float], tuple[Radar, bool]] = {}  # as received
         own = simulator.radar.receiver
-        self._own = None if own is None or own.is_plain else own
+        self._own = None if own is None or is_plain(own) else own
         self._is_ideal = receiver == "ideal" and self._own is None
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="radarcore-simulate")
+        self._worker: Worker[NDArray[np.float64]] = Worker("radarcore-simulate")
         self._ahead: dict[tuple[Radar, int], tuple[float, Future[NDArray[np.float64]]]] = {}
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
@@ -94,19 +96,23 @@ class Simulated:
         volt = gain * np.sqrt(2.0 * _IMPEDANCE) * samples
         return codes_of(volt * (MIDDLE / FULL_SCALE_VOLT))
 
+    def close(self) -> None:
+        """End simulating; whoever waits for a frame gets a RuntimeError instead, at once. May be called twice."""
+        self._worker.close()
+
     def _received(self, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
         """The radar with the chain of its receivers, and True where that gives codes."""
         receiver = radar.receiver or Receiver(output="real")
         places = [] if self._is_ideal else _places(radar)
         if not places:
-            return _with_receiver(radar, replace(receiver, high_pass=None)), False
+            return replace(radar, receiver=replace(receiver, high_pass=None)), False
         own = self._own
         cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
         chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
         chain = replace(chain, phase_noise=None) if own is None else _switched(chain, own)
         if radar.waveform.is_cw:
             chain = replace(chain, high_pass=None)
-        return _with_receiver(radar, chain.of_receivers(places)), True
+        return replace(radar, receiver=chain.of_receivers(places)), True
 
     def _taken(self, radar: Radar, index: int, time: float) -> NDArray[np.float64]:
         """Samples of a frame, simulated ahead or now; frames ahead of others are forgotten."""
@@ -114,12 +120,12 @@ class Simulated:
         for key in [key for key in self._ahead if not 0 <= key[1] - index <= _NUM_AHEAD]:
             self._ahead.pop(key)[1].cancel()
         if begin is not None and abs(begin[0] - time) < 0.5 * radar.waveform.sample_times[-1]:
-            return begin[1].result()
-        return self._pool.submit(self._samples, radar, time).result()
+            return self._worker.result(begin[1])
+        return self._worker.result(self._worker.begin(partial(self._samples, radar, time)))
 
     def _begin(self, radar: Radar, index: int, time: float) -> None:
         if (radar, index) not in self._ahead:
-            self._ahead[radar, index] = time, self._pool.submit(self._samples, radar, time)
+            self._ahead[radar, index] = time, self._worker.begin(partial(self._samples, radar, time))
 
     def _samples(self, radar: Radar, time: float) -> NDArray[np.float64]:
         """Real samples [sqrt(W)], or parts of full scale of the measured receiver."""
@@ -162,14 +168,3 @@ def _places(radar: Radar) -> list[int]:
     distance = np.linalg.norm(radar.rx[:, None] - bgt60tr13c().rx, axis=-1)
     places: list[int] = distance.argmin(axis=1).tolist()
     return places if distance.min(axis=1).max() < _SAME_PLACE else []
-
-
-def _with_receiver(radar: Radar, receiver: Receiver) -> Radar:
-    return Radar(
-        radar.waveform,
-        tx=radar.tx,
-        rx=radar.rx,
-        pattern=radar.pattern,
-        tx_power_dbm=radar.tx_power_dbm,
-        receiver=receiver,
-    )

@@ -6,3 +6,5 @@ Every call is one of the API `sim-1`, as CoppeliaSim 4.6 and later have it.
 from radarcore.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__)
+
+del attach

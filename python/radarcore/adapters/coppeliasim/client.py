@@ -50,9 +50,9 @@ class Client:
     """
 
     def __init__(self, host: str, port: int, timeout: float) -> None:
-        self.timeout = check.positive("timeout", timeout, "s")
-        self.address = f"tcp://{host}:{check.port('port', port)}"
-        self.is_open = True
+        self.timeout: float = check.positive("timeout", timeout, "s")
+        self.address: str = f"tcp://{host}:{check.port('port', port)}"
+        self.is_open: bool = True
         self._remote = _remote(host, port, self)
         try:
             self.sim: Any = self._remote.require("sim")

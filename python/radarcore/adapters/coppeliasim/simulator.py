@@ -32,6 +32,7 @@ _POLL = 0.01
 """Time between two questions whether the simulation has stopped [s]."""
 
 
+@check.knows_keywords
 class CoppeliaSim:
     """A running CoppeliaSim, reached through its ZeroMQ remote API (``pip install radarcore[coppelia]``).
 

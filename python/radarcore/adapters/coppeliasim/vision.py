@@ -112,9 +112,15 @@ class VisionSensor:
     """
 
     def __init__(self, sim: Any, handle: int, path: str, motion: Motion) -> None:
-        self._sim, self._handle, self.path, self.motion = sim, handle, path, motion
+        self._sim = sim
+        self._handle = handle
+        self.path: str = path
+        self.motion: Motion = motion
         if not sim.getObjectInt32Param(handle, sim.visionintparam_perspective_operation):
             raise ValueError(f"{path}: expected a vision sensor of perspective type, got an orthographic one")
+        self.near: float
+        self.far: float
+        self.angle: float
         self.near, self.far, self.angle = (
             float(sim.getObjectFloatParam(handle, parameter))
             for parameter in (

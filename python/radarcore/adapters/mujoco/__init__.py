@@ -3,3 +3,5 @@
 from radarcore.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__)
+
+del attach

@@ -32,6 +32,7 @@ SHOWN_GROUPS = (0, 1, 2)
 """Groups that MuJoCo's viewers show: visual geoms, by convention."""
 
 
+@check.knows_keywords
 @sealed
 class LiveModel:
     """Geoms of a MuJoCo model as bodies, whose poses and velocities every `update` takes from an MjData.
@@ -112,11 +113,12 @@ class LiveModel:
         if not isinstance(model, mujoco.MjModel):
             hint = "; mujoco.MjModel.from_xml_path reads files" if isinstance(model, str | os.PathLike) else ""
             raise TypeError(f"model: expected MjModel, got {type(model).__name__}{hint}")
-        self.model, self.groups = model, tuple(groups)
+        self.model: Any = model
+        self.groups: tuple[int, ...] = tuple(groups)
         self._by_differences = check.choice("rates", rates, RATES) == "differences"
         if model.nflex > 0 or model.nskin > 0:
             notice.warn("model: flexible bodies and skins are not seen by the radar: only geoms are taken")
-        self.geoms = _geoms(model, self.groups, skip)
+        self.geoms: tuple[int, ...] = _geoms(model, self.groups, skip)
         if not self.geoms and model.ngeom > 0:
             there = sorted(set(model.geom_group.tolist()))
             notice.warn(f"groups: expected some with geoms that are seen, got {self.groups}; the model has {there}")
@@ -136,11 +138,11 @@ class LiveModel:
 
         meshes, names = Meshes(model, plane_size, sagitta), _body_names(model, self.geoms)
         coats = geom_materials(model, self.geoms, materials, default)
-        self.bodies = tuple(
+        self.bodies: tuple[Body, ...] = tuple(
             Body(meshes.of(geom), material=coat, motion=self._motions[geom], name=name)
             for geom, coat, name in zip(self.geoms, coats, names, strict=True)
         )
-        self.scene = Scene(self.bodies)
+        self.scene: Scene = Scene(self.bodies)
 
     def update(self, data: Any, *, by_differences: bool | None = None) -> None:
         """Take poses and velocities from an MjData, at its time.

@@ -74,6 +74,7 @@ class View:
         }
 
 
+@check.knows_keywords
 class DepthView:
     """Draws depth and bodies of a MuJoCo model as a camera or a site sees them. A context manager.
 
@@ -139,11 +140,14 @@ class DepthView:
         mujoco = mujoco_module()
         self._sensor: Motion = live.motion(camera=camera, site=site)
         model = live.model
-        self.live, self.rows, self.columns = live, check.count("rows", rows), check.count("columns", columns)
-        self.near, self.far = check.positive("near", near, "m"), check.positive("far", far, "m")
+        self.live: LiveModel = live
+        self.rows: int = check.count("rows", rows)
+        self.columns: int = check.count("columns", columns)
+        self.near: float = check.positive("near", near, "m")
+        self.far: float = check.positive("far", far, "m")
         if self.far <= self.near:
             raise ValueError(f"far: expected more than near {self.near:g} m, got {self.far:g} m")
-        self.fovy_deg = _vertical_angle(model, camera, fovy_deg)
+        self.fovy_deg: float = _vertical_angle(model, camera, fovy_deg)
         if not 0.0 < self.fovy_deg < 180.0:
             raise ValueError(f"fovy_deg: expected an angle between 0 and 180 degrees, got {self.fovy_deg:g}")
 

@@ -33,6 +33,7 @@ class FrameSource(Protocol):
         ...
 
 
+@check.knows_keywords
 def frames(
     simulator: FrameSource,
     live: LiveModel,

@@ -29,6 +29,7 @@ _READABLE = (".stl", ".obj", ".msh")
 _SCHEME = "package://"
 
 
+@check.knows_keywords
 def spec_from_urdf(
     path: str | PathLike[str],
     *,

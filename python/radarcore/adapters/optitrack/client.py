@@ -56,6 +56,7 @@ class Updated(Protocol):
         ...
 
 
+@check.knows_keywords
 class MotionCaptureClient:
     """Receives frames that Motive, or `MotionCaptureServer`, streams.
 

@@ -50,6 +50,7 @@ class _Header:
     num_lines: int
 
 
+@check.knows_keywords
 def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_unit: str | None = None) -> MotionCapture:
     """Read a take that Motive exported as CSV file.
 

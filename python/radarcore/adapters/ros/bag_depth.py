@@ -20,6 +20,7 @@ _LAST = 1e-6
 """Time after the last image at which a frame may still start [s]."""
 
 
+@check.knows_keywords
 class DepthImages:
     """Depth images of a bag, decoded as they are asked for.
 
@@ -76,11 +77,11 @@ class DepthImages:
         start_ns: int | None = None,
     ) -> None:
         self._bag = bag
-        self.topic = _depth_topic(bag, topic)
+        self.topic: str = _depth_topic(bag, topic)
         if camera is not None and info_topic is not None:
             raise ValueError(f"info_topic: expected none together with a camera, got {info_topic!r}")
         self._camera = _camera_of(bag, self.topic, info_topic) if camera is None else camera
-        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+        self.start_ns: int = first_stamp_ns(bag) if start_ns is None else int(start_ns)
 
     def __len__(self) -> int:
         """Number of images."""
@@ -126,6 +127,7 @@ class FrameImages(NamedTuple):
     """Frames left out just before this one, for want of images."""
 
 
+@check.knows_keywords
 def frame_images(images: Iterable[PlanarDepth], rate: float, *, max_age: float = 0.2) -> Iterator[FrameImages]:
     """Images of every frame, at a steady rate from the second image to the last one.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import notice
+from radarcore import check, notice
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
 from radarcore.adapters.ros.stamps import header_nanoseconds, nanoseconds
@@ -28,6 +28,7 @@ _LONG_GAP, _MANY = 0.2, 5.0
 """A gap in a series is at least this long [s], and this many times as long as the usual interval."""
 
 
+@check.knows_keywords
 class BagMotions:
     """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
 
@@ -64,7 +65,7 @@ class BagMotions:
 
     def __init__(self, bag: BagReader, *, start_ns: int | None = None) -> None:
         self.bag = bag
-        self.start_ns = first_stamp_ns(bag) if start_ns is None else int(start_ns)
+        self.start_ns: int = first_stamp_ns(bag) if start_ns is None else int(start_ns)
         self._trees: dict[str, TransformTree] = {}
         self._series: dict[tuple[str, str | None], PoseSeries] = {}
         self._spans: list[tuple[float, float]] = []

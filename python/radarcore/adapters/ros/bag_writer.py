@@ -23,6 +23,7 @@ _LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
 """Latest time of a message [ns since 1970]."""
 
 
+@check.knows_keywords
 class BagWriter:
     """Writes messages into a new ROS bag.
 
@@ -73,15 +74,18 @@ class BagWriter:
 
     def __init__(self, path: str | PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
         need_rosbags()
-        self.path = Path(path)
+        self.path: Path = Path(path)
         suffix = self.path.suffix
-        self.format = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
+        if suffix not in _BY_SUFFIX and suffix[1:2].isalpha():  # dates and versions in names of folders have dots, too
+            ends = ", ".join(_BY_SUFFIX)
+            raise ValueError(f"path: expected a bag ({ends}) or a folder without a suffix, got {str(path)!r}")
+        self.format: str = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
         if _BY_SUFFIX.get(suffix, self.format) != self.format or (self.format == "ros1" and suffix != ".bag"):
             expected = next(end for end, kind in _BY_SUFFIX.items() if kind == self.format)
             folder = "" if self.format == "ros1" else " or a folder"
             raise ValueError(f"path: expected {expected}{folder} for the format {self.format!r}, got {str(path)!r}")
         self.version = 1 if self.format == "ros1" else 2
-        self.types = typestore(self.version)
+        self.types: Any = typestore(self.version)
         self._overwrite = overwrite
         self._check_room()
         self._part = self.path.with_name(f"{self.path.name}.part")

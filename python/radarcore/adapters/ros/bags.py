@@ -68,6 +68,7 @@ class BagMessage:
     message: Any
 
 
+@check.knows_keywords
 class BagReader:
     """A ROS bag: its topics, and its messages in the order of their times.
 
@@ -119,14 +120,15 @@ class BagReader:
 
     def __init__(self, path: str | PathLike[str]) -> None:
         need_rosbags()
-        self.path = Path(path)
+        self.path: Path = Path(path)
         if not self.path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
         self._told = self._closed = False
         self._stack = ExitStack()
+        self.version: int
         self._readers, self.version = self._opened()
         self._connections = [connection for reader in self._readers for connection in reader.connections]
-        self.topics = _topics(self._connections)
+        self.topics: dict[str, Topic] = _topics(self._connections)
         filled = [reader for reader in self._readers if reader.message_count]
         self.start_ns: int = min((reader.start_time for reader in filled), default=0)
         self.stop_ns: int = max((reader.end_time for reader in filled), default=0)

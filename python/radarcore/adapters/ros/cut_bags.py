@@ -64,7 +64,9 @@ class SequentialReader(ABC):
         self.path = path
         self.connections: list[Any] = []
         self.cut: str | None = None
-        self.start_time, self.end_time, self.message_count = 2**63 - 1, 0, 0
+        self.start_time: int = 2**63 - 1
+        self.end_time: int = 0
+        self.message_count: int = 0
         self._channels: dict[int, _Channel] = {}
 
     def __enter__(self) -> SequentialReader:

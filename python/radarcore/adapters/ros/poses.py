@@ -197,6 +197,7 @@ def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
     return tuple(map(as_pose, transforms(rotations, positions)))
 
 
+@check.knows_keywords
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns].
 
@@ -223,6 +224,7 @@ def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types:
     return make(types, "geometry_msgs/msg/PoseStamped", header=stamped, pose=placed)
 
 
+@check.knows_keywords
 def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names.
 
@@ -313,6 +315,7 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     }
 
 
+@check.knows_keywords
 def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) -> JointSeries:
     """Positions of joints in ``sensor_msgs/JointState``.
 

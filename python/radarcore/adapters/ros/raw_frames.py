@@ -34,7 +34,17 @@ from radarcore.adapters.ros.samples import from_samples_message, to_samples_mess
 from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Kind, Truth, check_alike, frame_shape, kind_of, unit_of
+from radarcore.recording.frame import (
+    TRUTH_FIELDS,
+    Frame,
+    Kind,
+    Truth,
+    check_alike,
+    frame_shape,
+    kind_of,
+    truth_of_rows,
+    unit_of,
+)
 from radarcore.recording.native import meta_text, parsed_json, radar_from_json
 from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import Recording
@@ -45,6 +55,7 @@ TRUTH_TYPE = "std_msgs/msg/Float64MultiArray"
 _TRUTH_AXES = ("field", "body")
 
 
+@check.knows_keywords
 def to_truth_message(truth: Truth, *, types: Types = None) -> Any:
     """Truth of a frame as a ``std_msgs/Float64MultiArray``: range, velocity, azimuth, elevation [field, body].
 
@@ -94,9 +105,10 @@ def from_truth_message(message: Any, names: tuple[str, ...]) -> Truth:
     size = len(TRUTH_FIELDS) * len(names)
     if len(values) < size:
         raise ValueError(f"data: expected {size} numbers, got {len(values)}")
-    return Truth.from_rows(names, values[:size].reshape(len(TRUTH_FIELDS), len(names)).copy())
+    return truth_of_rows(names, values[:size].reshape(len(TRUTH_FIELDS), len(names)).copy())
 
 
+@check.knows_keywords
 class FrameWriter:
     """Writes frames of a radar into a bag, one by one; nothing is kept in memory.
 
@@ -195,6 +207,7 @@ class FrameWriter:
         self._bag.write(f"{self._topic}/{name}", message, stamp)
 
 
+@check.knows_keywords
 def write_frames(
     bag: BagWriter, frames: Recording | RecordingReader, *, topic: str = "/radar", start_ns: int = 0
 ) -> None:
@@ -220,6 +233,7 @@ def write_frames(
     writer.close()
 
 
+@check.knows_keywords
 class BagFrames:
     """Frames of a radar in a bag, a few at a time in memory.
 
@@ -262,7 +276,7 @@ class BagFrames:
         where = f"{bag.path}, {name}"
         if text is None:
             raise ValueError(f"{where}: expected the settings of a radar, got no message")
-        self.radar = radar_from_json(text, where)
+        self.radar: Radar = radar_from_json(text, where)
         values = parsed_json(text, where)
         self.source: dict[str, Any] = dict(values.get("source") or {})
         self._unit = values.get("cube_unit")

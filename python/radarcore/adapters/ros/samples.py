@@ -18,9 +18,8 @@ from radarcore import check
 from radarcore.adapters.planar_depth import unpacked
 from radarcore.adapters.ros.messages import Types, header, make
 from radarcore.radar.radar import Radar
-from radarcore.recording.bare import COUNTS
 from radarcore.recording.codes import checked_codes, to_samples
-from radarcore.recording.frame import FULL_SCALE, Frame, frame_shape, unit_of
+from radarcore.recording.frame import COUNTS, FULL_SCALE, Frame, frame_shape, unit_of
 
 _LABELS = ("frame", "channel", "chirp", "sample")
 _IQ = "iq"
@@ -29,6 +28,7 @@ _ARRAYS = {"int16": "Int16", "float32": "Float32", "float64": "Float64"}
 """Name of a message by the type of its numbers."""
 
 
+@check.knows_keywords
 def to_samples_message(samples: Frame | NDArray[Any], *, types: Types = None) -> Any:
     """Samples as a ``std_msgs/Int16MultiArray``, or Float32MultiArray or Float64MultiArray for those that are no codes.
 
@@ -124,6 +124,7 @@ def from_samples_message(message: Any) -> NDArray[Any]:
     return values if labels[0] == _LABELS[0] else values[None]
 
 
+@check.knows_keywords
 def to_frame(message: Any, radar: Radar, time: float, *, cube_unit: str | None = None) -> Frame:
     """Frame of a radar from a message of its samples.
 
@@ -167,6 +168,7 @@ def to_frame(message: Any, radar: Radar, time: float, *, cube_unit: str | None =
     return Frame(cube.astype(np.float32), time, radar, stats={"cube_unit": COUNTS} | stats)
 
 
+@check.knows_keywords
 def to_settings_message(source: Frame | Radar, *, cube_unit: str | None = None, types: Types = None) -> Any:
     """Settings of the radar and unit of its samples as a ``std_msgs/String`` of JSON, for a latched topic.
 
@@ -211,6 +213,7 @@ def from_settings_message(message: Any) -> tuple[Radar, str | None]:
         raise ValueError(f"data: expected settings of a radar as JSON, got {got!r} ({error})") from error
 
 
+@check.knows_keywords
 def to_map_image(values: ArrayLike, *, time_ns: int, frame_id: str = "radar", types: Types = None) -> Any:
     """Range-velocity map as a ``sensor_msgs/Image``, 32FC1: a row per velocity, the lowest on top, a column per range.
 

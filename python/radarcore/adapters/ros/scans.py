@@ -15,7 +15,7 @@ from radarcore import check
 from radarcore.adapters.planar_depth import unpacked
 from radarcore.adapters.ros.messages import Types, checked_frame_id, header, make
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.point_cloud import Detections, detections_of_rows
 
 _FIELDS = ("x", "y", "z", "velocity", "intensity")
 """Columns of a point cloud, float32 each."""
@@ -26,6 +26,7 @@ _POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8
 _FLOAT32 = 7
 
 
+@check.knows_keywords
 def to_radar_scan(
     detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
 ) -> Any:
@@ -65,6 +66,7 @@ def to_radar_scan(
     return make(types, "radar_msgs/msg/RadarScan", header=stamped, returns=returns)
 
 
+@check.knows_keywords
 def from_radar_scan(
     message: Any, *, approaching_positive: bool = False, has_elevation: bool = True, start_ns: int = 0
 ) -> Detections:
@@ -114,6 +116,7 @@ def from_radar_scan(
     return _detections(columns, message, approaching_positive, start_ns)
 
 
+@check.knows_keywords
 def to_point_cloud(
     detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
 ) -> Any:
@@ -158,6 +161,7 @@ def to_point_cloud(
     )
 
 
+@check.knows_keywords
 def from_point_cloud(
     message: Any,
     *,
@@ -211,7 +215,7 @@ def _detections(columns: NDArray[np.float64], message: Any, approaching_positive
     kept = columns[:, np.isfinite(columns[0])]
     kept = kept[:, np.argsort(kept[0], kind="stable")]
     time = 0.0 if time_ns is None else seconds(time_ns, start_ns)
-    return Detections.from_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
+    return detections_of_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
 
 
 def _first(entry: Any, *names: str) -> Any:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check, plot
+from radarcore.cli import terminal
 from radarcore.comparison.statistics import TargetErrors, target_errors
 from radarcore.comparison.targets import estimates, found_in
 from radarcore.models.robots import data
@@ -22,6 +23,16 @@ from radarcore.scenefile.load import load_scene
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
 """Compared targets, and the body whose truth counts for each."""
+
+
+_HEADER = (
+    "",
+    *("frames\nvisible", "\ntracked"),
+    *("range [bins]\nmedian", "\nlargest"),
+    *("velocity [bins]\nmedian", "\nlargest"),
+    *("below\n1/2 range bin", "below\n1 velocity bin"),
+)
+"""Columns of the errors, in colour."""
 
 
 def scene_text(with_robots: bool) -> str:
@@ -36,9 +47,9 @@ def run(
     duration: float | None = None,
     ray_budget: int | None = None,
     with_robots: bool | None = None,
-    say: Callable[[str], None] = print,
+    say: Callable[[str | terminal.Table], None] = terminal.show,
 ) -> dict[str, Any]:
-    """Simulate, record, compare and draw; results go to `say`, line by line, and are returned.
+    """Simulate, record, compare and draw; results go to `say`, lines and a table, and are returned.
 
     Parameters
     ----------
@@ -105,8 +116,7 @@ def run(
         known = true.range[:, 0], true.velocity[:, 0]
         errors.append(target_errors(name, (one.range, one.velocity), known, bins, one.num_tracks))
     say("")
-    for line in _table(errors):
-        say(line)
+    say(_table(errors))
 
     # One picture.
     picture = directory / "experiment.png"
@@ -133,8 +143,8 @@ def run(
     }
 
 
-def _table(targets: Sequence[TargetErrors]) -> list[str]:
-    """The errors as lines of text."""
+def _table(targets: Sequence[TargetErrors]) -> terminal.Table:
+    """The errors of the targets."""
     lines = [
         "            frames            range error [bins]  velocity error [bins]  frames with errors below",
         "            visible  tracked   median    largest    median    largest    1/2 range bin  1 velocity bin",
@@ -145,4 +155,13 @@ def _table(targets: Sequence[TargetErrors]) -> list[str]:
         f"{one.range.num_within:>13}  {one.velocity.num_within:>14}"
         for one in targets
     ]
-    return lines
+    rows = [
+        (
+            *(one.name, str(one.num_frames), str(one.num_tracked)),
+            *(f"{one.range.median_bins:.3f}", f"{one.range.largest_bins:.3f}"),
+            *(f"{one.velocity.median_bins:.3f}", f"{one.velocity.largest_bins:.3f}"),
+            *(str(one.range.num_within), str(one.velocity.num_within)),
+        )
+        for one in targets
+    ]
+    return terminal.Table(_HEADER, rows, lines)

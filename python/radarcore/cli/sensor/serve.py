@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from radarcore import check
-from radarcore.cli.sensor.options import factor_of_real_time
+from radarcore.cli.options import Count, Seconds, Source
+from radarcore.cli.sensor.options import Speed
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
@@ -23,62 +25,68 @@ _BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib"
 """Chip and protocol of the boards."""
 
 
-def add_parsers(actions: Any) -> None:
-    """Add `serve` to the commands of `radarcore sensor`."""
-    serve = actions.add_parser("serve", help="serve a simulated scene or a recording by a board's protocol")
-    serve.add_argument("source", type=Path, metavar="SOURCE", help="scene file (TOML), or recording with ADC codes")
-    serve.add_argument("--protocol", choices=("strata", "comlib"), default="strata", help="default: %(default)s")
-    serve.add_argument("--link", type=Path, metavar="PATH", help="also make a symbolic link to the port")
-    serve.add_argument(
-        "--speed",
-        type=factor_of_real_time,
-        default=1.0,
-        metavar="X",
-        help="factor of real time, or max: as fast as the client reads (default: 1)",
-    )
-    serve.add_argument(
-        "--latency", type=float, default=1e-3, metavar="S", help="seconds from a request to its answer (default: 0.001)"
-    )
-    serve.add_argument(
-        "--receiver",
-        choices=("measured", "ideal"),
-        default="measured",
-        help="receivers behind a scene: with leakage and offsets of the chip as measured, or by the data sheet alone "
-        "(default: %(default)s)",
-    )
-    serve.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
-    serve.add_argument("--threads", type=int, metavar="N", help="threads of the simulator (default: all cores)")
-    serve.set_defaults(run=_serve)
+def run(
+    source: Source,
+    /,
+    *,
+    protocol: Literal["strata", "comlib"] = "strata",
+    link: Annotated[Path | None, Parameter(metavar="PATH")] = None,
+    speed: Speed = 1.0,
+    latency: Annotated[float, Parameter(metavar="S")] = 1e-3,
+    receiver: Literal["measured", "ideal"] = "measured",
+    duration: Seconds = None,
+    threads: Count = None,
+) -> None:
+    """Serve a simulated scene or a recording by a board's protocol.
 
-
-def _serve(options: argparse.Namespace) -> int:
+    Parameters
+    ----------
+    source : path
+        scene file (TOML), or recording with ADC codes
+    protocol : str
+        of the board
+    link : path
+        also make a symbolic link to the port
+    speed : float
+        factor of real time, or max: as fast as the client reads (default: 1)
+    latency : float
+        seconds from a request to its answer
+    receiver : str
+        receivers behind a scene: with leakage and offsets of the chip as measured, or by the data sheet alone
+    duration : float
+        end after S seconds
+    threads : int
+        threads of the simulator (default: all cores)
+    """
     from radarcore.sensor.emulator.pty import PtyPort
     from radarcore.virtual.board import virtual_board
 
-    duration = None if options.duration is None else check.positive("--duration", options.duration, "s")
-    source, settings = _source(options.source)
-    chip, protocol = _BOARDS[options.protocol]
+    if duration is not None:
+        check.positive("--duration", duration, "s")
+    frames, settings = _source(source)
+    chip, language = _BOARDS[protocol]
     with (
         virtual_board(
-            source,
-            protocol=options.protocol,
-            speed=options.speed,
-            threads=options.threads,
-            receiver=options.receiver,
-            latency=options.latency,
+            frames,
+            protocol=protocol,
+            speed=speed,
+            threads=threads,
+            receiver=receiver,
+            latency=latency,
         ) as board,
-        PtyPort(board, link=options.link) as port,
+        PtyPort(board, link=link) as port,
     ):
         try:
-            name = options.link or port.path
+            name = link or port.path
             print(f"listening on {name}")
-            print(f"{options.source} as a {chip}, protocol {protocol}; {settings}")
+            print(f"{source} as a {chip}, protocol {language}; {settings}")
             print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
             _wait(duration, _Clients(port).news, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
+        finally:
+            board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
-    return 0
 
 
 def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
 
 from radarcore import check
+from radarcore.cli.options import Count, Metres
 from radarcore.radar.design import WishError
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
@@ -32,62 +37,96 @@ _OPTIONS = {
 }
 """Options of a waveform by their keywords, and units."""
 
+_GAINS = {"if_gain_db": "--gain", "tx_power_level": "--power"}
+"""Options of a board beside its waveform by their keywords."""
+
 _RECEIVERS = {1: (0,), 2: (0, 2), 3: (0, 1, 2)}
 """Receivers by their number: of two, the horizontal pair."""
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add the settings of a board."""
-    settings = parser.add_argument_group("settings of a board")
-    settings.add_argument("--radar", type=Path, metavar="SCENE", help="take the radar of a scene file (TOML)")
-    settings.add_argument(
-        "--max-range", type=float, metavar="M", help="see at least so far [m] (default: 10); end of the range axis"
-    )
-    settings.add_argument(
-        "--max-velocity", type=float, metavar="V", help="tell velocities apart up to this, both ways [m/s] (default: 4)"
-    )
-    settings.add_argument(
-        "--bandwidth",
-        metavar="FREQUENCY",
-        help="sampled band, as 1.5GHz or 500MHz: range bins of 15 cm per GHz of it (default: about 1 GHz)",
-    )
-    settings.add_argument("--rx", metavar="RX", help="receivers, as 1,3; or how many of them (default: all)")
-    settings.add_argument("--rate", type=float, metavar="HZ", help="frames per second (default: 40)")
-    settings.add_argument("--chirps", type=int, metavar="N", help="chirps per frame (default: 64)")
-    settings.add_argument("--samples", type=int, metavar="N", help="samples per chirp (default: 128)")
-    settings.add_argument("--gain", type=int, metavar="DB", help="IF gain, 18 to 60 dB (default: 23)")
-    settings.add_argument("--power", type=int, metavar="LEVEL", help="transmit power, 0 to 31 (default: 31)")
+_Hertz = Annotated[float | None, Parameter(metavar="HZ")]
 
 
-def radar_of(options: argparse.Namespace) -> Radar:
-    """The radar that the options wish for; a ValueError names those that cannot be had together."""
+@Parameter(name="*", group=Group("Settings of a board", sort_key=2))
+@dataclass(frozen=True, kw_only=True)
+class BoardSettings:
+    """What a person wishes of a board."""
+
+    radar: Annotated[Path | None, Parameter(metavar="SCENE")] = None
+    """take the radar of a scene file (TOML)"""
+
+    max_range: Metres = None
+    """see at least so far [m] (default: 10); end of the range axis"""
+
+    max_velocity: Annotated[float | None, Parameter(metavar="V")] = None
+    """tell velocities apart up to this, both ways [m/s] (default: 4)"""
+
+    bandwidth: Annotated[str | None, Parameter(metavar="FREQUENCY")] = None
+    """sampled band, as 1.5GHz or 500MHz: range bins of 15 cm per GHz of it (default: about 1 GHz)"""
+
+    rx: Annotated[str | None, Parameter(metavar="RX")] = None
+    """receivers, as 1,3; or how many of them (default: all)"""
+
+    rate: _Hertz = None
+    """frames per second (default: 40)"""
+
+    chirps: Count = None
+    """chirps per frame (default: 64)"""
+
+    samples: Count = None
+    """samples per chirp (default: 128)"""
+
+    gain: Annotated[Count, Parameter(metavar="DB")] = None
+    """IF gain, 18 to 60 dB (default: 23)"""
+
+    power: Annotated[Count, Parameter(metavar="LEVEL")] = None
+    """transmit power, 0 to 31 (default: 31)"""
+
+
+NOT_SET = BoardSettings()
+
+
+def radar_of(settings: BoardSettings) -> Radar:
+    """The radar that the settings wish for; a ValueError names those that cannot be had together."""
     given = {
-        "max_range": options.max_range,
-        "max_velocity": options.max_velocity,
-        "bandwidth": None if options.bandwidth is None else _bandwidth(options.bandwidth),
-        "rate": options.rate,
-        "num_chirps": options.chirps,
-        "num_samples": options.samples,
+        "max_range": settings.max_range,
+        "max_velocity": settings.max_velocity,
+        "bandwidth": None if settings.bandwidth is None else _bandwidth(settings.bandwidth),
+        "rate": settings.rate,
+        "num_chirps": settings.chirps,
+        "num_samples": settings.samples,
     }
     wishes: dict[str, float] = {name: value for name, value in given.items() if value is not None}
     for name, value in wishes.items():
         option, unit = _OPTIONS[name]
         check.count(option, value) if name.startswith("num_") else check.positive(option, value, unit)
-    radar = _designed(wishes) if options.radar is None else _changed(load_scene(options.radar).radar, wishes)
-    return radar if options.rx is None else _with_receivers(radar, _indices(options.rx))
+    radar = _designed(wishes) if settings.radar is None else _changed(load_scene(settings.radar).radar, wishes)
+    return radar if settings.rx is None else _with_receivers(radar, _indices(settings.rx))
 
 
-def refuse_settings(options: argparse.Namespace, source: str) -> None:
+def refuse_settings(settings: BoardSettings, source: str) -> None:
     """Refuse settings of a board beside a recording or scene, whose range alone may be cut in the view."""
     names = ("radar", "max_velocity", "bandwidth", "rx", "rate", "chirps", "samples", "gain", "power")
-    if (given := next((name for name in names if getattr(options, name) is not None), None)) is not None:
+    if (given := next((name for name in names if getattr(settings, name) is not None), None)) is not None:
         raise ValueError(f"--{given.replace('_', '-')}: expected a board, which it sets, got {source}")
 
 
-def gains_of(options: argparse.Namespace) -> dict[str, Any]:
+def gains_of(settings: BoardSettings) -> dict[str, Any]:
     """Options of a board beside its radar."""
-    given = {"if_gain_db": options.gain, "tx_power_level": options.power}
+    given = {"if_gain_db": settings.gain, "tx_power_level": settings.power}
     return {name: value for name, value in given.items() if value is not None}
+
+
+@contextmanager
+def words_of_options() -> Iterator[None]:
+    """Errors of a board's settings in the words of the options."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        name, colon, rest = str(error).partition(":")
+        if name not in _GAINS:
+            raise
+        raise ValueError(f"{_GAINS[name]}{colon}{rest}") from None
 
 
 def sight(radar: Radar) -> str:
@@ -139,7 +178,7 @@ def _refusal(error: WishError, wishes: dict[str, float]) -> str:
 
 
 def _in_options(text: str, wishes: dict[str, float]) -> str:
-    """A message in the words of the options."""
+    """A message in the words of the settings."""
     name = text.partition(":")[0]
     words = re.sub(r"\b(" + "|".join(_OPTIONS) + r")\b", lambda found: _OPTIONS[found[0]][0], text)
     return words if name not in _OPTIONS else f"{words}{_beside(wishes, name)}"

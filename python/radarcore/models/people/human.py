@@ -22,6 +22,7 @@ _TALLEST = 3.0
 """Height above which it is hardly that of a person in metres [m]."""
 
 
+@check.knows_keywords
 @sealed
 class Human:
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.
@@ -83,22 +84,22 @@ class Human:
         phase: float = 0.0,
         mass: float | None = None,
     ) -> None:
-        self.height = check.positive("height", height, "m")
+        self.height: float = check.positive("height", height, "m")
         if self.height > _TALLEST:
             raise ValueError(
                 f"height: expected at most {_TALLEST:g} m, got {self.height:g}; centimetres? 1.75 is a person of 175 cm"
             )
-        self.speed = check.non_negative("speed", speed, "m/s")
+        self.speed: float = check.non_negative("speed", speed, "m/s")
         fastest = gait.MAX_RELATIVE_SPEED * HIP_HEIGHT * self.height
         if self.speed > fastest:
             raise ValueError(
                 f"speed: expected at most {fastest:.3g} m/s for a height of {self.height:g} m (3 hip heights per "
                 f"second, where the walking model ends), got {self.speed:g}"
             )
-        self.path = FloorPath(path, turn_radius)
-        self.start_time = check.number("start_time", start_time, "s")
-        self.phase = check.number("phase", phase)
-        self.mass = 70.0 * (self.height / 1.75) ** 2 if mass is None else check.positive("mass", mass, "kg")
+        self.path: FloorPath = FloorPath(path, turn_radius)
+        self.start_time: float = check.number("start_time", start_time, "s")
+        self.phase: float = check.number("phase", phase)
+        self.mass: float = 70.0 * (self.height / 1.75) ** 2 if mass is None else check.positive("mass", mass, "kg")
         self._walk = Walk(self.height, self.speed, self.path, self.start_time, self.phase)
         self._spheroids = spheroids(self.height, self.mass)
         self._figure = Figure(self._walk, skeleton(self.height), self._spheroids["foot"].lowest)

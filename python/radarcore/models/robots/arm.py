@@ -29,6 +29,7 @@ Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """
 
 
+@check.knows_keywords
 @sealed
 class RobotArm:
     """A tree of joints, with meshes on the links between them.
@@ -69,12 +70,12 @@ class RobotArm:
 
     def __init__(self, joints: Iterable[Joint], links: Mapping[str, Mesh | None], *, name: str = "arm") -> None:
         self.name = name
-        self.joints = tuple(joints)
+        self.joints: tuple[Joint, ...] = tuple(joints)
         moving = [joint for joint in self.joints if joint.kind != "fixed"]
-        self.joint_names = tuple(joint.name for joint in moving)
+        self.joint_names: tuple[str, ...] = tuple(joint.name for joint in moving)
         ordered = _from_the_root(self.joints, links)
         root = next(link for link in links if all(joint.child != link for joint in self.joints))
-        self.links = {link: links[link] for link in [root, *(joint.child for joint in ordered)]}
+        self.links: dict[str, Mesh | None] = {link: links[link] for link in [root, *(joint.child for joint in ordered)]}
 
         # A link's map to its parent is fixed + first * a + second * b, with (first, second) = (sin q, 1 - cos q)
         # for a joint that turns (Rodrigues) and (q, 0) for one that slides.
@@ -96,6 +97,7 @@ class RobotArm:
                 self._first[k, :3, 3] = joint.origin.rotation @ joint.axis
 
     @classmethod
+    @check.knows_keywords
     def from_urdf(
         cls,
         path: str | PathLike[str],
@@ -149,6 +151,7 @@ class RobotArm:
             raise ValueError(f"{fspath(path)}: {error}") from error
 
     @classmethod
+    @check.knows_keywords
     def named(cls, name: str, *, meshes: Literal["collision", "visual"] | None = "collision") -> RobotArm:
         """A real arm by its name (``pip install radarcore[robots]``), from the package example-robot-data.
 
@@ -372,6 +375,7 @@ class RobotArm:
         return f"<RobotArm {self.name!r}: {len(self.links)} links, joints {', '.join(self.joint_names) or 'none'}>"
 
 
+@check.knows_keywords
 @sealed
 class MovingArm:
     """A robot arm whose joints, and perhaps base, move; `RobotArm.moving` makes it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
 from radarcore.geometry.pose import Matrix
@@ -14,6 +14,7 @@ from radarcore.motion.ends import Ends
 from radarcore.sealed import sealed
 
 
+@check.knows_keywords
 @sealed
 class JointTrajectory:
     """Joint angles that pass through given values: C2 cubic splines.
@@ -58,7 +59,7 @@ class JointTrajectory:
     ) -> None:
         from scipy.interpolate import CubicSpline
 
-        self.times = check.increasing("times", times)
+        self.times: NDArray[np.float64] = check.increasing("times", times)
         num_joints = None if arm is None else len(arm.joint_names)
         values = check.array("angles", angles, (len(self.times), num_joints))
         turns = [True] * values.shape[1] if arm is None else [joint.kind == "revolute" for joint in arm.moving_joints]

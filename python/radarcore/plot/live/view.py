@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.plot import canvas
 from radarcore.processing.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
@@ -31,6 +32,7 @@ _TEXT_INTERVAL = 0.2
 """Time between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
 
 
+@check.knows_keywords
 class LiveView:
     """Power over range and velocity of the newest frame, range over the last seconds, and detections.
 
@@ -103,7 +105,7 @@ class LiveView:
             threshold_db=threshold_db,
             max_detections=max_detections,
         )
-        self.figure = _figure() if figure is None else figure
+        self.figure: Figure = _figure() if figure is None else figure
         self._limits = (0.0, 0.0)  # of the colours, set by the first frame
         self._make_axes()
         self._make_texts(title, max_detections)

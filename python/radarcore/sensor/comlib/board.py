@@ -208,12 +208,7 @@ class ComLibBoard:
             self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
             sample_rate = self._sample_rate(wave, rx_mask)
             # The ramp lasts as long as the chirp, which follows from rate and format.
-            duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
-            if sample_rate == 0.0 or duration == 0.0:
-                raise ProtocolError(
-                    f"{self._stream.name}: expected a sample rate and a duration of chirps, "
-                    f"got {sample_rate:g} Hz and {duration:g} s"
-                )
+            duration = self._chirp_duration(sample_rate)
             ramp = self._set_ramp(wave, power, duration)
             slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
             shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
@@ -223,17 +218,8 @@ class ComLibBoard:
         self._shape = (rx_mask.bit_count(), wave.num_chirps, wave.num_samples)
         if slope == 0.0:
             slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
-        is_down = ramp.direction == Direction.DOWN
-        achieved = Waveform(
-            start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
-            slope=-slope if is_down else slope,
-            sample_rate=sample_rate,
-            num_samples=wave.num_samples,
-            num_chirps=wave.num_chirps,
-            chirp_interval=duration,
-            frame_interval=self._interval_us / 1e6,
-            adc_delay=0.5 * max(0.0, duration - wave.num_samples / sample_rate),
-        )
+        form = Format(wave.num_samples, wave.num_chirps, rx_mask)
+        achieved = _waveform_of(ramp, slope, form, sample_rate, duration, self._interval_us / 1e6)
         noise_figure_db = None if radar.receiver is None else radar.receiver.noise_figure_db
         return Radar(
             achieved,
@@ -258,20 +244,11 @@ class ComLibBoard:
                 sample_rate = float(self._adc_settings(self._adc).sample_rate)
             else:
                 sample_rate = self._measured_rate(form.num_samples, form.num_chirps, form.rx_mask)
-            duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
+            duration = self._chirp_duration(sample_rate)
             shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL) / 1e6
-        is_down = ramp.direction == Direction.DOWN
         slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
-        waveform = Waveform(
-            start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
-            slope=-slope if is_down else slope,
-            sample_rate=sample_rate,
-            num_samples=form.num_samples,
-            num_chirps=form.num_chirps,
-            chirp_interval=duration,
-            frame_interval=max(shortest, form.num_chirps * duration),
-            adc_delay=0.5 * max(0.0, duration - form.num_samples / sample_rate),
-        )
+        interval = max(shortest, form.num_chirps * duration)
+        waveform = _waveform_of(ramp, slope, form, sample_rate, duration, interval)
         return Radar(waveform, rx=[[0.0, 0.0, 0.0]] * form.rx_mask.bit_count(), receiver=Receiver(output="real"))
 
     def start(self) -> None:
@@ -426,6 +403,16 @@ class ComLibBoard:
                 f"{durations[1]} ns; expected the one with more samples to last longer"
             )
         return abs(num_samples - other) / (difference / 1e9)
+
+    def _chirp_duration(self, sample_rate: float) -> float:
+        """Duration of a chirp [s]; an error where it or the sample rate is none."""
+        duration = self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION) / 1e9
+        if sample_rate == 0.0 or duration == 0.0:
+            raise ProtocolError(
+                f"{self._stream.name}: expected a sample rate and a duration of chirps, "
+                f"got {sample_rate:g} Hz and {duration:g} s"
+            )
+        return duration
 
     def _fmcw_settings(self) -> FmcwSettings:
         return self._decoded(FmcwSettings.decode, self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))
@@ -614,3 +601,20 @@ class ComLibBoard:
                 )
         self._parser.reset()
         self._is_out_of_step = self._is_board_confused = False
+
+
+def _waveform_of(
+    ramp: FmcwSettings, slope: float, form: Format, sample_rate: float, duration: float, interval: float
+) -> Waveform:
+    """Waveform of a board's settings: slope [Hz/s] without its sign, duration of a chirp, frame interval [s]."""
+    is_down = ramp.direction == Direction.DOWN
+    return Waveform(
+        start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
+        slope=-slope if is_down else slope,
+        sample_rate=sample_rate,
+        num_samples=form.num_samples,
+        num_chirps=form.num_chirps,
+        chirp_interval=duration,
+        frame_interval=interval,
+        adc_delay=0.5 * max(0.0, duration - form.num_samples / sample_rate),
+    )

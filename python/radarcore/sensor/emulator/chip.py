@@ -96,13 +96,13 @@ class Chip:
         self._fill = 0
         self._run = 0  # number of the measurement under way; a sequencer of another number ends
         self._thread: threading.Thread | None = None
-        self.has_overflown = False
-        self.complains = False
+        self.has_overflown: bool = False
+        self.complains: bool = False
         """An overflow has not been told yet; whoever tells it clears this."""
         self.failure: Exception | None = None
-        self.frame_size = 0
+        self.frame_size: int = 0
         """Samples of a frame of the newest measurement, of all receivers."""
-        self.num_lost = 0
+        self.num_lost: int = 0
         """Frames that overflows have cost, in all; those that a host did not wait for are not counted."""
         self.paces: deque[float] = deque(maxlen=_MOST_PACES)
         """Rates of the source over `PACE_TIME` [s of the sensor per s of the host], until somebody takes them."""
@@ -304,7 +304,8 @@ class Chip:
                     for ramps in sequence.ramps
                 ]
             except Exception as error:  # a source that fails ends the measurement, not the board
-                self.failure = error
+                if self._run == run:
+                    self.failure = error
                 return
             if is_test:
                 parts = zip(cubes, sequence.ramps, strict=True)

@@ -111,8 +111,10 @@ class ComLibEmulator:
         buffer_size: int = 512,
         latency: float = 0.0,
     ) -> None:
-        self.temperature = check.number("temperature", temperature, "degrees Celsius")
+        self.temperature: float = check.number("temperature", temperature, "degrees Celsius")
         self.failure: Exception | None = None
+        self.num_frames: int
+        self.num_lost: int
         self.num_frames = self.num_lost = 0
         """Frames that were sent, and frames that were over before they were asked for, in all."""
         self._source = source

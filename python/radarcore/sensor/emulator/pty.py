@@ -72,7 +72,7 @@ class PtyPort:
         try:
             tty.setraw(slave)
             os.set_blocking(self._master, False)
-            self.path = os.ttyname(slave)
+            self.path: str = os.ttyname(slave)
             self._mark = announce(self.path)
             if self._link is not None:
                 make_link(self._link, self.path)

@@ -340,16 +340,4 @@ class _Image:
             waveform = settings_of(self._registers).to_radar().waveform
         except ValueError:
             waveform = replace(ramps.radar.waveform, frame_interval=frame / CLOCK)
-        radar = ramps.radar
-        return Ramps(
-            Radar(
-                waveform,
-                tx=radar.tx,
-                rx=radar.rx,
-                pattern=radar.pattern,
-                tx_power_dbm=radar.tx_power_dbm,
-                receiver=radar.receiver,
-            ),
-            ramps.if_gain_db,
-            ramps.has_first_rx,
-        )
+        return replace(ramps, radar=replace(ramps.radar, waveform=waveform))

@@ -55,8 +55,8 @@ class Noise:
     """
 
     def __init__(self, deviation: float = 20.0, seed: int = 0) -> None:
-        self.deviation = check.non_negative("deviation", deviation, "codes")
-        self.seed = check.count("seed", seed, 0)
+        self.deviation: float = check.non_negative("deviation", deviation, "codes")
+        self.seed: int = check.count("seed", seed, 0)
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """Noise of its own for every index."""

@@ -95,24 +95,24 @@ class Controller:
         latency: float = LATENCY,
         faults: Faults | None = None,
     ) -> None:
-        self.latency = check.non_negative("latency", latency, "s")
-        self.identity = Identity() if identity is None else identity
+        self.latency: float = check.non_negative("latency", latency, "s")
+        self.identity: Identity = Identity() if identity is None else identity
         self.has_timestamps = has_timestamps
         self.most_payload = most_payload
-        self.faults = Faults() if faults is None else faults
-        self.arrived = threading.Condition()
+        self.faults: Faults = Faults() if faults is None else faults
+        self.arrived: threading.Condition = threading.Condition()
         """Guards `packets`; notified when there are new ones."""
         self.packets: deque[DataPacket] = deque()
-        self.num_sent = 0
+        self.num_sent: int = 0
         """Data packets that were taken, in all."""
-        self.num_frames = 0.0
+        self.num_frames: float = 0.0
         """Frames whose slices were taken, in all, and parts of frames."""
         self._num_slices = 0
         self._counter = 0
         self._slice_size: int | None = None
         self._is_sending = False
         self._last_status = (int(Kind.WRITE), 0)
-        self.chip = Chip(
+        self.chip: Chip = Chip(
             source,
             speed=speed,
             temperature=temperature,

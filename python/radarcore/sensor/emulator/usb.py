@@ -17,7 +17,7 @@ import struct
 import threading
 from array import array
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import monotonic
@@ -333,7 +333,8 @@ class EmulatedBus:
         """Refused: no board has such an endpoint, but pyusb demands the method."""
         raise NotImplementedError("transfers of this type are not emulated")
 
-    iso_read = iso_write = intr_write
+    iso_read: Callable[..., NoReturn] = intr_write
+    iso_write: Callable[..., NoReturn] = intr_write
 
     def ctrl_transfer(
         self,

@@ -26,7 +26,7 @@ from radarcore.sensor.bgt60.registers import (
 )
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
-from radarcore.sensor.board import BoardInfo, Lost, RawFrame
+from radarcore.sensor.board import BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
@@ -92,7 +92,7 @@ class StrataBoard:
         # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
         self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
-        self.info = self._open(timeout)
+        self.info: BoardInfo = self._open(timeout)
 
     def _open(self, timeout: float) -> BoardInfo:
         """Ask whether somebody speaks Strata there, and then who."""
@@ -141,6 +141,7 @@ class StrataBoard:
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
         """Settings for the next start; `options` are those of `Settings.from_radar`."""
+        check_options(options, Settings.from_radar, self.info.chip)
         settings = Settings.from_radar(radar, **options)
         slice_size = choose_slice_size(settings)
         registers_of(settings, slice_size)  # refuses what the chip cannot do

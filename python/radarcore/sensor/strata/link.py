@@ -117,7 +117,7 @@ class _Reading:
     """Base of both links: a thread that polls the port, and the packets it has found."""
 
     def __init__(self, port: Stream | VendorPort) -> None:
-        self.name = port.name
+        self.name: str = port.name
         self._inbox = _Inbox()
         self._asking = threading.Lock()
         self._closing = port.close

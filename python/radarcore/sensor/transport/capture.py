@@ -49,7 +49,7 @@ class Capture:
     """
 
     def __init__(self, stream: Stream, path: str | os.PathLike[str]) -> None:
-        self.name = stream.name
+        self.name: str = stream.name
         self._stream = stream
         self._start = time.monotonic()
         self._lock = threading.Lock()
@@ -113,7 +113,7 @@ class Replay:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, checks_writes: bool = True) -> None:
-        self.name = os.fspath(path)
+        self.name: str = os.fspath(path)
         self._checks_writes = checks_writes
         self._events = deque(_events(Path(path)))
         self._num_written = 0  # bytes of the next recorded write that have been made

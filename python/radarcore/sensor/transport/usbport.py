@@ -178,8 +178,8 @@ class UsbVendorPort:
 
     def __init__(self, path: str, *, usb_backend: Any = None) -> None:
         device = find_device(path, usb_backend)
-        self.name = device_path(device)
-        self.product = ""
+        self.name: str = device_path(device)
+        self.product: str = ""
         with suppress(SensorError):  # what hinders us, the claim below will tell
             self.product = usb_strings(device, {device.iProduct}).get(device.iProduct, "")
         self._device = device

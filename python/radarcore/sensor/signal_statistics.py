@@ -1,4 +1,4 @@
-"""Measured quantities of a board: noise and leakage in codes of its ADC, and the pace of its frames."""
+"""Statistics of the samples and times of a board: noise and leakage in codes of its ADC, and the pace of its frames."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 from radarcore.sensor.bgt60.readback import COMPARED, stuck_bits, unusual_resets
 from radarcore.sensor.bgt60.registers import ADC0, CHIP_ID, FSTAT, MAIN, PLL1_0, RESET_VALUES, RFT1, SFCTL
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.measured import chirp_noise, clipped, leakage, pace_of
+from radarcore.sensor.signal_statistics import chirp_noise, clipped, leakage, pace_of
 
 
 @pytest.mark.parametrize("shape", [(5, 3, 32, 64), (40, 3, 2, 64), (64, 3, 1, 16)])

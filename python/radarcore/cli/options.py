@@ -1,0 +1,68 @@
+"""Options that several commands have, and the values that they take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Group, Parameter, Token, validators
+
+OPTIONS = Group("Options", sort_key=1)
+"""Group of options of no other group."""
+
+
+def whole_number(_: Any, tokens: Sequence[Token]) -> int:
+    """Whole number of an option; a fraction is an error."""
+    text = tokens[0].value
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"expected a whole number, got {text!r}") from None
+
+
+Flag = Annotated[bool, Parameter(show_default=False)]
+"""Option without a value."""
+
+Count = Annotated[int | None, Parameter(metavar="N", converter=whole_number)]
+"""Whole number."""
+
+Seconds = Annotated[float | None, Parameter(metavar="S")]
+Metres = Annotated[float | None, Parameter(metavar="M")]
+
+Source = Annotated[Path, Parameter(metavar="SOURCE")]
+"""Argument that is a file or folder."""
+
+Output = Annotated[Path, Parameter(alias="-o")]
+File = Annotated[Path | None, Parameter(metavar="FILE")]
+OutputFile = Annotated[Path | None, Parameter(alias="-o", metavar="FILE")]
+OutputFolder = Annotated[Path | None, Parameter(alias="-o", metavar="DIR")]
+
+Json = Annotated[bool, Parameter(name="--json", show_default=False, help="print as JSON")]
+
+Method = Annotated[
+    Literal["ca", "os"] | None, Parameter(help="detection by cell averaging or ordered statistic (default: ca)")
+]
+
+RemoveStatic = Annotated[
+    bool | None,
+    Parameter(
+        negative="--keep-static",
+        allow_repeating=False,
+        help="leave out what stands still throughout, or leave it in (default: out of recordings of sensors, with "
+        "their leakage)",
+    ),
+]
+
+
+def one_of_several() -> Group:
+    """Group of options of which one may be given."""
+    return Group("", validator=_only_one)
+
+
+def _only_one(arguments: Any) -> None:
+    try:
+        validators.mutually_exclusive(arguments)
+    except ValueError:
+        given = arguments.filter_by(value_set=True)
+        raise ValueError(f"expected one of {' and '.join(one.name for one in given)}, got both") from None

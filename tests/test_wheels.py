@@ -1,0 +1,208 @@
+"""Wheels and the source distribution: what they hold, what builds them, where the package can be imported."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+from wheel_contents import ABOUT, LARGEST, contents, faults, newest_glibc, package_files
+
+ROOT = Path(__file__).resolve().parents[1]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+WHEEL = "radarcore-1.2.3-cp311-abi3-manylinux_2_17_x86_64.whl"
+PYTHON = {"radarcore/__init__.py", "radarcore/py.typed"}
+CORE = "radarcore/_core.abi3.so"
+
+
+def wheel(directory: Path, names: set[str], **sizes: int) -> Path:
+    path = directory / WHEEL
+    with ZipFile(path, "w") as archive:
+        for name in [*names, *(f"radarcore-1.2.3.dist-info/{about}" for about in ABOUT)]:
+            archive.writestr(name, bytes(sizes.get(Path(name).name.split(".")[0], 10)))
+    return path
+
+
+def test_wheel_with_the_package_and_its_core_has_no_faults(tmp_path):
+    assert faults(wheel(tmp_path, PYTHON | {CORE}), PYTHON) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "fault"),
+    [
+        (PYTHON, r"expected one compiled core, got \[\]"),
+        (PYTHON | {CORE, "radarcore/_core.pyd"}, "expected one compiled core, got .*pyd"),
+        (PYTHON | {CORE, "radarcore/tests/test_radar.py"}, "radarcore/tests/test_radar.py should not be in it"),
+        (PYTHON | {CORE, "tests/test_radar.py"}, "tests/test_radar.py should not be in it"),
+        ({CORE, "radarcore/__init__.py"}, "radarcore/py.typed is missing"),
+    ],
+)
+def test_wheel_with_too_much_or_too_little_is_refused(tmp_path, names, fault):
+    (found,) = faults(wheel(tmp_path, names), PYTHON)
+    assert re.match(f"{re.escape(WHEEL)}: {fault}", found)
+
+
+def test_large_wheel_is_refused(tmp_path):
+    (found,) = faults(wheel(tmp_path, PYTHON | {CORE}, _core=LARGEST), PYTHON)
+    assert f"expected less than {LARGEST} bytes" in found
+
+
+def test_wheel_that_asks_for_a_newer_c_library_than_its_name_says_is_refused(tmp_path):
+    path = wheel(tmp_path, PYTHON)
+    with ZipFile(path, "a") as archive:
+        archive.writestr(CORE, b"\0GLIBC_2.2.5\0GLIBC_2.9\0GLIBC_2.18\0")
+    (found,) = faults(path, PYTHON)
+    assert found.endswith("expected symbols of that C library, got those of 2.18")
+    assert faults(path.rename(tmp_path / WHEEL.replace("2_17", "2_18")), PYTHON) == []
+
+
+def test_versions_of_the_c_library_are_ordered_as_numbers():
+    assert newest_glibc(b"\0GLIBC_2.9\0GLIBC_2.17\0GLIBC_2.2.5\0") == (2, 17)
+    assert newest_glibc(b"\0malloc\0") == (0, 0)
+
+
+def test_contents_are_listed_largest_first_and_add_up(tmp_path):
+    lines = contents(wheel(tmp_path, PYTHON | {CORE}, _core=3_000_000)).splitlines()
+    assert lines[1].endswith("kB  compiled core, 3000 kB unpacked, files: 1")
+    size = (tmp_path / WHEEL).stat().st_size / 1e3
+    assert sum(float(line.split()[0]) for line in lines[1:]) == pytest.approx(size, abs=0.5 * len(lines))
+
+
+def test_source_distribution_has_the_lock_and_all_that_it_builds(tmp_path):
+    if shutil.which("cargo") is None:
+        pytest.skip("needs cargo: https://rustup.rs")
+    command = [sys.executable, "-m", "maturin", "sdist", "--out", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (packed,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(packed) as archive:
+        archive.extractall(tmp_path, filter="data")
+    source = tmp_path / packed.name.removesuffix(".tar.gz")
+    for kept in ("Cargo.lock", "README.md", "LICENSE", "pyproject.toml"):
+        assert (source / kept).read_bytes() == (ROOT / kept).read_bytes()
+    for folder in ("rust", "python"):
+        wanted = {
+            path.relative_to(ROOT) for path in (ROOT / folder).rglob("*") if path.suffix in (".rs", ".py", ".pyi")
+        }
+        assert wanted <= {path.relative_to(source) for path in (source / folder).rglob("*")}
+    # Without a network, and with the lock as it is: cargo finds all that the build takes.
+    metadata = ["cargo", "metadata", "--locked", "--offline", "--format-version=1"]
+    done = subprocess.run(metadata, cwd=source, capture_output=True, text=True, check=False)
+    if "--offline" in done.stderr:
+        pytest.skip("needs the Rust packages: cargo fetch")
+    assert done.returncode == 0, done.stderr
+    assert PROJECT["tool"]["maturin"]["locked"]
+
+
+WITHOUT_POSIX = """
+import builtins, importlib, os, pkgutil, select, signal, socket, sys
+import asyncio, multiprocessing, numpy, pydantic, scipy.linalg, subprocess, tempfile  # they know their systems
+
+class NoPosix:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("curses", "fcntl", "grp", "posix", "pty", "pwd", "readline", "resource", "termios", "tty"):
+            raise ModuleNotFoundError(f"no module named {name!r} here", name=name)
+
+for name in ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"):
+    sys.modules.pop(name, None)
+sys.meta_path.insert(0, NoPosix())
+for module, names in {
+    os: "chown fork geteuid getpgid getuid mkfifo openpty sched_getaffinity setsid sysconf ttyname uname "
+        "O_CLOEXEC O_NOCTTY O_NONBLOCK",
+    signal: "SIGALRM SIGHUP SIGKILL SIGQUIT SIGUSR1 SIGUSR2 pause pthread_sigmask setitimer sigwait",
+    select: "poll epoll",
+    socket: "AF_UNIX",
+}.items():
+    for name in names.split():
+        vars(module).pop(name, None)
+
+import radarcore as rc
+
+for found in pkgutil.walk_packages(rc.__path__, "radarcore."):
+    if not found.name.endswith("__main__"):
+        importlib.import_module(found.name)
+sphere = rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, 0.0, 0.0]))
+frame = rc.Simulator(rc.Scene([sphere]), rc.bgt60tr13c(), resolution=64).frame()
+print(f"{rc.strongest_peak(frame, min_range=1.0).range:.1f}")
+"""
+"""Windows has none of these modules and names; every module is imported, and a sphere is simulated."""
+
+
+def test_package_is_imported_and_simulates_without_posix():
+    command = [sys.executable, "-c", WITHOUT_POSIX]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "1.9\n"), done.stderr
+
+
+def pins(name: str) -> dict[str, str]:
+    text = (ROOT / "requirements" / name).read_text(encoding="utf-8")
+    return dict(re.findall(r"^([\w.-]+)==(\S+)$", text, flags=re.MULTILINE))
+
+
+def test_releases_are_built_with_the_builder_of_the_checks():
+    assert pins("wheels.txt")["maturin"] == pins("demo.txt")["maturin"]
+    assert pins("wheels.txt").keys() == {"maturin", "ziglang"}
+
+
+def test_actions_are_pinned_to_commits_and_nothing_is_secret():
+    assert len(WORKFLOWS) == 2
+    for path in WORKFLOWS:
+        text = path.read_text(encoding="utf-8")
+        uses = re.findall(r"uses: (.*)", text)
+        assert uses
+        assert [line for line in uses if not re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", line)] == []
+        assert "secrets." not in text
+
+
+def jobs(name: str) -> dict[str, dict]:
+    yaml = pytest.importorskip("yaml", reason="needs PyYAML: pip install -r requirements/docs.txt")
+    text = (ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8")
+    return yaml.safe_load(text)["jobs"]
+
+
+def commands(job: dict) -> str:
+    return "\n".join(step.get("run", "") for step in job["steps"])
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_name_files_and_make_targets_that_exist(path):
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    oldest = PROJECT["project"]["requires-python"].removeprefix(">=")
+    for job in jobs(path.name).values():
+        text = commands(job)
+        for name in re.findall(r"(?:\.ci|requirements|tests)/[\w./]+", text):
+            assert (ROOT / name).is_file(), name
+        for target in re.findall(r"make ([\w-]+)", text):
+            assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+        for step in job["steps"]:
+            assert step.get("with", {}).get("python-version", oldest) == oldest
+
+
+def test_linux_wheels_are_those_of_the_makefile():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    linux = re.search(r"^LINUX = (.*)$", makefile, flags=re.MULTILINE)
+    assert linux is not None
+    included = jobs("wheels.yml")["linux"]["strategy"]["matrix"]["include"]
+    assert [entry["target"] for entry in included] == linux[1].split()
+
+
+def test_only_a_tag_publishes_and_only_what_was_installed_and_run():
+    found = jobs("wheels.yml")
+    publish = found.pop("publish")
+    assert publish["if"] == "startsWith(github.ref, 'refs/tags/v')"
+    assert set(publish["needs"]) == set(found)
+    assert publish["permissions"] == {"id-token": "write"}
+    for name, job in found.items():
+        assert "tests/wheel_smoke.py" in commands(job), name
+        assert "permissions" not in job
+
+
+def test_wheel_of_this_checkout_would_hold_typed_python_and_its_data():
+    assert {"radarcore/__init__.pyi", "radarcore/py.typed", "radarcore/cli/demo/experiment.toml"} <= package_files()
