@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from radarcore import check, notice
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.raw_frames import FrameWriter
+from radarcore.dataset.layout import STATUS
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
 
-_TEXT = "O"
-"""Kind of an array of texts, as of names."""
+_OF_CODES = ("scale_factor", "add_offset", "_FillValue")
+"""Attributes of variables that are stored as codes, of which the samples of a dataset are numbers."""
 
 
 class Samples(Protocol):
@@ -184,7 +185,7 @@ def to_webdataset(
     with _part(folder, overwrite=overwrite) as part:
         part.mkdir()
         (part / "dataset.json").write_text(json.dumps(_described(samples), indent=1), encoding="utf-8")
-        indices = [index for index in range(len(samples)) if _is_there(samples, index)]
+        indices = _made(samples).tolist()
         names = []
         with notice.progress(None, "exporting", "sample", total=len(indices), shown=progress) as bar:
             for first in range(0, len(indices), size):
@@ -249,7 +250,7 @@ def to_mcap(
     """
     samples = _opened(dataset)
     index = check.index("sample", sample, len(samples))
-    if not _is_there(samples, index):
+    if index not in _made(samples):
         raise ValueError(f"sample: expected one that was made, got {index}, which failed or is missing")
     path = Path(out)
     if path.suffix != ".mcap":
@@ -290,18 +291,18 @@ def _opened(dataset: Samples | str | PathLike[str]) -> Samples:
     return dataset
 
 
-def _is_there(samples: Samples, index: int) -> bool:
-    """True for a sample that was made."""
-    status = samples.values("status") if "status" in samples.names else None
-    return status is None or bool(status[index] == _MADE)
-
-
-_MADE = 1
-"""Value of the variable `status` of a sample that is there."""
+def _made(samples: Samples) -> NDArray[np.intp]:
+    """Indices of the samples that were made, neither failed nor missing."""
+    return np.flatnonzero(samples.values("status") == STATUS["made"])
 
 
 def _is_text(values: NDArray[Any]) -> bool:
     return values.dtype.kind in "OUST"
+
+
+def _attributes(samples: Samples, name: str) -> dict[str, Any]:
+    """Attributes of a variable or coordinate that hold for its numbers."""
+    return {key: value for key, value in samples.attributes(name).items() if key not in _OF_CODES}
 
 
 def _plain(value: Any) -> Any:
@@ -344,8 +345,8 @@ def _stored(h5py: Any, file: Any, samples: Samples, name: str) -> Any:
     """A coordinate in a file."""
     values = samples.values(name)
     is_text = _is_text(values)
-    made = file.create_dataset(name, data=values.astype(_TEXT) if is_text else values, dtype=_dtype(h5py, values))
-    for key, value in samples.attributes(name).items():
+    made = file.create_dataset(name, data=values.astype(object) if is_text else values, dtype=_dtype(h5py, values))
+    for key, value in _attributes(samples, name).items():
         made.attrs[key] = _plain(value)
     return made
 
@@ -354,7 +355,7 @@ def _new_variable(h5py: Any, file: Any, samples: Samples, name: str, values: NDA
     """A variable without values, for the samples whose first one is given."""
     shape = (len(samples), *values.shape)
     made = file.create_dataset(name, shape, _dtype(h5py, values), chunks=(1, *values.shape) if values.size else None)
-    for key, value in samples.attributes(name).items():
+    for key, value in _attributes(samples, name).items():
         made.attrs[key] = _plain(value)
     return made
 
@@ -371,12 +372,12 @@ def _described(samples: Samples) -> dict[str, Any]:
             name: {
                 "dims": samples.axes(name),
                 "values": samples.values(name).tolist(),
-                "attrs": samples.attributes(name),
+                "attrs": _attributes(samples, name),
             }
             for name in samples.coordinates
         },
         "variables": {
-            name: {"dims": samples.axes(name)[1:], "attrs": samples.attributes(name)} for name in samples.names
+            name: {"dims": samples.axes(name)[1:], "attrs": _attributes(samples, name)} for name in samples.names
         },
     }
 
