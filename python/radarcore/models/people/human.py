@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
@@ -153,9 +156,8 @@ class Human:
         >>> len(bodies), bodies[0].name
         (16, 'human/pelvis')
         """
-        unit = shapes.sphere(1.0, subdivisions=subdivisions)
         meshes = {
-            kind: Mesh(unit.vertices * spheroid.semi_axes + spheroid.center, unit.triangles)
+            kind: _spheroid(tuple(spheroid.semi_axes.tolist()), tuple(spheroid.center.tolist()), subdivisions)
             for kind, spheroid in self._spheroids.items()
         }
         return self._figure.bodies({segment: meshes[_kind(segment)] for segment in SEGMENTS}, material, name)
@@ -175,6 +177,13 @@ class Human:
 
     def __repr__(self) -> str:
         return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"
+
+
+@lru_cache(maxsize=160)  # of sixteen people; a few megabytes each
+def _spheroid(semi_axes: tuple[float, ...], center: tuple[float, ...], subdivisions: int) -> Mesh:
+    """Mesh of a spheroid [m]; people of one height and mass share theirs."""
+    unit = shapes.sphere(1.0, subdivisions=subdivisions)
+    return Mesh(unit.vertices * np.array(semi_axes) + np.array(center), unit.triangles)
 
 
 def _kind(segment: str) -> str:
