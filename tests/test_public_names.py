@@ -12,7 +12,7 @@ import pytest
 
 PUBLIC = [
     *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
-    *("models", "models.robots", "plot", "processing", "sensor"),
+    *("dataset", "models", "models.robots", "plot", "processing", "sensor"),
 ]
 
 

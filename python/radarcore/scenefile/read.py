@@ -151,7 +151,8 @@ def _fault(details: Any) -> _Fault:
         name = str(key.path[-1])
         near = check.near(name, key.known)
         meant = (*key.path[:-1], near[0]) if near else None
-        return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "", is_unknown_key=True, meant=meant)
+        known = key.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
+        return _Fault(key.path, f"unknown key {unknown(name, known)}", "", "", is_unknown_key=True, meant=meant)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.
         got = repr(context["tag"]) if "tag" in context else "none"
@@ -168,8 +169,9 @@ def _fault(details: Any) -> _Fault:
 def _value_text(value: object) -> str:
     """A value of the file as text, short."""
     if isinstance(value, dict):
-        is_varied = any(name in value for name in DISTRIBUTIONS)
-        return "a distribution, which radarcore.dataset.Variation draws from" if is_varied else "a table"
+        if any(name in value for name in DISTRIBUTIONS):
+            return "a distribution, which radarcore.dataset.Variation draws from"
+        return f"a table, and no distribution {unknown(next(iter(value)), DISTRIBUTIONS)}" if value else "a table"
     if isinstance(value, bool):
         return str(value).lower()
     text = repr(value)

@@ -89,14 +89,13 @@ class Skeleton(NamedTuple):
 class Figure:
     """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
 
-    def __init__(self, walk: Walk, skeleton: Skeleton, lowest: Support) -> None:
+    def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
         self._walk = walk
         # Positions from the axes of all segments: (segment and axis, segment).
         carried = _CHAINS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
         self._reach = carried.sum(axis=1).reshape(len(SEGMENTS), -1).T
         self._hip_height = HIP_HEIGHT * walk.height
-        self._lift = 0.0
-        self._lift = -self._lowest_sole(lowest)
+        self._lift = lift
 
     def motion(self, name: str) -> Motion:
         """Motion of a segment; a `Pose` when the person stands."""
@@ -120,8 +119,8 @@ class Figure:
         """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
         return np.ascontiguousarray(self._along_the_path(times, 2)[1])
 
-    def _lowest_sole(self, lowest: Support) -> float:
-        """Height over the floor of the lowest point of a cycle, sampled to about 1e-6 m [m]."""
+    def lowest_sole(self, lowest: Support) -> float:
+        """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
 
         def heights(phases: Floats) -> Floats:
             foot = self._maps(*self._gait(phases, 1))[0, :, SEGMENTS.index("right_foot")]
@@ -198,6 +197,11 @@ class Figure:
         root = self._hip_height * root
         root[0, ..., 2] += self._hip_height + self._lift
         return turns, root
+
+
+def lift_of(walk: Walk, skeleton: Skeleton, lowest: Support) -> float:
+    """Lift of the hips over `HIP_HEIGHT` at which the soles touch the floor, but are never under it [m]."""
+    return -Figure(walk, skeleton, 0.0).lowest_sole(lowest)
 
 
 # Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.
