@@ -10,5 +10,11 @@ from radarcore.dataset.labels import labels_of as labels_of
 from radarcore.dataset.making import make as make
 from radarcore.dataset.opened import Dataset as Dataset
 from radarcore.dataset.opened import open_dataset as open_dataset
+from radarcore.dataset.sample import Sample as Sample
+from radarcore.dataset.training import Stream as Stream
+from radarcore.dataset.training import TorchDataset as TorchDataset
+from radarcore.dataset.training import stream as stream
+from radarcore.dataset.variation import Parameter as Parameter
+from radarcore.dataset.variation import Variation as Variation
 from radarcore.dataset.verification import Verified as Verified
 from radarcore.dataset.verification import verify as verify
