@@ -13,6 +13,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.dataset.distributions import Choice, Distribution, Integers
+from radarcore.dataset.notices import gathered
 from radarcore.dataset.sample import Sample as Sample
 from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved
 from radarcore.scenefile.build.errors import located
@@ -155,9 +156,11 @@ class Variation:
         if isinstance(run, dict):
             run.setdefault("seed", Varied(Integers(0, _NUM_SEEDS - 1)))
         found = list(found_in(tables))
-        trials = _Trials(file, tables, found)
-        trials.check_ends()
-        return cls(file, tuple(map(_parameter, found)), trials.body_names(), trials.run, tables)
+        with gathered():  # warnings come with the samples
+            trials = _Trials(file, tables, found)
+            trials.check_ends()
+            names = trials.body_names()
+        return cls(file, tuple(map(_parameter, found)), names, trials.run, tables)
 
     def sample(self, index: int, *, seed: int = 0) -> Sample:
         """The scene file of one sample.
