@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import io
 import json
+import sys
 import tarfile
 from pathlib import Path
 
@@ -185,3 +186,18 @@ def test_mcap_of_what_is_not_there_is_refused(dataset: rc.dataset.Dataset, tmp_p
         rc.dataset.to_mcap(dataset, tmp_path / "one.mcap", sample=COUNT)
     with pytest.raises(ValueError, match=r"out: expected a file \.mcap, got"):
         rc.dataset.to_mcap(dataset, tmp_path / "one.bag", sample=made_samples(dataset)[0])
+
+
+def test_without_h5py_the_extra_is_named(
+    dataset: rc.dataset.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ImportError, match=r"HDF5 files need h5py: pip install radarcore\[hdf5\]"):
+        rc.dataset.to_hdf5(dataset, tmp_path / "set.h5")
+
+
+def test_what_is_no_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="dataset: expected Dataset or its path, got int"):
+        rc.dataset.to_webdataset(5, tmp_path / "tars")  # type: ignore[arg-type]  # on purpose
+    with pytest.raises(FileNotFoundError):
+        rc.dataset.to_webdataset(tmp_path / "none", tmp_path / "tars")

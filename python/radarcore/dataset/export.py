@@ -288,6 +288,8 @@ def _opened(dataset: Samples | str | PathLike[str]) -> Samples:
 
         opened: Samples = open_dataset(dataset)
         return opened
+    if not hasattr(dataset, "coordinates"):
+        raise TypeError(f"dataset: expected Dataset or its path, got {type(dataset).__name__}")
     return dataset
 
 
