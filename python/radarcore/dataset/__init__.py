@@ -1,4 +1,7 @@
-"""Datasets: many labelled frames of scenes that vary."""
+"""Datasets: variations of scenes, labels, storage, and streams for training.
+
+Only the names here are public; the modules load when they are used.
+"""
 
 from radarcore.lazy import attach
 
