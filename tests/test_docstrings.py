@@ -19,13 +19,8 @@ import radarcore as rc
 
 SOURCES = Path(rc.__file__).parents[1]
 PACKAGES = (
-<<<<<<< HEAD
-    *("radarcore", "radarcore.dataset", "radarcore.geometry.shapes", "radarcore.models", "radarcore.models.robots", "radarcore.plot"),
-    *("radarcore.processing", "radarcore.sensor"),
-=======
     *("radarcore", "radarcore.geometry.shapes", "radarcore.models", "radarcore.models.robots", "radarcore.plot"),
     *("radarcore.processing", "radarcore.sensor", "radarcore.dataset"),
->>>>>>> w-dsa
     *(f"radarcore.adapters.{name}" for name in dir(rc.adapters)),
 )
 """Packages and modules with public names, by a stub or by what they define."""

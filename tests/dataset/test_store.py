@@ -54,7 +54,7 @@ def test_xarray_has_names_units_and_coordinates(dataset: rc.dataset.Dataset) -> 
         np.testing.assert_array_equal(opened.range, wf.range_axis()[:17])
         np.testing.assert_array_equal(opened.velocity, wf.velocity_axis())
         np.testing.assert_array_equal(opened.slow_time, wf.chirp_times)
-        assert opened.body.values.tolist() == ["ball", "wall"]
+        assert opened.body.values.tolist() == ["wall", "ball"]
         assert {"time", "slow_time"} <= set(opened.coords)
         assert opened.status.values.tolist() == [1] * 5
         assert opened.attrs["seed"] == 1
@@ -111,9 +111,11 @@ def test_map_by_xarray_and_numpy_alone_is_ours(dataset: rc.dataset.Dataset, tmp_
 
 
 def test_codes_of_an_adc_are_stored_and_decoded(tmp_path: Path) -> None:
-    scene = write_scene(tmp_path, "[radar.receiver]")
-    text = scene.read_text().replace("[radar.receiver]\n", "")
-    scene.write_text(f'radar.receiver = "measured"\n{text}')
+    scene = write_scene(tmp_path)
+    adc = (
+        "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }"
+    )
+    scene.write_text(f"{adc}\n{scene.read_text()}")
     dataset = rc.dataset.make(scene, tmp_path / "out", count=3, seed=1, samples_per_shard=2, workers=1)
     frame = dataset.sample(2).simulation().simulator().frame(0.025)
     assert frame.raw is not None

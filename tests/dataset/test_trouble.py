@@ -67,7 +67,7 @@ class Broken(Executor):
 
 def test_broken_executor_is_an_error_that_names_the_shard_and_the_rest_can_be_resumed(tmp_path: Path) -> None:
     scene = write_scene(tmp_path)
-    with pytest.raises(ChildProcessError, match=r"out: shard 1 \(samples 2 to 3\): its worker was lost twice"):
+    with pytest.raises(ChildProcessError, match=r"out: shard [12] \(samples [24] to [35]\): its worker was lost twice"):
         rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=Broken())
     assert rc.dataset.open_dataset(tmp_path / "out").status.tolist() == [1, 1, 0, 0, 0, 0]
     rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
@@ -95,8 +95,7 @@ def test_full_disk_names_the_file_and_what_is_complete_stays(tmp_path: Path) -> 
     (tmp_path / "out" / "progress.jsonl").write_text(lines[1])
     with largest_file(20_000), pytest.raises(OSError, match="File too large") as caught:
         rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
-    assert str(caught.value.filename).startswith(str(tmp_path / "out"))
-    assert "cube" in str(caught.value.filename)
+    assert caught.value.filename == str(tmp_path / "out" / "cube" / "c" / "0" / "0" / "0" / "0" / "0")
     assert not (tmp_path / "out" / ".partial").exists()
     assert rc.dataset.verify(tmp_path / "out").missing == 4
     rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
