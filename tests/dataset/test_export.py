@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import json
 import tarfile
@@ -22,7 +23,7 @@ radar.num_samples = 32
 run.stop = 0.05
 [[body]]
 name = "box"
-shape = { kind = "box", size = 0.2 }
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
 material = { choice = ["metal", "wood"] }
 pose = { position = [{ uniform = [1.5, 2.5] }, 0.0, 0.0] }
 [[point]]
@@ -127,6 +128,8 @@ def test_tar_files_have_the_samples_that_were_made(dataset: rc.dataset.Dataset, 
             np.testing.assert_array_equal(sample[name], values)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of files that webdataset leaves open
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 def test_webdataset_reads_the_tar_files(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
     webdataset = pytest.importorskip("webdataset", reason="needs webdataset: pip install webdataset")
     paths = rc.dataset.to_webdataset(dataset, tmp_path / "tars", samples_per_tar=2)
@@ -138,6 +141,8 @@ def test_webdataset_reads_the_tar_files(dataset: rc.dataset.Dataset, tmp_path: P
         np.testing.assert_array_equal(sample["cube.npy"], expected["cube"])
         np.testing.assert_array_equal(sample["true_range.npy"], expected["true_range"])
         assert sample["json"]["parameter.body.box.material"] in ("metal", "wood")
+    del stream
+    gc.collect()
 
 
 def test_folder_of_tar_files_says_what_is_in_them(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
