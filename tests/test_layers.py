@@ -37,7 +37,6 @@ MAY_IMPORT = {
     "depth": {"simulate", "receive", "motion", "geometry"} | DESCRIPTIONS,
     "scenefile": {"models", "simulate"} | BODIES | DESCRIPTIONS,
     "virtual": {"scenefile", "simulate", "sensor", "receive"} | DESCRIPTIONS,
-    "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,
     "comparison": {"scenefile", "simulate", "plot", "processing"} | BODIES | DESCRIPTIONS,
     "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,
 }
