@@ -134,7 +134,7 @@ def test_radars_without_a_map_are_refused_before_the_first_frame(radar: rc.Radar
 
 def test_labels_agree_with_the_maps_of_each_body_alone() -> None:
     """Frames of a person and of a box by themselves, without noise, say whose echo is stronger in every cell."""
-    radar, pose, time = rc.bgt60tr13c(num_chirps=32), rc.Pose([0.0, 0.0, 1.0]), 0.4
+    radar, pose, time = rc.bgt60tr13c(), rc.Pose([0.0, 0.0, 1.0]), 0.4
     person = rc.models.Human(path=[[3.0, 0.0], [1.0, 0.0]], speed=0.8).bodies(name="person", subdivisions=3)
     motion = rc.Linear(rc.Pose([2.2, 0.9, 1.0]), velocity=[0.5, 0.0, 0.0])
     box = rc.Body(rc.shapes.box([0.2, 0.2, 0.2]), motion=motion, name="box")
