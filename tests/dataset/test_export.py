@@ -7,6 +7,7 @@ import io
 import json
 import sys
 import tarfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -86,22 +87,15 @@ def test_hdf5_file_is_there_whole_or_not_at_all(dataset: rc.dataset.Dataset, tmp
         rc.dataset.to_hdf5(dataset, file)
     assert file.read_text() == "mine"
 
-    class Torn:
-        """A dataset whose second sample cannot be read."""
+    class Torn(rc.dataset.Dataset):
+        """A dataset that ends after a shard."""
 
-        def __getattr__(self, name: str) -> object:
-            return getattr(dataset, name)
-
-        def __len__(self) -> int:
-            return len(dataset)
-
-        def __getitem__(self, index: int) -> dict[str, np.ndarray]:
-            if index == 1:
-                raise OSError("torn")
-            return dataset[index]
+        def of_shard(self, shard: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+            yield from super().of_shard(shard)
+            raise OSError("torn")
 
     with pytest.raises(OSError, match="torn"):
-        rc.dataset.to_hdf5(Torn(), file, overwrite=True)
+        rc.dataset.to_hdf5(Torn(dataset.path), file, overwrite=True)
     assert file.read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["set.h5"]
 
