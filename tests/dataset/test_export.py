@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import json
+import sys
 import tarfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +25,7 @@ radar.num_samples = 32
 run.stop = 0.05
 [[body]]
 name = "box"
-shape = { kind = "box", size = 0.2 }
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
 material = { choice = ["metal", "wood"] }
 pose = { position = [{ uniform = [1.5, 2.5] }, 0.0, 0.0] }
 [[point]]
@@ -84,22 +87,15 @@ def test_hdf5_file_is_there_whole_or_not_at_all(dataset: rc.dataset.Dataset, tmp
         rc.dataset.to_hdf5(dataset, file)
     assert file.read_text() == "mine"
 
-    class Torn:
-        """A dataset whose second sample cannot be read."""
+    class Torn(rc.dataset.Dataset):
+        """A dataset that ends after a shard."""
 
-        def __getattr__(self, name: str) -> object:
-            return getattr(dataset, name)
-
-        def __len__(self) -> int:
-            return len(dataset)
-
-        def __getitem__(self, index: int) -> dict[str, np.ndarray]:
-            if index == 1:
-                raise OSError("torn")
-            return dataset[index]
+        def of_shard(self, shard: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+            yield from super().of_shard(shard)
+            raise OSError("torn")
 
     with pytest.raises(OSError, match="torn"):
-        rc.dataset.to_hdf5(Torn(), file, overwrite=True)
+        rc.dataset.to_hdf5(Torn(dataset.path), file, overwrite=True)
     assert file.read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["set.h5"]
 
@@ -127,6 +123,8 @@ def test_tar_files_have_the_samples_that_were_made(dataset: rc.dataset.Dataset, 
             np.testing.assert_array_equal(sample[name], values)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of files that webdataset leaves open
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 def test_webdataset_reads_the_tar_files(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
     webdataset = pytest.importorskip("webdataset", reason="needs webdataset: pip install webdataset")
     paths = rc.dataset.to_webdataset(dataset, tmp_path / "tars", samples_per_tar=2)
@@ -138,6 +136,8 @@ def test_webdataset_reads_the_tar_files(dataset: rc.dataset.Dataset, tmp_path: P
         np.testing.assert_array_equal(sample["cube.npy"], expected["cube"])
         np.testing.assert_array_equal(sample["true_range.npy"], expected["true_range"])
         assert sample["json"]["parameter.body.box.material"] in ("metal", "wood")
+    del stream
+    gc.collect()
 
 
 def test_folder_of_tar_files_says_what_is_in_them(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
@@ -180,3 +180,18 @@ def test_mcap_of_what_is_not_there_is_refused(dataset: rc.dataset.Dataset, tmp_p
         rc.dataset.to_mcap(dataset, tmp_path / "one.mcap", sample=COUNT)
     with pytest.raises(ValueError, match=r"out: expected a file \.mcap, got"):
         rc.dataset.to_mcap(dataset, tmp_path / "one.bag", sample=made_samples(dataset)[0])
+
+
+def test_without_h5py_the_extra_is_named(
+    dataset: rc.dataset.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ImportError, match=r"HDF5 files need h5py: pip install radarcore\[hdf5\]"):
+        rc.dataset.to_hdf5(dataset, tmp_path / "set.h5")
+
+
+def test_what_is_no_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="dataset: expected Dataset or its path, got int"):
+        rc.dataset.to_webdataset(5, tmp_path / "tars")  # type: ignore[arg-type]  # on purpose
+    with pytest.raises(FileNotFoundError):
+        rc.dataset.to_webdataset(tmp_path / "none", tmp_path / "tars")

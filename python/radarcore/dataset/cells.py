@@ -10,6 +10,7 @@ from radarcore.processing.inputs import require_one_waveform, require_uniform_ch
 from radarcore.processing.spectra import range_doppler
 from radarcore.processing.windows import window_weights
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import require_range
 from radarcore.simulate.synthesis import beat_signal
 from radarcore.units import power_from_db
 
@@ -25,7 +26,7 @@ NOBODY = -1
 def require_map(radar: Radar) -> None:
     """Refuse radars whose frames have no range-velocity map, or one in which an echo is at several velocities."""
     require_one_waveform(radar)
-    radar.waveform.require_range()
+    require_range(radar.waveform)
     require_uniform_chirps(radar.waveform)
     if radar.num_channels < len(radar.tx) * len(radar.rx):
         raise ValueError("cells: expected transmitters that send in turn, got a schedule of all at once")

@@ -6,9 +6,8 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from contextlib import contextmanager
-from multiprocessing.connection import wait
 from threading import Thread
 from typing import Any
 
@@ -47,14 +46,14 @@ def processes(make: Make, shards: Sequence[int], workers: int, name: Name) -> It
                 yield done
         if is_broken:
             # Handed out in order: to every worker, and a few that wait for the first that is free.
-            for shard in list(left)[: 2 * workers + 1]:
-                with _pool(1) as pool:
+            with _pool(1) as pool:
+                for shard in list(left)[: 2 * workers + 1]:
                     try:
                         done = pool.submit(make, shard).result()
                     except BrokenExecutor as error:
                         raise _lost(name(shard)) from error
-                del left[shard]
-                yield done
+                    del left[shard]
+                    yield done
 
 
 def executed(make: Make, shards: Sequence[int], executor: Executor, name: Name) -> Iterator[Done]:
@@ -83,8 +82,7 @@ def executed(make: Make, shards: Sequence[int], executor: Executor, name: Name) 
             if not lost:
                 return
     finally:
-        for future in futures:
-            future.cancel()
+        wait([future for future in futures if not future.cancel()])
 
 
 @contextmanager
@@ -144,7 +142,7 @@ def _end_with_parent() -> None:
     """A worker whose parent was killed would wait for work for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        wait([parent.sentinel])
+        parent.join()
         os._exit(1)
 
 

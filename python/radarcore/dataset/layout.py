@@ -69,10 +69,10 @@ class Variable:
         dtype = object if self.dtype == TEXT else np.dtype(self.dtype).newbyteorder("<")
         if value is None:
             return np.full(self.shape, self.fill, dtype)
-        row = np.asarray(value, dtype)
+        row = np.asarray(value, dtype, order="C")
         if row.shape != self.shape:
             raise ValueError(f"expected shape {self.shape} {list(self.dims)} as in the first sample, got {row.shape}")
-        return np.ascontiguousarray(row)
+        return row
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,8 @@ class Dataset:
         made = int((self.status == STATUS["made"]).sum())
         count = f"{made} samples" if made == len(self) else f"{made} of {len(self)} samples"
         dtype = "ADC codes" if self.has_codes else self._arrays["cube"].dtype
-        return f"<Dataset of {count} x {frames} frames: {channels} channels x {chirps} chirps x {samples} samples, {dtype}>"
+        cube = f"{channels} channels x {chirps} chirps x {samples} samples"
+        return f"<Dataset of {count} x {frames} frames: {cube}, {dtype}>"
 
     def __len__(self) -> int:
         return int(self.sizes["sample"])

@@ -8,10 +8,9 @@ variable has a chunk per shard. What is written is moved to its place when it is
 from __future__ import annotations
 
 import hashlib
-import os
 import uuid
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -50,7 +49,9 @@ class ShardFiles:
         # Two workers may have the same shard where one was thought lost.
         self._prefix = path / PARTIAL / f"{shard}-{uuid.uuid4().hex}"
         self._wide = {
-            name: _WideFile(self._partial(number), variable, layout.samples_per_shard)
+            name: _WideFile(
+                self._partial(number), path / layout.file_of(name, shard), variable, layout.samples_per_shard
+            )
             for number, (name, variable) in enumerate(layout.variables.items())
             if variable.is_wide
         }
@@ -72,16 +73,18 @@ class ShardFiles:
                 files[final] = self._wide[name].finish()
             else:
                 data = _encoded(_filled_up(self._rows[name], variable, self._layout.samples_per_shard), variable)
-                with partial.open("wb") as file:
-                    file.write(data)
+                with _naming(self._path / final):
+                    partial.write_bytes(data)
                 files[final] = (len(data), hashlib.sha256(data).hexdigest())
             place = self._path / final
-            place.parent.mkdir(parents=True, exist_ok=True)
-            partial.replace(place)
+            with _naming(place):
+                place.parent.mkdir(parents=True, exist_ok=True)
+                partial.replace(place)
         return files
 
     def __enter__(self) -> ShardFiles:
-        self._prefix.parent.mkdir(exist_ok=True)
+        with _naming(self._prefix.parent):
+            self._prefix.parent.mkdir(exist_ok=True)
         for file in self._wide.values():
             file.open()
         return self
@@ -99,10 +102,10 @@ class ShardFiles:
 
 
 class _WideFile:
-    """File with a chunk per sample and an index at its end."""
+    """File with a chunk per sample and an index at its end, written at a path and meant for a place."""
 
-    def __init__(self, path: Path, variable: Variable, num_chunks: int) -> None:
-        self._path, self._variable = path, variable
+    def __init__(self, path: Path, place: Path, variable: Variable, num_chunks: int) -> None:
+        self._path, self._place, self._variable = path, place, variable
         self._index = np.full((num_chunks, 2), _NO_CHUNK, "<u8")
         self._num_written = self._size = 0
         self._sum = hashlib.sha256()
@@ -110,7 +113,8 @@ class _WideFile:
 
     def open(self) -> None:
         # Chunks are as large as a page and more: a buffer would copy them once more.
-        self._file = self._path.open("wb", buffering=0)
+        with _naming(self._place):
+            self._file = self._path.open("wb", buffering=0)
 
     def append(self, row: NDArray[Any]) -> None:
         data = _encoded(row, self._variable)
@@ -137,16 +141,18 @@ class _WideFile:
         self._sum.update(data)
         self._size += len(data)
         view = memoryview(data)
-        while view:  # a disk that runs full takes a part
-            view = view[_told(self._path, self._file, view) :]
+        with _naming(self._place):
+            while view:  # a disk that runs full takes a part
+                view = view[self._file.write(view) :]
 
 
-def _told(path: Path, file: BinaryIO, data: memoryview) -> int:
-    """Bytes that were written; the error names the file."""
+@contextmanager
+def _naming(place: Path) -> Iterator[None]:
+    """Let errors of the system name the file that cannot be written by its place in the dataset."""
     try:
-        return file.write(data)
+        yield
     except OSError as error:
-        raise OSError(error.errno, os.strerror(error.errno or 0), str(path)) from error
+        raise OSError(error.errno, error.strerror or str(error), str(place)) from error
 
 
 def _encoded(values: NDArray[Any], variable: Variable) -> bytes:
