@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import io
 import json
+import sys
 import tarfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -85,22 +87,15 @@ def test_hdf5_file_is_there_whole_or_not_at_all(dataset: rc.dataset.Dataset, tmp
         rc.dataset.to_hdf5(dataset, file)
     assert file.read_text() == "mine"
 
-    class Torn:
-        """A dataset whose second sample cannot be read."""
+    class Torn(rc.dataset.Dataset):
+        """A dataset that ends after a shard."""
 
-        def __getattr__(self, name: str) -> object:
-            return getattr(dataset, name)
-
-        def __len__(self) -> int:
-            return len(dataset)
-
-        def __getitem__(self, index: int) -> dict[str, np.ndarray]:
-            if index == 1:
-                raise OSError("torn")
-            return dataset[index]
+        def of_shard(self, shard: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+            yield from super().of_shard(shard)
+            raise OSError("torn")
 
     with pytest.raises(OSError, match="torn"):
-        rc.dataset.to_hdf5(Torn(), file, overwrite=True)
+        rc.dataset.to_hdf5(Torn(dataset.path), file, overwrite=True)
     assert file.read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["set.h5"]
 
@@ -185,3 +180,18 @@ def test_mcap_of_what_is_not_there_is_refused(dataset: rc.dataset.Dataset, tmp_p
         rc.dataset.to_mcap(dataset, tmp_path / "one.mcap", sample=COUNT)
     with pytest.raises(ValueError, match=r"out: expected a file \.mcap, got"):
         rc.dataset.to_mcap(dataset, tmp_path / "one.bag", sample=made_samples(dataset)[0])
+
+
+def test_without_h5py_the_extra_is_named(
+    dataset: rc.dataset.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ImportError, match=r"HDF5 files need h5py: pip install radarcore\[hdf5\]"):
+        rc.dataset.to_hdf5(dataset, tmp_path / "set.h5")
+
+
+def test_what_is_no_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="dataset: expected Dataset or its path, got int"):
+        rc.dataset.to_webdataset(5, tmp_path / "tars")  # type: ignore[arg-type]  # on purpose
+    with pytest.raises(FileNotFoundError):
+        rc.dataset.to_webdataset(tmp_path / "none", tmp_path / "tars")

@@ -199,3 +199,42 @@ def test_settings_are_true_or_false() -> None:
         Labels(boxes=1)  # type: ignore[arg-type]  # on purpose
     with pytest.raises(TypeError, match=r"unknown keyword 'box'; did you mean 'boxes'\?"):
         Labels(box=True)  # type: ignore[call-arg]  # on purpose
+
+
+TWO = np.array([[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]])
+RADARS = {
+    "two waveforms": rc.Radar(RADAR.waveform.alternating()),
+    "no sweep": rc.Radar(RADAR.waveform.replace(slope=0.0)),
+    "staggered": rc.Radar(RADAR.waveform.replace(chirp_times=1e-3 * np.array([0, 1, 2, 4, 5, 7, *range(8, 18)]))),
+    "all at once": rc.Radar(RADAR.waveform, tx=TWO, schedule=rc.Schedule.ddm()),
+    "in turn": rc.Radar(RADAR.waveform, tx=TWO, schedule=rc.Schedule.tdm()),
+    "one chirp": rc.Radar(RADAR.waveform.replace(num_chirps=1)),
+    "phase noise": rc.Radar(RADAR.waveform, receiver=rc.Receiver(phase_noise=[(1e5, -80.0)], noise_figure_db=10.0)),
+}
+
+
+@pytest.mark.parametrize("name", RADARS)
+def test_labels_are_there_for_every_kind_of_radar(name: str) -> None:
+    rough, ahead = rc.Material.lambertian(0.5), rc.Pose([2.0, 0.0, 0.0])
+    plate = rc.Body(rc.shapes.plate(0.4, 0.4), material=rough, motion=ahead, name="plate")
+    wall = rc.Body(rc.shapes.plate(1.0, 2.0), motion=rc.Pose([1.0, -0.5, 0.0]), name="wall")
+    simulator = rc.Simulator(rc.Scene([plate, wall]), RADARS[name])
+    settings = Labels(boxes=True, visibility=True, joints=True, cells=name in ("in turn", "one chirp", "phase noise"))
+    labels = labelled(simulator, ["plate", "wall"], settings)
+    np.testing.assert_allclose(labels["visibility"].values, [0.5, 1.0], atol=0.03)
+    np.testing.assert_allclose(labels["box_center"].values[0], [2.0, 0.0, 0.0], atol=1e-12)
+    if settings.cells:
+        assert {0, 1} <= {*labels["strongest_body"].values.ravel()}
+
+
+def test_labels_of_live_motions_are_those_of_the_frame() -> None:
+    """Between updates bodies go on with the velocity that they have."""
+    pose = rc.Live()
+    pose.update(0.0, rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0])
+    simulator = rc.Simulator(rc.Scene([rc.Body(rc.shapes.box(0.2), motion=pose, name="cart")]), RADAR)
+    for time in (0.0, 0.5):
+        pose.update(time, rc.Pose([2.0 + time, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0])
+        labels = labelled(simulator, ["cart"], EVERYTHING, time=time)
+        np.testing.assert_allclose(labels["box_center"].values, [[2.0 + time + MIDDLE, 0.0, 0.0]], atol=1e-9)
+        assert labels["true_range"].values == pytest.approx(1.9 + time + MIDDLE, abs=1e-3)
+        assert labels["visibility"].values == 1.0

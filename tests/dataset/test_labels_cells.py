@@ -9,6 +9,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.dataset import Labels, dims_of, labels_of
+from radarcore.dataset.cells import noise_power
 
 SETTINGS = Labels(truth=False, cells=True)
 WAVEFORM = rc.Waveform(
@@ -129,3 +130,28 @@ def test_transmitters_in_turn_have_the_cells_of_one() -> None:
 def test_radars_without_a_map_are_refused_before_the_first_frame(radar: rc.Radar, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         dims_of(radar, NAMES, SETTINGS)
+
+
+def test_labels_agree_with_the_maps_of_each_body_alone() -> None:
+    """Frames of a person and of a box by themselves, without noise, say whose echo is stronger in every cell."""
+    radar, pose, time = rc.bgt60tr13c(), rc.Pose([0.0, 0.0, 1.0]), 0.4
+    person = rc.models.Human(path=[[3.0, 0.0], [1.0, 0.0]], speed=0.8).bodies(name="person", subdivisions=3)
+    motion = rc.Linear(rc.Pose([2.2, 0.9, 1.0]), velocity=[0.5, 0.0, 0.0])
+    box = rc.Body(rc.shapes.box([0.2, 0.2, 0.2]), motion=motion, name="box")
+
+    def map_of(*bodies: rc.Body) -> np.ndarray:
+        noiseless = replace(radar, receiver=rc.Receiver(output="real"))
+        frame = rc.Simulator(rc.Scene(bodies), noiseless, radar_motion=pose, max_bounces=1).frame(time)
+        return (np.abs(rc.range_doppler(frame)) ** 2).sum(axis=0)
+
+    simulator = rc.Simulator(rc.Scene([*person, box]), radar, radar_motion=pose, max_bounces=1)
+    labels = labels_of(simulator, simulator.frame(time), ("person", "box"), SETTINGS)["strongest_body"].values
+    powers = np.array([map_of(*person), map_of(box)])
+    level = noise_power(radar)
+    agrees = labels == powers.argmax(axis=0)
+    strong = powers.max(axis=0) > 100.0 * level
+    assert strong.sum() > 20
+    assert {*labels[strong]} == {0, 1}
+    assert agrees[strong].all()
+    assert agrees[powers.max(axis=0) > 10.0 * level].mean() > 0.9
+    assert (labels[powers.max(axis=0) < 0.1 * level] == -1).all()

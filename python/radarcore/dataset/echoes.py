@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from threading import current_thread, main_thread
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,10 +87,23 @@ class Caster:
 
 
 def _cast(simulator: Simulator, time: float) -> Echo:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the frame has had the same, and warned
+    with _quiet():
         paths = simulator.paths(time)
     return Echo(paths.delay, paths.delay_rate, paths.amplitude, paths.body[0])
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings: the frame has had the same casts, and warned.
+
+    In threads beside the main one, where filters belong to all of them, they go the way they always go.
+    """
+    if current_thread() is not main_thread():
+        yield
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _with_one_chirp(radar: Radar) -> Radar:

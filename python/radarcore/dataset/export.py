@@ -9,6 +9,7 @@ import shutil
 import tarfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
@@ -42,6 +43,15 @@ class Samples(Protocol):
 
     def __getitem__(self, index: int) -> dict[str, NDArray[Any]]:
         """Variables of a sample, without the axis `sample`."""
+        ...
+
+    @property
+    def num_shards(self) -> int:
+        """Parts that are read together."""
+        ...
+
+    def of_shard(self, shard: int) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+        """The samples of a part that were made, with their indices."""
         ...
 
     @property
@@ -84,7 +94,6 @@ def to_hdf5(
     Parameters
     ----------
     dataset : Dataset or path
-        Or what has its `names`, `axes`, `values`, `attributes` and samples.
     out : path
         File to be made.
     overwrite : bool
@@ -125,11 +134,13 @@ def to_hdf5(
             if samples.axes(name) == (name,):
                 file[name].make_scale(name)
         variables: dict[str, Any] = {}
-        for index in notice.progress(range(len(samples)), "exporting", "sample", shown=progress):
-            for name, values in samples[index].items():
-                if name not in variables:
-                    variables[name] = _new_variable(h5py, file, samples, name, values)
-                variables[name][index] = str(values[()]) if _is_text(values) else values
+        with notice.progress(None, "exporting", "sample", total=len(samples), shown=progress) as bar:
+            for index, sample in _all(samples):
+                for name, values in sample.items():
+                    if name not in variables:
+                        variables[name] = _new_variable(h5py, file, samples, name, values)
+                    variables[name][index] = str(values[()]) if _is_text(values) else values
+                bar.update()
         for name, variable in variables.items():
             for axis, label in enumerate(samples.axes(name)):
                 variable.dims[axis].label = label
@@ -185,14 +196,13 @@ def to_webdataset(
     with _part(folder, overwrite=overwrite) as part:
         part.mkdir()
         (part / "dataset.json").write_text(json.dumps(_described(samples), indent=1), encoding="utf-8")
-        indices = _made(samples).tolist()
-        names = []
-        with notice.progress(None, "exporting", "sample", total=len(indices), shown=progress) as bar:
-            for first in range(0, len(indices), size):
-                names.append(f"{first // size:06d}.tar")
-                with tarfile.open(part / names[-1], "w", format=tarfile.USTAR_FORMAT) as tar:
-                    for index in indices[first : first + size]:
-                        for ending, content in _members(samples[index]):
+        made, num_made = _those_made(samples), len(_made(samples))
+        names = [f"{number:06d}.tar" for number in range(-(-num_made // size))]
+        with notice.progress(None, "exporting", "sample", total=num_made, shown=progress) as bar:
+            for name in names:
+                with tarfile.open(part / name, "w", format=tarfile.USTAR_FORMAT) as tar:
+                    for index, sample in islice(made, size):
+                        for ending, content in _members(sample):
                             member = tarfile.TarInfo(f"{index:08d}.{ending}")
                             member.size = len(content)
                             tar.addfile(member, io.BytesIO(content))
@@ -288,7 +298,22 @@ def _opened(dataset: Samples | str | PathLike[str]) -> Samples:
 
         opened: Samples = open_dataset(dataset)
         return opened
+    if not hasattr(dataset, "coordinates"):
+        raise TypeError(f"dataset: expected Dataset or its path, got {type(dataset).__name__}")
     return dataset
+
+
+def _those_made(samples: Samples) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+    """The samples that were made, with their indices: the labels of a shard are read at once."""
+    for shard in range(samples.num_shards):
+        yield from samples.of_shard(shard)
+
+
+def _all(samples: Samples) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+    """The samples that were made, and then the others."""
+    yield from _those_made(samples)
+    for index in np.setdiff1d(np.arange(len(samples)), _made(samples)).tolist():
+        yield index, samples[index]
 
 
 def _made(samples: Samples) -> NDArray[np.intp]:

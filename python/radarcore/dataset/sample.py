@@ -87,11 +87,14 @@ class Sample:
         <Scene: point 0>
         """
         try:
-            found = simulation(tables_of(tomllib.loads(self.text), self.path), self.path, kept=self._kept)
-        except (ValueError, OSError) as error:
-            drawn = self._drawn_of(str(error))
-            message = f"sample {self.index} of seed {self.seed}: {error}{f'; drawn: {drawn}' if drawn else ''}"
-            raise (ValueError(message) if isinstance(error, ValueError) else type(error)(message)) from error
+            tables = tables_of(tomllib.loads(self.text), self.path)
+        except ValueError as error:
+            raise ValueError(self._with_drawn(str(error), self._named(str(error)))) from error
+        try:
+            found = simulation(tables, self.path, kept=self._kept)
+        except ValueError as error:
+            drawn = self._named(str(error)) or [path for path in self.values if _entry(path) in str(error)]
+            raise ValueError(self._with_drawn(str(error), drawn)) from error
         return replace(found, run=found.run.model_copy(update={"max_bounces": found.run.max_bounces or 1}))
 
     def frames(self, *, threads: int | None = 1) -> Iterator[Frame]:
@@ -145,17 +148,20 @@ class Sample:
     def is_about(self, path: str, message: str) -> bool:
         """True if a message names the key at a path, and the value that was drawn for it."""
         value = self.values.get(path)
-        text = re.escape(f"{value:g}" if isinstance(value, float) else str(value))
-        is_named = isinstance(value, str | bool) or re.search(rf"(?<![\w.]){text}(?![\w.]*\d)", message)
-        return _names_key(path, message) and bool(is_named or repr(value) in message)
+        text = f"{value:g}" if isinstance(value, float) else str(value)
+        return _names(path, message) and (re.search(rf"(?<![\w.]){re.escape(text)}(?![\w.]*\d)", message) is not None)
 
-    def _drawn_of(self, message: str) -> str:
-        """Values that a message is about: those of the keys that it names, or of the entry."""
-        entries = {path: value for path, value in self.values.items() if _entry(path) in message}
-        named = {path: value for path, value in entries.items() if _names_key(path, message)} or entries
-        texts = [f"{path} = {f'{v:g}' if isinstance(v, float) else repr(v)}" for path, v in named.items()]
-        more = f" and {len(texts) - _MOST_NAMED} more" if len(texts) > _MOST_NAMED else ""
-        return f"{', '.join(texts[:_MOST_NAMED])}{more}"
+    def _named(self, message: str) -> list[str]:
+        """Paths whose key a message names."""
+        return [path for path in self.values if _entry(path) in message and _names(path, message)]
+
+    def _with_drawn(self, message: str, paths: list[str]) -> str:
+        """A message with the number of the sample, and what was drawn at some paths."""
+        values = {path: self.values[path] for path in paths[:_MOST_NAMED]}
+        texts = [f"{path} = {f'{v:g}' if isinstance(v, float) else repr(v)}" for path, v in values.items()]
+        more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
+        drawn = f"; drawn: {', '.join(texts)}{more}" if texts else ""
+        return f"sample {self.index} of seed {self.seed}: {message}{drawn}"
 
     def __repr__(self) -> str:
         return f"<Sample {self.index} of {self.path.name}, seed {self.seed}: {len(self.values)} values>"
@@ -167,9 +173,11 @@ def _entry(path: str) -> str:
     return first if first in ("radar", "sensor", "run") else repr(second)
 
 
-def _names_key(path: str, message: str) -> bool:
-    key = re.sub(r"\[\d+\]|\{\d+\}", "", path).rpartition(".")[2]
-    return re.search(rf"\b{re.escape(key)}\b", message) is not None
+def _names(path: str, message: str) -> bool:
+    """True if a message names the key of a value, or the very place of a value in a list."""
+    key, _, place = re.sub(r"\{\d+\}", "", path).rpartition(".")[2].partition("[")
+    exact = rf"|\[{re.escape(place)}" if place else ""
+    return re.search(rf"\b{re.escape(key)}(?!\w)(?:(?!\[){exact})", message) is not None
 
 
 def _moved(value: Any, source: Path, target: Path, key: str = "") -> Any:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, notice
+from radarcore import check
+from radarcore.dataset.notices import Told, gathered
 from radarcore.dataset.sample import Sample
 from radarcore.dataset.variation import Parameter, Variation
 from radarcore.processing.spectra import range_doppler
@@ -29,10 +30,17 @@ if TYPE_CHECKING:
 Item = tuple[NDArray[Any], dict[str, Any]]
 """What a frame is to a network, and its labels."""
 
+_Made = tuple[list[Item], list[str]]
+
 _OUTPUTS: dict[str, Callable[[Frame], NDArray[Any]]] = {
     "cube": lambda frame: frame.cube,
     "range_doppler": range_doppler,
 }
+
+
+class _ImpossibleError(ValueError):
+    """A sample that cannot be simulated."""
+
 
 _AHEAD = 2
 """Samples per worker that are made ahead of those that were taken."""
@@ -91,25 +99,33 @@ class Stream:
         return item
 
     def __iter__(self) -> Iterator[Item]:
-        """All frames in order, the same whatever the number of workers; an impossible sample is left out, told once."""
+        """All frames in order, the same whatever the number of workers.
+
+        Impossible samples are left out; warnings of samples come once of each kind.
+        """
         numbers = counted() if self.count is None else iter(range(self.count))
-        told = False
-        for items in self._ahead(numbers) if self._workers else map(self._made, numbers):
-            if isinstance(items, str):
-                if not told:
-                    notice.warn(f"{items}; such samples are left out")
-                told = True
-            else:
-                yield from items
+        told = Told()
+        for items, messages in self._ahead(numbers) if self._workers else map(self._made, numbers):
+            told.tell(messages)
+            yield from items
 
     def items_of(self, sample: int, frame: int | None = None) -> list[Item]:
         """Items of a sample, or of one of its frames; a ValueError says what is impossible about the sample."""
         drawn = self.variation.sample(sample, seed=self.seed)
-        found = drawn.simulation()
+        try:
+            found = drawn.simulation()
+        except ValueError as error:
+            raise _ImpossibleError(str(error)) from error
         run, simulator = found.run, found.simulator(threads=1)
         times = frame_times(run.start, run.stop, run.rate)
-        chosen = range(self.num_frames) if frame is None else [frame]
-        return [self._item(drawn, simulator, simulator.frame(times[k]), k) for k in chosen]
+        items = []
+        for k in range(self.num_frames) if frame is None else [frame]:
+            try:
+                simulated = simulator.frame(times[k])
+            except ValueError as error:
+                raise _ImpossibleError(f"sample {sample} of seed {self.seed}, at {times[k]:g} s: {error}") from error
+            items.append(self._item(drawn, simulator, simulated, k))
+        return items
 
     def _item(self, sample: Sample, simulator: Simulator, frame: Frame, number: int) -> Item:
         labels: dict[str, Any] = {"sample": sample.index, "frame": number, "time": frame.time}
@@ -122,20 +138,23 @@ class Stream:
         output = _OUTPUTS[self._output] if isinstance(self._output, str) else self._output
         return output(frame), labels
 
-    def _made(self, sample: int) -> list[Item] | str:
-        """Items of a sample, or why there are none."""
-        try:
-            return self.items_of(sample)
-        except ValueError as error:
-            return str(error)
+    def _made(self, sample: int) -> _Made:
+        """Items of a sample, none if it is impossible, and warnings."""
+        items: list[Item] = []
+        with gathered() as messages:
+            try:
+                items = self.items_of(sample)
+            except _ImpossibleError as error:
+                return [], [f"{error}; such samples are left out"]
+        return items, [f"sample {sample} of seed {self.seed}: {message}" for message in messages]
 
-    def _ahead(self, numbers: Iterator[int]) -> Iterator[list[Item] | str]:
+    def _ahead(self, numbers: Iterator[int]) -> Iterator[_Made]:
         """What `_made` returns, made by processes, in order."""
         context = multiprocessing.get_context("spawn")
         alone = replace(self, _workers=0)
         pool = ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin, initargs=(alone,))
         try:
-            waiting: deque[Future[list[Item] | str]] = deque()
+            waiting: deque[Future[_Made]] = deque()
             for number in numbers:
                 waiting.append(pool.submit(_work, number))
                 if len(waiting) > _AHEAD * self._workers:
@@ -224,7 +243,7 @@ def _begin(own: Stream) -> None:
     _OWN.append(own)
 
 
-def _work(sample: int) -> list[Item] | str:
+def _work(sample: int) -> _Made:
     return _OWN[0]._made(sample)
 
 

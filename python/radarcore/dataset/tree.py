@@ -76,7 +76,8 @@ def prepared(values: dict[str, Any]) -> dict[str, Any]:
 def _entry(kind: str, index: int, table: Any) -> Any:
     """An entry of an array of tables."""
     if not isinstance(table, dict) or is_distribution(table):
-        raise ValueError(f"{kind}[{index}]: expected a table, got {'a distribution' if table else table!r}")
+        got = repr(table) if not isinstance(table, dict) else "a distribution"
+        raise ValueError(f"{kind}[{index}]: expected a table, got {got}")
     name = table.get("name", _default_name(kind) or f"{kind} {index}")
     if not isinstance(name, str):
         raise ValueError(f"{kind}[{index}]: name: expected text, the same in all samples, got {name!r}")

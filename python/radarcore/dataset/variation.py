@@ -13,6 +13,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.dataset.distributions import Choice, Distribution, Integers
+from radarcore.dataset.notices import gathered
 from radarcore.dataset.sample import Sample as Sample
 from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved
 from radarcore.scenefile.build.errors import located
@@ -155,9 +156,11 @@ class Variation:
         if isinstance(run, dict):
             run.setdefault("seed", Varied(Integers(0, _NUM_SEEDS - 1)))
         found = list(found_in(tables))
-        trials = _Trials(file, tables, found)
-        trials.check_ends()
-        return cls(file, tuple(map(_parameter, found)), trials.body_names(), trials.run, tables)
+        with gathered():  # warnings come with the samples
+            trials = _Trials(file, tables, found)
+            trials.check_ends()
+            names = trials.body_names()
+        return cls(file, tuple(map(_parameter, found)), names, trials.run, tables)
 
     def sample(self, index: int, *, seed: int = 0) -> Sample:
         """The scene file of one sample.
@@ -250,8 +253,8 @@ class _Trials:
         cause = errors[0].__cause__
         raise errors[0] if cause is None or "; drawn: " in str(errors[0]) else cause
 
-    def _sample(self, forced: Mapping[str, int]) -> Sample:
-        """A sample with as many copies as there may be, and at some paths an end of the distribution, by number."""
+    def _sample(self, forced: Mapping[str, int], most_copies: int | None = None) -> Sample:
+        """A sample with as many copies as there may be, or fewer, and at some paths an end, by its number."""
 
         def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
             if path in forced:
@@ -259,7 +262,8 @@ class _Trials:
                 is_choice = isinstance(distribution, Choice)
                 return (distribution.values[end], end) if is_choice else (distribution.ends[end], None)  # type: ignore[attr-defined]
             if path.endswith(".repeat"):
-                return max(distribution.ends), None
+                number: int = max(distribution.ends)
+                return number if most_copies is None else min(number, most_copies), None
             return _drawn(distribution, share_of(0, self._index, path))
 
         tables, values = resolved(self._tables, pick)
@@ -271,13 +275,13 @@ class _Trials:
             if found.path == _SEED_PATH or found.path.endswith(".repeat"):
                 continue
             for number, end in enumerate(_values(found.distribution)):
-                sample = self._sample({**dict(found.within), found.path: number})
+                sample = self._sample({**dict(found.within), found.path: number}, most_copies=1)
                 try:
                     sample.simulation()
                 except ValueError as error:
                     if sample.is_about(found.path, str(error)):
-                        kind = found.distribution.kind
-                        raise ValueError(f"{self._file}: {found.path}: {kind} may be {_text(end)}: {error}") from error
+                        kind, fault = found.distribution.kind, str(error.__cause__).removeprefix(f"{self._file}: ")
+                        raise ValueError(f"{self._file}: {found.path}: {kind} may be {_text(end)}; {fault}") from error
 
     def body_names(self) -> tuple[str, ...]:
         """Names of all bodies that may occur: with every option of the choices that names depend on."""

@@ -39,12 +39,11 @@ def visibilities(
         if len(numbers) == 0:
             continue
         seen = echo.of(numbers)
-        if not may_be_hidden(numbers, scene.parts, boxes):
+        in_danger = may_be_hidden(numbers, scene.parts, boxes)
+        if not in_danger.any() or not seen.amplitude.any():
             shares[label] = float(seen.amplitude.any())
-        elif not seen.amplitude.any():
-            shares[label] = 0.0
         else:
-            shares[label] = share(seen, caster.alone(numbers, time), is_rough, caster)
+            shares[label] = share(seen, caster.alone(numbers, time), in_danger, is_rough, caster)
     return shares
 
 
@@ -57,7 +56,7 @@ def are_rough(scene: Scene, frequency: float) -> NDArray[np.bool_]:
     return rough
 
 
-def share(seen: Echo, alone: Echo, is_rough: NDArray[np.bool_], caster: Caster) -> float:
+def share(seen: Echo, alone: Echo, in_danger: NDArray[np.bool_], is_rough: NDArray[np.bool_], caster: Caster) -> float:
     """Part of the energy of an echo alone that its paths in view have, 0 to 1.
 
     The energy of the signal s of a body is the sum over its paths of Re <s, s_path>, however finely it is sampled. Of
@@ -69,36 +68,51 @@ def share(seen: Echo, alone: Echo, is_rough: NDArray[np.bool_], caster: Caster) 
     ----------
     seen, alone : Echo
         Paths in the scene, and those without the rest of it.
+    in_danger : (body,) bool
+        Bodies that others may hide; of the rest all is in view.
     is_rough : (body,) bool
         Bodies whose paths count one by one, by their numbers in the paths.
     caster : Caster
     """
     whole = part = 0.0
     for number, own in alone.of_each(np.arange(len(is_rough))):
-        in_view = seen.of(np.array([number]))
-        if is_rough[number]:
-            whole += float(np.square(np.abs(own.amplitude)).sum())
-            part += float(np.square(np.abs(in_view.amplitude)).sum())
-        else:
-            signal = caster.signal(own)
-            whole += np.vdot(signal, signal).real / signal.shape[1]
-            if in_view.amplitude.size > 0:
-                part += np.vdot(signal, caster.signal(in_view)).real / signal.shape[1]
+        in_view = seen.of(np.array([number])) if in_danger[number] else own
+        energy, left = (_powers if is_rough[number] else _signals)(own, in_view, caster)
+        whole, part = whole + energy, part + left
     return float(np.clip(part / whole, 0.0, 1.0)) if whole > 0.0 else 0.0
 
 
-def may_be_hidden(numbers: NDArray[np.intp], parts: Parts, boxes: Floats) -> bool:
-    """True if the box of another body with a mesh overlaps, seen from the radar, that of one of the bodies."""
+def _powers(alone: Echo, in_view: Echo, _: Caster) -> tuple[float, float]:
+    """Energies of paths one by one [W]."""
+    return float(np.square(np.abs(alone.amplitude)).sum()), float(np.square(np.abs(in_view.amplitude)).sum())
+
+
+def _signals(alone: Echo, in_view: Echo, caster: Caster) -> tuple[float, float]:
+    """Energy of the signal of all paths, and the part of it of those in view, per sample [W]."""
+    signal = caster.signal(alone)
+    energy = float(np.vdot(signal, signal).real) / signal.shape[1]
+    if in_view is alone:
+        return energy, energy
+    if in_view.amplitude.size == 0:
+        return energy, 0.0
+    return energy, float(np.vdot(signal, caster.signal(in_view)).real) / signal.shape[1]
+
+
+def may_be_hidden(numbers: NDArray[np.intp], parts: Parts, boxes: Floats) -> NDArray[np.bool_]:
+    """True for those of some bodies whose box, seen from the radar, that of a body with a mesh beside them overlaps.
+
+    (body,), False for all other bodies of the scene.
+    """
     others = np.setdiff1d(parts.mesh_numbers, numbers)
     # Points are seen through everything.
     meshes = np.intersect1d(numbers, parts.mesh_numbers)
     low, high = _directions(boxes)
     nearest, farthest = _distances(boxes)
+    in_danger = np.zeros(len(boxes), dtype=np.bool_)
     for number in meshes.tolist():
         overlaps = (low[others] <= high[number]) & (high[others] >= low[number])
-        if (overlaps.all(axis=1) & (nearest[others] <= farthest[number])).any():
-            return True
-    return False
+        in_danger[number] = (overlaps.all(axis=1) & (nearest[others] <= farthest[number])).any()
+    return in_danger
 
 
 def _directions(boxes: Floats) -> tuple[Floats, Floats]:
