@@ -84,7 +84,7 @@ def test_two_workers_of_a_cluster_make_the_same_files(serial: rc.dataset.Dataset
 KILLED = """
 import sys
 import radarcore as rc
-rc.dataset.make(sys.argv[1], sys.argv[2], count=12, seed=3, samples_per_shard=2, workers=1, resume=True)
+rc.dataset.make(sys.argv[1], sys.argv[2], count=12, seed=3, samples_per_shard=2, workers=int(sys.argv[3]), resume=True)
 """
 
 
@@ -93,22 +93,32 @@ def test_run_that_is_killed_twice_resumes_and_equals_the_one_that_was_not(
 ) -> None:
     target = scene.parent / "killed"
     progress, kept = target / "progress.jsonl", 0
-    for _ in range(2):
-        run = subprocess.Popen([sys.executable, "-c", KILLED, str(scene), str(target)])
+    for workers in (2, 1):
+        run = subprocess.Popen([sys.executable, "-c", KILLED, str(scene), str(target), str(workers)])
         deadline = time.monotonic() + 60.0
         while (lines := number_of_lines(progress)) <= kept and run.poll() is None and time.monotonic() < deadline:
             time.sleep(0.001)
+        children = children_of(run.pid)
         run.kill()
         run.wait()
         assert kept < lines
         kept = number_of_lines(progress)
         opened = rc.dataset.open_dataset(target)
         assert len(list(opened)) >= 2 * kept
+        while any(Path(f"/proc/{pid}").exists() for pid in children) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert time.monotonic() < deadline  # no worker is left behind
     before = {file: file.stat().st_mtime_ns for file in target.rglob("c/0/*") if file.is_file()}
     rc.dataset.make(scene, target, **SETTINGS, workers=1, resume=True)
     assert digests(target) == digests(serial.path)
     assert number_of_lines(progress) == COUNT // 2
     assert {file: file.stat().st_mtime_ns for file in before} == before
+
+
+def children_of(pid: int) -> list[int]:
+    """Processes that a process has started, where the system says so."""
+    file = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(word) for word in file.read_text().split()] if file.is_file() else []
 
 
 def number_of_lines(file: Path) -> int:

@@ -81,7 +81,7 @@ import json, sys, warnings
 warnings.simplefilter("error")
 import numpy as np
 import xarray
-opened = xarray.open_zarr(sys.argv[1])
+opened = xarray.open_zarr(sys.argv[1], chunks=None)
 cube = opened.cube.isel(sample=3, frame=1).values
 window = lambda n: 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
 profile = np.fft.rfft(cube * window(cube.shape[-1]))
@@ -128,9 +128,9 @@ def test_codes_of_an_adc_are_stored_and_decoded(tmp_path: Path) -> None:
     assert size < 0.45 * 3 * dataset.cube(0).nbytes  # of the float32
 
 
-def test_samples_that_are_missing_are_not_numbers(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
-    for file in (dataset.path / "cube" / "c" / "2").rglob("*"):
-        assert file.is_dir() or file.stat().st_size > 2 * 3 * 8 * 32 * 4  # a shard has one file for all its samples
+def test_a_shard_is_one_file_with_a_chunk_per_sample(dataset: rc.dataset.Dataset) -> None:
+    files = [file.relative_to(dataset.path) for file in (dataset.path / "cube" / "c").rglob("*") if file.is_file()]
+    assert sorted(file.parts[2] for file in files) == ["0", "1", "2"]
     with xarray.open_zarr(dataset.path) as opened:
         assert opened.cube.encoding["shards"] == (2, 2, 3, 8, 32)
         assert opened.cube.encoding["chunks"] == (1, 2, 3, 8, 32)
@@ -147,12 +147,33 @@ def test_index_iteration_and_names_agree(dataset: rc.dataset.Dataset) -> None:
         dataset[5]
 
 
-def test_radar_that_varies_has_no_common_axes(tmp_path: Path) -> None:
+def test_radar_that_varies_is_that_of_each_sample(tmp_path: Path) -> None:
     scene = write_scene(tmp_path)
     scene.write_text(f"radar.tx_power_dbm = {{ uniform = [0.0, 6.0] }}\n{scene.read_text()}")
     dataset = rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1)
     assert dataset.attrs["radar_varies"]
-    assert dataset.coordinates == ("body",)
+    powers = dataset.values("parameter.radar.tx_power_dbm")
+    assert [dataset.sample(k).simulation().radar.tx_power_dbm for k in range(2)] == powers.tolist()
+    np.testing.assert_array_equal(dataset.values("velocity"), dataset.radar.waveform.velocity_axis())
+
+
+def test_all_labels_have_axes_and_names_along_them(tmp_path: Path) -> None:
+    person = "[[human]]\nname = 'person'\npath = [[{ uniform = [1.5, 2.0] }, 0.0], [1.0, 0.0]]"
+    labels = rc.dataset.Labels(boxes=True, visibility=True, joints=True, cells=True)
+    scene = write_scene(tmp_path, person)
+    dataset = rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1, labels=labels)
+    frame = dataset.sample(1).simulation().simulator().frame(0.025)
+    simulator = dataset.sample(1).simulation().simulator()
+    expected = rc.dataset.labels_of(simulator, frame, dataset.body_names, labels)
+    with xarray.open_zarr(dataset.path) as opened:
+        for name, label in expected.items():
+            stored = opened[name].isel(sample=1, frame=1)
+            assert stored.dims == tuple("velocity" if axis == "doppler" else axis for axis in label.dims)
+            assert stored.dtype == label.values.dtype
+            np.testing.assert_array_equal(stored, label.values)
+        head = opened.joint_position.isel(sample=0, frame=0).sel(body="person", joint="head", xyz="x")
+        assert 1.0 < float(head) < 2.2
+        assert opened.strongest_body.max() == dataset.body_names.index("person")
 
 
 def test_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import hashlib
+import json
 import resource
-import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from deadly_work import Deadly
 from radarcore.dataset import executors
 from radarcore.dataset.shards import Done
 from varied_scenes import digests, write_scene
@@ -24,20 +25,6 @@ from varied_scenes import digests, write_scene
 pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
 
 SETTINGS = {"count": 6, "seed": 1, "samples_per_shard": 2}
-
-
-class Deadly:
-    """Makes shards that are nothing, and ends its process at some."""
-
-    def __init__(self, deadly: int, marker: Path | None = None) -> None:
-        self.deadly, self.marker = deadly, marker
-
-    def __call__(self, shard: int) -> Done:
-        if shard == self.deadly and (self.marker is None or not self.marker.exists()):
-            if self.marker is not None:
-                self.marker.write_text("once")
-            os.kill(os.getpid(), signal.SIGKILL)
-        return Done(shard, {})
 
 
 def test_shard_of_a_lost_worker_is_made_once_more(tmp_path: Path) -> None:
@@ -129,9 +116,6 @@ def test_damage_is_found_and_named(tmp_path: Path) -> None:
     (path / "time" / "c" / "2" / "0").unlink()
     assert len(rc.dataset.verify(path).faults) == 2
     # Whoever changes the sums as well is found by a simulation of the sample.
-    import hashlib
-    import json
-
     journal = path / "progress.jsonl"
     lines = [json.loads(line) for line in journal.read_text().splitlines()]
     lines[1]["files"]["cube/c/1/0/0/0/0"][1] = hashlib.sha256(data).hexdigest()

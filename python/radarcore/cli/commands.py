@@ -162,9 +162,9 @@ _DATASET_COMMANDS = (
         _SIMULATE,
         "simulate samples of a scene file in which values are distributions",
         (
-            "radarcore dataset make scene.toml -o out/set --count 10000 --seed 1 --workers 2",
+            "radarcore dataset make scene.toml -o out/set --count 10000 --workers 2",
             "radarcore dataset make scene.toml -o out/set --count 10000 --resume",
-            "radarcore dataset make scene.toml -o /shared/set --count 10000 --scheduler tcp://10.0.0.1:8786",
+            "radarcore dataset make scene.toml -o set --count 99 --scheduler tcp://a:8786",
         ),
     ),
     _Command(

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from contextlib import contextmanager
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from radarcore.dataset.shards import Done
+if TYPE_CHECKING:
+    from radarcore.dataset.shards import Done
 
-Make = Callable[[int], Done]
+Make = Callable[[int], "Done"]
 """What makes a shard of a number."""
 
 Name = Callable[[int], str]
@@ -92,8 +93,9 @@ def dask(address: str, timeout: float) -> Iterator[Executor]:
         from distributed import Client
     except ImportError as error:
         raise ImportError("clusters need dask distributed: pip install radarcore[dask]") from error
+    connect: Any = Client  # whose types are not complete
     try:
-        client = Client(address, timeout=timeout, set_as_default=False)
+        client = connect(address, timeout=timeout, set_as_default=False)
     except (OSError, TimeoutError) as error:
         raise ConnectionError(
             f"scheduler: expected one of dask at {address}, got no answer within {timeout:g} s"
@@ -143,7 +145,7 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
-        os._exit(1)
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _lost(what: str, why: str = "") -> ChildProcessError:

@@ -27,6 +27,11 @@ def gathered() -> Iterator[list[str]]:
     messages.extend(str(each.message) for each in kept)
 
 
+def kind_of(message: str) -> str:
+    """What is the same in messages of one kind, which differ in names and numbers alone."""
+    return re.sub(r"'[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?", "", message)
+
+
 class Told:
     """Warns of each kind once: messages that differ in names and numbers alone are of one kind."""
 
@@ -36,7 +41,7 @@ class Told:
     def tell(self, messages: Iterable[str]) -> None:
         """Warn, at the user's line, of what was not told yet."""
         for message in messages:
-            kind = re.sub(r"'[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?", "", message)
+            kind = kind_of(message)
             if kind not in self._kinds:
                 self._kinds.add(kind)
                 notice.warn(message)

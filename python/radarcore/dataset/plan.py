@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
+from radarcore.dataset.joints import JOINTS
 from radarcore.dataset.labels import dims_of
 from radarcore.dataset.layout import STATUS, TEXT, Layout, Variable, samples_per_shard
-from radarcore.dataset.samples import AXES, Recipe, cube_of, parameters_of, simulated, warnings_kept
+from radarcore.dataset.notices import gathered
+from radarcore.dataset.samples import AXES, Recipe, cube_of, parameters_of, simulated
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES
 from radarcore.recording.frame import Frame, unit_of
@@ -81,7 +83,7 @@ def planned(recipe: Recipe, count: int, given_samples_per_shard: int | None) -> 
     error: Exception | None = None
     for index in range(min(count, _TRIES)):
         try:
-            with warnings_kept():
+            with gathered():
                 sample = recipe.sample(index)
                 frames = [frame for _, frame in simulated(recipe, sample)]
             break
@@ -109,7 +111,7 @@ def planned(recipe: Recipe, count: int, given_samples_per_shard: int | None) -> 
         "signs": SIGNS,
         "settings": json.dumps(settings),
     }
-    return Plan(layout, _coordinates(radar, recipe.body_names, varies), attrs)
+    return Plan(layout, _coordinates(radar, recipe.body_names, variables), attrs)
 
 
 def _results(recipe: Recipe, frames: list[Frame]) -> dict[str, Variable]:
@@ -163,10 +165,19 @@ def _status() -> Variable:
     return Variable((), (), "int8", STATUS["missing"], attrs)
 
 
-def _coordinates(radar: Radar, body_names: tuple[str, ...], varies: bool) -> dict[str, Coordinate]:
-    """Names of bodies, and the axes of the samples and their transforms where those are the same in all samples."""
-    coordinates = {"body": Coordinate(("body",), np.array(body_names, np.dtypes.StringDType()), {})}
-    if varies or len(radar.waveforms) > 1:
+def _coordinates(radar: Radar, body_names: tuple[str, ...], variables: dict[str, Variable]) -> dict[str, Coordinate]:
+    """Names along axes, and the axes of the samples and their transforms, which are the same in all samples.
+
+    Of several waveforms, each has its own.
+    """
+    named = {"body": body_names, "joint": JOINTS, "xyz": ("x", "y", "z")}
+    used = {"body", *(axis for variable in variables.values() for axis in variable.dims)}
+    coordinates = {
+        axis: Coordinate((axis,), np.array(names, np.dtypes.StringDType()), {})
+        for axis, names in named.items()
+        if axis in used
+    }
+    if len(radar.waveforms) > 1:
         return coordinates
     wf = radar.waveform
     fast = np.arange(wf.num_samples) / wf.sample_rate

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from threading import current_thread, main_thread
 from typing import Any
 
 import numpy as np
@@ -140,17 +137,3 @@ def _results(recipe: Recipe, sample: Sample, layout: Layout) -> dict[str, Any]:
             raise ValueError(f"{name}: expected {variable.dtype} as in all samples, got {values.dtype}")
         results[name] = values
     return results
-
-
-@contextmanager
-def warnings_kept() -> Iterator[list[warnings.WarningMessage]]:
-    """Warnings of a block in a list, in place of a line in every worker.
-
-    In threads beside the main one, where filters belong to all of them, they go the way they always go.
-    """
-    if current_thread() is not main_thread():
-        yield []
-        return
-    with warnings.catch_warnings(record=True) as kept:
-        warnings.simplefilter("always")
-        yield kept

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import pickle
-import re
 import time
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from threading import get_ident
-from typing import Any
 
 from radarcore.dataset.layout import Layout
-from radarcore.dataset.samples import Failed, Recipe, made, warnings_kept
+from radarcore.dataset.notices import gathered, kind_of
+from radarcore.dataset.samples import Failed, Recipe, made
 from radarcore.dataset.shardfile import ShardFiles
 
 
@@ -81,10 +80,10 @@ class Work:
         warned: dict[str, tuple[int, str]] = {}
         with ShardFiles(Path(self.path), self.layout, shard) as files:
             for index in self.layout.samples_of(shard):
-                with warnings_kept() as kept:
+                with gathered() as texts:
                     rows, failure = made(self.recipe, self.layout, index)
-                for warning in kept:
-                    warned.setdefault(_kind(warning), (index, str(warning.message)))
+                for text in texts:
+                    warned.setdefault(kind_of(text), (index, text))
                 failed += [] if failure is None else [failure]
                 files.append(rows)
             written = files.finish()
@@ -114,8 +113,3 @@ class Worker:
 def _loaded(work: bytes, thread: int) -> Work:  # noqa: ARG001  # whose it is
     loaded: Work = pickle.loads(work)
     return loaded
-
-
-def _kind(warning: Any) -> str:
-    """Warnings that differ by their numbers alone are of one kind."""
-    return f"{warning.category.__name__}: {re.sub(r'[-+]?[0-9][0-9.e]*', '#', str(warning.message))}"

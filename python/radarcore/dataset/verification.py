@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
 from radarcore.dataset.journal import Journal
+from radarcore.dataset.notices import gathered
 from radarcore.dataset.opened import Dataset
-from radarcore.dataset.samples import Failed, Recipe, cube_of, simulated, warnings_kept
+from radarcore.dataset.samples import Failed, Recipe, cube_of, simulated
 from radarcore.dataset.shards import Done
 
 _BLOCK = 1 << 20
@@ -185,7 +186,7 @@ def _fault_of_sample(dataset: Dataset, index: int) -> str | None:
     recipe = Recipe(dataset.variation, dataset.seed, dataset.labels, threads=1)
     stored = dataset.stored(index)
     try:
-        with warnings_kept():
+        with gathered():
             frames = [cube_of(frame) for _, frame in simulated(recipe, recipe.sample(index))]
     except Exception as error:
         return f"simulated again: {type(error).__name__}: {error}"
