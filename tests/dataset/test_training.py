@@ -179,9 +179,9 @@ def test_example_tells_arm_person_and_empty_room_apart(
     pytest.importorskip("sklearn", reason="needs scikit-learn: pip install scikit-learn")
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     script = Path(__file__).resolve().parents[2] / "examples" / "classify_motion.py"
-    monkeypatch.setattr(sys, "argv", [str(script), "--count", "16", "-o", str(tmp_path / "new" / "picture.png")])
+    monkeypatch.setattr(sys, "argv", [str(script), "--count", "10", "-o", str(tmp_path / "new" / "picture.png")])
     runpy.run_path(str(script), run_name="__main__")
-    found = re.fullmatch(r"48 maps to learn from, 24 of another seed: accuracy ([\d.]+)\n", capsys.readouterr().out)
+    found = re.fullmatch(r"30 maps to learn from, 15 of another seed: accuracy ([\d.]+)\n", capsys.readouterr().out)
     assert found is not None
-    assert float(found[1]) > 0.62  # by chance a third, with a standard deviation of 0.1
+    assert float(found[1]) > 0.6  # by chance a third, with a standard deviation of 0.12
     assert (tmp_path / "new" / "picture.png").read_bytes()[:4] == b"\x89PNG"

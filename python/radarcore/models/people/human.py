@@ -179,10 +179,15 @@ class Human:
         return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"
 
 
+@lru_cache(maxsize=2)
+def _unit_sphere(subdivisions: int) -> Mesh:
+    return shapes.sphere(1.0, subdivisions=subdivisions)
+
+
 @lru_cache(maxsize=160)  # of sixteen people, of 0.6 MB each
 def _spheroid(semi_axes: tuple[float, ...], center: tuple[float, ...], subdivisions: int) -> Mesh:
     """Mesh of a spheroid [m]; people of one height and mass share theirs."""
-    unit = shapes.sphere(1.0, subdivisions=subdivisions)
+    unit = _unit_sphere(subdivisions)
     return Mesh(unit.vertices * np.array(semi_axes) + np.array(center), unit.triangles)
 
 
