@@ -67,7 +67,7 @@ lint-rust: $(VENV)/created | tests-rust
 	@cargo clippy --quiet --lib --locked -- -D warnings
 
 # What a user's checker of types finds of the package, beside that the package is right: every name with its type.
-types: $(VENV)/adapters $(VENV)/built
+types: $(VENV)/adapters $(VENV)/dataset $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
@@ -82,11 +82,11 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --doc
 
 # One worker per core; waiting threads of numpy's BLAS would only be in the way.
-tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/docs $(VENV)/built
+tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
 	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
 
-benches-python: $(VENV)/dev $(VENV)/built | tests-rust
+benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"
 	@for bench in benches/*.py; do \
 		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \
@@ -177,6 +177,11 @@ $(VENV)/robots: requirements/robots.txt $(VENV)/dev
 $(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
 	@echo "-- packages: requirements/adapters.txt (300 MB)"
 	@$(PIP_INSTALL) --no-deps -r requirements/adapters.txt
+	@touch $@
+
+$(VENV)/dataset: requirements/dataset.txt $(VENV)/dev
+	@echo "-- packages: requirements/dataset.txt (170 MB)"
+	@$(PIP_INSTALL) --no-deps -r requirements/dataset.txt
 	@touch $@
 
 $(VENV)/docs: requirements/docs.txt $(VENV)/dev

@@ -20,7 +20,7 @@ import radarcore as rc
 SOURCES = Path(rc.__file__).parents[1]
 PACKAGES = (
     *("radarcore", "radarcore.geometry.shapes", "radarcore.models", "radarcore.models.robots", "radarcore.plot"),
-    *("radarcore.processing", "radarcore.sensor"),
+    *("radarcore.processing", "radarcore.sensor", "radarcore.dataset"),
     *(f"radarcore.adapters.{name}" for name in dir(rc.adapters)),
 )
 """Packages and modules with public names, by a stub or by what they define."""
@@ -40,6 +40,7 @@ METHODS = (
     *("models.RobotArm.ur10", "models.RobotArm.ur10_meshes", "models.RobotArm.link_pose", "models.RobotArm.jacobian"),
     *("models.RobotArm.moving", "models.MovingArm.link_motion", "models.MovingArm.bodies"),
     *("Simulator.frame", "Simulator.frames", "Simulator.record", "Simulator.paths", "Simulator.depth_image"),
+    *("dataset.Variation.load", "dataset.Variation.sample", "dataset.Sample.simulation", "dataset.Sample.save"),
     *("Tracker.update", "sensor.Sensor.configure", "sensor.Sensor.frames", "sensor.Sensor.record"),
 )
 """Methods that have an example, too."""

@@ -38,6 +38,7 @@ MAY_IMPORT = {
     "scenefile": {"models", "simulate"} | BODIES | DESCRIPTIONS,
     "virtual": {"scenefile", "simulate", "sensor", "receive"} | DESCRIPTIONS,
     "comparison": {"scenefile", "simulate", "plot", "processing"} | BODIES | DESCRIPTIONS,
+    "dataset": {"scenefile", "simulate", "models", "processing", "adapters"} | BODIES | DESCRIPTIONS,
 }
 MAY_IMPORT["cli"] = {*MAY_IMPORT, "cli"}
 

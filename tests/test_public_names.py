@@ -14,7 +14,7 @@ import radarcore as rc
 
 PUBLIC = [
     *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
-    *("models", "models.robots", "plot", "processing", "sensor"),
+    *("dataset", "models", "models.robots", "plot", "processing", "sensor"),
 ]
 
 

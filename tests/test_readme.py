@@ -53,10 +53,12 @@ def is_run_elsewhere(arguments: list[str]) -> bool:
 
 
 def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Run the Python blocks of a page in one namespace; a text block next to one is its output."""
+    """Run the Python blocks of a page in one namespace; a text block next to one is its output, a TOML block a file."""
     names: dict[str, object] = {}
     found = BLOCK.findall(text_of(page))
     for (kind, body), (next_kind, output) in zip(found, [*found[1:], ("", "")], strict=True):
+        if kind == "toml":
+            Path("scene.toml").write_text(body, encoding="utf-8")
         if kind == "python":
             capsys.readouterr()
             exec(compile(body, str(page), "exec"), names)

@@ -1,4 +1,5 @@
 from radarcore import adapters as adapters
+from radarcore import dataset as dataset
 from radarcore import models as models
 from radarcore import plot as plot
 from radarcore import processing as processing

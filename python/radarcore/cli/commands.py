@@ -153,6 +153,44 @@ _SENSOR_COMMANDS = (
     ),
 )
 
+_DATASET_HELP = "datasets of many labelled frames of a scene that varies (extra `zarr`)"
+
+_DATASET_COMMANDS = (
+    _Command(
+        "make",
+        "dataset:run_make",
+        _SIMULATE,
+        "simulate samples of a scene file in which values are distributions",
+        (
+            "radarcore dataset make scene.toml -o out/set --count 10000 --workers 2",
+            "radarcore dataset make scene.toml -o out/set --count 10000 --resume",
+            "radarcore dataset make scene.toml -o set --count 99 --scheduler tcp://a:8786",
+        ),
+    ),
+    _Command(
+        "verify",
+        "dataset:run_verify",
+        _SIMULATE,
+        "check checksums and numbers of a dataset, and simulate samples of it again",
+        ("radarcore dataset verify out/set", "radarcore dataset verify out/set --again 20"),
+    ),
+    _Command("info", "dataset:run_info", _SIMULATE, "summarise a dataset", ("radarcore dataset info out/set",)),
+    _Command(
+        "scene",
+        "dataset:run_scene",
+        _SIMULATE,
+        "print the scene file of a sample, which gives the same frames alone",
+        ("radarcore dataset scene out/set 17",),
+    ),
+    _Command(
+        "export",
+        "dataset:run_export",
+        _SIMULATE,
+        "write a dataset as HDF5, as WebDataset, or a sample of it as MCAP",
+        ("radarcore dataset export out/set -o set.h5 --format hdf5",),
+    ),
+)
+
 _HELP_FLAGS = ("--help", "-h")
 
 
@@ -173,8 +211,10 @@ def application() -> App:
         print_error=False,
     )
     sensor = App(name="sensor", help=_SENSOR_HELP, group=_BOARDS)
+    dataset = App(name="dataset", help=_DATASET_HELP, group=_SIMULATE)
     for owner, folder, commands in (
         (app, "radarcore.cli", _COMMANDS),
+        (dataset, "radarcore.cli", _DATASET_COMMANDS),
         (sensor, "radarcore.cli.sensor", _SENSOR_COMMANDS),
     ):
         for place, command in enumerate(commands):
@@ -186,6 +226,7 @@ def application() -> App:
                 sort_key=place,
                 help_epilogue="\n  ".join(("Examples:", *command.examples)),
             )
+    app.command(dataset)
     app.command(sensor)
     app.register_install_completion_command(help="make shells complete commands and options", group=_MORE)
     for flag, text in (("--version", "print the version"), ("--help", "print help, of a command as well")):
@@ -196,7 +237,9 @@ def application() -> App:
 def examples() -> dict[str, tuple[str, ...]]:
     """Examples of every command, by its words."""
     found = {command.name: command.examples for command in _COMMANDS}
-    return found | {f"sensor {command.name}": command.examples for command in _SENSOR_COMMANDS}
+    for group, commands in (("sensor", _SENSOR_COMMANDS), ("dataset", _DATASET_COMMANDS)):
+        found |= {f"{group} {command.name}": command.examples for command in commands}
+    return found
 
 
 def parse(app: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArguments]:
@@ -207,4 +250,4 @@ def parse(app: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArgu
 
 def lacks_command(words: Sequence[str]) -> bool:
     """Whether nothing is asked for: neither a command nor help."""
-    return list(words) in ([], ["sensor"])
+    return list(words) in ([], ["sensor"], ["dataset"])

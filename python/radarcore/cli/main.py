@@ -13,7 +13,7 @@ from radarcore.cli.commands import application, lacks_command, parse
 from radarcore.cli.ending import exit_status, interrupted_by_signals
 from radarcore.cli.terminal import complain
 
-_WRITERS = (["demo"], ["simulate"], ["process"], ["view"], ["sensor", "record"])
+_WRITERS = (["demo"], ["simulate"], ["process"], ["view"], ["sensor", "record"], ["dataset", "make"])
 """Commands whose results are written as they come."""
 
 
@@ -70,6 +70,6 @@ def _lines(error: BaseException) -> list[str]:
     """The message of an error, a line per fault; for the system's, file and reason without the number."""
     if isinstance(error, OSError) and error.filename is not None:
         # Python's keyword is an option here.
-        reason = str(error.strerror).replace("overwrite=True", "--overwrite")
+        reason = str(error.strerror).replace("overwrite=True", "--overwrite").replace("resume=True", "--resume")
         return [f"{error.filename}: {reason}"]
     return str(error).splitlines() or [type(error).__name__]

@@ -19,17 +19,29 @@ Location = tuple[str | int, ...]
 _MOST_LINES = 50
 """Faults that a message names."""
 
+DISTRIBUTIONS = ("uniform", "normal", "log_uniform", "integers", "choice")
+"""Keys of a table that stands for a value of a variation: scene files have no such keys."""
+
 
 def table(file: Path) -> SceneTable:
     """The tables of a file, with every key known and of the right type."""
+    return tables_of(values_of(file), file)
+
+
+def values_of(file: Path) -> dict[str, Any]:
+    """What stands in a TOML file."""
     try:
-        values = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{file}: not TOML: {error}") from None
     except RecursionError:
         raise ValueError(f"{file}: not TOML: nested too deeply") from None
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: not TOML: expected UTF-8, got byte {error.object[error.start]:#04x}") from None
+
+
+def tables_of(values: dict[str, Any], file: Path) -> SceneTable:
+    """The tables of what stands in a file, with every key known and of the right type."""
     try:
         # Strict validation takes arrays for tuples only in JSON.
         return SceneTable.model_validate_json(json.dumps(values, default=str))
@@ -139,7 +151,8 @@ def _fault(details: Any) -> _Fault:
         name = str(key.path[-1])
         near = check.near(name, key.known)
         meant = (*key.path[:-1], near[0]) if near else None
-        return _Fault(key.path, f"unknown key {unknown(name, key.known)}", "", "", is_unknown_key=True, meant=meant)
+        known = key.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
+        return _Fault(key.path, f"unknown key {unknown(name, known)}", "", "", is_unknown_key=True, meant=meant)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.
         got = repr(context["tag"]) if "tag" in context else "none"
@@ -156,7 +169,9 @@ def _fault(details: Any) -> _Fault:
 def _value_text(value: object) -> str:
     """A value of the file as text, short."""
     if isinstance(value, dict):
-        return "a table"
+        if any(name in value for name in DISTRIBUTIONS):
+            return "a distribution, which radarcore.dataset.Variation draws from"
+        return f"a table, and no distribution {unknown(next(iter(value)), DISTRIBUTIONS)}" if value else "a table"
     if isinstance(value, bool):
         return str(value).lower()
     text = repr(value)

@@ -134,6 +134,8 @@ class Doubts:
             offsets = points @ turn.T + place - sensor[:, 3]
             seen = offsets @ sensor[:, :3]
             in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
+            if not in_beam.any():
+                continue
             # The edges at the back of a box are corners, too, behind its front.
             seen = seen[in_beam][~is_hidden(sensor[:, 3] + _BEFORE * offsets[in_beam], time)]
             if len(seen) > 0:

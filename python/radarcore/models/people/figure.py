@@ -35,8 +35,11 @@ HIP_HEIGHT = 0.530
 Support = Callable[[Floats], Floats]
 """Smallest product of directions (n, 3) with the points of a shape, (n,)."""
 
-# Phases at which the height of the soles is compared.
+# Phases at which the height of the soles is compared; at first every so many of them, then those near the lowest.
 _LIFT_PHASES = 2048
+_LIFT_STRIDE = 8
+# How far the lowest sole may be above the others at first [body heights]: soles move by less between these phases.
+_LIFT_MARGIN = 0.003
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +89,13 @@ class Skeleton(NamedTuple):
 class Figure:
     """A skeleton that walks as a person does: poses and rates of all segments, together and one by one."""
 
-    def __init__(self, walk: Walk, skeleton: Skeleton, lowest: Support) -> None:
+    def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
         self._walk = walk
         # Positions from the axes of all segments: (segment and axis, segment).
         carried = _CHAINS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
         self._reach = carried.sum(axis=1).reshape(len(SEGMENTS), -1).T
         self._hip_height = HIP_HEIGHT * walk.height
-        self._lift = 0.0
-        # The highest floor that no sole of a cycle is under, sampled to about 1e-6 m.
-        turns, root = self._gait(np.linspace(0.0, 1.0, _LIFT_PHASES), 1)
-        foot = self._maps(turns, root)[0, :, SEGMENTS.index("right_foot")]
-        self._lift = -float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
+        self._lift = lift
 
     def motion(self, name: str) -> Motion:
         """Motion of a segment; a `Pose` when the person stands."""
@@ -119,6 +118,20 @@ class Figure:
     def link_rates_at(self, times: ArrayLike) -> Floats:
         """Time derivatives of `link_poses_at`, (n, segment, 3, 4)."""
         return np.ascontiguousarray(self._along_the_path(times, 2)[1])
+
+    def lowest_sole(self, lowest: Support) -> float:
+        """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
+
+        def heights(phases: Floats) -> Floats:
+            foot = self._maps(*self._gait(phases, 1))[0, :, SEGMENTS.index("right_foot")]
+            result: Floats = foot[:, 2, 3] + lowest(foot[:, 2, :3])
+            return result
+
+        phases = np.linspace(0.0, 1.0, _LIFT_PHASES)
+        at_first = heights(phases[::_LIFT_STRIDE])
+        near = at_first < at_first.min() + _LIFT_MARGIN * self._walk.height
+        chosen = np.arange(0, _LIFT_PHASES, _LIFT_STRIDE)[near, None] + np.arange(-_LIFT_STRIDE // 2, _LIFT_STRIDE)
+        return float(heights(phases[np.unique(np.clip(chosen, 0, _LIFT_PHASES - 1))]).min())
 
     def _along_the_path(self, times: ArrayLike, orders: int) -> Floats:
         """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
@@ -184,6 +197,11 @@ class Figure:
         root = self._hip_height * root
         root[0, ..., 2] += self._hip_height + self._lift
         return turns, root
+
+
+def lift_of(walk: Walk, skeleton: Skeleton, lowest: Support) -> float:
+    """Lift of the hips over `HIP_HEIGHT` at which the soles touch the floor, but are never under it [m]."""
+    return -Figure(walk, skeleton, 0.0).lowest_sole(lowest)
 
 
 # Angles of the gait as its speed goes to zero [degrees]: shoulders and elbows.

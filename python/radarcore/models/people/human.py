@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
@@ -9,7 +12,7 @@ from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people import gait
 from radarcore.models.people.anthropometry import skeleton, spheroids
-from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats, Walk
+from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats, Walk, lift_of
 from radarcore.models.people.path import FloorPath
 from radarcore.models.people.real_man import real_man, real_skeleton, support
 from radarcore.models.robots.data import through_obj
@@ -102,7 +105,7 @@ class Human:
         self.mass: float = 70.0 * (self.height / 1.75) ** 2 if mass is None else check.positive("mass", mass, "kg")
         self._walk = Walk(self.height, self.speed, self.path, self.start_time, self.phase)
         self._spheroids = spheroids(self.height, self.mass)
-        self._figure = Figure(self._walk, skeleton(self.height), self._spheroids["foot"].lowest)
+        self._figure = Figure(self._walk, skeleton(self.height), _lift(self.height, self.speed, self.mass))
 
     @property
     def relative_speed(self) -> float:
@@ -154,9 +157,8 @@ class Human:
         >>> len(bodies), bodies[0].name
         (16, 'human/pelvis')
         """
-        unit = shapes.sphere(1.0, subdivisions=subdivisions)
         meshes = {
-            kind: Mesh(unit.vertices * spheroid.semi_axes + spheroid.center, unit.triangles)
+            kind: _spheroid(tuple(spheroid.semi_axes.tolist()), tuple(spheroid.center.tolist()), subdivisions)
             for kind, spheroid in self._spheroids.items()
         }
         return self._figure.bodies({segment: meshes[_kind(segment)] for segment in SEGMENTS}, material, name)
@@ -168,14 +170,42 @@ class Human:
         joints of the limbs are within 0.1 m of those of `segment_motion`, pelvis and trunk have their origin at his
         waist. Parameters and names as for `bodies`.
         """
-        rest, parts = real_man()
-        scale = self.height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
-        local = {segment: (scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()}
-        figure = Figure(self._walk, real_skeleton(rest, scale), support(local["right_foot"][0]))
-        return figure.bodies({segment: through_obj(*arrays) for segment, arrays in local.items()}, material, name)
+        scale, meshes = _real_meshes(self.height)
+        joints = real_skeleton(real_man()[0], scale)
+        lift = lift_of(self._walk, joints, support(meshes["right_foot"].vertices))
+        return Figure(self._walk, joints, lift).bodies(meshes, material, name)
 
     def __repr__(self) -> str:
         return f"<Human: {self.height:g} m, {self.mass:.3g} kg, {self.speed:g} m/s along {self.path.length:.3g} m>"
+
+
+@lru_cache(maxsize=2)
+def _unit_sphere(subdivisions: int) -> Mesh:
+    return shapes.sphere(1.0, subdivisions=subdivisions)
+
+
+@lru_cache(maxsize=160)  # of sixteen people, of 0.6 MB each
+def _spheroid(semi_axes: tuple[float, ...], center: tuple[float, ...], subdivisions: int) -> Mesh:
+    """Mesh of a spheroid [m]; people of one height and mass share theirs."""
+    unit = _unit_sphere(subdivisions)
+    return Mesh(unit.vertices * np.array(semi_axes) + np.array(center), unit.triangles)
+
+
+@lru_cache(maxsize=64)
+def _lift(height: float, speed: float, mass: float) -> float:
+    """Lift of a person of spheroids, which depends neither on path nor time [m]."""
+    walk = Walk(height, speed, FloorPath([[0.0, 0.0], [1.0, 0.0]], 0.4), 0.0, 0.0)
+    return lift_of(walk, skeleton(height), spheroids(height, mass)["foot"].lowest)
+
+
+@lru_cache(maxsize=8)  # of 20 MB each
+def _real_meshes(height: float) -> tuple[float, dict[str, Mesh]]:
+    """Scale of the real man, and his segments in their own axes, at a body height [m]."""
+    rest, parts = real_man()
+    scale = height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
+    return scale, {
+        segment: through_obj(scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()
+    }
 
 
 def _kind(segment: str) -> str:

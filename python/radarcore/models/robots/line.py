@@ -121,12 +121,8 @@ def cartesian_line(
         # Look at the tool between the knots.
         between = (times[:-1, None] + np.diff(times)[:, None] * [0.25, 0.5, 0.75]).ravel()
         targets = start.position + way(between)[:, None] * unit
-        errors = np.array(
-            [
-                np.abs(_error(arm, link, trajectory.angles(start_time + t), target, start.rotation)).max()
-                for t, target in zip(between, targets, strict=True)
-            ]
-        )
+        tool = arm.link_poses(trajectory.angles(start_time + between))[:, arm.link_number(link)]
+        errors = np.abs(_error(tool, targets, start.rotation)).max(axis=-1)
         if errors.max() <= LINE_ERROR:
             break
         interval *= 0.5
@@ -152,14 +148,15 @@ def _follow(
     length: float,
 ) -> Matrix:
     """Joint angles at the given ways along the line, (n, num_joints)."""
-    rows = np.empty((len(ways), len(angles)))
+    rows, number = np.empty((len(ways), len(angles))), arm.link_number(link)
     for k, way in enumerate(ways):
         # Newton's iteration with damped least squares: the damping only matters where the arm is nearly singular.
         for _ in range(_MAX_ITERATIONS):
-            error = _error(arm, link, angles, origin + way * unit, rotation)
+            poses = arm.link_poses(angles)
+            error = _error(poses[number], origin + way * unit, rotation)
             if np.abs(error).max() <= _KNOT_ERROR:
                 break
-            jacobian = arm.jacobian(link, angles)
+            jacobian = arm.jacobian_at(number, poses)
             step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPING**2 * np.eye(6), error)
             angles = angles + step * min(1.0, _MAX_STEP / np.linalg.norm(step))
         else:
@@ -173,12 +170,15 @@ def _follow(
     return rows
 
 
-def _error(arm: RobotArm, link: str, angles: Matrix, position: Matrix, rotation: Matrix) -> Matrix:
-    """Deviation from a pose, (6,): displacement [m] and, for small ones, rotation vector [rad]."""
-    pose = arm.link_pose(link, angles)
-    turn = rotation @ pose.rotation.T
-    vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    return np.concatenate([position - pose.position, vector])
+def _error(pose: Matrix, position: Matrix, rotation: Matrix) -> Matrix:
+    """Deviation of maps (..., 4, 4) from a pose, (..., 6): displacement [m] and rotation vector [rad], if small."""
+    turn = rotation @ pose[..., :3, :3].swapaxes(-1, -2)
+    error = np.empty((*pose.shape[:-2], 6))
+    error[..., :3] = position - pose[..., :3, 3]
+    for k in range(3):
+        after, last = (k + 1) % 3, (k + 2) % 3
+        error[..., 3 + k] = 0.5 * (turn[..., last, after] - turn[..., after, last])
+    return error
 
 
 def _knots(duration: float, ramp_time: float, interval: float) -> Matrix:

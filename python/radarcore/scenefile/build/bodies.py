@@ -15,10 +15,13 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.catalogue import arm_names
+from radarcore.models.robots.joint import JointAngles
+from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.material import Material
 from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.materials import material_of, named_material
 from radarcore.scenefile.build.motions import Carriers, Recorded, joint_motion_of, motion_of
 from radarcore.scenefile.build.radar import radar_of
@@ -28,6 +31,7 @@ from radarcore.scenefile.tables import (
     BodyTable,
     HumanTable,
     InterfererTable,
+    LineTable,
     MaterialTable,
     MeshTable,
     PlacedTable,
@@ -43,8 +47,15 @@ AnyParts = list[Body] | list[PointTarget] | list[Interferer]
 class Parts:
     """Builder of bodies, points, people, arms and interferers, each after its carrier."""
 
-    def __init__(self, directory: Path, known: Mapping[str, Material], recorded: Recorded | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        known: Mapping[str, Material],
+        recorded: Recorded | None = None,
+        kept: Kept | None = None,
+    ) -> None:
         self._directory = directory
+        self._kept = Kept() if kept is None else kept
         self._recorded = recorded
         self._materials = known
         self._carriers: Carriers = {}
@@ -131,15 +142,18 @@ class Parts:
 
     def _mesh(self, table: Any) -> Mesh:
         if isinstance(table, MeshTable):
-            return self._read(table, load_mesh, lambda mesh: len(mesh.triangles))
+            return self._kept.of(
+                ("mesh", table), lambda: self._read(table, load_mesh, lambda mesh: len(mesh.triangles))
+            )
         make: Callable[..., Mesh] = getattr(shapes, table.kind)
-        return make(**table.model_dump(exclude={"kind"}, exclude_none=True))
+        return self._kept.of(("shape", table), lambda: make(**table.model_dump(exclude={"kind"}, exclude_none=True)))
 
     def _meshes(self, table: Any) -> dict[str, Mesh]:
         """The parts of an OBJ file by their materials."""
         if not isinstance(table, MeshTable):
             raise ValueError(f"expected a shape of kind 'mesh' with an OBJ file, got {table.kind!r}")
-        return self._read(table, partial(load_meshes, split_by="material"), len)
+        load = partial(load_meshes, split_by="material")
+        return self._kept.of(("meshes", table), lambda: self._read(table, load, len))
 
     def _read(self, table: MeshTable, load: Callable[..., _Read], size: Callable[[_Read], int]) -> _Read:
         sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
@@ -155,19 +169,27 @@ class Parts:
         return read
 
     def _human(self, table: HumanTable) -> list[Body]:
-        human = Human(**table.model_dump(exclude={"name", "material", "meshes"}))
+        walk = table.model_dump(exclude={"name", "material", "meshes"})
+        human = self._kept.of(("human", repr(walk)), lambda: Human(**walk))
         make = human.mesh_bodies if table.meshes else human.bodies
         bodies = make(material=self._material(table.material), name=table.name)
         self._carriers |= {body.name: body.motion for body in bodies if body.name is not None}
         return bodies
 
     def _arm(self, table: ArmTable) -> list[Body]:
-        arm = self._arm_model(table)
+        arm = self._kept.of(("arm", table.model, table.meshes), lambda: self._arm_model(table))
         with located("joints."):
-            joints = joint_motion_of(arm, table, self._recorded)
+            joints = self._joint_motion(arm, table)
         moving = arm.moving(joints, base=motion_of(table, self._carriers, self._recorded))
         self._carriers |= {f"{table.name}/{link}": moving.link_motion(link) for link in arm.links}
         return moving.bodies(material=self._material(table.material), name=table.name)
+
+    def _joint_motion(self, arm: RobotArm, table: ArmTable) -> JointTrajectory | JointAngles:
+        if not isinstance(table.joints, LineTable):
+            return joint_motion_of(arm, table, self._recorded)
+        # Joint angles along a line take longer to find than a frame.
+        key = ("line", table.model, table.meshes, table.joints.model_dump_json())
+        return self._kept.of(key, lambda: joint_motion_of(arm, table))
 
     def _arm_model(self, table: ArmTable) -> RobotArm:
         if table.model == "ur10":

@@ -9,6 +9,7 @@ from radarcore.radar.radar import Radar
 from radarcore.scene.scene import Scene
 from radarcore.scenefile.build.bodies import Parts
 from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.materials import materials_of
 from radarcore.scenefile.build.motions import Recorded, sensor_motion_of
 from radarcore.scenefile.build.radar import radar_of
@@ -19,12 +20,15 @@ from radarcore.simulate.placement import Placement
 from radarcore.simulate.times import frame_times
 
 
-def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None) -> Simulation:
-    """Scene, radar and run from the tables of a file, with motions that were recorded."""
+def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, kept: Kept | None = None) -> Simulation:
+    """Scene, radar and run from the tables of a file, with motions that were recorded.
+
+    `kept` holds what several scenes of the same file have in common.
+    """
     with located(f"{file}: "):
         with located("radar: "):
             radar = radar_of(table.radar, file.parent)
-        parts, carriers = Parts(file.parent, materials_of(table.material), recorded).build(table)
+        parts, carriers = Parts(file.parent, materials_of(table.material), recorded, kept).build(table)
         with located("sensor: "):
             motion = sensor_motion_of(table.sensor, carriers, recorded)
         run = table.run if recorded is None else _run_within(table.run, recorded, radar)

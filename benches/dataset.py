@@ -1,0 +1,156 @@
+"""Datasets: frames per second and core, against those of the simulator alone, size of a frame, and memory.
+
+python benches/dataset.py            print the tables
+python benches/dataset.py --tiny     a few frames of each, and no table that means anything
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import time
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from tempfile import TemporaryDirectory
+
+# Threads of numpy's BLAS that wait for work would slow everything else down.
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+
+import radarcore as rc
+from page import machine, table
+from radarcore.simulate.times import frame_times
+
+RADAR = 'radar.preset = "bgt60tr13c"\n'
+ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"
+PERSON = """
+run.stop = 0.25
+[[human]]
+name = "person"
+path = [[{ uniform = [2.0, 4.0] }, 0.0], [1.0, 0.0]]
+speed = { uniform = [0.5, 1.5] }
+"""
+ROOM = """
+[[body]]
+name = "wall"
+shape = { kind = "plate", width = 4.0, height = 2.5 }
+pose.position = [5.0, 0.0, 0.0]
+[[body]]
+name = "box"
+shape = { kind = "box", size = [0.4, 0.4, 0.4] }
+pose.position = [{ uniform = [1.5, 4.0] }, { uniform = [-1.0, 1.0] }, -0.5]
+"""
+BALL = """
+[[point]]
+name = "ball"
+position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]
+velocity = [{ uniform = [-1.0, 1.0] }, 0.0, 0.0]
+"""
+SCENES = {
+    "a person in a room, 10 frames": (RADAR + PERSON + ROOM, 20),
+    "the same, codes of an ADC": (RADAR + ADC + PERSON + ROOM, 20),
+    "a ball, 40 frames": (RADAR + "run.stop = 1.0\n" + BALL, 60),
+    "a ball, 1 frame": (RADAR + "run.stop = 0.02\n" + BALL, 600),
+}
+"""Scene files, and samples of each."""
+
+SMALL = 'radar.preset = "bgt60tr13c"\nradar.num_chirps = 8\nradar.num_samples = 32\nrun.stop = 0.25\n'
+
+
+def simulated(scene: Path, count: int) -> tuple[int, float]:
+    """Frames of some samples, and the time of the core that `Simulator.frame` takes for them [s]."""
+    variation = rc.dataset.Variation.load(scene)
+    seconds, num_frames = 0.0, 0
+    for index in range(count):
+        simulation = variation.sample(index, seed=1).simulation()
+        run, simulator = simulation.run, simulation.simulator(threads=1)
+        began = time.process_time()
+        for start in frame_times(run.start, run.stop, run.rate):
+            simulator.frame(start)
+            num_frames += 1
+        seconds += time.process_time() - began
+    return num_frames, seconds
+
+
+def made(scene: Path, out: Path, count: int, workers: int) -> tuple[rc.dataset.Dataset, float]:
+    """A dataset, and the time of cores that it took, of this process and of those that it started [s]."""
+    shutil.rmtree(out, ignore_errors=True)
+    before = cores_used()
+    dataset = rc.dataset.make(scene, out, count=count, workers=workers, progress=False)
+    return dataset, cores_used() - before
+
+
+def cores_used() -> float:
+    """Time of cores that this process, and those of it that have ended, have used [s]; others do not disturb it."""
+    return sum(used.ru_utime + used.ru_stime for used in map(getrusage, (RUSAGE_SELF, RUSAGE_CHILDREN)))
+
+
+def size_of(path: Path) -> int:
+    """Size of a folder [bytes]."""
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+
+
+def resident() -> float:
+    """Memory of this process [MB]."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return float(line.split()[1]) / 1024.0
+    return float("nan")
+
+
+def speeds(folder: Path, tiny: bool) -> str:
+    """Table of frames per second and core, and of their size."""
+    rows, cores = [], os.cpu_count() or 1
+    for name, (text, count) in SCENES.items():
+        scene = folder / "scene.toml"
+        scene.write_text(text)
+        number = 2 if tiny else count
+        simulated(scene, 1)
+        num_frames, alone = simulated(scene, number)
+        dataset, own = made(scene, folder / "out", number, 1)
+        per_core = "" if tiny else f"{num_frames * cores / made(scene, folder / 'all', number * cores, cores)[1]:.1f}"
+        per_frame = size_of(folder / "out") / num_frames
+        rows.append(
+            [
+                name,
+                f"{num_frames / alone:.1f}",
+                f"{num_frames / own:.1f}",
+                f"{alone / own:.0%}",
+                per_core,
+                f"{per_frame:.0f}",
+                f"{3600.0 * num_frames / own * per_frame / 1e9:.2f}",
+            ]
+        )
+        assert len(dataset) == number
+    header = [
+        *("scene", "`Simulator.frame` [1/s]", "stored, one core [1/s]", "share"),
+        *(f"{cores} processes, per core, their start included [1/s]", "bytes per frame", "GB per hour and core"),
+    ]
+    return table(header, rows)
+
+
+def memory(folder: Path, tiny: bool) -> str:
+    """Table of the memory of a process that makes small frames."""
+    scene = folder / "small.toml"
+    scene.write_text(SMALL + BALL)
+    per_sample, rows = 10, []
+    for num_frames in (20, 40) if tiny else (100, 1000, 10_000):
+        made(scene, folder / "small", num_frames // per_sample, 1)
+        rows.append([f"{num_frames}", f"{resident():.0f}"])
+    return table(["frames made in one process", "memory [MB]"], rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tiny", action="store_true", help="a few frames of each")
+    options = parser.parse_args()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        print(machine())
+        print(speeds(folder, options.tiny))
+        print()
+        print(memory(folder, options.tiny))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""The commands of `radarcore dataset`: datasets made, verified, summarised and exported."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from radarcore.cli.options import Count, Flag, Json, Output, Seconds, whole_number
+from radarcore.cli.terminal import complain, show_facts
+from radarcore.dataset.labels import Labels
+from radarcore.dataset.layout import STATUS
+from radarcore.dataset.making import make
+from radarcore.dataset.opened import open_dataset
+from radarcore.dataset.verification import verify
+
+_SHOWN = 3
+"""Failed samples that are told of; the others are in the dataset."""
+
+_TIMEOUT = 10.0
+"""Time for a scheduler to answer [s]."""
+
+Scene = Annotated[Path, Parameter(metavar="SCENE")]
+Folder = Annotated[Path, Parameter(metavar="DATASET")]
+Number = Annotated[int, Parameter(metavar="N", converter=whole_number)]
+
+
+def run_make(
+    scene: Scene,
+    /,
+    *,
+    output: Output,
+    count: Number,
+    seed: Number = 1,
+    workers: Count = None,
+    scheduler: Annotated[str | None, Parameter(metavar="ADDRESS")] = None,
+    timeout: Seconds = None,
+    resume: Flag = False,
+    labels: Annotated[str, Parameter(metavar="NAME,...")] = "truth",
+    samples_per_shard: Count = None,
+    as_json: Json = False,
+) -> int:
+    """Make a dataset, or go on with it; exit status 1 if no sample could be simulated.
+
+    Parameters
+    ----------
+    scene : path
+        scene file (TOML), in which values may be distributions
+    output : path
+        dataset: a new directory
+    count : int
+        samples
+    seed : int
+        seed of all draws
+    workers : int
+        processes of this machine (default: one per core)
+    scheduler : str
+        scheduler of dask, tcp://HOST:8786, in their place (extra `dask`)
+    timeout : float
+        time for the scheduler to answer [s] (default: 10)
+    resume : bool
+        go on with a dataset that was interrupted
+    labels : str
+        truth, boxes, visibility, joints, cells; or none
+    samples_per_shard : int
+        samples of a file (default: up to 64 MB)
+    """
+    began = time.perf_counter()
+    dataset = make(
+        scene,
+        output,
+        count=count,
+        seed=seed,
+        workers=workers,
+        scheduler=scheduler,
+        timeout=_TIMEOUT if timeout is None else timeout,
+        resume=resume,
+        labels=labels_of_names(labels),
+        samples_per_shard=samples_per_shard,
+    )
+    seconds = time.perf_counter() - began
+    failed = dataset.failed
+    for failure in failed[:_SHOWN]:
+        complain(f"sample {failure.sample} of seed {failure.seed} failed: {failure.error}", "warning")
+    if len(failed) > _SHOWN:
+        complain(f"{len(failed) - _SHOWN} more failed, see radarcore dataset info {output}", "warning")
+    frames = len(dataset) * dataset.sizes["frame"]
+    if as_json:
+        result = {"dataset": str(output), "samples": len(dataset), "frames": frames, "failed": len(failed)}
+        print(json.dumps(result | {"seconds": seconds}, indent=2))
+    else:
+        print(f"{output}: {len(dataset)} samples, {frames} frames, {len(failed)} failed; {seconds:.1f} s")
+    return 1 if len(failed) == len(dataset) else 0
+
+
+def run_verify(dataset: Folder, /, *, again: Number = 1, as_json: Json = False) -> int:
+    """Verify a dataset; exit status 1 if something is wrong with it.
+
+    Parameters
+    ----------
+    dataset : path
+        dataset
+    again : int
+        samples to simulate once more, to the bit
+    """
+    found = verify(dataset, again=again)
+    print(json.dumps(asdict(found), indent=2) if as_json else found)
+    return 0 if found.is_good else 1
+
+
+def run_info(dataset: Folder, /, *, as_json: Json = False) -> None:
+    """Summarise a dataset.
+
+    Parameters
+    ----------
+    dataset : path
+        dataset
+    """
+    opened = open_dataset(dataset)
+    status, failed = opened.status, opened.failed
+    facts: dict[str, Any] = {
+        "samples": {name: int((status == value).sum()) for name, value in STATUS.items()},
+        "axes": opened.sizes,
+        "variables": {name: opened.attributes(name).get("units", "") for name in opened.names},
+        "bodies": list(opened.body_names),
+        "seed": opened.seed,
+        "made by": f"radarcore {opened.attrs['radarcore']}",
+        "failed": [asdict(failure) for failure in failed],
+    }
+    if as_json:
+        print(json.dumps(facts, indent=2))
+        return
+    print(opened)
+    texts = facts | {
+        "samples": ", ".join(f"{number} {name}" for name, number in facts["samples"].items()),
+        "axes": ", ".join(f"{name} {length}" for name, length in opened.sizes.items()),
+        "variables": ", ".join(f"{name} [{unit}]" if unit else name for name, unit in facts["variables"].items()),
+        "bodies": ", ".join(opened.body_names),
+    }
+    del texts["failed"]
+    rows = [(name, str(text)) for name, text in texts.items()]
+    show_facts([*rows, *(("failed", f"sample {each.sample}: {each.error}") for each in failed)], 9)
+
+
+def run_scene(dataset: Folder, index: Annotated[int, Parameter(metavar="INDEX", converter=whole_number)], /) -> None:
+    """Print the scene file of a sample.
+
+    Parameters
+    ----------
+    dataset : path
+        dataset
+    index : int
+        index of the sample
+    """
+    print(open_dataset(dataset).sample(index).text, end="")
+
+
+def run_export(
+    dataset: Folder,
+    /,
+    *,
+    output: Output,
+    to: Annotated[Literal["hdf5", "webdataset", "mcap"], Parameter(name="--format")],
+    sample: Number = 0,
+) -> None:
+    """Write a dataset in another format.
+
+    Parameters
+    ----------
+    dataset : path
+        dataset
+    output : path
+        file, or folder of tar files
+    to : str
+        format
+    sample : int
+        index of the sample, of mcap
+    """
+    from radarcore.dataset import export
+
+    if to == "hdf5":
+        export.to_hdf5(dataset, output)
+    elif to == "webdataset":
+        export.to_webdataset(dataset, output)
+    else:
+        export.to_mcap(dataset, output, sample=sample)
+    print(output)
+
+
+def labels_of_names(names: str) -> Labels:
+    """Labels by their names, separated by commas; ``none`` for none."""
+    known = [field.name for field in fields(Labels)]
+    chosen = [] if names == "none" else [name.strip() for name in names.split(",")]
+    for name in chosen:
+        if name not in known:
+            raise ValueError(f"--labels: expected {', '.join(known)} or none, got {name!r}")
+    return Labels(**{name: name in chosen for name in known})

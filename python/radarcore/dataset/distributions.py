@@ -1,0 +1,278 @@
+"""Distributions of a value of a scene file.
+
+A draw is the inverse of the distribution function at one uniform number: the same number gives the same value, on any
+machine, with any version of NumPy.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import accumulate
+from math import ceil, erf, exp, floor, inf, isfinite, log, sqrt
+from statistics import NormalDist
+from typing import Any, Protocol
+
+from radarcore import check
+from radarcore.scenefile.read import DISTRIBUTIONS
+
+Value = Any
+"""Value of a scene file: a number, a word, true or false, a list or a table."""
+
+_SMALLEST_SHARE = 1e-9
+"""Least probability between the bounds of a normal distribution: below, its quantiles lose their digits."""
+
+
+class Distribution(Protocol):
+    """What a value is drawn from."""
+
+    @property
+    def kind(self) -> str:
+        """Word that stands for it in scene files."""
+        ...
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """Values that it may take and that all others lie between, to be tried; those of a choice are all."""
+        ...
+
+    def at(self, share: float) -> Value:
+        """The value that a share of all draws lies below, 0 <= share < 1."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Numbers of equal density, or of equal probability on a grid of `step`."""
+
+    low: float
+    high: float
+    step: float | None = None
+    kind = "uniform"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return self.low, self.high if self.step is None else self._on_grid(self._num_steps)
+
+    def at(self, share: float) -> float:
+        """Quantile."""
+        if self.step is None:
+            return self.low + share * (self.high - self.low)
+        return self._on_grid(int(share * (self._num_steps + 1)))
+
+    @property
+    def _num_steps(self) -> int:
+        assert self.step is not None  # only asked of grids
+        return int((self.high - self.low) / self.step * (1.0 + 1e-12))
+
+    def _on_grid(self, k: int) -> float:
+        assert self.step is not None  # only asked of grids
+        return float(f"{self.low + k * self.step:.12g}")  # 1.65, not 1.6500000000000001
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Numbers of a normal distribution, cut at `min` and `max`: nothing piles up there.
+
+    With a `step` they are rounded to the mean plus or minus so many steps.
+    """
+
+    mean: float
+    deviation: float
+    min: float = -inf
+    max: float = inf
+    step: float | None = None
+    kind = "normal"
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """The bounds that there are, and the mean if it lies between them."""
+        low, high = (end if self.step is None or not isfinite(end) else self._on_grid(end) for end in self._bounds)
+        middle = self.mean if self.min <= self.mean <= self.max else self.at(0.5)
+        return tuple(dict.fromkeys(value for value in (low, middle, high) if isfinite(value)))
+
+    def at(self, share: float) -> float:
+        """Quantile."""
+        # Seen from the side where the bounds are rarer, where probabilities are exact.
+        sign = -1.0 if self.min > self.mean else 1.0
+        low, high = self._probabilities()
+        probability = low + share * (high - low)
+        if not 0.0 < probability < 1.0:
+            probability = min(max(probability, 2.0**-54), 1.0 - 2.0**-53)
+        value = self.mean + sign * self.deviation * NormalDist().inv_cdf(probability)
+        value = min(max(value, self.min), self.max)
+        return value if self.step is None else self._on_grid(value)
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        return self.min, self.max
+
+    def _on_grid(self, value: float) -> float:
+        assert self.step is not None  # only asked of grids
+        first, last = ((end - self.mean) / self.step for end in self._bounds)
+        k = round((value - self.mean) / self.step)
+        k = k if k <= last * (1.0 + 1e-12) else floor(last)
+        k = k if k >= first * (1.0 + 1e-12) else ceil(first)
+        return float(f"{self.mean + k * self.step:.12g}")
+
+    @property
+    def share(self) -> float:
+        """Probability between the bounds of the distribution that is not cut."""
+        low, high = self._probabilities()
+        return abs(high - low)
+
+    def _probabilities(self) -> tuple[float, float]:
+        """Those below the bounds; above them, with their order turned round, where both lie above the mean."""
+        ends = [(end - self.mean) / self.deviation for end in (self.min, self.max)]
+        if self.min > self.mean:
+            ends = [-end for end in ends]
+        low, high = (0.5 * (1.0 + erf(end / sqrt(2.0))) for end in ends)
+        return low, high
+
+
+@dataclass(frozen=True)
+class LogUniform:
+    """Positive numbers whose logarithms have equal density."""
+
+    low: float
+    high: float
+    kind = "log_uniform"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return self.low, self.high
+
+    def at(self, share: float) -> float:
+        """Quantile."""
+        value = exp(log(self.low) + share * (log(self.high) - log(self.low)))
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Integers:
+    """Integers of equal probability, both ends among them."""
+
+    low: int
+    high: int
+    kind = "integers"
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        """Smallest and largest value."""
+        return self.low, self.high
+
+    def at(self, share: float) -> int:
+        """Quantile."""
+        return self.low + int(share * (self.high - self.low + 1))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several values, which may be tables and lists."""
+
+    values: tuple[Value, ...]
+    weights: tuple[float, ...]
+    kind = "choice"
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """All values that may be drawn."""
+        return tuple(value for value, weight in zip(self.values, self.weights, strict=True) if weight > 0.0)
+
+    def at(self, share: float) -> Value:
+        """Value of the share, by the order of the values."""
+        return self.values[self.number_at(share)]
+
+    def number_at(self, share: float) -> int:
+        """Number of that value."""
+        sums = list(accumulate(self.weights))
+        number = bisect_right(sums, share * sums[-1])
+        # A sum that was rounded down may leave nothing to the last.
+        return min(number, max(k for k, weight in enumerate(self.weights) if weight > 0.0))
+
+
+def is_distribution(value: object) -> bool:
+    """True for a table that has the name of a distribution among its keys."""
+    return isinstance(value, Mapping) and any(name in value for name in DISTRIBUTIONS)
+
+
+def distribution_of(table: Mapping[str, Value]) -> Distribution:
+    """The distribution of a table such as ``{ uniform = [0.5, 2.0] }``; a ValueError says what is wrong."""
+    kind, *others = [name for name in DISTRIBUTIONS if name in table]
+    if others:
+        raise ValueError(f"{others[0]}: expected one distribution, got {kind} as well")
+    options = {
+        "uniform": ("step",),
+        "normal": ("min", "max", "step"),
+        "log_uniform": (),
+        "integers": (),
+        "choice": ("weights",),
+    }[kind]
+    for name in table:
+        if name != kind and name not in options:
+            known = check.near_names(name, (kind, *options))
+            raise ValueError(f"unknown key {name!r} of a distribution; {known}")
+    if kind == "choice":
+        return _choice(table)
+    pair = _pair(kind, table[kind])
+    if kind == "normal":
+        return _normal(pair, table)
+    low, high = pair
+    if not low < high and not (kind == "integers" and low == high):
+        raise ValueError(f"{kind}: expected the smaller end first, got [{low}, {high}]")
+    if kind == "integers":
+        for end in pair:
+            if not isinstance(end, int):
+                raise ValueError(f"integers: expected two integers, got [{low}, {high}]")
+        return Integers(int(low), int(high))
+    if kind == "log_uniform":
+        return LogUniform(check.positive("log_uniform", low), float(high))
+    step = check.positive("step", table["step"]) if "step" in table else None
+    if step is not None and step > high - low:
+        raise ValueError(f"step: expected at most {high - low:g}, the distance of the ends, got {step:g}")
+    return Uniform(float(low), float(high), step)
+
+
+def _pair(kind: str, value: Value) -> tuple[float, float]:
+    meaning = "the mean and the standard deviation" if kind == "normal" else "the smallest and the largest value"
+    is_pair = isinstance(value, list) and len(value) == 2
+    if not is_pair or any(isinstance(end, bool) or not isinstance(end, int | float) for end in value):
+        raise ValueError(f"{kind}: expected two numbers, {meaning}, got {value!r}")
+    for end in value:
+        check.number(kind, end)
+    return value[0], value[1]
+
+
+def _normal(pair: tuple[float, float], table: Mapping[str, Value]) -> Normal:
+    mean, deviation = float(pair[0]), check.positive("normal: standard deviation", pair[1])
+    bounds = {name: check.number(name, table[name]) for name in ("min", "max") if name in table}
+    step = check.positive("step", table["step"]) if "step" in table else None
+    normal = Normal(mean, deviation, **bounds, step=step)
+    if not normal.min < normal.max:
+        raise ValueError(f"max: expected more than min, {normal.min:g}, got {normal.max:g}")
+    if step is not None and step > normal.max - normal.min:
+        raise ValueError(
+            f"step: expected at most {normal.max - normal.min:g}, the distance of the bounds, got {step:g}"
+        )
+    if normal.share < _SMALLEST_SHARE:
+        raise ValueError(
+            f"{'min' if normal.min > mean else 'max'}: expected bounds that keep some of the distribution, got "
+            f"{normal.min:g} to {normal.max:g} for a mean of {mean:g} and a standard deviation of {deviation:g}"
+        )
+    return normal
+
+
+def _choice(table: Mapping[str, Value]) -> Choice:
+    values = table["choice"]
+    if not isinstance(values, list) or not values:
+        raise ValueError(f"choice: expected a list of values, got {values!r}")
+    weights = table.get("weights", [1.0] * len(values))
+    if not isinstance(weights, list) or len(weights) != len(values):
+        raise ValueError(f"weights: expected a list of {len(values)} numbers, one per value, got {weights!r}")
+    checked = tuple(check.non_negative("weights", weight) for weight in weights)
+    if sum(checked) == 0.0:
+        raise ValueError(f"weights: expected one above zero, got {weights!r}")
+    return Choice(tuple(values), checked)

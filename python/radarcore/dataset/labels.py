@@ -1,0 +1,323 @@
+"""Labels of frames: truth, boxes, visibility, joints of people, strongest bodies of the map's cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.dataset import cells
+from radarcore.dataset.bodies import Floats, Members, Places, checked_names, members_of, middle_of, owners_of
+from radarcore.dataset.boxes import boxes_of, united
+from radarcore.dataset.echoes import Caster
+from radarcore.dataset.joints import JOINTS, People
+from radarcore.dataset.visibility import are_rough, visibilities
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import TRUTH_FIELDS, Frame
+from radarcore.simulate.simulator import Simulator
+
+_MOST_NAMES = 2**15 - 1
+"""Largest number of names that an int16 counts."""
+
+_AXES = "axes of the sensor: x forward, y left, z up"
+
+
+@check.knows_keywords
+@dataclass(frozen=True)
+class Labels:
+    """Which labels the frames of a dataset have.
+
+    All hold for the middle of a frame, as its truth does.
+
+    Parameters
+    ----------
+    truth : bool
+        ``true_range``, ``true_velocity``, ``true_azimuth``, ``true_elevation``, (body,): those of `Truth`, of a person
+        or an arm that has one name those of its nearest visible part. NaN of what is not there or not visible.
+    boxes : bool
+        ``box_center`` and ``box_size``, (body, xyz) [m]: the box around the vertices of its mesh, also while it
+        deforms, along the axes of the sensor. NaN of what is not there.
+    visibility : bool
+        ``visibility``, (body,), 0 to 1: the share of the energy of its echo, were it alone in the scene, that reaches
+        the radar. 1 if nothing is in front of it, 0 if it is hidden or its echo too weak for a path; NaN of what is not
+        there.
+    joints : bool
+        ``joint_position``, (body, joint, xyz) [m]: the `JOINTS` of people in the sensor frame, visible or not. NaN of
+        all others.
+    cells : bool
+        ``strongest_body``, (doppler, range) int16: index of the body whose echo is strongest in a cell of
+        `range_doppler` with its default windows, -1 for none.
+
+    See Also
+    --------
+    dataset.labels_of : The labels of a frame.
+    dataset.dims_of : Their shapes.
+    Truth : What is true of bodies.
+
+    Examples
+    --------
+    >>> rc.dataset.Labels(boxes=True)
+    Labels(truth=True, boxes=True, visibility=False, joints=False, cells=False)
+    """
+
+    truth: bool = True
+    boxes: bool = False
+    visibility: bool = False
+    joints: bool = False
+    cells: bool = False
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            if not isinstance(value := getattr(self, each.name), bool):
+                raise TypeError(f"{each.name}: expected True or False, got {value!r}")
+
+
+class LabelLayout(NamedTuple):
+    """Axes, shape, dtype and attributes of a label.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Names of the axes.
+    shape : tuple of int
+    dtype : numpy.dtype
+    attrs : dict
+        ``units``, ``long_name`` and what else is to be known of the numbers: anything JSON can hold.
+
+    See Also
+    --------
+    dataset.dims_of : Of every label.
+
+    Examples
+    --------
+    >>> rc.dataset.dims_of(rc.bgt60tr13c(), ["ball"])["true_velocity"].attrs["units"]
+    'm/s'
+    """
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    attrs: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """A label of one frame.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Names of the axes.
+    values : array
+    attrs : dict
+        As `LabelLayout` has them.
+
+    See Also
+    --------
+    dataset.labels_of : Makes them.
+
+    Examples
+    --------
+    >>> simulator = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], name="ball")]), rc.bgt60tr13c(num_chirps=16))
+    >>> label = rc.dataset.labels_of(simulator, simulator.frame(), ["ball"])["true_range"]
+    >>> label.dims, label.values.round(2).tolist(), label.attrs["units"]
+    (('body',), [2.0], 'm')
+    """
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attrs: dict[str, Any] = field(default_factory=dict)
+
+
+def dims_of(radar: Radar, body_names: Sequence[str], settings: Labels | None = None) -> dict[str, LabelLayout]:
+    """Axes, shapes, dtypes and attributes of the labels of a radar's frames, before there is any.
+
+    Parameters
+    ----------
+    radar : Radar
+    body_names : sequence of str
+        Names of the axis `body`, see `labels_of`.
+    settings : Labels, optional
+        Default: the truth alone.
+
+    Raises
+    ------
+    ValueError
+        For labels of cells of a radar whose frames have no range-velocity map: of several waveforms, chirps at unequal
+        intervals, no sweep, or transmitters that send at once.
+
+    See Also
+    --------
+    dataset.labels_of : The labels.
+
+    Examples
+    --------
+    >>> layouts = rc.dataset.dims_of(rc.bgt60tr13c(), ["ball", "wall"], rc.dataset.Labels(cells=True))
+    >>> layouts["strongest_body"].dims, layouts["strongest_body"].shape
+    (('doppler', 'range'), (64, 65))
+    """
+    settings, names = _checked(settings), checked_names(body_names)
+    num_bodies = len(names)
+    layouts: dict[str, LabelLayout] = {}
+    attrs: dict[str, Any]
+    if settings.truth:
+        seen_from = "nearest visible point, from the centre of the array; NaN: not visible"
+        units = dict(zip(TRUTH_FIELDS, ("m", "m/s", "rad", "rad"), strict=True))
+        signs = {"velocity": "receding positive", "azimuth": "positive to the left", "elevation": "positive up"}
+        for name in TRUTH_FIELDS:
+            attrs = {"units": units[name], "long_name": f"true {name}", "description": seen_from}
+            layouts[f"true_{name}"] = _floats(("body",), (num_bodies,), attrs | _sign(signs.get(name)))
+    if settings.boxes:
+        for name, text in (("center", "middle"), ("size", "edges")):
+            attrs = {"units": "m", "long_name": f"{text} of the box around the mesh", "description": _AXES}
+            layouts[f"box_{name}"] = _floats(("body", "xyz"), (num_bodies, 3), attrs)
+    if settings.visibility:
+        attrs = {"units": "1", "long_name": "share of the energy of the echo alone that is received"}
+        layouts["visibility"] = _floats(("body",), (num_bodies,), attrs)
+    if settings.joints:
+        attrs = {"units": "m", "long_name": "position of the joint", "description": _AXES, "joints": list(JOINTS)}
+        layouts["joint_position"] = _floats(("body", "joint", "xyz"), (num_bodies, len(JOINTS), 3), attrs)
+    if settings.cells:
+        cells.require_map(radar)
+        if num_bodies > _MOST_NAMES:
+            raise ValueError(f"body_names: expected at most {_MOST_NAMES} for labels of cells, got {num_bodies}")
+        attrs = {
+            "units": "1",
+            "long_name": "body with the strongest echo",
+            "description": (
+                f"index into body; -1 below the mean power of the noise, {cells.DEPTH_DB:g} dB below the strongest "
+                f"cell, and where two bodies are within {cells.TIE_DB:g} dB"
+            ),
+        }
+        layouts["strongest_body"] = LabelLayout(("doppler", "range"), cells.map_shape(radar), np.dtype(np.int16), attrs)
+    return layouts
+
+
+def labels_of(
+    simulator: Simulator, frame: Frame, body_names: Sequence[str], settings: Labels | None = None
+) -> dict[str, Labelled]:
+    """Labels of a frame that a simulator has made.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Which made the frame.
+    frame : Frame
+    body_names : sequence of str
+        Names of the axis `body`. A name stands for the body of that name, or for all that are called ``NAME/part``: a
+        person, an arm, a mesh file of several materials. Names of what is not in the scene are fine.
+    settings : Labels, optional
+        Default: the truth alone.
+
+    Returns
+    -------
+    labels : dict of str to Labelled
+
+    Raises
+    ------
+    ValueError
+        For a body of the scene without a name, and as `dims_of`.
+
+    See Also
+    --------
+    dataset.Labels : What each of them is.
+    dataset.dims_of : Their shapes.
+    Simulator.frame : Makes a frame.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.Body(rc.shapes.box(0.2), motion=rc.Pose([2.0, 0.0, 0.0]), name="box")])
+    >>> simulator = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16))
+    >>> settings = rc.dataset.Labels(boxes=True, visibility=True)
+    >>> labels = rc.dataset.labels_of(simulator, simulator.frame(), ["box", "cat"], settings)
+    >>> labels["true_range"].values.round(2).tolist(), labels["visibility"].values.tolist()
+    ([1.9, nan], [1.0, nan])
+    >>> labels["box_size"].values[0].round(3).tolist()
+    [0.2, 0.2, 0.2]
+    """
+    if not isinstance(simulator, Simulator):
+        raise TypeError(f"simulator: expected Simulator, got {type(simulator).__name__}")
+    key = (checked_names(body_names), _checked(settings))
+    labellers = _LABELLERS.setdefault(simulator, {})
+    if key not in labellers:
+        labellers[key] = _Labeller(simulator, *key)
+    return labellers[key].of(frame)
+
+
+class _Labeller:
+    """Makes the labels of a simulator's frames; keeps what is the same for all of them."""
+
+    def __init__(self, simulator: Simulator, names: tuple[str, ...], settings: Labels) -> None:
+        scene, motion = simulator.scene, simulator.radar_motion
+        assert motion is not None  # as the simulator has made it the world's own frame
+        self._settings, self._scene = settings, scene
+        self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
+        self._layouts = dims_of(simulator.radar, names, settings)
+        self._members: Members = members_of(names, scene.names)
+        self._owners = owners_of(self._members, len(scene.names))
+        self._places = Places(scene, motion)  # type: ignore[arg-type]  # the simulator has made a motion of it
+        self._people = People(scene, names)
+        self._caster = Caster(simulator) if settings.visibility or settings.cells else None
+
+    def of(self, frame: Frame) -> dict[str, Labelled]:
+        """Labels of a frame, as `labels_of` has them."""
+        settings, parts = self._settings, self._scene.parts
+        values: dict[str, NDArray[Any]] = {}
+        if settings.truth:
+            values |= self._truth(frame)
+        time = middle_of(frame)
+        placed = self._places.at(time)
+        boxes = boxes_of(parts, placed) if settings.boxes or settings.visibility else np.zeros((0, 2, 3))
+        if settings.boxes:
+            low, high = united(boxes, self._members).swapaxes(0, 1)
+            values |= {"box_center": 0.5 * (low + high), "box_size": high - low}
+        if self._caster is not None:
+            echo = self._caster.echo(time)
+            if settings.visibility:
+                seen_from = boxes - frame.radar.array_center
+                values["visibility"] = visibilities(
+                    self._caster, echo, time, self._members, self._scene, self._is_rough, seen_from
+                )
+            if settings.cells:
+                values["strongest_body"] = cells.strongest_bodies(echo, self._owners, frame.radar)
+        if settings.joints:
+            values["joint_position"] = self._people.joints(placed)
+        return {name: Labelled(layout.dims, values[name], layout.attrs) for name, layout in self._layouts.items()}
+
+    def _truth(self, frame: Frame) -> dict[str, Floats]:
+        """Truth of the nearest visible body of every label."""
+        truth = frame.truth
+        if truth is None or truth.names != self._scene.names:
+            got = "none" if truth is None else ", ".join(truth.names) or "that of no body"
+            raise ValueError(f"frame: expected the truth of the simulator's bodies, got {got}")
+        rows = np.array([getattr(truth, name) for name in TRUTH_FIELDS])
+        labels = np.full((len(TRUTH_FIELDS), len(self._members)), np.nan)
+        for label, numbers in enumerate(self._members):
+            if len(seen := numbers[~np.isnan(truth.range[numbers])]) > 0:
+                labels[:, label] = rows[:, seen[truth.range[seen].argmin()]]
+        return {f"true_{name}": row for name, row in zip(TRUTH_FIELDS, labels, strict=True)}
+
+
+_LABELLERS: WeakKeyDictionary[Simulator, dict[tuple[tuple[str, ...], Labels], _Labeller]] = WeakKeyDictionary()
+"""Of the simulators in use."""
+
+
+def _checked(settings: object) -> Labels:
+    if settings is None:
+        return Labels()
+    if not isinstance(settings, Labels):
+        raise TypeError(f"settings: expected Labels, got {type(settings).__name__}")
+    return settings
+
+
+def _floats(dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> LabelLayout:
+    return LabelLayout(dims, shape, np.dtype(np.float64), attrs)
+
+
+def _sign(text: str | None) -> dict[str, str]:
+    return {} if text is None else {"positive": text}

@@ -1,0 +1,192 @@
+"""Samples: the scene files that a variation draws."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from radarcore.models.robots.catalogue import arm_names
+from radarcore.recording.frame import Frame
+from radarcore.scenefile.build.kept import Kept
+from radarcore.scenefile.build.simulation import simulation
+from radarcore.scenefile.read import tables_of
+from radarcore.scenefile.simulation import Simulation
+from radarcore.scenefile.toml import toml_text
+from radarcore.simulate.times import frame_times
+
+_MOST_NAMED = 4
+"""Drawn values that an error names."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sample:
+    """One draw of all values of a variation: an ordinary scene file. `Variation.sample` makes it.
+
+    Attributes
+    ----------
+    index, seed : int
+        Number of the sample, and that of the series.
+    values : mapping of str to value
+        What was drawn, by the paths of `Variation.parameters`; of a choice of tables or lists the number of the
+        option. Parameters of copies, or within options, that this sample does not have are missing.
+    text : str
+        The scene file, which makes the same frames alone. Its paths are relative to the file of the variation.
+    path : Path
+        That file.
+
+    See Also
+    --------
+    dataset.Variation : Draws it.
+    Simulation : What it makes.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", "position = [2.0, 0.0, 0.0]"]
+    >>> np.savetxt("scene.toml", [*lines, "rcs = { log_uniform = [0.01, 1.0] }"], fmt="%s")
+    >>> sample = rc.dataset.Variation.load("scene.toml").sample(0, seed=1)
+    >>> sample
+    <Sample 0 of scene.toml, seed 1: 2 values>
+    >>> list(sample.values)
+    ['point.point 0.rcs', 'run.seed']
+    """
+
+    index: int
+    seed: int
+    values: Mapping[str, Any]
+    text: str
+    path: Path
+    _kept: Kept = field(default_factory=Kept)
+
+    def simulation(self) -> Simulation:
+        """Scene, radar and run of the sample; meshes of people, arms and files are made once per process.
+
+        The number of reflections is stated, by default one: the search for corners that return more takes as long as a
+        frame, and is left to `load_scene`.
+
+        Raises
+        ------
+        ValueError
+            When a value is no possible one, or some are not together: names the sample, the key and what was drawn.
+
+        See Also
+        --------
+        Simulation.record : All frames of it.
+        dataset.Sample.frames : One by one.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"]
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> rc.dataset.Variation.load("scene.toml").sample(0).simulation().scene
+        <Scene: point 0>
+        """
+        try:
+            tables = tables_of(tomllib.loads(self.text), self.path)
+        except ValueError as error:
+            raise ValueError(self._with_drawn(str(error), self._named(str(error)))) from error
+        try:
+            found = simulation(tables, self.path, kept=self._kept)
+        except ValueError as error:
+            drawn = self._named(str(error)) or [path for path in self.values if _entry(path) in str(error)]
+            raise ValueError(self._with_drawn(str(error), drawn)) from error
+        return replace(found, run=found.run.model_copy(update={"max_bounces": found.run.max_bounces or 1}))
+
+    def frames(self, *, threads: int | None = 1) -> Iterator[Frame]:
+        """Frames of the run, one by one.
+
+        See Also
+        --------
+        dataset.stream : Frames of many samples.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> sample = rc.dataset.Variation.load("scene.toml").sample(0)
+        >>> [f"{frame.time:.3f}" for frame in sample.frames()]
+        ['0.000', '0.025', '0.050', '0.075']
+        """
+        found = self.simulation()
+        simulator = found.simulator(threads=threads)
+        for time in frame_times(found.run.start, found.run.stop, found.run.rate):
+            yield simulator.frame(float(time))
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the scene file, for `load_scene` and the command line.
+
+        Files that it names are then found from where it is written to.
+
+        Raises
+        ------
+        FileExistsError
+            When there is such a file.
+
+        See Also
+        --------
+        load_scene : Reads it.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"]
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> rc.dataset.Variation.load("scene.toml").sample(5).save("sample 5.toml")
+        >>> rc.load_scene("sample 5.toml").scene
+        <Scene: point 0>
+        """
+        target = Path(path)
+        tables = _moved(tomllib.loads(self.text), self.path.absolute().parent, target.absolute().parent)
+        header = self.text.partition("\n")[0]
+        with target.open("x", encoding="utf-8") as file:
+            file.write(f"{header}\n{toml_text(tables)}")
+
+    def is_about(self, path: str, message: str) -> bool:
+        """True if a message names the key at a path, and the value that was drawn for it."""
+        value = self.values.get(path)
+        text = f"{value:g}" if isinstance(value, float) else str(value)
+        return _names(path, message) and (re.search(rf"(?<![\w.]){re.escape(text)}(?![\w.]*\d)", message) is not None)
+
+    def _named(self, message: str) -> list[str]:
+        """Paths whose key a message names."""
+        return [path for path in self.values if _entry(path) in message and _names(path, message)]
+
+    def _with_drawn(self, message: str, paths: list[str]) -> str:
+        """A message with the number of the sample, and what was drawn at some paths."""
+        values = {path: self.values[path] for path in paths[:_MOST_NAMED]}
+        texts = [f"{path} = {f'{v:g}' if isinstance(v, float) else repr(v)}" for path, v in values.items()]
+        more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
+        drawn = f"; drawn: {', '.join(texts)}{more}" if texts else ""
+        return f"sample {self.index} of seed {self.seed}: {message}{drawn}"
+
+    def __repr__(self) -> str:
+        return f"<Sample {self.index} of {self.path.name}, seed {self.seed}: {len(self.values)} values>"
+
+
+def _entry(path: str) -> str:
+    """Name of the entry that a value belongs to, in quotes as messages have it; that of the table, if it has none."""
+    first, second, *_ = [*path.split(".", 2), ""]
+    return first if first in ("radar", "sensor", "run") else repr(second)
+
+
+def _names(path: str, message: str) -> bool:
+    """True if a message names the key of a value, or the very place of a value in a list."""
+    key, _, place = re.sub(r"\{\d+\}", "", path).rpartition(".")[2].partition("[")
+    exact = rf"|\[{re.escape(place)}" if place else ""
+    return re.search(rf"\b{re.escape(key)}(?!\w)(?:(?!\[){exact})", message) is not None
+
+
+def _moved(value: Any, source: Path, target: Path, key: str = "") -> Any:
+    """Tables whose names of files are relative to another directory."""
+    if isinstance(value, dict):
+        return {name: _moved(entry, source, target, name) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [_moved(entry, source, target) for entry in value]
+    is_file = isinstance(value, str) and (key == "path" or (key == "model" and value not in arm_names()))
+    if not is_file or Path(value).is_absolute():
+        return value
+    return Path(os.path.relpath(source / value, target)).as_posix()

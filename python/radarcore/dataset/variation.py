@@ -1,0 +1,322 @@
+"""Variations: scene files in which values are drawn anew for every sample."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from hashlib import blake2b
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from radarcore import check
+from radarcore.dataset.distributions import Choice, Distribution, Integers
+from radarcore.dataset.notices import gathered
+from radarcore.dataset.sample import Sample as Sample
+from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, shared
+from radarcore.radar.radar import Radar
+from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.kept import Kept
+from radarcore.scenefile.read import values_of
+from radarcore.scenefile.simulation import Simulation
+from radarcore.scenefile.tables import RunTable
+from radarcore.scenefile.toml import toml_text
+
+_SEED_PATH = "run.seed"
+_NUM_SEEDS = 2**53
+
+_OF_NAMES = ("model", "meshes", "materials", "shape", "path")
+"""Keys whose choices change the names of bodies."""
+
+_TRIED_SAMPLES = 20
+"""Samples of which one has to be possible."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value that varies from sample to sample.
+
+    Attributes
+    ----------
+    path : str
+        Its place: array, name and keys, such as ``human.person 0.speed`` or ``body.box.pose.position[0]``. What
+        stands in option 2 of a choice has the path of the choice with ``{2}`` behind it.
+    kind : str
+        ``"uniform"``, ``"normal"``, ``"log_uniform"``, ``"integers"`` or ``"choice"``.
+    ends : tuple
+        Smallest and largest value; of a normal distribution the bounds and the mean; of a choice all that may be
+        drawn. For a choice of tables or lists the numbers of the options.
+
+    See Also
+    --------
+    dataset.Variation : Lists them.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"]
+    >>> np.savetxt("scene.toml", lines, fmt="%s")
+    >>> rc.dataset.Variation.load("scene.toml").parameters[0]
+    Parameter(path='point.point 0.position[0]', kind='uniform', ends=(1.0, 3.0))
+    """
+
+    path: str
+    kind: str
+    ends: tuple[Any, ...]
+
+    @property
+    def is_number(self) -> bool:
+        """True if all values are numbers; choices may be of words, or of true and false."""
+        return not any(isinstance(end, str | bool) for end in self.ends)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Variation:
+    """A scene file in which values are drawn anew for every sample.
+
+    Any value may be a distribution, in place: ``{ uniform = [0.5, 2.0] }``, ``{ normal = [1.2, 0.1], min = 0.8 }``,
+    ``{ log_uniform = [1e-3, 1] }``, ``{ integers = [1, 4] }`` or ``{ choice = ["metal", "wood"], weights = [3, 1] }``;
+    `step` rounds to a grid. ``repeat = 3``, or a distribution of integers, in a ``[[body]]``, ``[[point]]``,
+    ``[[human]]``, ``[[arm]]`` or ``[[interferer]]`` makes copies, called ``NAME 0``, ``NAME 1``, ..., with draws of
+    their own. The seed of noise and speckle, `run.seed`, is drawn as well where the file has none.
+
+    Draws depend on the seed, the number of the sample and the place of the value alone: a further distribution leaves
+    the others as they are, and samples can be made in any order, anywhere. `load` makes it.
+
+    Attributes
+    ----------
+    path : Path
+        The scene file.
+    parameters : tuple of Parameter
+        What varies, in the order of the file; of copies as many as there may be.
+    body_names : tuple of str
+        Names of all bodies that may occur, in the order of scenes.
+    run : RunTable
+        Times of the frames: `start`, `stop` and `rate` are those of all samples.
+
+    See Also
+    --------
+    dataset.Sample : One draw of all values.
+    dataset.stream : Frames of samples, for training.
+    load_scene : A scene file without distributions.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[human]]", "repeat = { integers = [0, 2] }",
+    ...          "speed = { uniform = [0.5, 1.5] }", "path = [[4.0, 0.0], [1.0, 0.0]]"]
+    >>> np.savetxt("scene.toml", lines, fmt="%s")
+    >>> variation = rc.dataset.Variation.load("scene.toml")
+    >>> variation
+    <Variation scene.toml: 4 parameters, 32 bodies>
+    >>> [variation.sample(index, seed=1).values["human.human.repeat"] for index in range(6)]
+    [1, 0, 0, 0, 1, 1]
+    """
+
+    path: Path
+    parameters: tuple[Parameter, ...]
+    body_names: tuple[str, ...]
+    run: RunTable
+    _tables: dict[str, Any]
+    _kept: Kept = field(default_factory=Kept)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Variation:
+        """Read a scene file with distributions, or one without: then only the seed of the noise varies.
+
+        Ends of distributions are tried, each with the other values of one sample.
+
+        Raises
+        ------
+        FileNotFoundError
+            When the file, or a mesh it names, does not exist.
+        ValueError
+            For what is no distribution, for one of a value that all samples have in common (it decides shape or axes
+            of the cube, or the number of frames), and for ends that the scene file may not have; names file and key.
+
+        See Also
+        --------
+        load_scene : A scene file without distributions.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", 'position = [{ unifrom = [1.0, 3.0] }, 0.0, 0.0]']
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> try:
+        ...     rc.dataset.Variation.load("scene.toml")
+        ... except ValueError as error:
+        ...     print(error)
+        scene.toml: point[0] 'point 0': position[0]: expected a number [m], got a table, and no distribution 'unifrom';
+        did you mean 'uniform' or 'log_uniform'?
+        """
+        file = Path(path)
+        values = values_of(file)
+        with located(f"{file}: "):
+            tables = prepared(values)
+        run = tables.setdefault("run", {})
+        if isinstance(run, dict):
+            run.setdefault("seed", Varied(Integers(0, _NUM_SEEDS - 1)))
+        found = list(found_in(tables))
+        with gathered():  # warnings come with the samples
+            trials = _Trials(file, tables, found)
+            trials.check_ends()
+            names = trials.body_names()
+        return cls(file, tuple(map(_parameter, found)), names, trials.run, tables)
+
+    def sample(self, index: int, *, seed: int = 0) -> Sample:
+        """The scene file of one sample.
+
+        Parameters
+        ----------
+        index : int
+            Number of the sample, from 0 without an end.
+        seed : int
+            Number of the whole series.
+
+        See Also
+        --------
+        dataset.Sample.simulation : Its scene, radar and run.
+
+        Examples
+        --------
+        >>> lines = ['radar.preset = "bgt60tr13c"', "[[point]]", "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"]
+        >>> np.savetxt("scene.toml", lines, fmt="%s")
+        >>> sample = rc.dataset.Variation.load("scene.toml").sample(3, seed=1)
+        >>> print(sample.text)
+        # Sample 3 of scene.toml, seed 1.
+        ...
+        [[point]]
+        name = "point 0"
+        position = [..., 0.0, 0.0]
+        ...
+        """
+        number, series = check.count("index", index, 0), check.count("seed", seed, 0)
+
+        def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
+            return _drawn(distribution, share_of(series, number, path))
+
+        tables, values = resolved(self._tables, pick)
+        text = f"# Sample {number} of {self.path.name}, seed {series}.\n{toml_text(tables)}"
+        return Sample(number, series, values, text, self.path, self._kept)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Variation, (self.path, self.parameters, self.body_names, self.run, self._tables)
+
+    def __repr__(self) -> str:
+        numbers = f"{len(self.parameters)} parameters, {len(self.body_names)} bodies"
+        return f"<Variation {self.path.name}: {numbers}>"
+
+
+def share_of(seed: int, index: int, path: str) -> float:
+    """Share of a distribution that the draw of a place lies at, 0 <= share < 1.
+
+    The first 53 bits of the BLAKE2b hash, 8 bytes long, of ``seed/index/path``: equal on every machine.
+    """
+    digest = blake2b(f"{seed}/{index}/{path}".encode(), digest_size=8).digest()
+    return float((int.from_bytes(digest, "big") >> 11) * 2.0**-53)
+
+
+def _drawn(distribution: Distribution, share: float) -> tuple[Any, int | None]:
+    if isinstance(distribution, Choice):
+        number = distribution.number_at(share)
+        return distribution.values[number], number
+    return distribution.at(share), None
+
+
+def _parameter(found: Found) -> Parameter:
+    ends = found.distribution.ends
+    if isinstance(found.distribution, Choice):
+        values = found.distribution.values
+        ends = tuple(k if isinstance(end, dict | list | Varied) else end for k, end in enumerate(values))
+    return Parameter(found.path, found.distribution.kind, ends)
+
+
+class _Trials:
+    """Samples that are tried when a variation is loaded: one, and that with every end of every distribution."""
+
+    def __init__(self, file: Path, tables: dict[str, Any], found: list[Found]) -> None:
+        self._file, self._tables, self._kept = file, tables, Kept()
+        # All copies have the distributions of the first.
+        self._found = [each for each in found if each.copy == 0]
+        self._index = 0
+        possible = self._possible()
+        self._names, self.run, self._radar = possible.scene.names, possible.run, possible.radar
+
+    def _possible(self) -> Simulation:
+        """The first sample that is possible, with as many copies as there may be."""
+        errors: list[ValueError] = []
+        for index in range(_TRIED_SAMPLES):
+            self._index = index
+            try:
+                return self._sample({}).simulation()
+            except ValueError as error:
+                errors.append(error)
+        cause = errors[0].__cause__
+        raise errors[0] if cause is None or "; drawn: " in str(errors[0]) else cause
+
+    def _sample(self, forced: Mapping[str, int], most_copies: int | None = None) -> Sample:
+        """A sample with as many copies as there may be, or fewer, and at some paths an end, by its number."""
+
+        def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
+            if path in forced:
+                end = forced[path]
+                is_choice = isinstance(distribution, Choice)
+                return (distribution.values[end], end) if is_choice else (distribution.ends[end], None)  # type: ignore[attr-defined]
+            if path.endswith(".repeat"):
+                number: int = max(distribution.ends)
+                return number if most_copies is None else min(number, most_copies), None
+            return _drawn(distribution, share_of(0, self._index, path))
+
+        tables, values = resolved(self._tables, pick)
+        return Sample(self._index, 0, values, toml_text(tables), self._file, self._kept)
+
+    def check_ends(self) -> None:
+        """Refuse a distribution with an end that is no value of its key; the error then names both."""
+        for found in self._found:
+            if found.path == _SEED_PATH or found.path.endswith(".repeat"):
+                continue
+            for number, end in enumerate(_values(found.distribution)):
+                sample = self._sample({**dict(found.within), found.path: number}, most_copies=1)
+                try:
+                    radar = sample.simulation().radar
+                    if _shape_of(radar) != _shape_of(self._radar):
+                        raise ValueError(f"{self._file}: {shared(found.path, 'the shape of the cube')}")
+                except ValueError as error:
+                    if error.__cause__ is None:
+                        raise
+                    if sample.is_about(found.path, str(error)):
+                        kind, fault = found.distribution.kind, str(error.__cause__).removeprefix(f"{self._file}: ")
+                        raise ValueError(f"{self._file}: {found.path}: {kind} may be {_text(end)}; {fault}") from error
+
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all bodies that may occur: with every option of the choices that names depend on."""
+        names = list(self._names)
+        for found in self._found:
+            key = re.split(r"[.\[{]", found.path)
+            if not isinstance(found.distribution, Choice) or not set(_OF_NAMES) & set(key):
+                continue
+            for number in range(len(found.distribution.values)):
+                try:
+                    others = self._sample({**dict(found.within), found.path: number}).simulation().scene.names
+                except ValueError:  # together with the other values of this sample
+                    continue
+                place = 0
+                for name in others:
+                    if name not in names:
+                        names.insert(place, name)
+                    place = names.index(name) + 1
+        return tuple(names)
+
+
+def _shape_of(radar: Radar) -> tuple[int, int, int, bool]:
+    """Shape of the cube, and whether its samples are complex."""
+    is_complex = radar.receiver is None or radar.receiver.output == "iq"
+    return radar.num_channels, radar.num_chirps, radar.waveform.num_samples, is_complex
+
+
+def _values(distribution: Distribution) -> tuple[Any, ...]:
+    """Ends of a distribution, and all options of a choice, those of no weight too."""
+    return distribution.values if isinstance(distribution, Choice) else distribution.ends
+
+
+def _text(end: Any) -> str:
+    return f"{end:g}" if isinstance(end, float) else repr(end)

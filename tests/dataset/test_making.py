@@ -1,0 +1,204 @@
+"""Datasets are made the same by whomever: here, by processes, threads, a cluster, in any order, in pieces."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from varied_scenes import digests, write_scene
+
+pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
+
+COUNT = 12
+SETTINGS = {"count": COUNT, "seed": 3, "samples_per_shard": 2}
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_scene(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def serial(scene: Path) -> rc.dataset.Dataset:
+    return rc.dataset.make(scene, scene.parent / "serial", **SETTINGS, workers=1)
+
+
+class LastFirst(Executor):
+    """Executor that does nothing until it must, and begins with what came last."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]] = []
+
+    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
+        self.calls.append((Future(), function, given))
+        if len(self.calls) == COUNT // 2:
+            for future, call, values in reversed(self.calls):
+                future.set_result(call(*values))
+        return self.calls[-1][0]
+
+
+def test_frames_are_those_of_the_simulator_to_the_bit(serial: rc.dataset.Dataset) -> None:
+    assert len(serial) == COUNT
+    for index in (0, COUNT - 1):
+        simulator = serial.variation.sample(index, seed=3).simulation().simulator()
+        frames = [simulator.frame(time) for time in (0.0, 0.025)]
+        np.testing.assert_array_equal(serial.cube(index), [frame.cube for frame in frames])
+        np.testing.assert_array_equal(serial[index]["true_range"], [frame.truth.range for frame in frames])
+
+
+def test_sample_scene_file_gives_its_frames_alone(serial: rc.dataset.Dataset, tmp_path: Path) -> None:
+    serial.sample(5).save(tmp_path / "five.toml")
+    recording = rc.load_scene(tmp_path / "five.toml").record(progress=False)
+    np.testing.assert_array_equal(recording.cube, serial.cube(5))
+
+
+def test_processes_threads_and_any_order_make_the_same_files(serial: rc.dataset.Dataset, scene: Path) -> None:
+    rc.dataset.make(scene, scene.parent / "processes", **SETTINGS, workers=2)
+    with ThreadPoolExecutor(2) as threads:
+        rc.dataset.make(scene, scene.parent / "threads", **SETTINGS, executor=threads)
+    rc.dataset.make(scene, scene.parent / "last first", **SETTINGS, executor=LastFirst())
+    expected = digests(serial.path)
+    assert len(expected) > 40
+    for name in ("processes", "threads", "last first"):
+        assert digests(scene.parent / name) == expected
+
+
+def test_two_workers_of_a_cluster_make_the_same_files(serial: rc.dataset.Dataset, scene: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        rc.dataset.make(scene, scene.parent / "cluster", **SETTINGS, scheduler=cluster.scheduler_address)
+    assert digests(scene.parent / "cluster") == digests(serial.path)
+
+
+KILLED = """
+import sys
+import radarcore as rc
+rc.dataset.make(sys.argv[1], sys.argv[2], count=12, seed=3, samples_per_shard=2, workers=int(sys.argv[3]), resume=True)
+"""
+
+
+def test_run_that_is_killed_twice_resumes_and_equals_the_one_that_was_not(
+    serial: rc.dataset.Dataset, scene: Path
+) -> None:
+    target = scene.parent / "killed"
+    progress, kept = target / "progress.jsonl", 0
+    for workers in (2, 1):
+        run = subprocess.Popen([sys.executable, "-c", KILLED, str(scene), str(target), str(workers)])
+        deadline = time.monotonic() + 60.0
+        while (lines := number_of_lines(progress)) <= kept and run.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.001)
+        children = children_of(run.pid)
+        run.kill()
+        run.wait()
+        assert kept < lines
+        kept = number_of_lines(progress)
+        opened = rc.dataset.open_dataset(target)
+        assert len(list(opened)) >= 2 * kept
+        while any(Path(f"/proc/{pid}").exists() for pid in children) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert time.monotonic() < deadline  # no worker is left behind
+    before = {file: file.stat().st_mtime_ns for file in target.rglob("c/0/*") if file.is_file()}
+    rc.dataset.make(scene, target, **SETTINGS, workers=1, resume=True)
+    assert digests(target) == digests(serial.path)
+    assert number_of_lines(progress) == COUNT // 2
+    assert {file: file.stat().st_mtime_ns for file in before} == before
+
+
+def children_of(pid: int) -> list[int]:
+    """Processes that a process has started, where the system says so."""
+    file = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(word) for word in file.read_text().split()] if file.is_file() else []
+
+
+def number_of_lines(file: Path) -> int:
+    return file.read_bytes().count(b"\n") if file.is_file() else 0
+
+
+def test_shard_without_its_file_or_with_half_a_line_is_made_again(serial: rc.dataset.Dataset, scene: Path) -> None:
+    target = scene.parent / "torn"
+    rc.dataset.make(scene, target, **SETTINGS, workers=1)
+    (target / "cube" / "c" / "1" / "0" / "0" / "0" / "0").unlink()
+    lines = (target / "progress.jsonl").read_text().splitlines()
+    (target / "progress.jsonl").write_text("\n".join(lines[:-1]) + "\n" + lines[-1][:30])
+    rc.dataset.make(scene, target, **SETTINGS, workers=1, resume=True)
+    assert digests(target) == digests(serial.path)
+    assert rc.dataset.verify(target).is_good
+
+
+def test_existing_output_is_refused_unless_resumed(serial: rc.dataset.Dataset, scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(FileExistsError, match=r"expected no such path, got a dataset; resume=True goes on with it"):
+        rc.dataset.make(scene, serial.path, **SETTINGS, workers=1)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match="got a directory that is not empty and no dataset"):
+        rc.dataset.make(scene, tmp_path, **SETTINGS, workers=1, resume=True)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_other_settings_on_resume_are_named(serial: rc.dataset.Dataset, scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"got count = 13, not 12; seed = 4, not 3; labels\.boxes = True, not False"):
+        rc.dataset.make(
+            scene, serial.path, count=13, seed=4, labels=rc.dataset.Labels(boxes=True), workers=1, resume=True
+        )
+    other = write_scene(tmp_path, "rcs = 2.0")
+    with pytest.raises(ValueError, match=r"another scene \(line 9: 'rcs = 2\.0', not nothing\)"):
+        rc.dataset.make(other, serial.path, **SETTINGS, workers=1, resume=True)
+
+
+TOO_NEAR = "[[body]]\nshape = { kind = 'plate', width = 0.5, height = 0.5 }\npose.position = "
+
+
+def test_sample_that_fails_is_recorded_with_its_seed_and_the_run_goes_on(tmp_path: Path) -> None:
+    scene = write_scene(tmp_path, TOO_NEAR + "[{ uniform = [-0.002, 0.002] }, 0.0, 0.0]")
+    dataset = rc.dataset.make(scene, tmp_path / "out", count=6, seed=1, workers=1)
+    (name,) = (name for name in dataset.names if name.startswith("parameter.body."))
+    is_near = np.abs(dataset.values(name)) < 0.001
+    assert 0 < is_near.sum() < 6
+    assert dataset.status.tolist() == np.where(is_near, 2, 1).tolist()
+    assert [failed.sample for failed in dataset.failed] == np.flatnonzero(is_near).tolist()
+    first = dataset.failed[0]
+    assert first.seed == 1
+    assert first.error.startswith("ValueError: ")
+    assert np.isnan(dataset.cube(first.sample)).all()
+    assert len(list(dataset)) == 6 - is_near.sum()
+    assert rc.dataset.verify(dataset.path).is_good
+
+
+def test_error_of_all_samples_is_raised_and_nothing_is_made(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="mm"):
+        rc.dataset.make(write_scene(tmp_path, TOO_NEAR + "[0.0005, 0.0, 0.0]"), tmp_path / "out", count=2, workers=1)
+    assert not (tmp_path / "out").exists()
+
+
+class Interrupted(ThreadPoolExecutor):
+    """One thread, in which the fourth shard is interrupted."""
+
+    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
+        return super().submit(self.made, function, *given)
+
+    @staticmethod
+    def made(function: Callable[..., Any], shard: int) -> Any:
+        if shard == 3:
+            raise KeyboardInterrupt
+        return function(shard)
+
+
+def test_interrupted_run_leaves_what_is_complete(scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), Interrupted(1) as executor:
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=executor)
+    dataset = rc.dataset.open_dataset(tmp_path / "out")
+    assert not (tmp_path / "out" / ".partial").exists()
+    found = rc.dataset.verify(tmp_path / "out")
+    assert found.is_good
+    assert COUNT - found.missing in (2, 4, 6)
+    assert len(list(dataset)) >= COUNT - found.missing

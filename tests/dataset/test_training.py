@@ -1,0 +1,187 @@
+"""Streams of frames: the same whatever makes them, labels beside them, one frame alone."""
+
+from __future__ import annotations
+
+import importlib.util
+import pickle
+import re
+import runpy
+import sys
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+
+SCENE = """
+run = { stop = 0.04, rate = 50.0, resolution = 32 }
+[radar]
+preset = "bgt60tr13c"
+num_chirps = 16
+[[body]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+pose = { position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0] }
+motion = { kind = "linear", velocity = [{ uniform = [-2.0, 2.0] }, 0.0, 0.0] }
+material = { choice = ["metal", "wood"] }
+[[point]]
+name = "extra"
+repeat = { integers = [0, 1] }
+position = [4.0, { uniform = [-1.0, 1.0] }, 0.0]
+rcs = 1e-7
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE, encoding="utf-8")
+    return file
+
+
+def same(one: rc.dataset.training.Item, other: rc.dataset.training.Item) -> bool:
+    (frame, labels), (other_frame, other_labels) = one, other
+    return np.array_equal(frame, other_frame) and pickle.dumps(labels) == pickle.dumps(other_labels)
+
+
+def test_workers_an_index_and_a_loop_give_the_same_frames(scene: Path) -> None:
+    alone = list(rc.dataset.stream(scene, seed=3, count=3))
+    assert len(alone) == 6
+    ahead = rc.dataset.stream(scene, seed=3, count=3, workers=2)
+    assert all(same(*pair) for pair in zip(alone, ahead, strict=True))
+    at = rc.dataset.stream(scene, seed=3, count=3)
+    assert len(at) == 6
+    assert all(same(alone[k], at[k]) for k in (5, 0, 3))
+    assert same(alone[5], at[-1])
+    with pytest.raises(ValueError, match="index: expected an index below 6, got 6"):
+        at[6]
+
+
+def test_frames_are_those_of_the_sample(scene: Path) -> None:
+    variation = rc.dataset.Variation.load(scene)
+    items = list(rc.dataset.stream(variation, seed=1, count=2))
+    frames = [frame for index in range(2) for frame in variation.sample(index, seed=1).frames()]
+    for (cube, labels), frame in zip(items, frames, strict=True):
+        np.testing.assert_array_equal(cube, frame.cube)
+        assert labels["time"] == frame.time
+    assert [(labels["sample"], labels["frame"]) for _, labels in items] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+def test_drawn_values_are_labels_that_every_frame_has(scene: Path) -> None:
+    labels = [labels for _, labels in rc.dataset.stream(scene, seed=1, count=8)]
+    assert all(each.keys() == labels[0].keys() for each in labels)
+    for each in labels:
+        assert each["body.ball.material"] in ("metal", "wood")
+        assert np.isnan(each["point.extra 0.position[1]"]) == (each["point.extra.repeat"] == 0)
+
+
+def test_map_has_its_peak_where_the_labels_say(scene: Path) -> None:
+    stream = rc.dataset.stream(scene, seed=2, count=4, output="range_doppler", labels=rc.dataset.Labels(boxes=True))
+    radar = stream.variation.sample(0).simulation().radar
+    ranges, velocities = radar.waveform.range_axis(), radar.waveform.velocity_axis(16)
+    for image, labels in stream:
+        power = (np.abs(image) ** 2).sum(axis=0)
+        row, column = np.unravel_index(power.argmax(), power.shape)
+        distance, velocity = labels["true_range"][0], labels["true_velocity"][0]
+        assert abs(ranges[column] - distance) <= radar.waveform.range_resolution
+        assert abs(velocities[row] - velocity) <= radar.waveform.velocity_resolution
+        assert velocity == pytest.approx(labels["body.ball.motion.velocity[0]"], abs=1e-3)
+        assert labels["box_size"][0] == pytest.approx([0.2, 0.2, 0.2], abs=1e-3)
+        assert np.isnan(labels["true_range"][1]) == (labels["point.extra.repeat"] == 0)
+
+
+def test_function_makes_what_the_network_sees(scene: Path) -> None:
+    shapes = [seen for seen, _ in rc.dataset.stream(scene, count=1, output=lambda frame: np.array(frame.cube.shape))]
+    assert [shape.tolist() for shape in shapes] == [[3, 16, 128]] * 2
+
+
+def test_fault_of_that_function_is_no_impossible_sample(scene: Path) -> None:
+    with pytest.raises(ValueError, match="one of my own"):
+        next(iter(rc.dataset.stream(scene, output=faulty)))
+
+
+def faulty(frame: rc.Frame) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    raise ValueError("one of my own")
+
+
+def test_stream_without_a_count_has_no_end_and_no_length(scene: Path) -> None:
+    stream = rc.dataset.stream(scene)
+    assert [labels["sample"] for _, labels in islice(stream, 5)] == [0, 0, 1, 1, 2]
+    with pytest.raises(TypeError, match="count: expected a number of samples for a stream with a length, got none"):
+        len(stream)
+
+
+def test_impossible_samples_are_left_out_with_one_warning(scene: Path) -> None:
+    scene.write_text(
+        SCENE.replace("stop = 0.04", "stop = 0.02").replace("radius = 0.1", "radius = { normal = [0.1, 0.1] }"),
+        encoding="utf-8",
+    )
+    stream = rc.dataset.stream(scene, seed=1, count=12)
+    radii = [stream.variation.sample(k, seed=1).values["body.ball.shape.radius"] for k in range(12)]
+    good = [k for k, radius in enumerate(radii) if radius > 0.0]
+    assert 4 < len(good) < 12
+    with pytest.warns(UserWarning, match=r"sample \d+ of seed 1: .*radius.* such samples are left out") as warned:
+        numbers = [labels["sample"] for _, labels in stream]
+    assert numbers == good
+    assert len(warned) == 1
+    with pytest.raises(ValueError, match=r"of seed 1: .*radius"):
+        stream[radii.index(min(radii))]
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_warnings_of_samples_come_once_of_each_kind(scene: Path, workers: int) -> None:
+    fast = SCENE.replace("stop = 0.04", "stop = 0.02").replace("[-2.0, 2.0]", "[6.0, 9.0]")
+    scene.write_text(fast, encoding="utf-8")
+    with pytest.warns(UserWarning, match="radial speed") as warned:
+        frames = list(rc.dataset.stream(scene, seed=1, count=3, workers=workers))
+    assert len(frames) == 3
+    (told,) = [str(each.message) for each in warned]
+    assert told.startswith("sample 0 of seed 1: 'ball' has a radial speed of")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"output": "map"}, "output: expected one of 'cube', 'range_doppler', got 'map'"),
+        ({"count": 0}, "count: expected at least 1, got 0"),
+        ({"workers": -1}, "workers: expected at least 0, got -1"),
+        ({"seed": -1}, "seed: expected at least 0, got -1"),
+    ],
+)
+def test_faults_of_arguments(scene: Path, options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rc.dataset.stream(scene, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="torch is installed")
+def test_tensors_without_torch_name_what_is_missing() -> None:
+    with pytest.raises(ImportError, match="tensors need torch: pip install torch"):
+        rc.dataset.TorchDataset("out")
+
+
+def test_torch_loads_streams_and_datasets(scene: Path, tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch", reason="needs torch: pip install torch")
+    loader = torch.utils.data.DataLoader(rc.dataset.stream(scene, seed=1, count=2), batch_size=4)
+    cubes, labels = next(iter(loader))
+    assert cubes.shape == (4, 3, 16, 128)
+    assert labels["sample"].tolist() == [0, 0, 1, 1]
+    rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1, progress=False)
+    stored = rc.dataset.TorchDataset(tmp_path / "out")
+    assert len(stored) == 2
+    np.testing.assert_array_equal(stored[1][0].numpy(), cubes[2:].numpy())
+
+
+def test_example_tells_arm_person_and_empty_room_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sklearn", reason="needs scikit-learn: pip install scikit-learn")
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    script = Path(__file__).resolve().parents[2] / "examples" / "classify_motion.py"
+    monkeypatch.setattr(sys, "argv", [str(script), "--count", "10", "-o", str(tmp_path / "new" / "picture.png")])
+    runpy.run_path(str(script), run_name="__main__")
+    found = re.fullmatch(r"30 maps to learn from, 15 of another seed: accuracy ([\d.]+)\n", capsys.readouterr().out)
+    assert found is not None
+    assert float(found[1]) > 0.6  # by chance a third, with a standard deviation of 0.12
+    assert (tmp_path / "new" / "picture.png").read_bytes()[:4] == b"\x89PNG"

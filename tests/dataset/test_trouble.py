@@ -1,0 +1,143 @@
+"""What goes wrong while a dataset is made: workers lost, disks full, schedulers away; and files that are damaged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import resource
+import socket
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from deadly_work import Deadly
+from radarcore.dataset import executors
+from radarcore.dataset.shards import Done
+from varied_scenes import digests, write_scene
+
+pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
+
+SETTINGS = {"count": 6, "seed": 1, "samples_per_shard": 2}
+
+
+def test_shard_of_a_lost_worker_is_made_once_more(tmp_path: Path) -> None:
+    made = executors.processes(Deadly(2, tmp_path / "marker"), range(5), 2, "shard {}".format)
+    assert sorted(done.shard for done in made) == [0, 1, 2, 3, 4]
+
+
+def test_shard_that_loses_its_worker_twice_is_named() -> None:
+    with pytest.raises(ChildProcessError, match=r"shard 2: its worker was lost twice .*resume=True goes on"):
+        list(executors.processes(Deadly(2), range(3), 1, "shard {}".format))
+
+
+class Broken(Executor):
+    """Executor that breaks at its second shard and stays so."""
+
+    number = 0
+
+    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
+        future: Future[Any] = Future()
+        self.number += 1
+        if self.number == 1:
+            future.set_result(function(*given))
+        else:
+            future.set_exception(BrokenExecutor("a worker has ended"))
+        return future
+
+
+def test_broken_executor_is_an_error_that_names_the_shard_and_the_rest_can_be_resumed(tmp_path: Path) -> None:
+    scene = write_scene(tmp_path)
+    with pytest.raises(ChildProcessError, match=r"out: shard [12] \(samples [24] to [35]\): its worker was lost twice"):
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=Broken())
+    assert rc.dataset.open_dataset(tmp_path / "out").status.tolist() == [1, 1, 0, 0, 0, 0]
+    rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
+    rc.dataset.make(scene, tmp_path / "whole", **SETTINGS, workers=1)
+    assert digests(tmp_path / "out") == digests(tmp_path / "whole")
+
+
+@contextmanager
+def largest_file(num_bytes: int) -> Iterator[None]:
+    """No file may grow beyond a size: writing fails as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_full_disk_names_the_file_and_what_is_complete_stays(tmp_path: Path) -> None:
+    scene = write_scene(tmp_path)
+    settings: dict[str, Any] = {**SETTINGS, "samples_per_shard": 4}  # the second shard has half as many samples
+    rc.dataset.make(scene, tmp_path / "out", **settings, workers=1)
+    expected = digests(tmp_path / "out")
+    lines = (tmp_path / "out" / "progress.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "out" / "progress.jsonl").write_text(lines[1])
+    with largest_file(20_000), pytest.raises(OSError, match="File too large") as caught:
+        rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
+    assert caught.value.filename == str(tmp_path / "out" / "cube" / "c" / "0" / "0" / "0" / "0" / "0")
+    assert not (tmp_path / "out" / ".partial").exists()
+    assert rc.dataset.verify(tmp_path / "out").missing == 4
+    rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
+    assert digests(tmp_path / "out") == expected
+
+
+def test_scheduler_that_is_not_there_is_an_error_in_time(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
+    began = time.monotonic()
+    with pytest.raises(
+        ConnectionError, match=rf"scheduler: expected one of dask at {address}, got no answer within 0.5"
+    ):
+        rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, scheduler=address, timeout=0.5)
+    assert time.monotonic() - began < 5.0
+    assert not (tmp_path / "out").exists()
+
+
+def test_damage_is_found_and_named(tmp_path: Path) -> None:
+    path = rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, workers=1).path
+    found = rc.dataset.verify(path, again=2)
+    assert (found.is_good, found.missing, found.again) == (True, 0, (0, 5))
+    file = path / "cube" / "c" / "1" / "0" / "0" / "0" / "0"
+    data = bytearray(file.read_bytes())
+    data[100] ^= 1
+    file.write_bytes(data)
+    (fault,) = rc.dataset.verify(path).faults
+    assert fault == f"{file}: expected the content that was written, got another checksum"
+    (path / "time" / "c" / "2" / "0").unlink()
+    assert len(rc.dataset.verify(path).faults) == 2
+    # Whoever changes the sums as well is found by a simulation of the sample.
+    journal = path / "progress.jsonl"
+    lines = [json.loads(line) for line in journal.read_text().splitlines()]
+    lines[1]["files"]["cube/c/1/0/0/0/0"][1] = hashlib.sha256(data).hexdigest()
+    journal.write_text(json.dumps(lines[1]) + "\n")
+    assert rc.dataset.verify(path).faults == ("sample 2: expected the same bits when simulated again, got others",)
+
+
+def test_distribution_out_of_range_names_sample_and_key(tmp_path: Path) -> None:
+    scene = write_scene(tmp_path, "rcs = { uniform = [-1.0, 1.0] }")
+    with pytest.raises(ValueError, match=r"point\.ball\.rcs: uniform may be -1"):
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1)
+    assert np.all([not (tmp_path / name).exists() for name in ("out", "out.part")])
+
+
+def test_worker_with_another_disk_is_an_error(tmp_path: Path) -> None:
+    class Elsewhere(Executor):
+        """Executor whose results are never seen here."""
+
+        def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
+            future: Future[Any] = Future()
+            future.set_result(Done(int(given[0]), {"cube/c/0/0/0/0/0": (10, "")}))
+            return future
+
+    with pytest.raises(OSError, match="all workers must reach the same directory"):
+        rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, executor=Elsewhere())

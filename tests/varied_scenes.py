@@ -1,0 +1,27 @@
+"""Scene files that vary, of frames that take no time, and files of datasets."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+RADAR = ['radar.preset = "bgt60tr13c"', "radar.num_chirps = 8", "radar.num_samples = 32", "run.stop = 0.05"]
+BALL = [
+    "[[point]]",
+    'name = "ball"',
+    "position = [{ uniform = [1.0, 2.5] }, 0.0, 0.0]",
+    "velocity = [{ uniform = [-1.0, 1.0] }, 0.0, 0.0]",
+]
+
+
+def write_scene(folder: Path, *lines: str) -> Path:
+    """Scene file of a ball at a random place, with further lines."""
+    file = folder / "scene.toml"
+    file.write_text("\n".join([*RADAR, *BALL, *lines]) + "\n", encoding="utf-8")
+    return file
+
+
+def digests(dataset: Path) -> dict[str, str]:
+    """SHA-256 of all files of a dataset but those that say when it was made, by whom."""
+    files = [file for file in sorted(dataset.rglob("*")) if file.is_file() and file.name != "progress.jsonl"]
+    return {str(file.relative_to(dataset)): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
