@@ -113,7 +113,7 @@ def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) 
     >>> dataset = rc.dataset.make("scene.toml", "out", count=2, seed=1, workers=1)
     >>> print(rc.dataset.verify("out"))
     2 of 2 samples, 0 failed
-    16 files, 0.2 MB
+    18 files, 0.2 MB
     sample 0 simulated again: the same to the bit
     """
     dataset = Dataset(path)
