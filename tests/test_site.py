@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PUBLIC = ("__init__.pyi", "models/__init__.pyi", "plot/__init__.pyi", "processing/__init__.pyi", "sensor/__init__.pyi")
+PUBLIC = tuple(f"{package}__init__.pyi" for package in ("", "dataset/", "models/", "plot/", "processing/", "sensor/"))
 """Stubs with the public names of their packages."""
 
-NOT_SHOWN = {"__version__", "adapters", "models", "plot", "processing", "sensor", "shapes", "robots"}
+NOT_SHOWN = {"__version__", "adapters", "dataset", "models", "plot", "processing", "sensor", "shapes", "robots"}
 """Of these the contents are shown, not the packages."""
 
 

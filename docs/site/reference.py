@@ -23,6 +23,7 @@ TITLES = {
     "comparison": "Comparison",
     "depth": "Depth images",
     "scenefile": "Scene files",
+    "dataset": "Datasets",
     "models": "Arms and people",
     "plot": "Pictures",
     "sensor": "Sensors",
@@ -137,7 +138,7 @@ def pages() -> dict[str, list[Name]]:
             found[folder].append(name)
     for folder in found:
         found[folder].sort(key=lambda name: FIRST.index(name.name) if name.name in FIRST else len(FIRST))
-    for package in ("models", "models.robots", "plot", "processing", "sensor"):
+    for package in ("dataset", "models", "models.robots", "plot", "processing", "sensor"):
         page = found[package.partition(".")[0]]
         known = {name.name for name in page}
         page += [

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import pickle
+import re
+import runpy
+import sys
 from itertools import islice
 from pathlib import Path
 
@@ -168,3 +171,17 @@ def test_torch_loads_streams_and_datasets(scene: Path, tmp_path: Path) -> None:
     stored = rc.dataset.TorchDataset(tmp_path / "out")
     assert len(stored) == 2
     np.testing.assert_array_equal(stored[1][0].numpy(), cubes[2:].numpy())
+
+
+def test_example_tells_arm_person_and_empty_room_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sklearn", reason="needs scikit-learn: pip install scikit-learn")
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    script = Path(__file__).resolve().parents[2] / "examples" / "classify_motion.py"
+    monkeypatch.setattr(sys, "argv", [str(script), "--count", "16", "-o", str(tmp_path / "new" / "picture.png")])
+    runpy.run_path(str(script), run_name="__main__")
+    found = re.fullmatch(r"48 maps to learn from, 24 of another seed: accuracy ([\d.]+)\n", capsys.readouterr().out)
+    assert found is not None
+    assert float(found[1]) > 0.62  # by chance a third, with a standard deviation of 0.1
+    assert (tmp_path / "new" / "picture.png").read_bytes()[:4] == b"\x89PNG"

@@ -151,10 +151,17 @@ def test_copies_have_names_and_draws_of_their_own(tmp_path: Path) -> None:
     assert variation.sample(0, seed=1).simulation().scene.names == variation.body_names[: 16 * numbers[0]]
 
 
+def test_bodies_called_like_copies_are_looked_at_as_all_others(tmp_path: Path) -> None:
+    text = BALL.replace('"ball"', '"ball 2"').replace('"wood"', '"wod"')
+    assert message_of(tmp_path, text).startswith("body.ball 2.material: choice may be 'wod'; ")
+
+
 def test_fixed_number_of_copies_is_no_parameter(tmp_path: Path) -> None:
     variation = loaded(tmp_path, BALL + "repeat = 2\n")
     assert variation.body_names == ("ball 0", "ball 1")
-    assert "body.ball.repeat" not in variation.sample(0).values
+    sample = variation.sample(0)
+    assert "body.ball.repeat" not in sample.values
+    assert pickle.loads(pickle.dumps(sample)).text == sample.text
 
 
 def test_unnamed_bodies_have_the_same_name_in_every_sample(tmp_path: Path) -> None:
@@ -233,6 +240,11 @@ def test_radar_settings_vary_that_leave_its_frames_alike(tmp_path: Path) -> None
         ("rx = { choice = [[[0, 0, 0]], [[0, 0, 0], [0, 1, 0]]] }", "radar.rx", "the shape of the cube"),
         ("start_frequency = { uniform = [59e9, 60e9] }", "radar.start_frequency", "the axes of the cube"),
         ('receiver.output = { choice = ["iq", "real"] }', "radar.receiver.output", "the shape of the cube"),
+        (
+            'receiver = { choice = [{ output = "iq" }, { output = "real" }] }\nstart_frequency = 60e9\nslope = 1e13\n'
+            "sample_rate = 2e6\nnum_samples = 64",
+            *("radar.receiver", "the shape of the cube"),
+        ),
         ("run = { rate = { uniform = [10, 20] } }", "run.rate", "the number of frames"),
     ],
 )

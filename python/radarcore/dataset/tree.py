@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from radarcore.dataset.distributions import Choice, Distribution, Integers, distribution_of, is_distribution
@@ -50,11 +50,12 @@ class Repeated:
 
 @dataclass(frozen=True)
 class Found:
-    """A distribution at a path, and the options of choices around it: (path, number of the option)."""
+    """A distribution at a path, the options of choices around it, (path, number of the option), and of which copy."""
 
     path: str
     distribution: Distribution
     within: tuple[tuple[str, int], ...] = ()
+    copy: int = 0
 
 
 def prepared(values: dict[str, Any]) -> dict[str, Any]:
@@ -134,7 +135,12 @@ def _check_may_vary(path: str) -> None:
     elif table == "run" and key in ("start", "stop", "rate"):
         reason = "the number of frames"
     if reason is not None:
-        raise ValueError(f"{path}: expected one value for all samples, as it decides {reason}, got a distribution")
+        raise ValueError(shared(path, reason))
+
+
+def shared(path: str, reason: str) -> str:
+    """What is wrong with a distribution of what all samples share."""
+    return f"{path}: expected one value for all samples, as it decides {reason}, got a distribution"
 
 
 def resolved(tables: dict[str, Any], pick: Pick) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -192,7 +198,8 @@ def found_in(tables: dict[str, Any]) -> Iterator[Found]:
             if len(set(entry.count.ends)) > 1:
                 yield Found(f"{key}.{entry.name}.repeat", entry.count)
             for k in range(max(entry.count.ends)):
-                yield from _found(entry.table, f"{key}.{entry.name} {k}", ())
+                for each in _found(entry.table, f"{key}.{entry.name} {k}", ()):
+                    yield replace(each, copy=k)
 
 
 def _found(value: Any, path: str, within: tuple[tuple[str, int], ...]) -> Iterator[Found]:

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from hashlib import blake2b
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from radarcore import check
 from radarcore.dataset.distributions import Choice, Distribution, Integers
 from radarcore.dataset.notices import gathered
 from radarcore.dataset.sample import Sample as Sample
-from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved
+from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, shared
+from radarcore.radar.radar import Radar
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.read import values_of
@@ -196,7 +196,7 @@ class Variation:
 
         tables, values = resolved(self._tables, pick)
         text = f"# Sample {number} of {self.path.name}, seed {series}.\n{toml_text(tables)}"
-        return Sample(number, series, MappingProxyType(values), text, self.path, self._kept)
+        return Sample(number, series, values, text, self.path, self._kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Variation, (self.path, self.parameters, self.body_names, self.run, self._tables)
@@ -236,10 +236,10 @@ class _Trials:
     def __init__(self, file: Path, tables: dict[str, Any], found: list[Found]) -> None:
         self._file, self._tables, self._kept = file, tables, Kept()
         # All copies have the distributions of the first.
-        self._found = [each for each in found if not re.match(r"\w+\.[^.]* [1-9]\d*[.]", each.path)]
+        self._found = [each for each in found if each.copy == 0]
         self._index = 0
         possible = self._possible()
-        self._names, self.run = possible.scene.names, possible.run
+        self._names, self.run, self._radar = possible.scene.names, possible.run, possible.radar
 
     def _possible(self) -> Simulation:
         """The first sample that is possible, with as many copies as there may be."""
@@ -277,8 +277,12 @@ class _Trials:
             for number, end in enumerate(_values(found.distribution)):
                 sample = self._sample({**dict(found.within), found.path: number}, most_copies=1)
                 try:
-                    sample.simulation()
+                    radar = sample.simulation().radar
+                    if _shape_of(radar) != _shape_of(self._radar):
+                        raise ValueError(f"{self._file}: {shared(found.path, 'the shape of the cube')}")
                 except ValueError as error:
+                    if error.__cause__ is None:
+                        raise
                     if sample.is_about(found.path, str(error)):
                         kind, fault = found.distribution.kind, str(error.__cause__).removeprefix(f"{self._file}: ")
                         raise ValueError(f"{self._file}: {found.path}: {kind} may be {_text(end)}; {fault}") from error
@@ -301,6 +305,12 @@ class _Trials:
                         names.insert(place, name)
                     place = names.index(name) + 1
         return tuple(names)
+
+
+def _shape_of(radar: Radar) -> tuple[int, int, int, bool]:
+    """Shape of the cube, and whether its samples are complex."""
+    is_complex = radar.receiver is None or radar.receiver.output == "iq"
+    return radar.num_channels, radar.num_chirps, radar.waveform.num_samples, is_complex
 
 
 def _values(distribution: Distribution) -> tuple[Any, ...]:
