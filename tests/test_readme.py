@@ -140,6 +140,8 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             output = Path(arguments[arguments.index("-o") + 1])
             if arguments[0] == "process":
                 assert {file.name for file in output.iterdir()} == {"detections.csv", "tracks.csv"}
+            elif arguments[0] == "dataset":
+                assert not rc.dataset.open_dataset(output).failed
             else:
                 assert len(rc.Recording.load(output)) == 2 if output.is_dir() else output.is_file()
 
