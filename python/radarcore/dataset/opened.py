@@ -62,7 +62,7 @@ class Dataset:
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path: Path = Path(path)
         self._group = opened(self.path)
         self.attrs: dict[str, Any] = dict(self._group.attrs)
         arrays = dict(self._group.arrays())
@@ -71,7 +71,7 @@ class Dataset:
             self.sizes |= zip(array.metadata.dimension_names, array.shape, strict=True)
         self._arrays = {name: array for name, array in arrays.items() if array.metadata.dimension_names[0] == "sample"}
         self._coordinates = {name: array for name, array in arrays.items() if name not in self._arrays}
-        self.names = tuple(sorted(self._arrays))
+        self.names: tuple[str, ...] = tuple(sorted(self._arrays))
 
     def __repr__(self) -> str:
         _, frames, channels, chirps, samples = self._arrays["cube"].shape
