@@ -15,6 +15,8 @@ MKDOCS = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs
 # cargo and maturin ask the same interpreter, so that neither rebuilds what the other has built.
 export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 
+WORKERS = $(shell $(PYTHON) -c "import os; print((3 * os.cpu_count() + 1) // 2)")
+
 # What `make test` runs.
 CHECKS = layout lint-python tests-rust tests-python lint-rust types benches-python wheel-check
 
@@ -81,10 +83,11 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
 
-# One worker per core; waiting threads of numpy's BLAS would only be in the way.
+# More workers than cores, as tests of sensors and servers wait for them; waiting threads of numpy's BLAS would only be in
+# the way.
 tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
-	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=auto --dist=worksteal
+	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) --dist=worksteal
 
 benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"
