@@ -175,7 +175,7 @@ def test_answers_of_a_byte_stream_take_their_time(latency: float) -> None:
     assert (board.send(4096, 0.0) == b"") == (latency > 0.0)
     if latency:
         assert len(board.send(4096, 1.0)) == 22
-    assert latency <= time.monotonic() - began < latency + 0.2
+    assert time.monotonic() - began >= latency
     board.controller.close()
 
 
@@ -195,14 +195,14 @@ def test_answers_of_vendor_requests_and_comlib_take_their_time() -> None:
     for call in calls:
         began = time.monotonic()
         call()
-        assert 0.03 <= time.monotonic() - began < 0.2
+        assert time.monotonic() - began >= 0.03
     board.controller.close()
     comlib = ComLibEmulator(Ramp(), latency=0.03)
     began = time.monotonic()
     comlib.receive(Message(0, b"\x00").encode())
     assert comlib.send(4096, 0.0) == b""
     assert comlib.send(4096, 1.0)
-    assert 0.03 <= time.monotonic() - began < 0.2
+    assert time.monotonic() - began >= 0.03
 
 
 def test_real_time_boards_answer_after_a_millisecond() -> None:
