@@ -37,7 +37,7 @@ FIRST = (
     *("strongest_peak", "detect", "Detections", "track", "Tracker", "compare", "load_scene", "Human", "RobotArm"),
     "open_sensor",
 )
-"""What a reader looks for: these come before the others of their page."""
+"""Names that a reader looks for: these come before the others of their page."""
 
 
 CODE = re.compile(r"(<[^>]*>)?<code>(rc\.)?([A-Za-z_]\w*)((?:\.\w+)*)([^<]*)</code>")
@@ -175,14 +175,14 @@ def index(found: dict[str, list[Name]]) -> str:
 
 @cache
 def targets() -> dict[str, str]:
-    """Where each name is defined: as written after ``rc.``, or alone; of names in several packages that of `rc`."""
+    """Places of definitions by name: as written after ``rc.``, or alone; of names in several packages that of `rc`."""
     names = [name for page in pages().values() for name in page]
     alone = {name.name: name.target for name in reversed(names)}
     return {name.written.removeprefix("rc."): name.target for name in names} | alone
 
 
 def entry(name: str) -> str | None:
-    """Where a name such as `Radar.max_range` or `plot.rcs` is defined; None for what has no entry."""
+    """Place where a name such as `Radar.max_range` or `plot.rcs` is defined; None for what has no entry."""
     parts = name.split(".")
     heads = (".".join(parts[:number]) for number in range(len(parts), 0, -1))
     head = next((head for head in heads if head in targets()), None)

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LINK = re.compile(r"(\]\(|src=\")([^()\s\"#]+)((?:#[^()\s\"]*)?[)\"])")
 FENCED = re.compile(r"^ *```.*?^ *```$", flags=re.DOTALL | re.MULTILINE)
 OUTSIDE = ("examples/", "python/", "benches/", "CHANGELOG", "CONTRIBUTING", "LICENSE")
-"""How paths beside docs/ begin that pages may link to."""
+"""Beginnings of paths beside docs/ that pages may link to."""
 
 AS_THEY_ARE = {".md", ".png", ".svg", ".gif"}
 LANGUAGES = {".py": "python", ".toml": "toml", ".rs": "rust"}
@@ -32,7 +32,7 @@ search:
 
 
 def uri_of(path: str) -> str:
-    """Where a file of the repository is on the site."""
+    """Place of a file of the repository on the site."""
     if path.startswith("docs/"):
         inside = path.removeprefix("docs/")
         return inside.replace(".py", ".md") if inside.startswith("tutorials/") else inside

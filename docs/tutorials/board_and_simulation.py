@@ -36,7 +36,7 @@ RATE = 20.0  # frames per second
 
 # %%
 def swing(time: float) -> rc.Pose:
-    """Where the ball is at a time."""
+    """Pose of the ball at a time."""
     return rc.Pose([1.5 + 0.3 * np.sin(3.0 * time), 0.0, 0.0])
 
 

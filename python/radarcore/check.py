@@ -203,8 +203,7 @@ def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
 def knows_keywords(called: _Called) -> _Called:
     """The class or function, which then says what an unknown keyword is near to and which arguments need keywords."""
     if isinstance(called, type):
-        # The constructor is of this class, not of one below it.
-        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1)  # type: ignore[misc]
+        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1)  # type: ignore[misc]  # of this class alone
         return called
     owner = called.__qualname__  # of a method with its class
     return cast(_Called, _with_known_keywords(owner, called, int("." in owner)))

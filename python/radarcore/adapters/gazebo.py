@@ -19,7 +19,7 @@ __all__ = ["from_gz_image", "from_gz_poses"]
 
 
 def __dir__() -> list[str]:
-    """What completion shows: the public names."""
+    """Public names, for completion."""
     return __all__
 
 

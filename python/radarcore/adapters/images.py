@@ -48,7 +48,7 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """What completion shows: the public names."""
+    """Public names, for completion."""
     return __all__
 
 

@@ -30,7 +30,7 @@ __all__ = ["TIME_LINE", "Viewer"]
 
 
 def __dir__() -> list[str]:
-    """What completion shows: the public names."""
+    """Public names, for completion."""
     return __all__
 
 

@@ -249,5 +249,5 @@ def parse(app: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArgu
 
 
 def lacks_command(words: Sequence[str]) -> bool:
-    """Whether nothing is asked for: neither a command nor help."""
+    """True when nothing is asked for: neither a command nor help."""
     return list(words) in ([], ["sensor"], ["dataset"])

@@ -1,4 +1,4 @@
-"""What `radarcore info` says of a folder of several recordings, or of the sensors of one."""
+"""Facts that `radarcore info` prints of a folder of several recordings, or of the sensors of one."""
 
 from __future__ import annotations
 

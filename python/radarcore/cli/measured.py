@@ -1,4 +1,4 @@
-"""How a recording was measured: what its source tells of the board, its settings and the date."""
+"""Facts of a measurement from a recording's source: board, settings, date."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _COLUMN, _GAP = 26, 2
 class PlainHelp:
     """Prints the parts of a help page."""
 
-    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:  # noqa: ARG002
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:  # noqa: ARG002  # of cyclopts' protocol
         """Print a group of commands or options."""
         if not panel.entries:
             return
@@ -29,11 +29,11 @@ class PlainHelp:
             lines += _entry(", ".join(labels), _told(entry), console.width)
         _print(console, lines)
 
-    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:  # noqa: ARG002
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:  # noqa: ARG002  # of cyclopts' protocol
         """Print how the command is called."""
         _print(console, [f"Usage: {_plain(usage)}"])
 
-    def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:  # noqa: ARG002
+    def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:  # noqa: ARG002  # of cyclopts' protocol
         """Print what the command does."""
         text = _plain(description).splitlines()
         _print(console, [part for line in text for part in textwrap.wrap(line, console.width) or [""]])

@@ -27,7 +27,7 @@ _SETTINGS = "/settings"
 )
 @dataclass(frozen=True, kw_only=True)
 class BareSamples:
-    """What a user says of samples that do not say themselves what they are."""
+    """Options that describe samples without a description of their own."""
 
     config: Annotated[
         Path | None,
@@ -49,7 +49,7 @@ class BareSamples:
 
     @property
     def description(self) -> Description:
-        """The same, as readers take it."""
+        """Description that readers take."""
         return Description(**vars(self))
 
 

@@ -1,4 +1,4 @@
-"""What stands still, taken off by commands: by default of recordings of sensors, whose leakage is louder than all."""
+"""Static echoes, removed by commands: by default of recordings of sensors, whose leakage is louder than all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from radarcore.recording.recording import Recording
 
 
 def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
-    """Whether what stands still is to be taken off: as chosen; else of frames that an ADC measured, more than a chirp.
+    """True when static echoes are to be removed: as chosen; else of frames that an ADC measured, more than a chirp.
 
     They have no truth; simulated ones have, and in these what stands still was put there.
     """

@@ -1,4 +1,4 @@
-"""What commands print: in colour on a terminal, plain text elsewhere."""
+"""Output of commands: in colour on a terminal, plain text elsewhere."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Literal, TextIO
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -47,7 +47,7 @@ class Table:
 
 
 def is_coloured(stream: TextIO | None = None) -> bool:
-    """Whether a stream, by default the output, is a terminal with colours that the user wants."""
+    """True when a stream, by default the output, is a terminal with colours that the user wants."""
     chosen = sys.stdout if stream is None else stream
     kind = os.environ.get("TERM", "" if os.name == "posix" else "windows")
     return chosen.isatty() and not os.environ.get("NO_COLOR") and kind not in ("", "dumb")
@@ -111,8 +111,8 @@ def _parts(table: Table) -> Iterable[RenderableType]:
     if table.rows:
         grid = Grid(box=SIMPLE_HEAD, header_style=_LABEL, pad_edge=False, show_edge=False)
         for place, name in enumerate(table.header):
-            side = "left" if place < table.num_left else "right"
-            grid.add_column(Text(name), justify=side, vertical="bottom", no_wrap=True)  # type: ignore[arg-type]
+            side: Literal["left", "right"] = "left" if place < table.num_left else "right"
+            grid.add_column(Text(name), justify=side, vertical="bottom", no_wrap=True)
         for row in table.rows:
             grid.add_row(*map(Text, row))
         yield grid

@@ -1,4 +1,4 @@
-"""What is said of words that are no command: what was expected, what came, what may be meant."""
+"""Messages about words that are no command: expected, given, and near ones."""
 
 from __future__ import annotations
 

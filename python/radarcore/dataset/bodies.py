@@ -79,7 +79,7 @@ class Placed:
 
 
 class Places:
-    """Where the bodies of a scene are in the sensor frame, at any time."""
+    """Poses of the bodies of a scene in the sensor frame, at any time."""
 
     def __init__(self, scene: Scene, sensor_motion: Motion) -> None:
         self._parts = scene.parts

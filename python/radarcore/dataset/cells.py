@@ -15,7 +15,7 @@ from radarcore.simulate.synthesis import beat_signal
 from radarcore.units import power_from_db
 
 DEPTH_DB = 60.0
-"""How far below the strongest cell of the map a cell may be to have a label [dB]."""
+"""Lowest level of a labelled cell below the strongest of the map [dB]."""
 
 TIE_DB = 0.01
 """Powers that differ by less are equal: ten times what synthesis is exact to [dB]."""

@@ -25,7 +25,7 @@ _SMALLEST_SHARE = 1e-9
 
 
 class Distribution(Protocol):
-    """What a value is drawn from."""
+    """Distribution that a value is drawn from."""
 
     @property
     def kind(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from contextlib import contextmanager
 from threading import Thread
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from radarcore.dataset.shards import Done
 
 Make = Callable[[int], "Done"]
-"""What makes a shard of a number."""
+"""Function of a shard's number that makes the shard."""
 
 Name = Callable[[int], str]
-"""What a shard is called in messages."""
+"""Name of a shard in messages."""
 
 
-def serial(make: Make, shards: Sequence[int]) -> Iterator[Done]:
+def serial(make: Make, shards: Sequence[int]) -> Generator[Done, None, None]:
     """Shards made here, in order."""
     yield from map(make, shards)
 
 
-def processes(make: Make, shards: Sequence[int], workers: int, name: Name) -> Iterator[Done]:
+def processes(make: Make, shards: Sequence[int], workers: int, name: Name) -> Generator[Done, None, None]:
     """Shards made by processes of this machine, as they end.
 
     Where a process was lost, those that may have ended it are made alone, one after the other: the one that ends its
@@ -57,7 +57,7 @@ def processes(make: Make, shards: Sequence[int], workers: int, name: Name) -> It
                     yield done
 
 
-def executed(make: Make, shards: Sequence[int], executor: Executor, name: Name) -> Iterator[Done]:
+def executed(make: Make, shards: Sequence[int], executor: Executor, name: Name) -> Generator[Done, None, None]:
     """Shards made by an executor, as they end; one that was lost with its worker is tried once more, then named."""
     lost: list[int] = []
     futures: dict[Future[Done], int] = {}

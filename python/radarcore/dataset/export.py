@@ -30,10 +30,10 @@ _OF_CODES = ("scale_factor", "add_offset", "_FillValue")
 
 
 class Samples(Protocol):
-    """What is exported: a `Dataset`, or what has as much of one."""
+    """Source of an export: a `Dataset`, or an object with these parts of one."""
 
     attrs: dict[str, Any]
-    """What the dataset was made from."""
+    """Variation that the dataset was made from."""
     names: tuple[str, ...]
     """Variables."""
 

@@ -1,4 +1,4 @@
-"""What is complete of a dataset: ``progress.jsonl``, a line per shard, written when its files are in place."""
+"""Journal of complete shards: ``progress.jsonl``, a line per shard, written when its files are in place."""
 
 from __future__ import annotations
 

@@ -17,6 +17,8 @@ from radarcore.dataset.boxes import boxes_of, united
 from radarcore.dataset.echoes import Caster
 from radarcore.dataset.joints import JOINTS, People
 from radarcore.dataset.visibility import are_rough, visibilities
+from radarcore.geometry.pose import Pose
+from radarcore.motion.function import as_motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import TRUTH_FIELDS, Frame
 from radarcore.simulate.simulator import Simulator
@@ -254,13 +256,12 @@ class _Labeller:
 
     def __init__(self, simulator: Simulator, names: tuple[str, ...], settings: Labels) -> None:
         scene, motion = simulator.scene, simulator.radar_motion
-        assert motion is not None  # as the simulator has made it the world's own frame
         self._settings, self._scene = settings, scene
         self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
         self._layouts = dims_of(simulator.radar, names, settings)
         self._members: Members = members_of(names, scene.names)
         self._owners = owners_of(self._members, len(scene.names))
-        self._places = Places(scene, motion)  # type: ignore[arg-type]  # the simulator has made a motion of it
+        self._places = Places(scene, Pose() if motion is None else as_motion("radar_motion", motion))
         self._people = People(scene, names)
         self._caster = Caster(simulator) if settings.visibility or settings.cells else None
 

@@ -1,4 +1,4 @@
-"""What a dataset has: its variables with their axes, and how samples are spread over shards."""
+"""Layout of a dataset: variables with their axes, and samples over shards."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import errno
 import json
 import multiprocessing
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from os import PathLike
@@ -142,7 +142,7 @@ def make(
             samples = plan.layout.samples_of(shard)
             return f"{target}: shard {shard} (samples {samples[0]} to {samples[-1]})"
 
-        def made() -> Iterator[Done]:
+        def made() -> Generator[Done, None, None]:
             if executor is not None:
                 return executors.executed(work, left, executor, name)
             if workers == 1:
@@ -153,7 +153,7 @@ def make(
         bar.initial = bar.n = sum(len(plan.layout.samples_of(shard)) for shard in complete)
         warned = {kind for done in complete.values() for kind in done.warnings}
         try:
-            for done in stack.enter_context(closing(made())) if left else ():  # type: ignore[type-var]
+            for done in stack.enter_context(closing(made())) if left else ():
                 _check_here(target, journal, done, name)
                 journal.append(done)
                 bar.update(len(plan.layout.samples_of(done.shard)))

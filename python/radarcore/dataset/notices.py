@@ -28,7 +28,7 @@ def gathered() -> Iterator[list[str]]:
 
 
 def kind_of(message: str) -> str:
-    """What is the same in messages of one kind, which differ in names and numbers alone."""
+    """Common part of messages of one kind, which differ in names and numbers alone."""
     return re.sub(r"'[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?", "", message)
 
 

@@ -50,7 +50,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a dataset is to be.
+    """Plan of a dataset.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Plan:
 
 
 def settings_of(recipe: Recipe, count: int, samples_of_shard: int | None) -> dict[str, Any]:
-    """What results follow from, as JSON holds it; they are compared when a run is resumed."""
+    """Settings that results follow from, as JSON holds them; they are compared when a run is resumed."""
     return {
         "scene": recipe.variation.path.read_text(encoding="utf-8"),
         "count": count,
@@ -141,7 +141,7 @@ def _results(recipe: Recipe, frames: list[Frame]) -> dict[str, Variable]:
 
 
 def _fill_of(dtype: np.dtype[Any], attrs: dict[str, Any]) -> Any:
-    """What stands for no value: NaN, of integers the one that attributes name, or -1."""
+    """Fill value: NaN, of integers the one that attributes name, or -1."""
     if dtype.kind in "fc":
         return np.nan
     return attrs.get("_FillValue", -1 if dtype.kind == "i" else 0)
@@ -160,7 +160,7 @@ def _parameters(recipe: Recipe) -> dict[str, Variable]:
 
 
 def _status() -> Variable:
-    """Whether a sample is there, as CF conventions describe it."""
+    """Attributes of the flag `status`, by the CF conventions."""
     attrs = {"flag_values": list(STATUS.values()), "flag_meanings": " ".join(STATUS)}
     return Variable((), (), "int8", STATUS["missing"], attrs)
 

@@ -80,7 +80,7 @@ def simulated(recipe: Recipe, sample: Sample) -> Iterator[tuple[Simulator, Frame
 
 
 def cube_of(frame: Frame) -> NDArray[Any]:
-    """What is stored of the samples of a frame: codes where there was an ADC of 12 bits."""
+    """Stored samples of a frame: codes where there was an ADC of 12 bits."""
     return frame.cube if frame.raw is None else frame.raw
 
 

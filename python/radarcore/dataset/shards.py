@@ -59,7 +59,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Work:
-    """What a worker needs to make any shard of a dataset.
+    """Work of a dataset: enough to make any of its shards.
 
     Parameters
     ----------
@@ -110,6 +110,6 @@ class Worker:
 
 
 @lru_cache(maxsize=32)
-def _loaded(work: bytes, thread: int) -> Work:  # noqa: ARG001  # whose it is
+def _loaded(work: bytes, thread: int) -> Work:  # noqa: ARG001  # part of the key: threads share no work
     loaded: Work = pickle.loads(work)
     return loaded

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from radarcore.dataset.opened import Dataset
 
 Item = tuple[NDArray[Any], dict[str, Any]]
-"""What a frame is to a network, and its labels."""
+"""Input of a network, and its labels."""
 
 _Made = tuple[list[Item], list[str]]
 
@@ -149,7 +149,7 @@ class Stream:
         return items, [f"sample {sample} of seed {self.seed}: {message}" for message in messages]
 
     def _ahead(self, numbers: Iterator[int]) -> Iterator[_Made]:
-        """What `_made` returns, made by processes, in order."""
+        """Items of `_made` from processes, in order."""
         context = multiprocessing.get_context("spawn")
         alone = replace(self, _workers=0)
         pool = ProcessPoolExecutor(self._workers, mp_context=context, initializer=_begin, initargs=(alone,))

@@ -139,7 +139,7 @@ def _check_may_vary(path: str) -> None:
 
 
 def shared(path: str, reason: str) -> str:
-    """What is wrong with a distribution of what all samples share."""
+    """Error of a distribution for a value that all samples share."""
     return f"{path}: expected one value for all samples, as it decides {reason}, got a distribution"
 
 

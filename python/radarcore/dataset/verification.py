@@ -29,7 +29,7 @@ _THREADS = 4
 
 @dataclass(frozen=True)
 class Verified:
-    """What a check of a dataset has found.
+    """Findings of a check of a dataset.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _fault_of_file(path: Path, size: int, digest: str) -> str | None:
 
 
 def _faults_of_numbers(sample: int, values: dict[str, NDArray[Any]]) -> Iterator[str]:
-    """What is no number in a sample where all are."""
+    """Variables of a sample with values that are not finite."""
     for name in ("cube", "time"):
         if not np.isfinite(values[name]).all():
             yield f"sample {sample}: expected finite numbers in {name}, got others"

@@ -23,7 +23,7 @@ __all__ = ["box", "capsule", "cylinder", "dihedral", "disc", "plate", "sphere", 
 
 
 def __dir__() -> list[str]:
-    """What completion shows: the public names."""
+    """Public names, for completion."""
     return __all__
 
 

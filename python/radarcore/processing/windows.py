@@ -36,7 +36,7 @@ def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float
 
 @lru_cache(maxsize=64)
 def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
-    """The same for every frame of a stream."""
+    """Window that all frames of a stream share."""
     return _weights(name, window, length, periodic=True)
 
 

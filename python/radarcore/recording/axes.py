@@ -124,7 +124,7 @@ def _expected(axis: Axis, axes: tuple[Axis, ...], radar: Radar) -> int | None:
 
 
 def _advice(shape: tuple[int, ...], radar: Radar) -> str:
-    """What to say of an array in another order, with the order if only one fits."""
+    """Message about an array in another order, with the order if only one fits."""
     names = _WITHOUT_NAMES.get(len(shape))
     if names is None:
         return "; say what its axes are, as shape='frame,rx,chirp,sample', --shape"

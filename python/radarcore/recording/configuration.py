@@ -14,7 +14,7 @@ from radarcore.recording.ti_configuration import Settings, radar_and_capture
 
 @dataclass(frozen=True)
 class Configuration:
-    """What a file says of samples.
+    """Description of samples by a configuration file.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from radarcore.radar.radar import Radar
 
 @dataclass(frozen=True)
 class Description:
-    """What a user says of bare samples.
+    """Description of bare samples by the user.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Description:
 
     @property
     def given(self) -> dict[str, object]:
-        """What was said, by name."""
+        """Given parts of the description, by name."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 

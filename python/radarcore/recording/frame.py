@@ -111,7 +111,7 @@ class Truth:
         return Truth(tuple(names), *kept)
 
     def texts(self) -> list[str]:
-        """What is true of every body of one frame in words."""
+        """True range and velocity of every body of one frame, in words."""
         return [
             "not visible" if np.isnan(distance) else f"at {distance:.3f} m, {velocity:+.3f} m/s"
             for distance, velocity in zip(self.range, self.velocity, strict=True)

@@ -17,7 +17,7 @@ _FRAMES = ("legacyFrameChirp", "singleFrameChirp")
 """Waveforms of frames without sub-frames."""
 
 _CHANGES = ("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "adcStartTimeVar_usec")
-"""What a chirp may have besides its profile."""
+"""Deviations of a chirp from its profile."""
 
 
 class _Table:

@@ -148,7 +148,7 @@ def open_as(writer: RecordingWriter, kind: Kind) -> None:
 
 
 def check_room(path: Path, overwrite: bool) -> bool:
-    """Whether a recording is to be replaced at `path`; an error where none can be written."""
+    """True when a recording is to be replaced at `path`; an error where none can be written."""
     if format_of(path) != "directory":
         raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
     if path.exists() and not path.is_dir():

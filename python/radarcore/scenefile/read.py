@@ -29,7 +29,7 @@ def table(file: Path) -> SceneTable:
 
 
 def values_of(file: Path) -> dict[str, Any]:
-    """What stands in a TOML file."""
+    """Tables of a TOML file."""
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:

@@ -111,7 +111,7 @@ class Board(Protocol):
         """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
 
     def damage(self) -> str:
-        """What has come since the last frame and is none, in words; empty where nothing has."""
+        """Damage that was counted since the last frame, in words; empty where there is none."""
 
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: facts about the board that the radar does not hold."""

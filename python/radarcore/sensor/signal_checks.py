@@ -59,7 +59,7 @@ def pattern_checks(board: StrataBoard) -> Iterator[Check]:
 
 
 def _difference(words: NDArray[np.uint16], expected: NDArray[np.uint16]) -> str:
-    """Where words are not those of the test pattern, and how they were changed if that is one of the usual ways."""
+    """Places where words differ from the test pattern, and the kind of change if it is a usual one."""
     is_wrong = words != expected
     where = int(np.argmax(is_wrong))
     text = f"word {where} is {words[where]:03X} in place of {expected[where]:03X}"

@@ -40,7 +40,7 @@ class Worker(Generic[Result]):
         return future
 
     def result(self, future: Future[Result]) -> Result:
-        """What came of it, when it is done; RuntimeError when the worker is closed before."""
+        """Result, once it is done; RuntimeError when the worker is closed before."""
         either: tuple[Future[Any], ...] = (future, self._closed)
         wait(either, return_when=FIRST_COMPLETED)
         if self._closed.done():

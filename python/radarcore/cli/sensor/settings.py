@@ -50,7 +50,7 @@ _Hertz = Annotated[float | None, Parameter(metavar="HZ")]
 @Parameter(name="*", group=Group("Settings of a board", sort_key=2))
 @dataclass(frozen=True, kw_only=True)
 class BoardSettings:
-    """What a person wishes of a board."""
+    """Wishes for the settings of a board."""
 
     radar: Annotated[Path | None, Parameter(metavar="SCENE")] = None
     """take the radar of a scene file (TOML)"""
@@ -130,7 +130,7 @@ def words_of_options() -> Iterator[None]:
 
 
 def sight(radar: Radar) -> str:
-    """What a radar sees, on a line: "sees 6.2 m in steps of 5.1 cm, +-3.1 m/s in steps of 20 cm/s, at 40 Hz"."""
+    """Text of range and velocity: "sees 6.2 m in steps of 5.1 cm, +-3.1 m/s in steps of 20 cm/s, at 40 Hz"."""
     wf = radar.waveform
     parts = []
     if not wf.is_cw:

@@ -1,4 +1,4 @@
-"""What several scenes of one file have in common: meshes, arms and their lines, made once."""
+"""Parts that several scenes of one file share: meshes, arms and their lines, made once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Kept:
         self._made: OrderedDict[Hashable, Any] = OrderedDict()
 
     def of(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
-        """What was made for the key, or what `make` returns now."""
+        """Object kept for the key, or made now by `make`."""
         if key not in self._made:
             self._made[key] = make()
             if len(self._made) > _MOST:

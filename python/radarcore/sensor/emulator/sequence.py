@@ -335,7 +335,7 @@ class _Image:
         return Ramps(radar, (18 if baseband >> 20 + rx & 1 else 30) + 5 * vga, bool(rx_mask & 1))
 
     def _exact(self, ramps: Ramps, frame: int) -> Ramps:
-        """The same ramps in a frame of so many cycles; the waveform of the settings where these say as much."""
+        """Ramps in a frame of so many cycles; the waveform of the settings where these say as much."""
         try:
             waveform = settings_of(self._registers).to_radar().waveform
         except ValueError:
