@@ -19,6 +19,8 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 import radarcore as rc
 from page import machine, table
+from radarcore.dataset.executors import num_cores
+from radarcore.dataset.layout import samples_per_shard
 from radarcore.simulate.times import frame_times
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
@@ -72,12 +74,12 @@ def simulated(scene: Path, count: int) -> tuple[int, float]:
     return num_frames, seconds
 
 
-def made(scene: Path, out: Path, count: int, workers: int) -> tuple[rc.dataset.Dataset, float]:
-    """A dataset, and the time of cores that it took, of this process and of those that it started [s]."""
+def made(scene: Path, out: Path, count: int, workers: int, per_shard: int) -> tuple[float, float]:
+    """Time by the clock that a dataset takes, and that of cores, of this process and those that it starts [s]."""
     shutil.rmtree(out, ignore_errors=True)
-    before = cores_used()
-    dataset = rc.dataset.make(scene, out, count=count, workers=workers, progress=False)
-    return dataset, cores_used() - before
+    began, before = time.perf_counter(), cores_used()
+    rc.dataset.make(scene, out, count=count, workers=workers, samples_per_shard=per_shard, progress=False)
+    return time.perf_counter() - began, cores_used() - before
 
 
 def cores_used() -> float:
@@ -102,16 +104,17 @@ def speeds(folder: Path, tiny: bool) -> str:
     """Table of frames per second of one core, and of their size."""
     rows = []
     for name, (text, count) in SCENES.items():
-        scene = folder / "scene.toml"
+        scene, out = folder / "scene.toml", folder / "out"
         scene.write_text(text)
         number = 2 if tiny else count
         simulated(scene, 1)
         num_frames, alone = simulated(scene, number)
         # What planning and the end take is the same for any number of samples.
-        _, start = made(scene, folder / "out", 1, 1)
-        dataset, whole = made(scene, folder / "out", number, 1)
-        own = (whole - start) * number / (number - 1)
-        per_frame = size_of(folder / "out") / num_frames
+        start = made(scene, out, 1, 1, 1)[1]
+        # Shards are as long as those of a large dataset.
+        per_shard = min(number, samples_per_shard(10**6, size_of(out), None))
+        own = (made(scene, out, number, 1, per_shard)[1] - start) * number / (number - 1)
+        per_frame = size_of(out) / num_frames
         rows.append(
             [
                 name,
@@ -123,12 +126,29 @@ def speeds(folder: Path, tiny: bool) -> str:
                 f"{3600.0 * num_frames / own * per_frame / 1e9:.2f}",
             ]
         )
-        assert len(dataset) == number
     header = [
         *("scene", "`Simulator.frame` [1/s]", "stored [1/s]", "share", "start [s]"),
         *("bytes per frame", "GB per hour and core"),
     ]
     return table(header, rows)
+
+
+def scaling(folder: Path, tiny: bool) -> str:
+    """Table of frames per second by the clock, of one and of all cores."""
+    scene, out, cores = folder / "people.toml", folder / "people", num_cores()
+    scene.write_text(SMALL + BALL if tiny else RADAR + PERSON + ROOM)
+    simulated(scene, 1)
+    rows = []
+    for workers in sorted({1, cores}):
+        few, number = workers, (2 if tiny else 40) * workers
+        num_frames, alone = simulated(scene, number // workers)
+        start = made(scene, out, few, workers, 1)[0]
+        own = made(scene, out, number, workers, 1)[0] - start
+        stored = (number - few) / number * num_frames * workers / own
+        rows.append(
+            [f"{workers}", f"{num_frames / alone:.1f}", f"{stored:.1f}", f"{stored * alone / num_frames / workers:.0%}"]
+        )
+    return table(["workers", "`Simulator.frame` [1/s]", "stored [1/s]", "share of workers x `Simulator.frame`"], rows)
 
 
 def memory(folder: Path, tiny: bool) -> str:
@@ -137,7 +157,7 @@ def memory(folder: Path, tiny: bool) -> str:
     scene.write_text(SMALL + BALL)
     per_sample, rows = 10, []
     for num_frames in (20, 40) if tiny else (100, 1000, 10_000):
-        made(scene, folder / "small", num_frames // per_sample, 1)
+        made(scene, folder / "small", num_frames // per_sample, 1, 100)
         rows.append([f"{num_frames}", f"{resident():.0f}"])
     return table(["frames made in one process", "memory [MB]"], rows)
 
@@ -150,6 +170,8 @@ def main() -> None:
         folder = Path(name)
         print(machine())
         print(speeds(folder, options.tiny))
+        print()
+        print(scaling(folder, options.tiny))
         print()
         print(memory(folder, options.tiny))
 

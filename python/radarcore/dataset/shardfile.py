@@ -136,7 +136,7 @@ class _WideFile:
                 self._file.close()
             self._file = None
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes | memoryview) -> None:
         assert self._file is not None
         self._sum.update(data)
         self._size += len(data)
@@ -155,11 +155,11 @@ def _naming(place: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror or str(error), str(place)) from error
 
 
-def _encoded(values: NDArray[Any], variable: Variable) -> bytes:
-    """Bytes of a chunk as the codecs of its variable make them."""
+def _encoded(values: NDArray[Any], variable: Variable) -> bytes | memoryview:
+    """Bytes of a chunk as the codecs of its variable make them; those of the array itself where there is no codec."""
     from numcodecs import VLenUTF8, Zstd
 
-    data = bytes(VLenUTF8().encode(values)) if variable.dtype == TEXT else values.tobytes()
+    data = bytes(VLenUTF8().encode(values)) if variable.dtype == TEXT else values.reshape(-1).view("u1").data
     return bytes(Zstd(LEVEL).encode(data)) if variable.compressed else data
 
 

@@ -10,6 +10,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.configuration import configuration
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.motions import Recorded
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.build.simulation import simulation
@@ -91,4 +92,4 @@ def load_radar(path: str | PathLike[str]) -> Radar:
         return configuration(file).radar
     table = read.table(file).radar
     with located(f"{file}: radar."):
-        return radar_of(table, file.parent)
+        return radar_of(table, file.parent, Kept())

@@ -1,4 +1,4 @@
-"""Parts that several scenes of one file share: meshes, arms and their lines, made once."""
+"""Parts that several scenes of one file share: radars, meshes, arms and their lines, made once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MOST = 256
 
 
 class Kept:
-    """Meshes and arms by the tables that describe them; those of files as they were when first read."""
+    """Radars, meshes and arms by the tables that describe them; those of files as they were when first read."""
 
     def __init__(self) -> None:
         self._made: OrderedDict[Hashable, Any] = OrderedDict()

@@ -17,6 +17,7 @@ from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, ReceiverTable, SteeredTable, TdmTable
 
 _WAVEFORM_KEYS = (
@@ -34,8 +35,12 @@ _WAVEFORM_KEYS = (
 _WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
 
 
-def radar_of(table: RadarTable, directory: Path) -> Radar:
-    """The radar of a table; files of patterns are relative to the directory."""
+def radar_of(table: RadarTable, directory: Path, kept: Kept) -> Radar:
+    """The radar of a table, made once; files of patterns are relative to the directory."""
+    return kept.of(("radar", table.model_dump_json()), lambda: _radar(table, directory))
+
+
+def _radar(table: RadarTable, directory: Path) -> Radar:
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
     waveform = {name: given[name] for name in (*_WAVEFORM_KEYS, *_WISHES) if name in given}
     others: dict[str, Any] = {
@@ -59,10 +64,10 @@ def radar_of(table: RadarTable, directory: Path) -> Radar:
             others["schedule"] = _schedule(table.schedule)
     if table.preset is not None:
         preset = (bgt60tr24 if table.preset == "bgt60tr24" else bgt60tr13c)(**waveform, **measured)
-        kept = {
+        own = {
             name: getattr(preset, name) for name in ("tx", "rx", "tx_power_dbm", "pattern", "receiver", "polarization")
         }
-        return Radar(_sequences(preset.waveform, table), **(kept | others))
+        return Radar(_sequences(preset.waveform, table), **(own | others))
     return Radar(_sequences(_waveform(waveform), table), **others)
 
 

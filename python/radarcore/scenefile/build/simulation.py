@@ -25,9 +25,10 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, 
 
     `kept` holds what several scenes of the same file have in common.
     """
+    kept = Kept() if kept is None else kept
     with located(f"{file}: "):
         with located("radar: "):
-            radar = radar_of(table.radar, file.parent)
+            radar = radar_of(table.radar, file.parent, kept)
         parts, carriers = Parts(file.parent, materials_of(table.material), recorded, kept).build(table)
         with located("sensor: "):
             motion = sensor_motion_of(table.sensor, carriers, recorded)
