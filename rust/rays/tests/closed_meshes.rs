@@ -125,8 +125,11 @@ fn needles_and_slivers_of_closed_meshes_do_not_leak() {
     // Slivers and needles are 1 to 2 long: aspects of 1e-6 and 1e-9, halved exactly.
     for (i, width) in [19, 20, 29].map(|digits| 0.5_f64.powi(digits)).into_iter().enumerate() {
         for (j, (bend, apex)) in [(0.0, 1.0), (0.1, 1.0), (0.1, 0.5), (3.0, 2.0)].into_iter().enumerate() {
-            // Every offset with every width and with every shape.
+            // Every width and every shape with two offsets, every shape with two widths.
             let k = (i + j) % 3;
+            if (i + 2 * j) % 3 == 2 {
+                continue;
+            }
             let offset = [0.0, 1.0, 1e3][k];
             let mut random = Random::new((100 * i + 10 * j + k) as u64);
             let mesh = needle_prism(width, bend, apex, &mut random);
@@ -163,7 +166,7 @@ fn single_rays_at_edges_of_needles_do_not_leak() {
         let mesh = needle_prism(width, 0.0, 1.0, &mut random);
         let (body, pose) = moved(&mesh, random.rotation(), random.direction());
         let scene = Scene::new(vec![(surface(&body), pose)], 1.0);
-        for _ in 0..100 {
+        for _ in 0..50 {
             let origin = 0.9 * random.point();
             for triangle in &mesh.1 {
                 let [a, b, _] = triangle.map(|i| mesh.0[i as usize]);

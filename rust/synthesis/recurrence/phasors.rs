@@ -453,33 +453,40 @@ mod tests {
 
     #[test]
     fn sums_agree_with_the_direct_sum() {
-        for (num_chirps, num_samples) in [(1, 128), (2, 16), (17, 1), (17, 128), (64, 128), (3, 500)] {
-            for slope in [1e9, -1e9, 5e9] {
-                let mut wf = waveform(slope, num_samples, num_chirps);
-                for staggered in [false, true] {
-                    if staggered {
-                        wf.chirp_times.iter_mut().step_by(3).for_each(|t| *t += 37e-6);
-                    }
-                    for (name, paths) in [
-                        ("linear", polynomial(300, 0.0)),
-                        ("accelerating", polynomial(300, 50.0)),
-                        ("fan", fan(&wf, 300, 16, 20.0, false)),
-                        ("fading fan", fan(&wf, 300, 16, 20.0, true)),
-                        ("one", polynomial(1, 9.0)),
-                        ("none", polynomial(0, 9.0)),
-                    ] {
-                        let single = errors_of::<f32>(&wf, &paths);
-                        let double = errors_of::<f64>(&wf, &paths);
-                        assert!(single < 5e-6, "{num_chirps} {num_samples} {slope} {name}: {single}");
-                        // The third order of an amplitude within a chirp is left out, and the fifth of a delay, which
-                        // shows in a fan's long chirps.
-                        let bound = match name {
-                            "fading fan" => 5e-8,
-                            "fan" => 1e-8,
-                            _ => 2e-12,
-                        };
-                        assert!(double < bound, "{num_chirps} {num_samples} {slope} {name}: {double}");
-                    }
+        // Every length with a slope, and one with all of them.
+        let slopes = [1e9, -1e9, 5e9].map(|slope| (17, 128, slope));
+        let sizes = [
+            (1, 128, 1e9),
+            (2, 16, -1e9),
+            (17, 1, 5e9),
+            (40, 128, -1e9),
+            (3, 500, 5e9),
+        ];
+        for (num_chirps, num_samples, slope) in slopes.into_iter().chain(sizes) {
+            let mut wf = waveform(slope, num_samples, num_chirps);
+            for staggered in [false, true] {
+                if staggered {
+                    wf.chirp_times.iter_mut().step_by(3).for_each(|t| *t += 37e-6);
+                }
+                for (name, paths) in [
+                    ("linear", polynomial(300, 0.0)),
+                    ("accelerating", polynomial(300, 50.0)),
+                    ("fan", fan(&wf, 300, 16, 20.0, false)),
+                    ("fading fan", fan(&wf, 300, 16, 20.0, true)),
+                    ("one", polynomial(1, 9.0)),
+                    ("none", polynomial(0, 9.0)),
+                ] {
+                    let single = errors_of::<f32>(&wf, &paths);
+                    let double = errors_of::<f64>(&wf, &paths);
+                    assert!(single < 5e-6, "{num_chirps} {num_samples} {slope} {name}: {single}");
+                    // The third order of an amplitude within a chirp is left out, and the fifth of a delay, which
+                    // shows in a fan's long chirps.
+                    let bound = match name {
+                        "fading fan" => 5e-8,
+                        "fan" => 1e-8,
+                        _ => 2e-12,
+                    };
+                    assert!(double < bound, "{num_chirps} {num_samples} {slope} {name}: {double}");
                 }
             }
         }
