@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_closed_forms import CONDUCTOR, body, disc_on_axis, sphere
+from test_closed_forms import CONDUCTOR, ball, body, disc_on_axis, sphere
 
 import radarcore as rc
 
@@ -53,7 +53,7 @@ def rms(values: Any) -> float:
 def test_sphere_has_its_closed_form_over_the_band(
     radius: float, rcs_floor: float, most_rays: int, bound_db: float, bound_phase: float
 ) -> None:
-    sim = simulator([body(rc.shapes.sphere(radius), 1.0)], rcs_floor=rcs_floor)
+    sim = simulator([ball(radius)], rcs_floor=rcs_floor)
     ratio = spectrum(sim) / [sphere(radius, 1.0, f) for f in BAND]
     assert rms(db(ratio)) <= bound_db
     assert rms(np.angle(ratio)) <= bound_phase
@@ -142,22 +142,22 @@ def test_samples_in_a_frame_are_those_of_the_paths() -> None:
     paths = sim.paths()
     assert {0, 1} <= set(paths.order[0].tolist())
     waveform = sim.radar.waveform
-    times = waveform.sample_times
+    times = waveform.sample_times[::10]
     tau = paths.delay[0][:, None]
     turns = waveform.start_frequency * tau + waveform.slope * tau * times - 0.5 * waveform.slope * tau**2
     weights = (waveform.center_frequency / (waveform.start_frequency + waveform.slope * times)) ** paths.order[0][
         :, None
     ]
     expected = (paths.amplitude[0].conj()[:, None] * weights * np.exp(2j * np.pi * turns)).sum(axis=0)
-    np.testing.assert_allclose(sim.frame().cube[0, 0], expected, atol=1e-9 * np.abs(paths.amplitude).max())
+    np.testing.assert_allclose(sim.frame().cube[0, 0, ::10], expected, atol=1e-9 * np.abs(paths.amplitude).max())
 
 
 def test_a_budget_is_kept_and_what_matters_most_comes_first() -> None:
-    ball = body(rc.shapes.sphere(0.1), 1.0)
+    target = ball(0.1)
     exact = np.array([sphere(0.1, 1.0, f) for f in BAND])
     errors = []
     for ray_budget in (6_000, 20_000):
-        sim = simulator([ball], rcs_floor=1e-8, ray_budget=ray_budget)
+        sim = simulator([target], rcs_floor=1e-8, ray_budget=ray_budget)
         with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
             # With those of the cells that were tried.
             assert whole(sim).frame().stats["rays_cast"] <= 2 * ray_budget

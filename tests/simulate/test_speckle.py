@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,8 @@ def test_expected_power_changes_by_less_than_a_tenth_of_a_db_from_level_to_level
 def test_intensity_is_exponentially_distributed_over_seeds(sampling: str) -> None:
     disc = matt(rc.shapes.disc(0.1), [1.0, 0.0, 0.0])
     options: dict[str, Any] = SAMPLINGS[sampling] | {"field_of_view_deg": (13.0, 13.0)}
-    samples = [simulator([disc], seed=seed, **options).frame().cube[0, 0, 0] for seed in range(400)]
+    sim = simulator([disc], **options | {"resolution": 32})
+    samples = [replace(sim, seed=seed).frame().cube[0, 0, 0] for seed in range(400)]
     intensity = np.abs(samples) ** 2 / lambertian_disc(0.1, 1.0)
     # Kolmogorov and Smirnov's distance to 1 - exp(-x), its mean included: beyond this in one of a thousand cases.
     assert kstest(intensity, "expon").statistic < 1.95 / np.sqrt(len(intensity))
@@ -146,16 +148,14 @@ def test_bodies_of_equal_meshes_have_speckle_of_their_own(sampling: str) -> None
     plate = rc.shapes.plate(0.3, 0.3)
     places = [rc.Pose([2.0, 0.5, 0.0]), rc.Pose([2.0, -0.5, 0.0])]
 
-    def mean_power(motions: list[rc.Pose]) -> float:
-        bodies = [matt(plate, motion) for motion in motions]
-        cubes = [simulator(bodies, sampling=sampling, seed=seed).frame().cube for seed in range(60)]
-        return float(np.mean(np.abs(cubes) ** 2))
-
-    alone = [mean_power([place]) for place in places]
+    both = [matt(plate, place) for place in places]
+    options: dict[str, Any] = {"sampling": sampling, "field_of_view_deg": (40.0, 30.0), "resolution": 64}
+    alone = [expected_power(simulator([body], **options).paths()) for body in both]
+    sim = simulator(both, **options)
+    cubes = [replace(sim, seed=seed).frame().cube for seed in range(60)]
     # Three standard deviations of the mean of 60 exponentially distributed intensities.
-    assert mean_power(places) == pytest.approx(sum(alone), rel=3.0 / np.sqrt(60.0))
+    assert np.mean(np.abs(cubes) ** 2) == pytest.approx(sum(alone), rel=3.0 / np.sqrt(60.0))
     # Other bodies change nothing of that.
     other = rc.Body(rc.shapes.sphere(0.05), material=rc.Material(0.0), motion=rc.Pose([3.0, 0.0, 0.7]))
-    both = [matt(plate, place) for place in places]
-    cubes = [simulator(bodies, sampling=sampling).frame().cube for bodies in (both, [other, *both])]
+    cubes = [simulator(bodies, **options).frame().cube for bodies in (both, [other, *both])]
     np.testing.assert_allclose(cubes[1], cubes[0], atol=1e-4 * np.abs(cubes[0]).max())

@@ -59,9 +59,8 @@ def check_or_refused(paths: Paths, wf: rc.Waveform, tolerance: float, *, may_ref
 # --- paths unlike all others ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 @pytest.mark.parametrize("acceleration", [20.0, 300.0])
-def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: float, tolerance: float) -> None:
+def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: float) -> None:
     # The search for modes sees one path in a hundred: those at constant velocity.
     paths, wf = moving(30_000), sweep_waveform(48, 16)
     assert paths.acceleration is not None
@@ -69,10 +68,12 @@ def test_few_paths_unlike_all_others_are_within_the_tolerance(acceleration: floa
     unlike = [7001, 7003, 22_222]
     paths.acceleration[:, unlike] = 2.0 / C * acceleration
     paths.amplitude[:, unlike] *= 20.0
-    check(paths, wf, tolerance, method="grid")
+    exact = paths.exact(wf)
+    for tolerance in (1e-2, 1e-4, 1e-7):
+        check(paths, wf, tolerance, exact=exact, method="grid")
 
 
-@pytest.mark.parametrize("seed", [*range(30), 41, 161, 270, 402, 430, 455, 591, 741, 938, 1140, 1421, 2016, 2497, 2515])
+@pytest.mark.parametrize("seed", [*range(12), 41, 161, 270, 402, 430, 455, 591, 741, 938, 1140, 1421, 2016, 2497, 2515])
 def test_strays_of_any_kind_are_within_the_tolerance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     num_paths, num_chirps, num_samples = (
@@ -89,23 +90,26 @@ def test_strays_of_any_kind_are_within_the_tolerance(seed: int) -> None:
     check(paths, wf, 10.0 ** rng.uniform(-8.0, -1.5), method="grid")
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
-def test_few_paths_among_silent_ones_are_within_the_tolerance(tolerance: float) -> None:
+def test_few_paths_among_silent_ones_are_within_the_tolerance() -> None:
     paths, wf = moving(30_000), sweep_waveform(48, 16)
     silent = np.ones(30_000, dtype=bool)
     silent[[7001, 7003, 22_222]] = False
+    exact = paths.pick(~silent).exact(wf)
     paths.amplitude[:, silent] = 0.0
-    check(paths, wf, tolerance, method="grid")
+    for tolerance in (1e-3, 1e-6):
+        check(paths, wf, tolerance, exact=exact, method="grid")
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
-def test_amplitudes_of_a_few_that_change_are_within_the_tolerance(tolerance: float) -> None:
+def test_amplitudes_of_a_few_that_change_are_within_the_tolerance() -> None:
     paths, wf = moving(20_000), sweep_waveform(32, 16)
     assert paths.rate is not None
     nodes = wf.delay_times(5)[:, None, None]
     amplitude = np.repeat(paths.amplitude[None], 5, axis=0)
     amplitude[:, :, [4321, 15_000]] *= 30.0 * np.cos(2.5 * nodes / nodes.max())
-    check(Paths(paths.delay + paths.rate * nodes, amplitude), wf, tolerance, method="grid")
+    changing = Paths(paths.delay + paths.rate * nodes, amplitude)
+    exact = changing.exact(wf)
+    for tolerance in (1e-3, 1e-6):
+        check(changing, wf, tolerance, exact=exact, method="grid")
 
 
 # --- amplitudes and delays at the ends -----------------------------------------------------------------------------
@@ -284,14 +288,32 @@ def test_all_velocities_may_be_the_same(speed: float, method: str) -> None:
     check(same, wf, 1e-5, method=method, split_still=False)
 
 
+@cache
+def in_phase(scene: str) -> tuple[rc.Waveform, Paths, NDArray[np.complex128]]:
+    wf = sweep_waveform(17, 24)
+    paths = scene_paths(scene, wf, 20_000, np.random.default_rng(1))
+    return wf, paths, paths.exact(wf)
+
+
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-3, 1e-5, 1e-8])
 @pytest.mark.parametrize("scene", ["together", "facing"])
 @pytest.mark.parametrize("method", METHODS)
 def test_many_paths_in_phase_lose_no_more_digits_than_the_tolerance(method: str, scene: str, tolerance: float) -> None:
     # 20 000 equal numbers added in single precision.
-    wf = sweep_waveform(17, 24)
-    paths = scene_paths(scene, wf, 20_000, np.random.default_rng(1))
-    check_or_refused(paths, wf, tolerance, may_refuse=method != "auto", method=method)
+    wf, paths, exact = in_phase(scene)
+    check_or_refused(paths, wf, tolerance, may_refuse=method != "auto", exact=exact, method=method)
+
+
+def equal_steps(number: int, order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places in [-1, 1] and weights at which a sum over `number` equal steps has the terms of polynomials.
+
+    Gauss's quadrature for the sum instead of the integral, from the recurrence of the discrete Chebyshev polynomials:
+    exact up to the degree 2 `order` - 1.
+    """
+    k = np.arange(1.0, order)
+    beside = k / number * np.sqrt((number**2 - k**2) / (4.0 * k**2 - 1.0))
+    places, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
+    return places, number * vectors[0] ** 2
 
 
 def plate_that_faces(wf: rc.Waveform, frames: float, num_paths: int) -> tuple[Paths, NDArray[np.complex128]]:
@@ -299,10 +321,22 @@ def plate_that_faces(wf: rc.Waveform, frames: float, num_paths: int) -> tuple[Pa
 
     Returns its paths and their exact sum.
     """
-    y = 0.4 * ((np.arange(num_paths) + 0.5) / num_paths - 0.5)
     angle = 3.0 * (wf.delay_times(6)[:, None] - (0.5 + frames) * wf.duration)
-    paths = Paths(2.0 / C * (2.0 + y * np.sin(angle))[:, None], np.ones((1, num_paths), complex))
-    return paths, paths.exact(wf)
+
+    def at(y: NDArray[np.float64], weight: NDArray[np.float64]) -> Paths:
+        return Paths(2.0 / C * (2.0 + 0.2 * y * np.sin(angle))[:, None], weight[None].astype(complex))
+
+    steps = (2.0 * np.arange(num_paths) + 1.0) / num_paths - 1.0
+    # Phases are linear in y, and at most 80 rad from those of the middle: half of these terms would do.
+    return at(steps, np.ones(num_paths)), at(*equal_steps(num_paths, 200)).exact(wf)
+
+
+@pytest.mark.parametrize("frames", [0.0, 2.2])
+def test_sum_over_equal_steps_is_that_of_fewer_terms(frames: float) -> None:
+    # What plates are compared with below, against every sample of every path.
+    wf = sweep_waveform(24, 24)
+    paths, exact = plate_that_faces(wf, frames, 20_000)
+    assert relative_error(paths.exact(wf), exact, paths) < 1e-9
 
 
 @cache
@@ -535,7 +569,7 @@ def test_number_of_threads_does_not_change_a_bit(
     still = replace(paths, acceleration=np.where(paths.rate == 0.0, 0.0, paths.acceleration))
     first, *others = (
         still.samples(wf, method=method, tolerance=tolerance, threads=n, split_still=method != "lanes")
-        for n in (1, 2, 3, 7)
+        for n in (1, 2, 7)
     )
     for other in others:
         np.testing.assert_array_equal(other, first)

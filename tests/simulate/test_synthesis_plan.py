@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import radarcore as rc
 from path_scenes import C, Paths, allowance, random_phases, relative_error, scene_paths, sweep_waveform
@@ -279,20 +281,20 @@ def frame(method: str, tolerance: float = 1e-4, scene: rc.Scene | None = None, *
     ).frame(0.1)
 
 
-def amplitudes_norm(scene: rc.Scene | None = None) -> np.ndarray[Any, Any]:
+@cache
+def exact_frame(output: str) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Samples, (channel, chirp, sample), and the l2 norm of the amplitudes, (channel,)."""
+    exact = frame("direct", 1e-12, receiver=rc.Receiver(output=output)).cube.astype(complex)
     radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]])
-    simulator = rc.Simulator(
-        scene or room(), radar, sampling="footprint", resolution=48, field_of_view_deg=(50.0, 50.0)
-    )
-    return np.linalg.norm(simulator.paths(0.1).amplitude, axis=1)
+    simulator = rc.Simulator(room(), radar, sampling="footprint", resolution=48, field_of_view_deg=(50.0, 50.0))
+    return exact, np.linalg.norm(simulator.paths(0.1).amplitude, axis=1)
 
 
 @pytest.mark.parametrize("output", ["iq", "real"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
 def test_methods_of_the_simulator_agree(tolerance: float, output: str) -> None:
     receiver = rc.Receiver(output=output)
-    exact = frame("direct", 1e-12, receiver=receiver).cube.astype(complex)
-    norm = amplitudes_norm()
+    exact, norm = exact_frame(output)
     for method in ("direct", "auto", "grid"):
         got = frame(method, tolerance, receiver=receiver).cube
         assert np.iscomplexobj(got) == (output == "iq")

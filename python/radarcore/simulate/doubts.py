@@ -130,7 +130,7 @@ class Doubts:
             vertices, surface = scene.parts.vertices_at(mesh, time), body.mesh._core
             if body.deformation is not None:
                 surface = surface.deform(vertices)
-            points = corner_points(vertices, body.mesh.triangles[surface.at_creases()], local, wavelength)
+            points = corner_points(vertices, body.mesh.triangles, surface.at_creases, local, wavelength)
             offsets = points @ turn.T + place - sensor[:, 3]
             seen = offsets @ sensor[:, :3]
             in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
