@@ -405,4 +405,4 @@ def test_real_meshes_standing_are_those_of_the_model():
     assert rc.Scene(bodies).is_static
     corners = np.concatenate([body.motion.at(0.0).apply(body.mesh.vertices) for body in bodies])
     assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-9)
-    assert corners[:, 2].max() == pytest.approx(1.75, abs=1e-7)  # OBJ files carry eight digits
+    assert corners[:, 2].max() == pytest.approx(1.75, abs=1e-9)
