@@ -56,10 +56,10 @@ def beat(method: str, num_paths: int, num_chirps: int, num_samples: int, toleran
     ids=["direct-one-chirp", "direct", "recurrence", "grid"],
 )
 def test_interrupt_ends_a_long_sum_soon(method: str, shape: tuple[int, int], tolerance: float) -> None:
-    num_paths = {"direct": 400_000, "recurrence": 2_000_000, "grid": 6_000_000}[method]
+    num_paths = {"direct": 150_000, "recurrence": 600_000, "grid": 6_000_000}[method]
     tenth: Callable[[], object] = beat(method, num_paths // 10, *shape, tolerance)
     whole: Callable[[], object] = beat(method, num_paths, *shape, tolerance)
-    assert time_to_hear(whole, after=0.2) < 3.0 * time_of(tenth)
+    assert time_to_hear(whole, after=0.1) < 3.0 * time_of(tenth)
 
 
 def bumpy(num_squares: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -109,15 +109,15 @@ def test_interrupt_ends_an_adaptive_cast_soon(end_points: bool) -> None:
         options = {"rcs_floor": rcs_floor, "ray_budget": np.inf, "end_points": end_points, "threads": 2}
         return rc.Simulator(rc.Scene([ball]), rc.Radar(waveform), **options).frame
 
-    # About ten times the rays.
-    assert time_to_hear(frame(1e-10), after=0.2) < 3.0 * time_of(frame(1e-8))
+    # More than ten times the rays.
+    assert time_to_hear(frame(3e-10), after=0.1) < 3.0 * time_of(frame(3e-8))
 
 
 def test_interrupt_ends_cross_sections_soon() -> None:
     corner, azimuth_deg = rc.shapes.trihedral(1.0), np.linspace(150.0, 210.0, 4000)
-    thousandth = time_of(lambda: rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::1000], max_bounces=3))
+    a_few = time_of(lambda: rc.rcs(corner, 77e9, azimuth_deg=azimuth_deg[::2000], max_bounces=3))
     all_of_them = partial(rc.rcs, corner, 77e9, azimuth_deg=azimuth_deg, max_bounces=3)
-    assert time_to_hear(all_of_them, after=0.5) < 10.0 * thousandth
+    assert time_to_hear(all_of_them, after=0.3) < 10.0 * a_few
 
 
 def told(work: Callable[[Callable[[int], object]], object]) -> list[int]:
@@ -128,7 +128,7 @@ def told(work: Callable[[Callable[[int], object]], object]) -> list[int]:
 
 
 def test_direct_sums_and_builds_tell_how_far_they_are() -> None:
-    direct: Callable[..., object] = beat("direct", 60_000, 64, 64, 1e-9)
+    direct: Callable[..., object] = beat("direct", 40_000, 64, 64, 1e-9)
     vertices, triangles = bumpy(500_000)
     rows = triangles.astype(np.uint32)
     for numbers, total in (
@@ -141,7 +141,7 @@ def test_direct_sums_and_builds_tell_how_far_they_are() -> None:
 
 
 def test_a_report_that_fails_ends_the_call() -> None:
-    direct: Callable[..., object] = beat("direct", 200_000, 64, 64, 1e-9)
+    direct: Callable[..., object] = beat("direct", 100_000, 64, 64, 1e-9)
 
     def fails(num_done: int) -> None:
         raise RuntimeError(f"after {num_done} chirps")

@@ -54,8 +54,7 @@ def tree(name: str) -> ast.Module:
     return ast.parse(FILES[name].read_text(encoding="utf-8"))
 
 
-def imported(name: str) -> Iterator[str]:
-    """Modules of the package that a file imports, anywhere in it."""
+def imports(name: str) -> Iterator[str]:
     for node in ast.walk(tree(name)):
         if isinstance(node, ast.Import):
             assert not any(alias.name.startswith("radarcore.") for alias in node.names), f"{name}: `import` of a file"
@@ -64,6 +63,12 @@ def imported(name: str) -> Iterator[str]:
             for alias in node.names:
                 inner = f"{module}.{alias.name}".lstrip(".")
                 yield inner if inner in FILES else module or alias.name
+
+
+@cache
+def imported(name: str) -> set[str]:
+    """Modules of the package that a file imports, anywhere in it."""
+    return set(imports(name))
 
 
 @pytest.mark.parametrize("folder", MAY_IMPORT)
@@ -78,12 +83,12 @@ def test_all_folders_are_in_the_table() -> None:
 
 
 def test_files_import_each_other_without_circles() -> None:
-    TopologicalSorter({name: set(imported(name)) - {name} for name in FILES}).prepare()  # a CycleError names them
+    TopologicalSorter({name: imported(name) - {name} for name in FILES}).prepare()  # a CycleError names them
 
 
 def test_imports_inside_the_package_name_the_file() -> None:
     faces = {name for name, path in FILES.items() if path.name == "__init__.py"} - {"sensor.transport"}
-    assert {(name, face) for name in FILES for face in faces & set(imported(name)) if name[:4] != "cli."} == set()
+    assert {(name, face) for name in FILES for face in faces & imported(name) if name[:4] != "cli."} == set()
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -75,7 +75,7 @@ def test_processes_threads_and_any_order_make_the_same_files(serial: rc.dataset.
 def test_two_workers_of_a_cluster_make_the_same_files(serial: rc.dataset.Dataset, scene: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", silence_logs=50
     ) as cluster:
         rc.dataset.make(scene, scene.parent / "cluster", **SETTINGS, scheduler=cluster.scheduler_address)
     assert digests(scene.parent / "cluster") == digests(serial.path)

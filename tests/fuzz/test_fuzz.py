@@ -17,9 +17,9 @@ from fuzz.command import next_case
 from fuzz.judge import LONGEST, MOST_MEMORY, judge
 from fuzz.targets import TARGETS
 
-NUM_INPUTS = {"obj": 300, "scene": 12, "pattern": 300, "robot": 100, "directory": 60, "npz": 100, "infineon": 60}
-NUM_INPUTS |= {"strata": 200, "comlib": 150, "capture": 40}
-"""Less than a second each."""
+NUM_INPUTS = {"obj": 150, "scene": 8, "pattern": 150, "robot": 50, "directory": 30, "npz": 50, "infineon": 30}
+NUM_INPUTS |= {"strata": 100, "comlib": 75, "capture": 20}
+"""Less than half a second each; `python -m tests.fuzz` draws for as long as one likes."""
 
 
 @pytest.fixture(autouse=True)

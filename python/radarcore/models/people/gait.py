@@ -181,7 +181,7 @@ def _series(relative_speed: float) -> _FourierSeries:
     RV = relative_speed
     late = 0.625 - stance_fraction(RV)
     angles = {
-        name: _smooth_curve({round(t % 1.0, 12): angle for t, angle in points}, _monotone_cubic)
+        name: _smooth_curve({round(t % 1.0, 12): angle for t, angle in points}, monotone_cubic)
         for name, points in control_points(RV).items()  # two of the hip coincide at RV = 1.3
     }
     roll = _smooth_curve({0.0: 0.0, 0.15: -3.32 * RV, 0.5: 0.0, 0.65: 3.32 * RV}, _half_cosines)
@@ -225,21 +225,34 @@ def _smoothed(samples: _Floats) -> _Phasors:
     return np.asarray(gaussian[:, None] * coefficients)
 
 
-def _monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
+def monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
     """Samples of periodic curves through values (point, column), (_NUM_SAMPLES, column), monotone between points."""
-    from scipy.interpolate import PchipInterpolator
-
-    # Through the points in the periods before, of and after the cycle.
-    periods = np.concatenate([phases - 1.0, phases, phases + 1.0])
-    return np.asarray(PchipInterpolator(periods, np.tile(values, (3, 1)))(_SAMPLE_PHASES))
+    # PCHIP: where a curve turns it is level, elsewhere its slope is a harmonic mean. SciPy's takes long to load.
+    piece, following, u = _pieces(phases)
+    width = ((np.roll(phases, -1) - phases) % 1.0)[:, None]
+    width_before = np.roll(width, 1, axis=0)
+    slope = (np.roll(values, -1, axis=0) - values) / width
+    slope_before = np.roll(slope, 1, axis=0)
+    weighted = (2.0 * width + width_before) * slope + (width + 2.0 * width_before) * slope_before
+    product = np.maximum(slope * slope_before, 0.0)
+    tangent = 3.0 * (width + width_before) * product / np.where(product > 0.0, weighted, 1.0)
+    rise = (u * u * (3.0 - 2.0 * u))[:, None] * (values[following] - values[piece])
+    start, end = (u * (1.0 - u) ** 2)[:, None] * tangent[piece], (u * u * (1.0 - u))[:, None] * tangent[following]
+    return np.asarray(values[piece] + rise + width[piece] * (start - end))
 
 
 def _half_cosines(phases: _Floats, values: _Floats) -> _Floats:
     """Samples of periodic curves that go from value to value by halves of a cosine."""
+    piece, following, u = _pieces(phases)
+    return np.asarray(values[piece] + (0.5 - 0.5 * np.cos(np.pi * u))[:, None] * (values[following] - values[piece]))
+
+
+def _pieces(phases: _Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
+    """For every sample the points before and after it, and where it lies between these, 0 to 1."""
     piece = np.searchsorted(phases, _SAMPLE_PHASES, side="right") - 1
     following = (piece + 1) % len(phases)
-    u = (_SAMPLE_PHASES - phases[piece]) / ((phases[following] - phases[piece]) % 1.0)
-    return np.asarray(values[piece] + (0.5 - 0.5 * np.cos(np.pi * u))[:, None] * (values[following] - values[piece]))
+    u = ((_SAMPLE_PHASES - phases[piece]) % 1.0) / ((phases[following] - phases[piece]) % 1.0)
+    return piece, following, u
 
 
 def _sine(amplitude: float, harmonic: int, ahead: float, mean: float = 0.0) -> _Phasors:

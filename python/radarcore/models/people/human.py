@@ -15,7 +15,6 @@ from radarcore.models.people.anthropometry import skeleton, spheroids
 from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats, Walk, lift_of
 from radarcore.models.people.path import FloorPath
 from radarcore.models.people.real_man import real_man, real_skeleton, support
-from radarcore.models.robots.data import through_obj
 from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
@@ -204,7 +203,7 @@ def _real_meshes(height: float) -> tuple[float, dict[str, Mesh]]:
     rest, parts = real_man()
     scale = height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
     return scale, {
-        segment: through_obj(scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()
+        segment: Mesh(scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()
     }
 
 
