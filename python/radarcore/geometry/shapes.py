@@ -11,6 +11,7 @@ to second order at every hit; `segments` or `subdivisions` set the number of fac
 
 from __future__ import annotations
 
+from functools import cache
 from math import asin, ceil, hypot, pi, sin, sqrt
 
 import numpy as np
@@ -178,20 +179,17 @@ def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5
     radius, sagitta = check.positive("radius", radius, "m"), check.positive("sagitta", sagitta, "m")
     if subdivisions is not None and check.count("subdivisions", subdivisions, 0) > _MAX_SUBDIVISIONS:
         raise ValueError(f"subdivisions: expected at most {_MAX_SUBDIVISIONS}, got {subdivisions}")
-    vertices, triangles = _icosahedron()
-    for _ in range(2 if subdivisions is None else subdivisions):
-        vertices, triangles = _subdivide(vertices, triangles)
+    level = 2 if subdivisions is None else subdivisions
     if subdivisions is None:
         # The edges halve and the sagitta quarters with every level, so the loop ends soon.
-        level = 2
-        while (depth := radius * _largest_depth(vertices, triangles)) > sagitta:
+        while (depth := radius * _largest_depth(level)) > sagitta:
             if level == _MAX_SUBDIVISIONS:
                 raise ValueError(
                     f"sagitta: expected at least {depth:.2g} m ({level} subdivisions of a sphere of {radius:g} m), "
                     f"got {sagitta:g}; give a larger one, or the number of subdivisions"
                 )
-            vertices, triangles = _subdivide(vertices, triangles)
             level += 1
+    vertices, triangles = _unit_sphere(level)
     return Mesh(radius * vertices, triangles)
 
 
@@ -472,8 +470,18 @@ def _subdivide(vertices: _Floats, triangles: _Ints) -> tuple[_Floats, _Ints]:
     return np.vstack([vertices, points]), split
 
 
-def _largest_depth(vertices: _Floats, triangles: _Ints) -> float:
-    """Largest depth of a facet's plane below the unit sphere."""
+@cache
+def _unit_sphere(level: int) -> tuple[_Floats, _Ints]:
+    """Icosahedron split that many times; kept, as scenes have many spheres: 16 MB with all levels."""
+    vertices, triangles = _subdivide(*_unit_sphere(level - 1)) if level > 0 else _icosahedron()
+    vertices.flags.writeable = triangles.flags.writeable = False
+    return vertices, triangles
+
+
+@cache
+def _largest_depth(level: int) -> float:
+    """Largest depth of a facet's plane of `_unit_sphere` below the sphere."""
+    vertices, triangles = _unit_sphere(level)
     a, b, c = (vertices[corner] for corner in triangles.T)
     normal = np.cross(b - a, c - a)
     return float(1.0 - (np.sum(normal * a, axis=1) / np.linalg.norm(normal, axis=1)).min())
