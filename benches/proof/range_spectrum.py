@@ -32,6 +32,7 @@ def add(histogram: Reals, waveform: rc.Waveform, distance: Reals, weight: Reals)
 def spectrum(histogram: Reals, waveform: rc.Waveform) -> Phasors:
     """(j / 4 pi) sum of weights times exp(-2jkR) at the frequencies of the sweep: one transform."""
     start = 2.0 * np.pi * waveform.start_frequency / SPEED_OF_LIGHT
-    turned = histogram * np.exp(-2j * start * range_cell(waveform) * np.arange(CELLS))
+    turned, used = np.zeros(CELLS, dtype=complex), np.flatnonzero(histogram)
+    turned[used] = histogram[used] * np.exp(-2j * start * range_cell(waveform) * used)
     transformed: Phasors = np.fft.fft(turned)[: waveform.num_samples]
     return 1j / (4.0 * np.pi) * transformed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import signal
 import socket
 import subprocess
@@ -256,18 +257,22 @@ def test_everything_else_is_the_api_of_the_client(simulator: coppeliasim.Coppeli
     assert stub.first["lang"] == "python"
 
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "coppeliasim_scene.py"
+
+
 def example(*arguments: str) -> subprocess.CompletedProcess[str]:
     """The example's run, in a fresh interpreter."""
-    root = Path(__file__).resolve().parents[2]
     path = os.pathsep.join([str(Path(rc.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-W", "error", str(root / "examples" / "coppeliasim_scene.py"), *arguments]
+    command = [sys.executable, "-W", "error", str(EXAMPLE), *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": path})
 
 
-def test_example_finds_the_plate_on_both_routes(stub: Stub) -> None:
-    done = example(f"127.0.0.1:{stub.port}")
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
+def test_example_finds_the_plate_on_both_routes(
+    stub: Stub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", [str(EXAMPLE), f"127.0.0.1:{stub.port}"])
+    runpy.run_path(str(EXAMPLE), run_name="__main__")
+    lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 20
     assert not stub.is_running
     for number, line in enumerate(lines, 1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -184,6 +185,9 @@ def test_motion_too_fast_for_the_delays_of_a_frame_is_said() -> None:
         simulate([target], radar)
 
 
+sphere = cache(rc.shapes.sphere)
+
+
 def world(motion: rc.Pose) -> list[Any]:
     """Points and meshes of every kind of surface, moved as one."""
 
@@ -200,7 +204,7 @@ def world(motion: rc.Pose) -> list[Any]:
     )
     return [
         target([1.4, 0.4, 0.2], [0.6, -0.3, 0.1], 0.01),
-        rc.Body(rc.shapes.sphere(0.15), motion=place([1.2, 0.3, -0.1], [0.1, 0.2, 0.3])),
+        rc.Body(sphere(0.15), motion=place([1.2, 0.3, -0.1], [0.1, 0.2, 0.3])),
         rc.Body(rc.shapes.box((0.2, 0.3, 0.1)), material=rc.Material(-0.5, 0.5), motion=turning),
         rc.Body(
             rc.shapes.plate(1.1, 0.9),

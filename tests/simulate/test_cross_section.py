@@ -171,18 +171,19 @@ def rectangle(length: float, height: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("outline", "width"),
+    ("outline", "width", "first"),
     [
-        (rectangle(0.3, 0.3), 0.3),
-        (rectangle(2.0, 0.5), 1.0),
-        (rectangle(4.2, 0.7), 1.8),
-        (rectangle(5.0, 5.0), 5.0),
-        (CAR, WIDTH),
+        (rectangle(0.3, 0.3), 0.3, 0),
+        (rectangle(2.0, 0.5), 1.0, 1),
+        (rectangle(4.2, 0.7), 1.8, 0),
+        (rectangle(5.0, 5.0), 5.0, 1),
+        (CAR, WIDTH, 0),
     ],
 )
-def test_large_solids_have_the_cross_sections_of_their_faces(outline: np.ndarray, width: float) -> None:
+def test_large_solids_have_the_cross_sections_of_their_faces(outline: np.ndarray, width: float, first: int) -> None:
     mesh = extruded(outline, width)
-    for azimuth_deg in np.arange(1.0, 81.0, 7.9):
+    # Every second azimuth, others of one solid than of the next.
+    for azimuth_deg in np.arange(1.0, 81.0, 7.9)[first::2]:
         # Lobes are as narrow as 0.03 degrees.
         around = azimuth_deg + np.linspace(-0.2, 0.2, 15)
         got = rc.rcs(mesh, 77e9, azimuth_deg=around)

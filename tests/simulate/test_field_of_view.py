@@ -192,23 +192,32 @@ def echo_ahead(mesh: rc.Mesh, sampling: str) -> complex:
     return complex(echo(sim).item())
 
 
-@pytest.mark.parametrize("sampling", SAMPLINGS)
-@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), SIDES + SEAMS)
+# Millions of pixels: each direction with one of the two bodies.
+BALLS_ASIDE, PLATES_ASIDE = (
+    [("tiles", *d) for d in SIDES + SEAMS]
+    + [("edge terms", *d) for d in SIDES + SEAMS]
+    + [("pixels", *d) for d in (SIDES + SEAMS)[first::2]]
+    for first in (0, 1)
+)
+
+
+@pytest.mark.parametrize(("sampling", "azimuth_deg", "elevation_deg"), BALLS_ASIDE)
 def test_sphere_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: float, elevation_deg: float) -> None:
     place = rc.Pose(towards(azimuth_deg, elevation_deg, 2.0))
     aside = simulator([conductor(SPHERE, place)], **SAMPLINGS[sampling])
-    ratio = echo(aside).item() / echo_ahead(SPHERE, sampling)
+    frame = aside.frame()
+    # The sample in the middle of a ramp is the conjugate of the phasor, turned by 8 mrad as well ahead as aside.
+    ratio = np.conj(frame.cube[0, 0, 64]) / echo_ahead(SPHERE, sampling)
     assert abs(db(ratio)) <= 0.6
     assert abs(np.angle(ratio)) <= 0.1
-    truth = aside.frame().truth
+    truth = frame.truth
     assert truth is not None
     assert truth.range[0] == pytest.approx(1.9, abs=1e-3)
     direction = towards(*np.rad2deg([truth.azimuth[0], truth.elevation[0]]).tolist())
     assert np.linalg.norm(direction - towards(azimuth_deg, elevation_deg)) <= 0.01
 
 
-@pytest.mark.parametrize("sampling", SAMPLINGS)
-@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), SIDES + SEAMS)
+@pytest.mark.parametrize(("sampling", "azimuth_deg", "elevation_deg"), PLATES_ASIDE)
 def test_plate_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: float, elevation_deg: float) -> None:
     aside = simulator([conductor(PLATE, looking_back(azimuth_deg, elevation_deg, 2.0))], **SAMPLINGS[sampling])
     ratio = echo(aside).item() / echo_ahead(PLATE, sampling)
@@ -218,7 +227,7 @@ def test_plate_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: fl
 
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(70.0, 0.0), (45.3, 0.0), (0.0, -70.0)])
 def test_corner_aside_and_on_a_seam_echoes_as_ahead(azimuth_deg: float, elevation_deg: float) -> None:
-    options: dict[str, Any] = {"max_bounces": 2, "resolution": 1600}
+    options: dict[str, Any] = {"max_bounces": 2, "resolution": 800}
     mesh = rc.shapes.dihedral(0.1)
     echoes = []
     for angles in ((0.0, 0.0), (azimuth_deg, elevation_deg)):
@@ -237,7 +246,7 @@ def test_polarisation_turns_with_the_sector(polarization: str, angles: tuple[flo
     for direction in ((0.0, 0.0), angles):
         # Two reflections by a corner of glass, where both polarisations differ.
         corner = rc.Body(rc.shapes.dihedral(0.1), material=glass, motion=looking_back(*direction, 2.0))
-        echoes.append(echo(simulator([corner], radar, max_bounces=2, resolution=1600)).item())
+        echoes.append(echo(simulator([corner], radar, max_bounces=2, resolution=800)).item())
     assert abs(db(echoes[1] / echoes[0])) <= 0.5
 
 
@@ -262,8 +271,9 @@ def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, A
             pytest.skip("of adaptive sampling alone")
         options = options | {"resolution": 200}
     options = {"max_bounces": 1} | options
+    mesh = rc.shapes.sphere(0.2)
     still = [
-        conductor(rc.shapes.sphere(0.2), rc.Pose(towards(*angles, 2.0)), f"ball {number}")
+        conductor(mesh, rc.Pose(towards(*angles, 2.0)), f"ball {number}")
         for number, angles in enumerate([(45.3, 0.0), (-70.0, 0.0), (0.0, 70.0)])
     ]
     moving = rc.Body(

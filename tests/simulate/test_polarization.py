@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import radarcore as rc
 
 GLASS = rc.Material.dielectric(2.25)
 CONDUCTOR = rc.materials["perfect_conductor"]
+
+sphere = cache(rc.shapes.sphere)
 
 
 def fresnel(eps: complex, cosine: Any) -> tuple[Any, Any]:
@@ -117,7 +120,7 @@ def test_transmitter_and_receiver_may_change_places(sampling: str, polarization:
         rc.Body(
             rc.shapes.box((0.3, 0.5, 0.4)), material=rough, motion=rc.Pose.from_rpy([1.5, -0.3, 0.1], [0.2, 0.5, 0.3])
         ),
-        rc.Body(rc.shapes.sphere(0.2), material=rc.materials["skin"], motion=rc.Pose([1.2, 0.4, 0.0])),
+        rc.Body(sphere(0.2), material=rc.materials["skin"], motion=rc.Pose([1.2, 0.4, 0.0])),
         rc.Body(rc.shapes.plate(0.5, 0.5), material=rc.Material.lambertian(0.5), motion=rc.Pose([2.2, 0.0, 0.0])),
     ]
     one, other = [[0.0, -0.4, 0.1]], [[0.1, 0.3, 0.0]]
