@@ -98,7 +98,7 @@ def test_signal_ends_a_server_as_an_interrupt_does(recording, tmp_path):
     with serving(recording, "--link", link) as server:
         assert "BGT60TR13C, protocol Strata; 4 frames over and over" in server.stdout.readline()
         assert f"radarcore sensor view {link}" in server.stdout.readline()
-        with open_sensor(str(link)) as sensor:
+        with open_sensor(str(link), protocol="strata") as sensor:
             sensor.configure(RADAR)
             assert len(list(sensor.frames(5))) == 5
         out, err = end(server, signal.SIGTERM)
@@ -330,7 +330,7 @@ def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recor
             client.kill()
         time.sleep(0.5)  # frames that nobody reads
         assert is_soon(lambda: is_unlocked(link)), "a busy system may take a moment to forget the client's lock"
-        with open_sensor(str(link)) as sensor:
+        with open_sensor(str(link), protocol="strata") as sensor:
             sensor.configure(RADAR)
             assert [frame.stats["lost_before"] for frame in sensor.frames(5)] == [0] * 5
         assert server.poll() is None
