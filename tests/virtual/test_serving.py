@@ -149,8 +149,8 @@ def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
     scene = tmp_path / "swing.toml"
     scene.write_text(SWING)
     # A scene that takes as long to build as one of huge meshes.
-    slow = "import time, radarcore.cli.sensor.serve as serve\ndef build(path):\n print('builds', flush=True)\n"
-    slow += " time.sleep(60)\nserve.load_scene = build\n"
+    slow = "import time, radarcore.scenefile.load as scenes\ndef build(path):\n print('builds', flush=True)\n"
+    slow += " time.sleep(60)\nscenes.load_scene = build\n"
     with python(slow + CLI, "sensor", "serve", scene, "--link", tmp_path / "radar") as server:
         assert server.stdout.readline() == "builds\n"
         _, err = end(server, signal.SIGINT)
