@@ -59,7 +59,7 @@ def served(*arguments):
 def test_client_tracks_a_moving_scene_for_a_minute(swing):
     simulation = rc.load_scene(swing)
     with served(swing, "--speed", "max") as (port, _), open_sensor(port, queue_size=1000) as sensor:
-        seldom = replace(CLIENT, waveform=CLIENT.waveform.replace(frame_interval=0.4))
+        seldom = replace(CLIENT, waveform=CLIENT.waveform.replace(frame_interval=0.8))
         radar = sensor.configure(seldom, if_gain_db=60)
         truth_of = simulation.simulator().with_radar(radar)
         wf = radar.waveform
@@ -70,8 +70,8 @@ def test_client_tracks_a_moving_scene_for_a_minute(swing):
             ranges.append(peak.range)
             velocities.append(peak.velocity)
         assert sensor.num_lost == 0
-    assert times[-1] > 59.5
-    # The truth holds for the middle of a frame, as the peak does; 50 of the 150 frames are enough.
+    assert times[-1] == pytest.approx(74 * wf.frame_interval, abs=1e-4), "59 s"
+    # The truth holds for the middle of a frame, as the peak does; 25 of the 75 frames are enough.
     chosen = slice(None, None, 3)
     truths = [truth_of.frame(at).truth for at in times[chosen]]
     range_error = np.array(ranges[chosen]) - [truth.range[0] for truth in truths]
