@@ -3,7 +3,7 @@
 import threading
 import time
 import warnings
-from contextlib import suppress
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -30,6 +30,7 @@ from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata.packets import Version
+from short_requests import shorten_requests
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
@@ -341,15 +342,22 @@ def test_ten_thousand_frames_come_without_loss():
 
 
 @pytest.mark.parametrize("has_timestamps", [True, False])
-@pytest.mark.parametrize(("radar", "num_packets"), [(SMALL, 6_000), (LARGE, 750)], ids=["one slice", "two slices"])
-def test_whatever_goes_wrong_frames_are_whole_and_losses_are_told(radar, num_packets, has_timestamps):
+@pytest.mark.parametrize(
+    ("radar", "num_packets", "rate"),
+    # 44 % of the frames of 48 packets are damaged then; of many more, hardly any would come.
+    [(SMALL, 3_000, 6e-3), (LARGE, 1_500, 2e-3)],
+    ids=["one slice", "two slices"],
+)
+def test_whatever_goes_wrong_frames_are_whole_and_losses_are_told(
+    radar, num_packets, rate, has_timestamps, monkeypatch
+):
     """Every fault at random: each frame is one of the board's, in order; where one is missing, that is reported."""
-    rate = 6e-3
+    shorten_requests(monkeypatch, 0.35)  # some answers are lost
     names = ("bad_crc", "lost", "cut", "duplicated", "lost_counter", "rubbish")
     rare = {"overflow": rate / 5, "stall": rate / 5, "unplug": rate / 5}
     faults = Faults(**dict.fromkeys(names, rate), **rare, has_any_transfers=True)
     controller = Controller(Numbered(), speed=None, has_timestamps=has_timestamps, faults=faults, most_payload=768)
-    expected = (*names, *rare) if num_packets > 5_000 else names
+    expected = (*names, *rare) if radar is SMALL else names
     with plugged(controller, "cdc") as (where, board), warnings.catch_warnings():
         warnings.simplefilter("ignore", FramesLostWarning)
         # Rare ones may need longer.
@@ -365,8 +373,11 @@ def test_whatever_goes_wrong_frames_are_whole_and_losses_are_told(radar, num_pac
 
 
 def _watch(where, radar, controller, num_packets):
-    """Take frames until enough packets were sent, or the sensor gives up because requests come to nothing too often."""
-    with suppress(SensorTimeoutError), open_sensor(**where) as sensor:
+    """Take frames until enough packets were sent, or the sensor gives up.
+
+    It does where requests come to nothing too often, and where no frame comes between many restarts.
+    """
+    with _given_up(), open_sensor(**where) as sensor:
         sensor.configure(radar)
         expected = 0
         for frame in sensor.frames():
@@ -379,3 +390,15 @@ def _watch(where, radar, controller, num_packets):
             expected = number + 1
             if controller.num_sent >= num_packets:
                 return
+
+
+@contextmanager
+def _given_up():
+    """Suppress the errors of a sensor that gives up, and no others."""
+    try:
+        yield
+    except SensorTimeoutError:
+        pass
+    except SensorError as error:
+        if "again after 10 restarts" not in str(error):
+            raise

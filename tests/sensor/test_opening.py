@@ -21,6 +21,7 @@ from radarcore.sensor import (
     SensorTimeoutError,
     list_sensors,
     open_sensor,
+    opening,
     virtual_board,
 )
 from radarcore.sensor.emulator.peripheral import Unplugged
@@ -30,6 +31,7 @@ from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
+from short_requests import shorten_requests
 from small_boards import Loopback
 
 SMALL = bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
@@ -88,9 +90,14 @@ def is_stop(request: Request) -> bool:
     return (request.request, request.value) == (Code.DATA, Data.STOP)
 
 
-@pytest.mark.parametrize("transport", ["cdc", "vendor"])
-@pytest.mark.parametrize("status", [0x01, 0x05, 0x11, 0x14, 0x16, 0x86, 0x8C, 0x90])
-def test_stop_may_be_refused_with_any_status(status: int, transport: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("transport", "status"),
+    [
+        *(("cdc", status) for status in (0x01, 0x05, 0x11, 0x14, 0x16, 0x86, 0x8C, 0x90)),
+        *(("vendor", status) for status in (0x01, 0x05, 0x90)),
+    ],
+)
+def test_stop_may_be_refused_with_any_status(transport: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, is_stop, status)
     with opened(Controller(Numbered(), speed=None), transport) as sensor:
         sensor.configure(SMALL)
@@ -99,6 +106,7 @@ def test_stop_may_be_refused_with_any_status(status: int, transport: str, monkey
 
 
 def test_stop_without_an_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    shorten_requests(monkeypatch, 0.1, is_stop)
     receive = CdcBoard.receive
     stop = packets.encode_request(Request.write(Code.DATA, Data.STOP, 0))
     monkeypatch.setattr(CdcBoard, "receive", lambda self, data: None if data == stop else receive(self, data))
@@ -231,7 +239,14 @@ def test_what_answers_nothing_is_told_with_what_was_tried() -> None:
     )
 
 
-def test_boards_left_out_of_the_list_are_told_with_their_reasons() -> None:
+def shorten_comlib(monkeypatch: pytest.MonkeyPatch, longest: float) -> None:
+    """Let requests in ComLib wait for their answers up to `longest` [s]."""
+    board = opening.ComLibBoard
+    monkeypatch.setattr(opening, "ComLibBoard", lambda stream, timeout: board(stream, timeout=min(timeout, longest)))
+
+
+def test_boards_left_out_of_the_list_are_told_with_their_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
+    shorten_comlib(monkeypatch, 0.2)
     bus = EmulatedBus()
     controllers = [Controller(Noise(), identity=OLD), Controller(Noise()), Controller(Noise())]
     devices = [cdc_device(CdcBoard(controller)) for controller in controllers]
@@ -252,11 +267,12 @@ def test_boards_left_out_of_the_list_are_told_with_their_reasons() -> None:
         assert sensor.info == info
 
 
-def test_reason_of_the_only_board_is_that_of_opening_any() -> None:
+def test_reason_of_the_only_board_is_that_of_opening_any(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = EmulatedBus()
     bus.plug(cdc_device(Silent(), product_id=0x0058))
     with pytest.raises(SensorNotFoundError, match=r"no radar board found; tried:\n  usb:1-1: no answer in 1 s"):
         open_sensor(usb_backend=bus)
+    shorten_comlib(monkeypatch, 0.2)
     for _ in range(2):
         bus.plug(cdc_device(CdcBoard(Controller(Noise(), identity=OLD))))
         with pytest.raises(SensorError, match=r"usb:1-2: expected protocol 4 of Strata, got 3\.0; update") as caught:
@@ -273,7 +289,7 @@ def test_reason_of_the_only_board_is_that_of_opening_any() -> None:
 def test_second_client_of_a_port_is_told_so(user: str) -> None:
     if user == "another" and os.geteuid() != 0:
         pytest.skip("only root can be another user")
-    with PtyPort(CdcBoard(Controller(Noise()))) as port, open_sensor(port.path) as sensor:
+    with PtyPort(CdcBoard(Controller(Noise()))) as port, open_sensor(port.path, protocol="strata") as sensor:
         if user == "another":
             Path(port.path).chmod(0o666)
             os.seteuid(65534)
@@ -298,7 +314,7 @@ def test_port_that_another_program_has_exclusive_is_refused_to_root_too() -> Non
             open_sensor(port.path)
         fcntl.ioctl(other, termios.TIOCNXCL)
         os.close(other)
-        open_sensor(port.path).close()
+        open_sensor(port.path, protocol="strata").close()
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="needs Linux, and two users")

@@ -187,7 +187,7 @@ def test_board_that_answers_nothing_is_asked_once_and_shortly_until_something_co
         link.ask(VERSION)
     assert link._stream.num_written == 4
     assert len(link.ask(VERSION)) == 16
-    assert len(link.ask(VERSION)) == 16, "with a retry again"
+    assert len(link.ask(VERSION, 0.35)) == 16, "with a retry again"
     assert link._stream.num_written == 7
 
 

@@ -98,7 +98,7 @@ def test_signal_ends_a_server_as_an_interrupt_does(recording, tmp_path):
     with serving(recording, "--link", link) as server:
         assert "BGT60TR13C, protocol Strata; 4 frames over and over" in server.stdout.readline()
         assert f"radarcore sensor view {link}" in server.stdout.readline()
-        with open_sensor(str(link)) as sensor:
+        with open_sensor(str(link), protocol="strata") as sensor:
             sensor.configure(RADAR)
             assert len(list(sensor.frames(5))) == 5
         out, err = end(server, signal.SIGTERM)
@@ -149,8 +149,8 @@ def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
     scene = tmp_path / "swing.toml"
     scene.write_text(SWING)
     # A scene that takes as long to build as one of huge meshes.
-    slow = "import time, radarcore.cli.sensor.serve as serve\ndef build(path):\n print('builds', flush=True)\n"
-    slow += " time.sleep(60)\nserve.load_scene = build\n"
+    slow = "import time, radarcore.scenefile.load as scenes\ndef build(path):\n print('builds', flush=True)\n"
+    slow += " time.sleep(60)\nscenes.load_scene = build\n"
     with python(slow + CLI, "sensor", "serve", scene, "--link", tmp_path / "radar") as server:
         assert server.stdout.readline() == "builds\n"
         _, err = end(server, signal.SIGINT)
@@ -330,7 +330,7 @@ def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recor
             client.kill()
         time.sleep(0.5)  # frames that nobody reads
         assert is_soon(lambda: is_unlocked(link)), "a busy system may take a moment to forget the client's lock"
-        with open_sensor(str(link)) as sensor:
+        with open_sensor(str(link), protocol="strata") as sensor:
             sensor.configure(RADAR)
             assert [frame.stats["lost_before"] for frame in sensor.frames(5)] == [0] * 5
         assert server.poll() is None

@@ -33,13 +33,13 @@ def correlation(weights: NDArray[np.float64], lag: NDArray[np.intp]) -> NDArray[
 def independent_cells(slow: NDArray[np.float64] | None, fast: NDArray[np.float64] | None) -> float:
     """Number of independent cells whose mean scatters as that of all cells of both axes; None: a single cell.
 
-    The cells over the sum of the squared correlations of one with all (Hann: 1.94).
+    The cells over the sum of the squared correlations of one with all (Hann: 1.94), which Parseval's theorem gives.
     """
     number = 1.0
     for weights in (slow, fast):
         if weights is not None:
-            related = np.abs(correlation(weights, np.arange(len(weights)))) ** 2
-            number *= len(weights) / float(related.sum())
+            squares = np.square(weights)
+            number *= float(np.square(squares.sum()) / np.square(squares).sum())
     return number
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radarcore import notice
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
-from radarcore.scenefile.tables import RunTable
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.simulator import Simulator
+
+if TYPE_CHECKING:
+    from radarcore.scenefile.tables import RunTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,7 @@ class Simulation:
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """The simulator of this scene, with the settings of the run."""
-        named = {field.name for field in fields(Settings)} & set(RunTable.model_fields)
+        named = {field.name for field in fields(Settings)} & set(type(self.run).model_fields)
         settings = {name: getattr(self.run, name) for name in named}
         return Simulator(self.scene, self.radar, radar_motion=self.radar_motion, threads=threads, **settings)
 

@@ -89,6 +89,8 @@ def measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFra
         deadline = time.monotonic() + 2.0 + 1.5 * num_frames * interval
         while len(frames) < num_frames:
             for item in board.read(0.1):
+                if len(frames) == num_frames:
+                    break  # what comes behind the last one is not about them
                 if isinstance(item, RawFrame):
                     frames.append(item)
                 else:
@@ -102,7 +104,7 @@ def measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFra
                 )
     finally:
         board.stop()
-    return frames[:num_frames], lost
+    return frames, lost
 
 
 def with_rx(radar: Radar, indices: list[int]) -> Radar:

@@ -25,7 +25,8 @@ from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
 from radarcore.sensor.selftest import GROUPS, run_checks
 
-_POLL = 0.1
+_POLL = 0.02
+"""Frames are waited for so long at once [s]; so long the thread may take that is asked to end."""
 _SILENCE = 2.0
 """A frame that is so much later than its time does not come [s]: boards wake up in less than 2 ms."""
 

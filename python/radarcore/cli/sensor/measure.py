@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -28,9 +28,10 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import check_room
-from radarcore.scenefile.load import load_scene
-from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.times import frame_times
+
+if TYPE_CHECKING:
+    from radarcore.scenefile.simulation import Simulation
 
 _LENGTH = one_of_several()
 
@@ -179,6 +180,8 @@ def _frames(
         path = Path(source)
         if path.suffix == ".toml":
             refuse_settings(settings, source)
+            from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+
             return _paced(load_scene(path), speed), source, False
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)

@@ -15,10 +15,9 @@ from radarcore import check
 from radarcore.cli.options import Count, Seconds, Source
 from radarcore.cli.sensor.options import Speed
 from radarcore.recording.recording import Recording
-from radarcore.scenefile.load import load_scene
-from radarcore.scenefile.simulation import Simulation
 
 if TYPE_CHECKING:
+    from radarcore.scenefile.simulation import Simulation
     from radarcore.sensor.emulator.pty import PtyPort
 
 _BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
@@ -102,6 +101,8 @@ def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:
 def _source(path: Path) -> tuple[Simulation | Recording, str]:
     """Source of the frames, and what settings a client may have."""
     if path.suffix == ".toml":
+        from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+
         return load_scene(path), "the client sets samples, chirps and rate"
     recording = Recording.load(path)
     raw = recording.raw

@@ -18,7 +18,6 @@ from radarcore.radar.design import WishError
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
-from radarcore.scenefile.load import load_scene
 from radarcore.units import SPEED_OF_LIGHT, frequency_of, quantity
 
 _MAX_RANGE, _LEAST_RANGE = 10.0, 5.0
@@ -100,7 +99,12 @@ def radar_of(settings: BoardSettings) -> Radar:
     for name, value in wishes.items():
         option, unit = _OPTIONS[name]
         check.count(option, value) if name.startswith("num_") else check.positive(option, value, unit)
-    radar = _designed(wishes) if settings.radar is None else _changed(load_scene(settings.radar).radar, wishes)
+    if settings.radar is None:
+        radar = _designed(wishes)
+    else:
+        from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+
+        radar = _changed(load_scene(settings.radar).radar, wishes)
     return radar if settings.rx is None else _with_receivers(radar, _indices(settings.rx))
 
 

@@ -34,8 +34,12 @@ _LATE = 0.1
 _READ_SIZE = 512 * 31
 # Bytes of a data packet come one after the other. One that takes longer [s] has a damaged length.
 _SLOWEST_PACKET = 0.25
-# Bytes are waited for so long at once; so long a thread that is asked to end may take.
+# Bytes are waited for so long at once.
 _POLL = 0.1
+# Silence that ends the discarding of packets [s]. A stream brings all that was sent before an answer before it, and
+# there is little to wait for; a vendor's packets have an endpoint of their own, which may be behind the answers.
+_STREAM_QUIET = 0.02
+_VENDOR_QUIET = 0.1
 # Packets kept for whoever takes them: several seconds of any frames.
 _MOST_PACKETS = 4096
 
@@ -116,6 +120,9 @@ class _Inbox:
 class _Reading:
     """Base of both links: a thread that polls the port, and the packets it has found."""
 
+    _quiet: float
+    """Silence that ends the discarding of packets [s]."""
+
     def __init__(self, port: Stream | VendorPort) -> None:
         self.name: str = port.name
         self._inbox = _Inbox()
@@ -133,17 +140,17 @@ class _Reading:
 
     def discard(self) -> None:
         """Discard data packets until none come any more."""
-        self._inbox.discard(_POLL)
+        self._inbox.discard(self._quiet)
 
     def close(self) -> None:
-        """End the thread, close the port."""
+        """Close the port, which ends what the thread waits for, and the thread."""
         if self._is_closed:
             return
         self._is_closed = True
         try:
-            self._thread.join()
-        finally:
             self._closing()
+        finally:
+            self._thread.join()
 
     def _poll(self) -> None:
         """Wait a little for packets, and sort them."""
@@ -161,6 +168,7 @@ class StreamLink(_Reading):
     """Link over a byte stream: responses and data packets share it."""
 
     most_payload = strata.MAX_REQUEST_PAYLOAD
+    _quiet = _STREAM_QUIET
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
@@ -257,6 +265,7 @@ class VendorLink(_Reading):
 
     most_payload = strata.MAX_CONTROL_PAYLOAD
     num_held = 0
+    _quiet = _VENDOR_QUIET
 
     def __init__(self, port: VendorPort) -> None:
         self._port = port
