@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from radarcore import plot
 from radarcore.geometry import shapes
 from radarcore.geometry.pose import Pose
 from radarcore.motion.linear import Linear
+from radarcore.plot import canvas
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
@@ -29,7 +31,9 @@ from radarcore.scene.scene import Scene
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 
+matplotlib = pytest.importorskip("matplotlib")
 figure_module = pytest.importorskip("matplotlib.figure")
+imread = pytest.importorskip("matplotlib.image").imread
 
 NAMES = ("wall", "arm", "hidden", "behind")
 RANGE = np.array([1.9, 0.9, np.nan, 50.0])
@@ -490,6 +494,19 @@ def test_experiment_writes_nothing_over_anything_else(
 def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
     figure = plot.experiment(recording([0.0], truth=False), Scene())
     assert any(text.startswith("1 frame, ") for text in texts_apart(figure))
+
+
+@pytest.mark.parametrize("autolayout", [False, True])
+def test_a_written_picture_is_that_of_savefig_and_leaves_the_figure_as_it_was(
+    autolayout: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(matplotlib.rcParams, "figure.autolayout", autolayout)
+    figure: Any = plot.range_doppler_map(frame()).figure
+    engine, written, saved = figure.get_layout_engine(), io.BytesIO(), io.BytesIO()
+    canvas.write(figure, written, dpi=80)
+    assert (figure.get_layout_engine(), figure.dpi) == (engine, 100)
+    figure.savefig(saved, dpi=80)
+    np.testing.assert_array_equal(imread(written), imread(saved))
 
 
 def run(code: str) -> subprocess.CompletedProcess[str]:

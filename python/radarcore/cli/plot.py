@@ -14,6 +14,7 @@ from radarcore import check, plot
 from radarcore.cli.options import Count, Metres, Output, RemoveStatic, Source, whole_number
 from radarcore.cli.source import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.static import moving, moving_frame, removes_static
+from radarcore.plot import canvas
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
@@ -172,8 +173,7 @@ def draw(
     else:
         recording = _sequence(load_recording(source, config), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(picture, dpi=150)
+    canvas.save(figure, picture)
 
 
 def _of_recording(recording: Recording, path: Path, kind: str, number: int | None, view: dict[str, Any]) -> Any:

@@ -90,11 +90,11 @@ def draw(
                 ax.plot(one.time, 0.0, "|", color=color, markersize=9.0, transform=ax.get_xaxis_transform())
 
     # Names come last, when everything has its place, and leave it there.
-    figure.draw_without_rendering()
+    canvas.lay_out(figure)
     figure.set_layout_engine("none")
     for ax, names in named:
         is_map = ax not in (ranges, velocities)
-        canvas.place_names(ax, names, outline="black" if is_map else "white", above_first=not is_map)
+        canvas.place_names_in_layout(ax, names, outline="black" if is_map else "white", above_first=not is_map)
     canvas.save(figure, path)
     return figure
 

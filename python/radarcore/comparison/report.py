@@ -13,6 +13,7 @@ from radarcore._core import __version__
 from radarcore.comparison.figure import draw, over_time
 from radarcore.comparison.record import Record, Side
 from radarcore.comparison.statistics import TargetErrors
+from radarcore.plot import canvas
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem }
@@ -227,7 +228,7 @@ def _share(value: float) -> str:
 def _picture(figure: Any, description: str) -> str:
     """A figure within the page."""
     data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=110)
+    canvas.write(figure, data, dpi=110)
     code = base64.b64encode(data.getvalue()).decode("ascii")
     return f'<img alt="{escape(description)}" src="data:image/png;base64,{code}">'
 

@@ -7,7 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,19 +65,51 @@ def require() -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Figure of a size in inches, not known to pyplot."""
+    """Figure of a size in inches, not known to pyplot, that can be drawn without a window."""
     require()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    return Figure(figsize=(width, height), dpi=100, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
+    figure = Figure(figsize=(width, height), dpi=100, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
+    FigureCanvasAgg(figure)  # keeps its renderer; the canvas of a bare figure makes one for every text that is measured
+    return figure
+
+
+def lay_out(figure: Figure) -> None:
+    """Give everything its place, as `Figure.draw_without_rendering` does in twice the time."""
+    engine = figure.get_layout_engine()
+    if engine is None or any(ax.get_axes_locator() for ax in figure.axes):  # in a figure that was given
+        figure.draw_without_rendering()
+        return
+    engine.execute(figure)
+    for ax in figure.axes:
+        ax.apply_aspect()
 
 
 def save(figure: Figure, path: str | os.PathLike[str] | None) -> None:
     """Write a figure, if anywhere; missing parents are made."""
     if path is not None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
+        write(figure, path, dpi=150)
+
+
+def write(figure: Figure, target: str | os.PathLike[str] | IO[bytes], *, dpi: int) -> None:
+    """Write a figure as `Figure.savefig` does, which draws all of it once more where it has the layout to make."""
+    from matplotlib import rcParams
+
+    engine, own_dpi = figure.get_layout_engine(), figure.dpi
+    if rcParams["figure.autolayout"] or rcParams["figure.constrained_layout.use"]:  # then None is no way to have none
+        figure.savefig(target, dpi=dpi)
+        return
+    try:
+        figure.dpi = dpi
+        lay_out(figure)
+        figure.set_layout_engine(None)
+        figure.savefig(target, dpi=dpi)
+    finally:
+        figure.set_layout_engine(engine)
+        figure.dpi = own_dpi
 
 
 def color_map(name: str) -> Any:
@@ -120,7 +152,7 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", abov
     """
     figure = ax.get_figure(root=True)
     if names and figure is not None:
-        figure.draw_without_rendering()
+        lay_out(figure)
         place_names_in_layout(ax, names, outline=outline, above_first=above_first)
 
 

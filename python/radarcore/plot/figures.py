@@ -97,7 +97,7 @@ def overview(
 
     # Names come last, when everything has its place.
     if names:
-        figure.draw_without_rendering()
+        canvas.lay_out(figure)
     for ax, points in names:
         canvas.place_names_in_layout(ax, points)
     canvas.save(figure, path)
@@ -187,15 +187,16 @@ def experiment(
     history.spectrogram(recording, at_bottom, window_length=window_length, remove_static=remove_static)
     at_bottom.set_title("Spectrogram")
     for ax, quantity in ((ranges, "range"), (velocities, "velocity")):
-        history.tracks(recording, estimates or {}, ax, quantity, colors=colors)
+        history.draw_estimates(recording, estimates or {}, ax, quantity, colors)
         ax.set_xlim(at_bottom.get_xlim())
     figure.align_ylabels([ranges, velocities])
     ranges.set_xlabel("")
     ranges.tick_params(labelbottom=False)
     ranges.set_title("Truth (lines) and estimates (dots)" if estimates else "Truth")
+    history.add_legends(ranges, velocities)
 
     # Names come last, when everything has its place.
-    figure.draw_without_rendering()
+    canvas.lay_out(figure)
     canvas.place_names_in_layout(from_above, scene_names, outline="white")
     canvas.place_names_in_layout(on_map, map_names)
     canvas.save(figure, path)

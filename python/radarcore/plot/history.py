@@ -207,9 +207,19 @@ def tracks(
     'Velocity [m/s]'
     """
     check_recording(recording)
-    label, bin_name = QUANTITIES[check.choice("quantity", quantity, tuple(QUANTITIES))]
+    check.choice("quantity", quantity, tuple(QUANTITIES))
     if isinstance(estimates, Tracks):
         return _draw_tracks(recording, estimates, ax, quantity, colors)
+    ax = draw_estimates(recording, estimates, ax, quantity, colors)
+    add_legends(ax)
+    return ax
+
+
+def draw_estimates(
+    recording: Recording, estimates: object, ax: Axes | None, quantity: str, colors: Mapping[str, str] | None
+) -> Axes:
+    """Draw `tracks` of a dict without the legend."""
+    label, bin_name = QUANTITIES[quantity]
     if not isinstance(estimates, Mapping):
         raise TypeError(f"estimates: expected a dict of tracks by name, got {type(estimates).__name__}")
     wf = recording.radar.waveform
@@ -228,6 +238,17 @@ def tracks(
             text += _error_text(_errors(time, values, truth_time, truth[name]) / getattr(wf, bin_name))
         ax.plot(time, values, ".", color=palette[name], label=text, markersize=4.5)
     return _finished(ax, recording, label)
+
+
+def add_legends(*axes: Axes) -> None:
+    """Legends at the top of axes of one figure, in as many columns as fit, above all that is drawn."""
+    shown = [ax for ax in axes if ax.get_legend_handles_labels()[0]]
+    for ax in shown:
+        ax.margins(y=0.08)
+    if shown and (figure := shown[0].get_figure(root=True)) is not None:
+        canvas.lay_out(figure)
+        for ax in shown:
+            _add_legend(ax, figure.dpi)
 
 
 def _draw_all_truth(
@@ -289,7 +310,7 @@ def _draw_tracks(
             ax.plot(one.time[seen], values[seen], marker, color=palette[name], label=text, markersize=size)
             ax.plot(one.time[~seen], values[~seen], "o", color=palette[name], fillstyle="none", markersize=4.0)
             text = ""  # one entry per group
-    _finished(ax, recording, label)
+    add_legends(_finished(ax, recording, label))
 
     # Names of the true lines where they are, those of a thing once.
     names = []
@@ -307,12 +328,11 @@ def _error_text(errors: NDArray[np.float64]) -> str:
 
 
 def _finished(ax: Axes, recording: Recording, label: str) -> Axes:
-    """Limits, labels and legend."""
+    """Limits and labels."""
     ax.set_xlim(*_span(recording))
     ax.set_xlabel("Time [s]")
     ax.set_ylabel(label)
     ax.grid(alpha=0.3)
-    _legend_with_room(ax)
     return ax
 
 
@@ -432,16 +452,10 @@ def _errors(
     return np.asarray(errors[np.isfinite(errors) & (np.abs(time - nearest) <= rounding)])
 
 
-def _legend_with_room(ax: Axes) -> None:
-    """Legend at the top, in as many columns as fit, above all that is drawn."""
-    handles, labels = ax.get_legend_handles_labels()
-    figure = ax.get_figure(root=True)
-    if not handles or figure is None:
-        return
-    ax.margins(y=0.08)
-    figure.draw_without_rendering()
+def _add_legend(ax: Axes, dpi: float) -> None:
+    """Legend in as many columns as fit, with room for it above all that is drawn."""
     view = ax.get_window_extent()
-    for num_columns in range(min(4, len(labels)), 0, -1):
+    for num_columns in range(min(4, len(ax.get_legend_handles_labels()[1])), 0, -1):
         legend = ax.legend(
             loc="upper left", ncols=num_columns, fontsize=8, columnspacing=1.4, handletextpad=0.3, borderaxespad=0.3
         )
@@ -449,7 +463,7 @@ def _legend_with_room(ax: Axes) -> None:
         if box.width <= 0.97 * view.width:
             break
     low, high = ax.get_ylim()
-    taken = min(0.6, (box.height + 0.08 * figure.dpi) / view.height)
+    taken = min(0.6, (box.height + 0.08 * dpi) / view.height)
     ax.set_ylim(low, low + (high - low) / (1.0 - taken))
 
 

@@ -62,11 +62,11 @@ def run(
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     """
-    plot.require()
     if duration is not None:
         check.positive("duration", duration, "s")
     if ray_budget is not None:
         check.count("ray_budget", ray_budget)
+    plot.require()
     if with_robots is None:
         with_robots = data.is_available()
     directory.mkdir(parents=True, exist_ok=True)

@@ -365,11 +365,7 @@ class LiveView:
 
 def _figure() -> Figure:
     """Figure that can be drawn, and drawn in part, without a window."""
-    figure = canvas.new_figure(*SIZE)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    FigureCanvasAgg(figure)
-    return figure
+    return canvas.new_figure(*SIZE)
 
 
 def _image(ax: Axes, values: NDArray[Any], extent: tuple[float, float, float, float]) -> Any:
