@@ -140,7 +140,8 @@ def make(
 
         def name(shard: int) -> str:
             samples = plan.layout.samples_of(shard)
-            return f"{target}: shard {shard} (samples {samples[0]} to {samples[-1]})"
+            numbers = f"samples {samples[0]} to {samples[-1]}" if len(samples) > 1 else f"sample {samples[0]}"
+            return f"{target}: shard {shard} ({numbers})"
 
         def made() -> Generator[Done, None, None]:
             if executor is not None:

@@ -74,7 +74,8 @@ def opened(path: Path) -> Any:
         raise FileNotFoundError(errno.ENOENT, "expected a dataset, got no such path", str(path))
     attrs = attrs_of(path)
     if attrs is None:
-        raise ValueError(f"{path}: expected a dataset, got a folder without one")
+        what = "a folder without one" if path.is_dir() else "a file, no folder"
+        raise ValueError(f"{path}: expected a dataset, got {what}")
     if attrs["version"] > VERSION:
         raise ValueError(
             f"{path}: expected version {VERSION} (or older), got {attrs['version']!r}; a newer radarcore wrote it"
