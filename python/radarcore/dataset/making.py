@@ -200,6 +200,9 @@ def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> No
         elif name == "labels":
             names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
             differing += [f"labels.{key} = {now[name].get(key)!r}, not {value.get(key)!r}" for key in sorted(names)]
+        elif name == "files":
+            names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
+            differing += [f"another file {key}" for key in sorted(names)]
         else:
             differing.append(f"{name} = {now[name]!r}, not {value!r}")
     if differing:

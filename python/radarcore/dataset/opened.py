@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.dataset.files import digests_of, with_copies
 from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
@@ -169,14 +170,17 @@ class Dataset:
     def variation(self) -> Variation:
         """The scene file with its distributions: where it was, or if it is gone or has changed, a copy of it.
 
-        Meshes that it names are found beside the file alone.
+        The same holds for the files that it names, but models of arms, which have no copies.
         """
         file, text = Path(self.attrs["scene_path"]), self.attrs["scene"]
+        digests = json.loads(self.attrs["settings"]).get("files", {})
         try:
-            if file.read_text(encoding="utf-8") == text:
+            if file.read_text(encoding="utf-8") == text and digests_of(file) == digests:
                 return Variation.load(file)
         except (OSError, UnicodeDecodeError):
             pass
+        if digests:
+            text = with_copies(text, file.parent, self.path, digests)
         with TemporaryDirectory() as folder:
             copy = Path(folder) / file.name
             copy.write_text(text, encoding="utf-8")
