@@ -186,14 +186,14 @@ def run_export(
     overwrite : bool
         replace what is there
     """
-    from radarcore.dataset import export
+    from radarcore import dataset as formats
 
     if to == "hdf5":
-        export.to_hdf5(dataset, output, overwrite=overwrite)
+        formats.to_hdf5(dataset, output, overwrite=overwrite)
     elif to == "webdataset":
-        export.to_webdataset(dataset, output, samples_per_tar=samples_per_tar, overwrite=overwrite)
+        formats.to_webdataset(dataset, output, samples_per_tar=samples_per_tar, overwrite=overwrite)
     else:
-        export.to_mcap(dataset, output, sample=sample, overwrite=overwrite)
+        formats.to_mcap(dataset, output, sample=sample, overwrite=overwrite)
     print(output)
 
 

@@ -19,7 +19,7 @@ from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.opened import Dataset, open_dataset
 from radarcore.dataset.plan import planned
-from radarcore.dataset.samples import Recipe
+from radarcore.dataset.recipe import Recipe
 from radarcore.dataset.shardfile import PARTIAL
 from radarcore.dataset.shards import Done, Work, Worker
 from radarcore.dataset.store import attrs_of, create, zarr

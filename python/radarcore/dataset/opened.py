@@ -18,7 +18,7 @@ from radarcore.dataset.files import digests_of, with_copies
 from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
-from radarcore.dataset.samples import Failed
+from radarcore.dataset.recipe import Failed
 from radarcore.dataset.store import opened
 from radarcore.dataset.variation import Sample, Variation
 from radarcore.radar.radar import Radar
@@ -68,7 +68,8 @@ class Dataset:
         self.attrs: dict[str, Any] = dict(self._group.attrs)
         arrays = dict(self._group.arrays())
         self.sizes: dict[str, int] = {}
-        for array in arrays.values():
+        # The axes of the samples first, in their order.
+        for array in (arrays["cube"], *arrays.values()):
             self.sizes |= zip(array.metadata.dimension_names, array.shape, strict=True)
         self._arrays = {name: array for name, array in arrays.items() if array.metadata.dimension_names[0] == "sample"}
         self._coordinates = {name: array for name, array in arrays.items() if name not in self._arrays}

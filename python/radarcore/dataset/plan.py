@@ -15,7 +15,7 @@ from radarcore.dataset.joints import JOINTS
 from radarcore.dataset.labels import dims_of
 from radarcore.dataset.layout import STATUS, TEXT, Layout, Variable, samples_per_shard
 from radarcore.dataset.notices import gathered
-from radarcore.dataset.samples import AXES, Recipe, cube_of, parameters_of, simulated
+from radarcore.dataset.recipe import AXES, Recipe, cube_of, parameters_of, simulated
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES
 from radarcore.recording.frame import Frame, unit_of
