@@ -174,9 +174,9 @@ class Dataset:
         The same holds for the files that it names, but models of arms, which have no copies.
         """
         file, text = Path(self.attrs["scene_path"]), self.attrs["scene"]
-        digests = json.loads(self.attrs["settings"]).get("files", {})
+        digests = json.loads(self.attrs["settings"]).get("files")  # none where an early version made it
         try:
-            if file.read_text(encoding="utf-8") == text and digests_of(file) == digests:
+            if file.read_text(encoding="utf-8") == text and digests in (None, digests_of(file)):
                 return Variation.load(file)
         except (OSError, UnicodeDecodeError):
             pass
