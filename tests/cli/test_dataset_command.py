@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -110,3 +111,24 @@ def test_export(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"{out}\n"
     with h5py.File(out) as file:
         np.testing.assert_array_equal(file["cube"][1], rc.dataset.open_dataset(folder / "out").cube(1))
+    assert main(["dataset", "export", str(folder / "out"), "-o", str(out), "--format", "hdf5"]) == 1
+    assert "--overwrite replaces it" in capsys.readouterr().err
+    assert main(["dataset", "export", str(folder / "out"), "-o", str(out), "--format", "hdf5", "--overwrite"]) == 0
+    command = ["dataset", "export", str(folder / "out"), "-o", str(folder / "tars"), "--format", "webdataset"]
+    assert main([*command, "--samples-per-tar", "1"]) == 0
+    assert len(list((folder / "tars").glob("*.tar"))) == len(rc.dataset.open_dataset(folder / "out"))
+
+
+def test_lost_worker_is_told_with_the_option_that_goes_on(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost = ChildProcessError("out: shard 1: its worker was lost twice; resume=True goes on with the rest")
+    monkeypatch.setattr("radarcore.cli.dataset.verify", MagicMock(side_effect=lost))
+    assert main(["dataset", "verify", str(folder / "out")]) == 1
+    assert "--resume goes on with the rest" in capsys.readouterr().err
+
+
+def test_file_that_is_no_dataset_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "notes.txt").write_text("mine")
+    assert main(["dataset", "info", str(folder / "notes.txt")]) == 1
+    assert "notes.txt: expected a dataset, got a file, no folder" in capsys.readouterr().err

@@ -155,6 +155,58 @@ def test_other_settings_on_resume_are_named(serial: rc.dataset.Dataset, scene: P
         rc.dataset.make(other, serial.path, **SETTINGS, workers=1, resume=True)
 
 
+MESHES = """
+[[body]]
+name = "thing"
+shape = { kind = "mesh", path = { choice = ["meshes/wedge.obj", "plate.obj"] }, scale = 1e-3 }
+pose.position = [2.0, { uniform = [0.4, 0.5] }, 0.0]
+"""
+
+
+def with_meshes(folder: Path) -> Path:
+    """Scene file that names one of two mesh files, which are in different folders."""
+    (folder / "meshes").mkdir(parents=True)
+    wedge = Path(__file__).parents[2] / "examples" / "wedge.obj"
+    (folder / "meshes" / "wedge.obj").write_bytes(wedge.read_bytes())
+    (folder / "plate.obj").write_text("v 0 -200 -200\nv 0 200 -200\nv 0 200 200\nv 0 -200 200\nf 4 3 2 1\n")
+    return write_scene(folder, MESHES)
+
+
+def test_mesh_that_has_changed_is_refused_on_resume_and_named(tmp_path: Path) -> None:
+    scene = with_meshes(tmp_path / "scene")
+    rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1)
+    wedge = scene.parent / "meshes" / "wedge.obj"
+    before = wedge.read_bytes()
+    wedge.write_bytes(before + b"# as before\n")
+    with pytest.raises(ValueError, match=r"begun with, got another file meshes/wedge\.obj$"):
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
+    wedge.write_bytes(before)
+    rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
+
+
+def test_moved_dataset_has_the_files_of_its_scene(tmp_path: Path) -> None:
+    scene = with_meshes(tmp_path / "scene")
+    rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1)
+    assert len({*rc.dataset.open_dataset(tmp_path / "out").values("parameter.body.thing.shape.path")}) == 2
+    (tmp_path / "elsewhere").mkdir()
+    moved = (tmp_path / "out").rename(tmp_path / "elsewhere" / "set")
+    scene.parent.rename(tmp_path / "gone")
+    found = rc.dataset.verify(moved, again=COUNT)
+    assert (found.faults, found.again) == ((), tuple(range(COUNT)))
+    dataset = rc.dataset.open_dataset(moved)
+    dataset.sample(2).save(tmp_path / "two.toml")
+    np.testing.assert_array_equal(rc.load_scene(tmp_path / "two.toml").record(progress=False).cube, dataset.cube(2))
+    rc.dataset.make(tmp_path / "gone" / "scene.toml", moved, **SETTINGS, workers=1, resume=True)
+
+
+def test_dataset_of_a_scene_whose_mesh_has_changed_keeps_the_old_one(tmp_path: Path) -> None:
+    scene = with_meshes(tmp_path)
+    rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1)
+    plate = tmp_path / "plate.obj"
+    plate.write_text(plate.read_text().replace("200", "100"))
+    assert rc.dataset.verify(tmp_path / "out", again=COUNT).faults == ()
+
+
 TOO_NEAR = "[[body]]\nshape = { kind = 'plate', width = 0.5, height = 0.5 }\npose.position = "
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,32 @@ def test_scheduler_that_is_not_there_is_an_error_in_time(tmp_path: Path) -> None
         rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, scheduler=address, timeout=0.5)
     assert time.monotonic() - began < 5.0
     assert not (tmp_path / "out").exists()
+
+
+def test_service_that_is_no_scheduler_is_told_from_one_that_is_silent(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
+    scene = write_scene(tmp_path)
+
+    def answer(service: socket.socket) -> None:
+        connection, _ = service.accept()
+        connection.sendall(4 * b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        connection.recv(1000)
+        connection.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as service:
+        address = f"tcp://127.0.0.1:{service.getsockname()[1]}"
+        with pytest.raises(ConnectionError, match=rf"of dask at {address}, got no answer within 0\.3 s"):
+            rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler=address, timeout=0.3)
+    with socket.create_server(("127.0.0.1", 0)) as service:
+        address = f"tcp://127.0.0.1:{service.getsockname()[1]}"
+        Thread(target=answer, args=(service,), daemon=True).start()
+        with pytest.raises(ConnectionError, match=rf"of dask at {address}, got the answer of something else"):
+            rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler=address)
+    with pytest.raises(ValueError, match=r"scheduler: expected an address as tcp://HOST:8786, got 'nowhere'"):
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler="nowhere")
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_damage_is_found_and_named(tmp_path: Path) -> None:

@@ -334,3 +334,9 @@ def test_meshes_of_samples_are_made_once(tmp_path: Path) -> None:
     meshes = [[body.mesh for body in scene.bodies if isinstance(body, rc.Body)] for scene in scenes]
     assert len(meshes[0]) == len(variation.body_names)
     assert all(one is other for one, other in zip(*meshes, strict=True))
+
+
+def test_unknown_key_of_a_distribution_is_a_fault_of_the_file_and_of_no_sample(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"unknown key 'rsc'; did you mean 'rcs'\?$") as caught:
+        loaded(tmp_path, "[[point]]\nposition = [1.0, 0.0, 0.0]\nrsc = { uniform = [0.1, 1.0] }\n")
+    assert "sample" not in str(caught.value)

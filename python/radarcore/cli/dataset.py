@@ -166,6 +166,8 @@ def run_export(
     output: Output,
     to: Annotated[Literal["hdf5", "webdataset", "mcap"], Parameter(name="--format")],
     sample: Number = 0,
+    samples_per_tar: Number = 100,
+    overwrite: Flag = False,
 ) -> None:
     """Write a dataset in another format.
 
@@ -179,15 +181,19 @@ def run_export(
         format
     sample : int
         index of the sample, of mcap
+    samples_per_tar : int
+        samples of a file, of webdataset
+    overwrite : bool
+        replace what is there
     """
-    from radarcore.dataset import export
+    from radarcore import dataset as formats
 
     if to == "hdf5":
-        export.to_hdf5(dataset, output)
+        formats.to_hdf5(dataset, output, overwrite=overwrite)
     elif to == "webdataset":
-        export.to_webdataset(dataset, output)
+        formats.to_webdataset(dataset, output, samples_per_tar=samples_per_tar, overwrite=overwrite)
     else:
-        export.to_mcap(dataset, output, sample=sample)
+        formats.to_mcap(dataset, output, sample=sample, overwrite=overwrite)
     print(output)
 
 

@@ -68,8 +68,10 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 def _lines(error: BaseException) -> list[str]:
     """The message of an error, a line per fault; for the system's, file and reason without the number."""
-    if isinstance(error, OSError) and error.filename is not None:
+    text = str(error)
+    if isinstance(error, OSError):
+        if error.filename is not None:
+            text = f"{error.filename}: {error.strerror}"
         # Python's keyword is an option here.
-        reason = str(error.strerror).replace("overwrite=True", "--overwrite").replace("resume=True", "--resume")
-        return [f"{error.filename}: {reason}"]
-    return str(error).splitlines() or [type(error).__name__]
+        text = text.replace("overwrite=True", "--overwrite").replace("resume=True", "--resume")
+    return text.splitlines() or [type(error).__name__]

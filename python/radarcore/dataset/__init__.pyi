@@ -1,6 +1,4 @@
-from radarcore.dataset.export import to_hdf5 as to_hdf5
-from radarcore.dataset.export import to_mcap as to_mcap
-from radarcore.dataset.export import to_webdataset as to_webdataset
+from radarcore.dataset.hdf5 import to_hdf5 as to_hdf5
 from radarcore.dataset.joints import JOINTS as JOINTS
 from radarcore.dataset.labels import LabelLayout as LabelLayout
 from radarcore.dataset.labels import Labelled as Labelled
@@ -8,6 +6,7 @@ from radarcore.dataset.labels import Labels as Labels
 from radarcore.dataset.labels import dims_of as dims_of
 from radarcore.dataset.labels import labels_of as labels_of
 from radarcore.dataset.making import make as make
+from radarcore.dataset.mcap import to_mcap as to_mcap
 from radarcore.dataset.opened import Dataset as Dataset
 from radarcore.dataset.opened import open_dataset as open_dataset
 from radarcore.dataset.sample import Sample as Sample
@@ -18,3 +17,4 @@ from radarcore.dataset.variation import Parameter as Parameter
 from radarcore.dataset.variation import Variation as Variation
 from radarcore.dataset.verification import Verified as Verified
 from radarcore.dataset.verification import verify as verify
+from radarcore.dataset.webdataset import to_webdataset as to_webdataset

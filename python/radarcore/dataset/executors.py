@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+    wait,
+)
 from contextlib import contextmanager
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -93,20 +104,51 @@ def dask(address: str, timeout: float) -> Iterator[Executor]:
         from distributed import Client
     except ImportError as error:
         raise ImportError("clusters need dask distributed: pip install radarcore[dask]") from error
-    connect: Any = Client  # whose types are not complete
+    began = time.monotonic()
+    unanswered = ConnectionError(f"scheduler: expected one of dask at {address}, got no answer within {timeout:g} s")
     try:
-        client = connect(address, timeout=timeout, set_as_default=False)
+        _greet(address, timeout)
     except (OSError, TimeoutError) as error:
-        raise ConnectionError(
-            f"scheduler: expected one of dask at {address}, got no answer within {timeout:g} s"
-        ) from error
+        raise unanswered from error
     except ValueError as error:
         raise ValueError(f"scheduler: expected an address as tcp://HOST:8786, got {address!r} ({error})") from error
+    except Exception as error:  # whatever the bytes of another service are taken for
+        raise ConnectionError(
+            f"scheduler: expected one of dask at {address}, got the answer of something else ({type(error).__name__})"
+        ) from error
+    connect: Any = Client  # whose types are not complete
+    try:
+        client = connect(address, timeout=max(1.0, timeout + began - time.monotonic()), set_as_default=False)
+    except (OSError, TimeoutError) as error:
+        raise unanswered from error
     with client:
         if not client.scheduler_info()["workers"]:
             raise ConnectionError(f"scheduler: expected workers of the scheduler at {address}, got none")
         # Not pure: the same shard may be needed once more, after a disk was full.
         yield client.get_executor(pure=False)
+
+
+def _greet(address: str, timeout: float) -> None:
+    """Connect to a scheduler and ask who it is: a client that finds none closes late, and with a traceback."""
+    from distributed import Security, comm
+
+    modules: Any = (comm, Security)  # whose types are not complete
+    connect, options = modules[0].connect, modules[1]().get_connection_args("client")
+
+    async def greet() -> None:
+        # The whole of it within the time: a service that is silent is none.
+        async with asyncio.timeout(timeout):
+            connection = await connect(address, timeout=timeout, **options)
+            try:
+                await connection.write({"op": "identity", "reply": True})
+                if dict(await connection.read()).get("type") != "Scheduler":
+                    raise TypeError("no scheduler")
+            finally:
+                connection.abort()
+
+    # In a thread of its own: notebooks have a loop in theirs.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(lambda: asyncio.run(greet())).result()
 
 
 def num_cores() -> int:

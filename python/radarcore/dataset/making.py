@@ -19,7 +19,7 @@ from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.opened import Dataset, open_dataset
 from radarcore.dataset.plan import planned
-from radarcore.dataset.samples import Recipe
+from radarcore.dataset.recipe import Recipe
 from radarcore.dataset.shardfile import PARTIAL
 from radarcore.dataset.shards import Done, Work, Worker
 from radarcore.dataset.store import attrs_of, create, zarr
@@ -140,7 +140,8 @@ def make(
 
         def name(shard: int) -> str:
             samples = plan.layout.samples_of(shard)
-            return f"{target}: shard {shard} (samples {samples[0]} to {samples[-1]})"
+            numbers = f"samples {samples[0]} to {samples[-1]}" if len(samples) > 1 else f"sample {samples[0]}"
+            return f"{target}: shard {shard} ({numbers})"
 
         def made() -> Generator[Done, None, None]:
             if executor is not None:
@@ -199,6 +200,9 @@ def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> No
         elif name == "labels":
             names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
             differing += [f"labels.{key} = {now[name].get(key)!r}, not {value.get(key)!r}" for key in sorted(names)]
+        elif name == "files":
+            names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
+            differing += [f"another file {key}" for key in sorted(names)]
         else:
             differing.append(f"{name} = {now[name]!r}, not {value!r}")
     if differing:

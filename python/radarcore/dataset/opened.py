@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.dataset.files import digests_of, with_copies
 from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
-from radarcore.dataset.samples import Failed
+from radarcore.dataset.recipe import Failed
 from radarcore.dataset.store import opened
 from radarcore.dataset.variation import Sample, Variation
 from radarcore.radar.radar import Radar
@@ -67,7 +68,8 @@ class Dataset:
         self.attrs: dict[str, Any] = dict(self._group.attrs)
         arrays = dict(self._group.arrays())
         self.sizes: dict[str, int] = {}
-        for array in arrays.values():
+        # The axes of the samples first, in their order.
+        for array in (arrays["cube"], *arrays.values()):
             self.sizes |= zip(array.metadata.dimension_names, array.shape, strict=True)
         self._arrays = {name: array for name, array in arrays.items() if array.metadata.dimension_names[0] == "sample"}
         self._coordinates = {name: array for name, array in arrays.items() if name not in self._arrays}
@@ -169,14 +171,17 @@ class Dataset:
     def variation(self) -> Variation:
         """The scene file with its distributions: where it was, or if it is gone or has changed, a copy of it.
 
-        Meshes that it names are found beside the file alone.
+        The same holds for the files that it names, but models of arms, which have no copies.
         """
         file, text = Path(self.attrs["scene_path"]), self.attrs["scene"]
+        digests = json.loads(self.attrs["settings"]).get("files")  # none where an early version made it
         try:
-            if file.read_text(encoding="utf-8") == text:
+            if file.read_text(encoding="utf-8") == text and digests in (None, digests_of(file)):
                 return Variation.load(file)
         except (OSError, UnicodeDecodeError):
             pass
+        if digests:
+            text = with_copies(text, file.parent, self.path, digests)
         with TemporaryDirectory() as folder:
             copy = Path(folder) / file.name
             copy.write_text(text, encoding="utf-8")

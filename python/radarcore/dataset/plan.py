@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
+from radarcore.dataset.files import digests_of
 from radarcore.dataset.joints import JOINTS
 from radarcore.dataset.labels import dims_of
 from radarcore.dataset.layout import STATUS, TEXT, Layout, Variable, samples_per_shard
 from radarcore.dataset.notices import gathered
-from radarcore.dataset.samples import AXES, Recipe, cube_of, parameters_of, simulated
+from radarcore.dataset.recipe import AXES, Recipe, cube_of, parameters_of, simulated
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES
 from radarcore.recording.frame import Frame, unit_of
@@ -74,6 +75,7 @@ def settings_of(recipe: Recipe, count: int, samples_of_shard: int | None) -> dic
         "seed": recipe.seed,
         "labels": asdict(recipe.labels),
         "samples_per_shard": samples_of_shard,
+        "files": digests_of(recipe.variation.path),
         "radarcore": _core.__version__,
     }
 
@@ -105,7 +107,7 @@ def planned(recipe: Recipe, count: int, given_samples_per_shard: int | None) -> 
         "format": FORMAT,
         "version": VERSION,
         "scene_path": str(recipe.variation.path.absolute()),
-        **{name: value for name, value in settings.items() if name not in ("labels", "samples_per_shard")},
+        **{name: value for name, value in settings.items() if name not in ("labels", "samples_per_shard", "files")},
         "radar": json.dumps(radar.to_dict()),
         "radar_varies": varies,
         "signs": SIGNS,

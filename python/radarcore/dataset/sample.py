@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from radarcore.models.robots.catalogue import arm_names
+from radarcore.dataset.files import renamed
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.simulation import simulation
@@ -140,7 +140,12 @@ class Sample:
         <Scene: point 0>
         """
         target = Path(path)
-        tables = _moved(tomllib.loads(self.text), self.path.absolute().parent, target.absolute().parent)
+        source, folder = self.path.absolute().parent, target.absolute().parent
+
+        def moved(name: str, _: bool) -> str:
+            return name if Path(name).is_absolute() else Path(os.path.relpath(source / name, folder)).as_posix()
+
+        tables = renamed(tomllib.loads(self.text), moved)
         header = self.text.partition("\n")[0]
         with target.open("x", encoding="utf-8") as file:
             file.write(f"{header}\n{toml_text(tables)}")
@@ -178,15 +183,3 @@ def _names(path: str, message: str) -> bool:
     key, _, place = re.sub(r"\{\d+\}", "", path).rpartition(".")[2].partition("[")
     exact = rf"|\[{re.escape(place)}" if place else ""
     return re.search(rf"\b{re.escape(key)}(?!\w)(?:(?!\[){exact})", message) is not None
-
-
-def _moved(value: Any, source: Path, target: Path, key: str = "") -> Any:
-    """Tables whose names of files are relative to another directory."""
-    if isinstance(value, dict):
-        return {name: _moved(entry, source, target, name) for name, entry in value.items()}
-    if isinstance(value, list):
-        return [_moved(entry, source, target) for entry in value]
-    is_file = isinstance(value, str) and (key == "path" or (key == "model" and value not in arm_names()))
-    if not is_file or Path(value).is_absolute():
-        return value
-    return Path(os.path.relpath(source / value, target)).as_posix()

@@ -12,7 +12,7 @@ from threading import get_ident
 
 from radarcore.dataset.layout import Layout
 from radarcore.dataset.notices import gathered, kind_of
-from radarcore.dataset.samples import Failed, Recipe, made
+from radarcore.dataset.recipe import Failed, Recipe, made
 from radarcore.dataset.shardfile import ShardFiles
 
 

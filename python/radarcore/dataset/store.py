@@ -9,6 +9,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+from radarcore.dataset.files import keep
 from radarcore.dataset.layout import TEXT, Layout, Variable
 from radarcore.dataset.plan import FORMAT, VERSION, Plan
 from radarcore.dataset.shardfile import LEVEL
@@ -47,6 +48,7 @@ def create(path: Path, plan: Plan) -> None:
         # That other libraries may not know it: they read each array's own, which is there as well.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         package.consolidate_metadata(partial)
+    keep(Path(plan.attrs["scene_path"]), partial)
     partial.replace(path)
 
 
@@ -74,7 +76,8 @@ def opened(path: Path) -> Any:
         raise FileNotFoundError(errno.ENOENT, "expected a dataset, got no such path", str(path))
     attrs = attrs_of(path)
     if attrs is None:
-        raise ValueError(f"{path}: expected a dataset, got a folder without one")
+        what = "a folder without one" if path.is_dir() else "a file, no folder"
+        raise ValueError(f"{path}: expected a dataset, got {what}")
     if attrs["version"] > VERSION:
         raise ValueError(
             f"{path}: expected version {VERSION} (or older), got {attrs['version']!r}; a newer radarcore wrote it"

@@ -251,7 +251,9 @@ class _Trials:
             except ValueError as error:
                 errors.append(error)
         cause = errors[0].__cause__
-        raise errors[0] if cause is None or "; drawn: " in str(errors[0]) else cause
+        # What is wrong whatever is drawn is a fault of the file, not of a sample.
+        is_of_file = len({str(error.__cause__) for error in errors}) == 1 or "; drawn: " not in str(errors[0])
+        raise errors[0] if cause is None or not is_of_file else cause
 
     def _sample(self, forced: Mapping[str, int], most_copies: int | None = None) -> Sample:
         """A sample with as many copies as there may be, or fewer, and at some paths an end, by its number."""

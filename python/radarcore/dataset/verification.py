@@ -17,7 +17,7 @@ from radarcore import _core, check, notice
 from radarcore.dataset.journal import Journal
 from radarcore.dataset.notices import gathered
 from radarcore.dataset.opened import Dataset
-from radarcore.dataset.samples import Failed, Recipe, cube_of, simulated
+from radarcore.dataset.recipe import Failed, Recipe, cube_of, simulated
 from radarcore.dataset.shards import Done
 
 _BLOCK = 1 << 20
