@@ -81,24 +81,26 @@ def test_simulate_replaces_a_recording_only_when_told_to(scene: Path, tmp_path: 
     ],
 )
 def test_a_fault_is_reported_in_one_line_and_nothing_is_written(
-    tmp_path: Path, scene: Path, old: str, new: str, message: str
+    tmp_path: Path, scene: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, message: str
 ) -> None:
     scene.write_text(APPROACHING.replace(old, new))
-    done = run("simulate", scene, "-o", tmp_path / "new" / "recording")
-    lines = done.stderr.splitlines()
-    assert (done.returncode, done.stdout) == (1, "")
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith(f"radarcore: {scene}: {message}"), done.stderr
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "new" / "recording")]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 1, printed.err
+    assert printed.err.startswith(f"radarcore: {scene}: {message}"), printed.err
     assert list(tmp_path.iterdir()) == [scene]
 
 
-def test_missing_mesh_and_missing_scene_are_one_line(tmp_path: Path, scene: Path) -> None:
+def test_missing_mesh_and_missing_scene_are_one_line(
+    tmp_path: Path, scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene.write_text(APPROACHING.replace('kind = "sphere", radius = 0.1', 'kind = "mesh", path = "part.obj"'))
-    done = run("simulate", scene, "-o", tmp_path / "recording")
-    part = tmp_path / "part.obj"
-    assert done.stderr == f"radarcore: {scene}: body[0] 'ball': path: expected a mesh file, got none at {part}\n"
-    assert done.returncode == 1
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "recording")]) == 1
+    fault = f"radarcore: {scene}: body[0] 'ball': path: expected a mesh file, got none at {tmp_path / 'part.obj'}\n"
+    assert capsys.readouterr().err == fault
     done = run("simulate", tmp_path / "none.toml", "-o", tmp_path / "recording")
+    assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"radarcore: {tmp_path / 'none.toml'}: No such file or directory\n"
     assert not (tmp_path / "recording").exists()
 
@@ -147,31 +149,58 @@ def test_every_picture_of_a_scene(scene: Path, tmp_path: Path, kind: str) -> Non
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("kind", ["overview", *plot.OF_FRAMES, *plot.OF_RECORDINGS])
-def test_every_picture_of_a_recording(recording: Path, tmp_path: Path, kind: str) -> None:
+# One of each way from a recording to a picture; `test_pictures_take_what_can_be_chosen_of_them` draws them all.
+@pytest.mark.parametrize("kind", ["overview", "chirp", "map", "range-time"])
+def test_last_frame_of_a_recording_is_drawn(recording: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     picture = tmp_path / f"{kind}.png"
     assert main(["plot", str(recording), "-o", str(picture), "--kind", kind, "--frame", "-1"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("kind", [kind for kind in plot.KINDS if kind not in ("depth", "reflectance", "above")])
-def test_every_picture_of_sub_sequences(tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    scene, picture = tmp_path / "scene.toml", tmp_path / "picture.png"
+@pytest.fixture(scope="module")
+def of_two_sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A scene of a radar with two sub-sequences, and its recording."""
+    directory = tmp_path_factory.mktemp("sequences")
     radar = 'preset = "bgt60tr24"\nnum_chirps = 8\nalternating = true\nschedule = { kind = "tdm" }\nslope = 20e12\n'
-    scene.write_text(APPROACHING.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar))
-    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind, "--sequence", "1"]) == 0
-    if kind != "experiment":
-        assert main(["simulate", str(scene), "-o", str(tmp_path / "recording")]) == 0
-        assert main(["plot", str(tmp_path / "recording"), "-o", str(picture), "--kind", kind]) == 0
+    text = APPROACHING.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar)
+    (directory / "scene.toml").write_text(text)
+    rc.load_scene(directory / "scene.toml").record(directory / "recording", progress=False)
+    return {"scene": directory / "scene.toml", "recording": directory / "recording"}
+
+
+@pytest.mark.parametrize("kind", ["overview", *plot.OF_FRAMES, *plot.OF_RECORDINGS])
+def test_every_picture_of_a_sub_sequence(of_two_sequences: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    picture = tmp_path / "picture.png"
+    arguments = ["plot", str(of_two_sequences["recording"]), "-o", str(picture), "--kind", kind]
+    assert main([*arguments, "--sequence", "1"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert main(["plot", str(scene), "-o", str(picture), "--kind", kind, "--sequence", "2"]) == 1
+
+
+# One of each way from a file to a picture.
+@pytest.mark.parametrize(
+    ("source", "kind"),
+    [("recording", "chirp"), ("scene", "chirp"), ("scene", "spectrogram"), ("scene", "experiment")],
+)
+def test_sub_sequence_is_the_one_that_was_chosen(
+    of_two_sequences: dict[str, Path], tmp_path: Path, source: str, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    picture = tmp_path / "picture.png"
+    arguments = ["plot", str(of_two_sequences[source]), "-o", str(picture), "--kind", kind, *chosen(kind)]
+    assert main([*arguments, "--sequence", "1"]) == 0
+    if kind == "chirp":
+        second = picture.read_bytes()
+        assert main(arguments) == 0
+        assert picture.read_bytes() != second
+    assert main([*arguments, "--sequence", "2"]) == 1
     assert "sequence: expected an index below 2, got 2" in capsys.readouterr().err
 
 
-def test_help_names_every_picture() -> None:
-    text = " ".join(run("plot", "--help").stdout.split())
+def test_help_names_every_picture(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["plot", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
     assert all(kind in text for kind in plot.KINDS)
 
 
@@ -205,13 +234,17 @@ def test_plot_says_what_is_wrong(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("kind", plot.VIEWS)
-def test_pictures_take_what_can_be_chosen_of_them(scene: Path, recording: Path, tmp_path: Path, kind: str) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+def chosen(kind: str) -> list[str]:
+    """All that can be chosen of a picture."""
     values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
-    chosen = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
-    source = scene if kind == "experiment" else recording
-    assert main(["plot", str(source), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen]) == 0
+    return [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
+
+
+# The experiment with its options is that of a sub-sequence.
+@pytest.mark.parametrize("kind", [kind for kind in plot.VIEWS if kind != "experiment"])
+def test_pictures_take_what_can_be_chosen_of_them(recording: Path, tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+    assert main(["plot", str(recording), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen(kind)]) == 0
 
 
 def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
@@ -220,7 +253,8 @@ def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
     np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
     picture = tmp_path / "picture.png"
     for config in (scene, recording / "meta.json"):
-        assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture), "--config", str(config)]) == 0
+        arguments = ["-o", str(picture), "--kind", "map", "--config", str(config)]
+        assert main(["plot", str(tmp_path / "bare.npy"), *arguments]) == 0
     capsys.readouterr()
     assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
@@ -253,12 +287,13 @@ def test_info_of_a_scene_and_of_its_recording_agree_on_the_radar(
         assert one["antenna pattern"] == "Gaussian, 3.5 dBi, 65 x 40 degrees"
 
 
-def test_info_is_one_fact_per_line(scene: Path, recording: Path) -> None:
+def test_info_is_one_fact_per_line(scene: Path, recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for source in (scene, recording):
-        done = run("info", source)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert "ball" in done.stdout
-        lines = dict(line.split("  ", 1) for line in done.stdout.splitlines())
+        assert main(["info", str(source)]) == 0
+        printed = capsys.readouterr()
+        assert printed.err == ""
+        assert "ball" in printed.out
+        lines = dict(line.split("  ", 1) for line in printed.out.splitlines())
         waveform = rc.load_scene(scene).radar.waveform
         assert lines["range bin"].strip() == f"{1e2 * waveform.range_resolution:.6g} cm"
         assert lines["sample rate"].strip() == "2 MHz"
@@ -271,10 +306,11 @@ def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "no such recording" in capsys.readouterr().err
 
 
-def test_schema_is_text_or_json() -> None:
-    text = run("schema").stdout
-    assert "body[].shape.radius" in text
-    found = json.loads(run("schema", "--json").stdout)
+def test_schema_is_text_or_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert "body[].shape.radius" in capsys.readouterr().out
+    assert main(["schema", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
     assert {"radar", "sensor", "run", "material", "body", "point", "human", "arm", "interferer"} == set(
         found["properties"]
     )

@@ -88,11 +88,13 @@ def test_human_stands_upright_on_the_floor() -> None:
         (["-o", "/dev/null/demo"], "/dev/null/demo"),
     ],
 )
-def test_bad_input_is_one_line_without_a_traceback(arguments: list[str], message: str) -> None:
-    done = run("demo", "--no-robots", *arguments)
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1, done.stderr
+def test_bad_input_is_one_line_without_a_traceback(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["demo", "--no-robots", *arguments]) == 1
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert len(errors.splitlines()) == 1, errors
 
 
 def test_help_names_the_commands_and_no_command_is_an_error() -> None:
