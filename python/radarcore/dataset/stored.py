@@ -1,0 +1,124 @@
+"""Frames of stored datasets, one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.dataset.items import Item, output_of
+from radarcore.dataset.layout import STATUS
+from radarcore.radar.radar import Radar
+from radarcore.recording.codes import adc_codes
+from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
+
+if TYPE_CHECKING:
+    from radarcore.dataset.export import Samples
+    from radarcore.dataset.opened import Dataset
+
+Arrays = Mapping[str, NDArray[Any]]
+"""Variables of a sample."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredFrames:
+    """Frames of a dataset in the form that `stream` has them; `Dataset.frames` makes it.
+
+    Iteration gives pairs of an array and a dictionary of labels, frame by frame and sample by sample: of the same
+    scene and seed those that are streamed, but that samples which failed or are missing are left out, and that drawn
+    values are as they are stored: numbers as float, true and false as text. `len` and an index work as well, so
+    ``torch.utils.data.DataLoader`` takes it as it is.
+
+    Attributes
+    ----------
+    dataset : Dataset
+    num_frames : int
+        Frames of every sample.
+
+    See Also
+    --------
+    dataset.Dataset.frames : Makes it.
+    dataset.stream : Frames that are simulated when they are asked for.
+
+    Examples
+    --------
+    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.05", "[[point]]", "rcs = { uniform = [0.1, 1.0] }"]
+    >>> np.savetxt("scene.toml", [*lines, "position = [2.0, 0.0, 0.0]"], fmt="%s")
+    >>> dataset = rc.dataset.make("scene.toml", "out", count=2, seed=1, workers=1)
+    >>> stored = dataset.frames(output="range_doppler")
+    >>> stored
+    <StoredFrames of 2 samples x 2 frames of out>
+    >>> image, labels = stored[-1]
+    >>> image.shape, labels["sample"], labels["frame"]
+    ((3, 64, 65), 1, 1)
+    """
+
+    dataset: Dataset
+    num_frames: int
+    _output: str | Callable[[Frame], NDArray[Any]]
+
+    def __len__(self) -> int:
+        return len(self._numbers) * self.num_frames
+
+    def __getitem__(self, index: int) -> Item:
+        number, frame = divmod(check.index("index", index, len(self)), self.num_frames)
+        sample = int(self._numbers[number])
+        return self._item(sample, self.dataset[sample], frame)
+
+    def __iter__(self) -> Iterator[Item]:
+        for shard in range(self.dataset.num_shards):
+            for sample, arrays in self.dataset.of_shard(shard):
+                for frame in range(self.num_frames):
+                    yield self._item(sample, arrays, frame)
+
+    def _item(self, sample: int, arrays: Arrays, number: int) -> Item:
+        labels: dict[str, Any] = {"sample": sample, "frame": number, "time": float(arrays["time"][number])}
+        labels |= {path: arrays[name].item() for name, path in self._parameters.items()}
+        labels |= {name: arrays[name][number] for name in self._labels}
+        frame = frame_of(self.dataset, sample, arrays, number)
+        return output_of(self._output)(frame), labels
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.intp]:
+        """Samples that are there."""
+        return np.flatnonzero(self.dataset.status == STATUS["made"])
+
+    @cached_property
+    def _parameters(self) -> dict[str, str]:
+        """Variables of what was drawn, with the paths of the parameters."""
+        attributes = {name: self.dataset.attributes(name) for name in self.dataset.names}
+        return {name: str(values["path"]) for name, values in attributes.items() if "path" in values}
+
+    @cached_property
+    def _labels(self) -> list[str]:
+        """Variables of the labels."""
+        others = {"cube", "time", "status", *self._parameters}
+        return [name for name in self.dataset.names if name not in others]
+
+    def __repr__(self) -> str:
+        return f"<StoredFrames of {len(self._numbers)} samples x {self.num_frames} frames of {self.dataset.path.name}>"
+
+
+def frame_of(samples: Samples, index: int, arrays: Arrays, number: int) -> Frame:
+    """A frame of a sample, with its truth where it is among the labels."""
+    radar = _radar_of(samples, index)
+    rows = [arrays[f"true_{name}"][number] for name in TRUTH_FIELDS if f"true_{name}" in arrays]
+    truth = None
+    if len(rows) == len(TRUTH_FIELDS):
+        truth = Truth(tuple(map(str, samples.values("body"))), *rows)
+    cube = arrays["cube"][number]
+    return Frame(cube, float(arrays["time"][number]), radar, truth, raw=adc_codes(cube, radar))
+
+
+def _radar_of(samples: Samples, index: int) -> Radar:
+    """Radar of a sample: the scene may vary it."""
+    drawn = getattr(samples, "sample", None)
+    if drawn is None or not samples.attrs.get("radar_varies", True):
+        return samples.radar
+    radar: Radar = drawn(index).simulation().radar
+    return radar
