@@ -66,6 +66,7 @@ def test_drawn_values_are_variables_and_the_truth_follows_from_them(dataset: rc.
     with xarray.open_zarr(dataset.path) as opened:
         position = opened["parameter.point.ball.position[0]"]
         velocity = opened["parameter.point.ball.velocity[0]"]
+        assert (position.attrs["units"], velocity.attrs["units"]) == ("m", "m/s")
         assert position.attrs["distribution"] == "uniform"
         assert (position >= 1.0).all()
         assert len(set(position.values.tolist())) == 5

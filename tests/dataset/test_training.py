@@ -155,6 +155,37 @@ def test_faults_of_arguments(scene: Path, options: dict[str, object], message: s
         rc.dataset.stream(scene, **options)  # type: ignore[arg-type]
 
 
+def test_stored_frames_are_those_that_are_streamed(scene: Path, tmp_path: Path) -> None:
+    labels = rc.dataset.Labels(boxes=True)
+    dataset = rc.dataset.make(
+        scene, tmp_path / "out", count=5, seed=1, workers=1, labels=labels, samples_per_shard=2, progress=False
+    )
+    for output in ("cube", "range_doppler", lambda frame: np.array([frame.time, frame.truth.range[0]])):
+        stored = dataset.frames(output=output)
+        streamed = rc.dataset.stream(scene, seed=1, count=5, labels=labels, output=output)
+        assert len(stored) == len(streamed) == 10
+        for one, other in zip(stored, streamed, strict=True):
+            np.testing.assert_array_equal(one[0], other[0])
+            assert one[1].keys() == other[1].keys()
+            for name, value in other[1].items():
+                np.testing.assert_array_equal(one[1][name], value, err_msg=name)
+        np.testing.assert_array_equal(stored[-3][0], streamed[7][0])
+    with pytest.raises(ValueError, match="output: expected one of 'cube', 'range_doppler', got 'map'"):
+        dataset.frames(output="map")
+
+
+def test_stored_frames_leave_out_samples_that_failed(scene: Path, tmp_path: Path) -> None:
+    plate = "[[body]]\nshape = { kind = 'plate', width = 0.5, height = 0.5 }\n"
+    near = "pose.position = [{ uniform = [-0.002, 0.002] }, 0.0, 0.0]\n"  # within 1 mm of the antennas, or farther away
+    scene.write_text(f"{SCENE}{plate}{near}", encoding="utf-8")
+    dataset = rc.dataset.make(scene, tmp_path / "out", count=6, seed=1, workers=1, progress=False)
+    there = [index for index in range(6) if dataset.status[index] == 1]
+    assert 0 < len(there) < 6
+    stored = dataset.frames()
+    assert [labels["sample"] for _, labels in stored] == [index for index in there for _ in range(2)]
+    assert [stored[k][1]["sample"] for k in (0, -1)] == [there[0], there[-1]]
+
+
 @pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="torch is installed")
 def test_tensors_without_torch_name_what_is_missing() -> None:
     with pytest.raises(ImportError, match="tensors need torch: pip install torch"):

@@ -61,6 +61,31 @@ def test_draws_are_those_of_the_hash_that_the_page_names(tmp_path: Path) -> None
     assert sample.values["body.ball.pose.position[0]"] == 1.0 + 2.0 * share
 
 
+def test_parameters_have_the_units_of_their_keys(tmp_path: Path) -> None:
+    noise = "radar.receiver = { output = 'real', noise_figure_db = { uniform = [10.0, 14.0] } }\n"
+    box, ball = "{ kind = 'box', size = [{ uniform = [0.1, 0.2] }, 0.1, 0.1] }", "{ kind = 'sphere', radius = 0.1 }"
+    turned = "\npose.rpy_deg = [0, 0, { uniform = [0, 90] }]\npose.position = [2.0, 0.0, 0.0]\n"
+    head = 'run = { stop = 0.02, resolution = 32 }\nradar.preset = "bgt60tr13c"\nradar.num_chirps = 8\n'
+    file = written(
+        tmp_path, f"{BALL}{PERSON}[[body]]\nname = 'a.b'\nshape.choice = [{box}, {ball}]{turned}", head + noise
+    )
+    units = {each.path: each.unit for each in rc.dataset.Variation.load(file).parameters}
+    assert units == {
+        "radar.receiver.noise_figure_db": "dB",
+        "body.ball.pose.position[0]": "m",
+        "body.ball.pose.position[1]": "m",
+        "body.ball.material": "",
+        "human.person.repeat": "",
+        **{f"human.person {k}.height": "m" for k in range(3)},
+        **{f"human.person {k}.speed": "m/s" for k in range(3)},
+        **{f"human.person {k}.path[0][1]": "m" for k in range(3)},
+        "body.a.b.shape": "",
+        "body.a.b.shape{0}.size[0]": "m",
+        "body.a.b.pose.rpy_deg[2]": "degrees",
+        "run.seed": "",
+    }
+
+
 def test_order_of_samples_does_not_matter(tmp_path: Path) -> None:
     variation = loaded(tmp_path, BALL + PERSON)
     texts = [variation.sample(index, seed=2).text for index in range(6)]

@@ -10,6 +10,7 @@ from radarcore.dataset.mcap import to_mcap as to_mcap
 from radarcore.dataset.opened import Dataset as Dataset
 from radarcore.dataset.opened import open_dataset as open_dataset
 from radarcore.dataset.sample import Sample as Sample
+from radarcore.dataset.stored import StoredFrames as StoredFrames
 from radarcore.dataset.training import Stream as Stream
 from radarcore.dataset.training import TorchDataset as TorchDataset
 from radarcore.dataset.training import stream as stream

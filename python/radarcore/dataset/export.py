@@ -9,64 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.dataset.layout import STATUS
-from radarcore.radar.radar import Radar
+from radarcore.dataset.samples import Samples
 
 _OF_CODES = ("scale_factor", "add_offset", "_FillValue")
 """Attributes of variables that are stored as codes, of which the samples of a dataset are numbers."""
-
-
-class Samples(Protocol):
-    """Source of an export: a `Dataset`, or an object with these parts of one."""
-
-    attrs: dict[str, Any]
-    """Variation that the dataset was made from."""
-    names: tuple[str, ...]
-    """Variables."""
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        ...
-
-    def __getitem__(self, index: int) -> dict[str, NDArray[Any]]:
-        """Variables of a sample, without the axis `sample`."""
-        ...
-
-    @property
-    def num_shards(self) -> int:
-        """Parts that are read together."""
-        ...
-
-    def of_shard(self, shard: int) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
-        """The samples of a part that were made, with their indices."""
-        ...
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        ...
-
-    @property
-    def radar(self) -> Radar:
-        """Radar of the samples."""
-        ...
-
-    def values(self, name: str) -> NDArray[Any]:
-        """A variable or coordinate as a whole."""
-        ...
-
-    def axes(self, name: str) -> tuple[str, ...]:
-        """Names of the axes of a variable or coordinate."""
-        ...
-
-    def attributes(self, name: str) -> dict[str, Any]:
-        """Unit and meaning of a variable or coordinate."""
-        ...
 
 
 def opened_samples(dataset: Samples | str | PathLike[str]) -> Samples:

@@ -9,7 +9,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from radarcore import notice
-from radarcore.dataset.export import Samples, all_of, attributes_of, is_text, opened_samples, part_of, plain
+from radarcore.dataset.export import all_of, attributes_of, is_text, opened_samples, part_of, plain
+from radarcore.dataset.samples import Samples
 
 
 def to_hdf5(

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 
 from radarcore import check
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.raw_frames import FrameWriter
-from radarcore.dataset.export import Samples, made_of, opened_samples
-from radarcore.radar.radar import Radar
-from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
+from radarcore.dataset.export import made_of, opened_samples
+from radarcore.dataset.samples import Samples
+from radarcore.dataset.stored import frame_of
 
 
 def to_mcap(
@@ -72,26 +70,7 @@ def to_mcap(
         raise ValueError(f"out: expected a file .mcap, got {str(out)!r}")
     with BagWriter(path, "mcap", overwrite=overwrite) as bag:
         writer = FrameWriter(bag, samples.radar, source={"sample": index}, topic=topic, start_ns=start_ns)
-        for frame in frames_of(samples, index):
-            writer.append(frame)
+        arrays = samples[index]
+        for number in range(len(arrays["time"])):
+            writer.append(frame_of(samples, index, arrays, number))
         writer.close()
-
-
-def frames_of(samples: Samples, index: int) -> Iterator[Frame]:
-    """Frames of a sample, with their truth where it is among the labels."""
-    radar, arrays = _radar_of(samples, index), samples[index]
-    rows = [arrays[f"true_{name}"] for name in TRUTH_FIELDS if f"true_{name}" in arrays]
-    has_truth = len(rows) == len(TRUTH_FIELDS)
-    names = tuple(map(str, samples.values("body"))) if has_truth else ()
-    for number, (cube, time) in enumerate(zip(arrays["cube"], arrays["time"], strict=True)):
-        truth = Truth(names, *(row[number] for row in rows)) if has_truth else None
-        yield Frame(cube, float(time), radar, truth, raw=adc_codes(cube, radar))
-
-
-def _radar_of(samples: Samples, index: int) -> Radar:
-    """Radar of a sample: the scene may vary it."""
-    drawn = getattr(samples, "sample", None)
-    if drawn is None:
-        return samples.radar
-    radar: Radar = drawn(index).simulation().radar
-    return radar

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.dataset.files import digests_of, with_copies
+from radarcore.dataset.items import Output, checked_output
 from radarcore.dataset.journal import Journal
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.recipe import Failed
 from radarcore.dataset.store import opened
+from radarcore.dataset.stored import StoredFrames
 from radarcore.dataset.variation import Sample, Variation
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES, to_samples
@@ -107,6 +109,33 @@ class Dataset:
             sample = {name: np.asarray(values[k]) for name, values in narrow.items()}
             sample |= {name: np.asarray(array[start + k]) for name, array in wide.items()}
             yield start + k, sample | {"cube": self._samples(sample["cube"])}
+
+    def frames(self, *, output: str | Output = "cube") -> StoredFrames:
+        """Frames one by one with their labels, as `stream` has them.
+
+        Parameters
+        ----------
+        output : "cube", "range_doppler" or function
+            As of `stream`.
+
+        See Also
+        --------
+        dataset.StoredFrames : What it returns.
+        dataset.stream : Frames that are simulated when they are asked for.
+
+        Examples
+        --------
+        >>> scene = ['radar.preset = "bgt60tr13c"', "run.stop = 0.05", "[[point]]", "name = 'ball'"]
+        >>> np.savetxt("scene.toml", [*scene, "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]"], fmt="%s")
+        >>> dataset = rc.dataset.make("scene.toml", "out", count=2, seed=1, workers=1)
+        >>> for cube, labels in dataset.frames():
+        ...     print(cube.shape, labels["sample"], labels["frame"], labels["true_range"].round(2))
+        (3, 64, 128) 0 0 [1.39]
+        (3, 64, 128) 0 1 [1.39]
+        (3, 64, 128) 1 0 [2.33]
+        (3, 64, 128) 1 1 [2.33]
+        """
+        return StoredFrames(self, int(self.sizes["frame"]), self.path.name, checked_output(output))
 
     def cube(self, index: int) -> NDArray[Any]:
         """Samples of the frames of a sample, (frame, channel, chirp, fast_time), to the bit as they were simulated."""

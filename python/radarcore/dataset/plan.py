@@ -156,6 +156,8 @@ def _parameters(recipe: Recipe) -> dict[str, Variable]:
         # Zarr's names are those of folders.
         name = f"parameter.{parameter.path}".replace("/", "_")
         attrs = {"path": parameter.path, "distribution": parameter.kind}
+        if parameter.unit:
+            attrs["units"] = parameter.unit
         dtype, fill = ("float64", np.nan) if parameter.is_number else (TEXT, "")
         variables[name] = Variable((), (), dtype, fill, attrs)
     return variables

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.dataset.items import Item, output_of
 from radarcore.dataset.layout import STATUS
+from radarcore.dataset.samples import Samples
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
-
-if TYPE_CHECKING:
-    from radarcore.dataset.export import Samples
-    from radarcore.dataset.opened import Dataset
 
 Arrays = Mapping[str, NDArray[Any]]
 """Variables of a sample."""
@@ -58,8 +55,9 @@ class StoredFrames:
     ((3, 64, 65), 1, 1)
     """
 
-    dataset: Dataset
+    dataset: Samples
     num_frames: int
+    _name: str
     _output: str | Callable[[Frame], NDArray[Any]]
 
     def __len__(self) -> int:
@@ -86,7 +84,7 @@ class StoredFrames:
     @cached_property
     def _numbers(self) -> NDArray[np.intp]:
         """Samples that are there."""
-        return np.flatnonzero(self.dataset.status == STATUS["made"])
+        return np.flatnonzero(self.dataset.values("status") == STATUS["made"])
 
     @cached_property
     def _parameters(self) -> dict[str, str]:
@@ -101,7 +99,7 @@ class StoredFrames:
         return [name for name in self.dataset.names if name not in others]
 
     def __repr__(self) -> str:
-        return f"<StoredFrames of {len(self._numbers)} samples x {self.num_frames} frames of {self.dataset.path.name}>"
+        return f"<StoredFrames of {len(self._numbers)} samples x {self.num_frames} frames of {self._name}>"
 
 
 def frame_of(samples: Samples, index: int, arrays: Arrays, number: int) -> Frame:

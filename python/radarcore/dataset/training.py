@@ -1,4 +1,4 @@
-"""Frames for training: simulated while a network learns, or read from a dataset."""
+"""Frames for training, simulated while a network learns, and samples of a dataset as tensors."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.dataset.items import Item, checked_output, output_of
 from radarcore.dataset.notices import Told, gathered
 from radarcore.dataset.sample import Sample
 from radarcore.dataset.variation import Parameter, Variation
-from radarcore.processing.spectra import range_doppler
 from radarcore.recording.frame import Frame
 from radarcore.simulate.simulator import Simulator
 from radarcore.simulate.times import frame_times
@@ -27,15 +27,7 @@ if TYPE_CHECKING:
     from radarcore.dataset.labels import Labels
     from radarcore.dataset.opened import Dataset
 
-Item = tuple[NDArray[Any], dict[str, Any]]
-"""Input of a network, and its labels."""
-
 _Made = tuple[list[Item], list[str]]
-
-_OUTPUTS: dict[str, Callable[[Frame], NDArray[Any]]] = {
-    "cube": lambda frame: frame.cube,
-    "range_doppler": range_doppler,
-}
 
 
 class _ImpossibleError(ValueError):
@@ -135,8 +127,7 @@ class Stream:
 
             names = list(dict.fromkeys(name.partition("/")[0] for name in self.variation.body_names))
             labels |= {name: label.values for name, label in labels_of(simulator, frame, names, self._labels).items()}
-        output = _OUTPUTS[self._output] if isinstance(self._output, str) else self._output
-        return output(frame), labels
+        return output_of(self._output)(frame), labels
 
     def _made(self, sample: int) -> _Made:
         """Items of a sample, none if it is impossible, and warnings."""
@@ -207,6 +198,7 @@ def stream(
     See Also
     --------
     dataset.Stream : What it returns.
+    dataset.Dataset.frames : Those of a stored dataset.
     dataset.Variation : What distributions there are.
 
     Examples
@@ -221,13 +213,11 @@ def stream(
     (3, 64, 65) True
     """
     variation = scene if isinstance(scene, Variation) else Variation.load(scene)
-    if not callable(output):
-        check.choice("output", output, tuple(_OUTPUTS))
     number = None if count is None else check.count("count", count)
     run = variation.run
     num_frames = len(frame_times(run.start, run.stop, run.rate))
     series, processes = check.count("seed", seed, 0), check.count("workers", workers, 0)
-    return Stream(variation, series, number, num_frames, labels, output, processes)
+    return Stream(variation, series, number, num_frames, labels, checked_output(output), processes)
 
 
 def _missing(parameter: Parameter) -> float | str:

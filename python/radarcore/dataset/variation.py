@@ -18,7 +18,7 @@ from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, 
 from radarcore.radar.radar import Radar
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.kept import Kept
-from radarcore.scenefile.read import values_of
+from radarcore.scenefile.read import unit_at, values_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.tables import RunTable
 from radarcore.scenefile.toml import toml_text
@@ -63,6 +63,14 @@ class Parameter:
     path: str
     kind: str
     ends: tuple[Any, ...]
+
+    @property
+    def unit(self) -> str:
+        """Unit that `radarcore schema` has for the key, such as ``"m"``; empty for none."""
+        kind, *keys = re.sub(r"[{\[]\d+[}\]]", "", self.path).split(".")
+        # The name of an entry stands before its keys, and may have dots itself.
+        units = (unit_at((kind, *keys[first:])) for first in range(len(keys)))
+        return next(filter(None, units), "")
 
     @property
     def is_number(self) -> bool:

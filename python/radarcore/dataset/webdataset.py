@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.dataset.export import Samples, attributes_of, made_of, opened_samples, part_of, those_made
+from radarcore.dataset.export import attributes_of, made_of, opened_samples, part_of, those_made
+from radarcore.dataset.samples import Samples
 
 
 def to_webdataset(

@@ -74,6 +74,11 @@ def unit_of(description: str | None) -> str:
     return match.group(1) if match else ""
 
 
+def unit_at(location: Location) -> str:
+    """The unit of the key at a place of a file, or ""."""
+    return _key(location, is_unknown=False).unit
+
+
 def tables_in(annotation: Any) -> list[type[Table]]:
     """Tables that a type is made of."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
