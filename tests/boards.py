@@ -24,10 +24,19 @@ CLI = "import sys\nfrom radarcore.cli.main import main\nsys.exit(main())"
 """Program that is the command `radarcore`."""
 
 
+class _Process(subprocess.Popen[str]):
+    """Process that does not outlive a test that fails."""
+
+    def __exit__(self, kind: Any, error: Any, traceback: Any) -> None:
+        if kind is not None:
+            self.kill()
+        super().__exit__(kind, error, traceback)
+
+
 def python(program: str, *arguments: object) -> subprocess.Popen[str]:
     """A process that Ctrl-C ends, also where the tests themselves run in the background of a shell."""
     interruptible = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    return subprocess.Popen(
+    return _Process(
         [sys.executable, "-c", interruptible + program, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

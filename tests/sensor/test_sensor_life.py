@@ -241,3 +241,46 @@ def test_interrupted_programs_end_soon_and_leave_the_board_alone():
             assert errors.rstrip().endswith("KeyboardInterrupt")
             assert not is_measuring(controller)
     controller.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a pty")
+def test_interrupt_at_any_moment_leaves_a_sensor_that_measures():
+    """Ctrl-C comes between calls of functions; here it comes, one after the other, behind many of a measurement."""
+    program = (
+        "import _thread, sys, time, radarcore as rc\n"
+        "def measure(num_frames, moment):\n"
+        "    count = 0\n"
+        "    def interrupt(frame, event, argument):\n"
+        "        nonlocal count\n"
+        "        count += event in ('call', 'c_return')\n"
+        "        if count == moment:\n"
+        "            sys.setprofile(None)\n"
+        "            raise KeyboardInterrupt\n"
+        "    sys.setprofile(interrupt)\n"
+        "    try:\n"
+        "        frames = list(sensor.frames(num_frames))\n"
+        "    finally:\n"
+        "        sys.setprofile(None)\n"
+        "    return len(frames), count\n"
+        "with rc.open_sensor(sys.argv[1], protocol='strata') as sensor:\n"
+        "    sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=10e-3))\n"
+        "    _, number = measure(1, 0)\n"
+        "    before = _thread._count()\n"
+        "    for moment in range(1, number, max(1, number // int(sys.argv[2]))):\n"
+        "        print(moment, end=' ', flush=True)\n"
+        "        try:\n"
+        "            measure(1, moment)\n"
+        "        except KeyboardInterrupt:\n"
+        "            pass\n"
+        "    assert measure(3, 0)[0] == 3\n"
+        "    until = time.monotonic() + 5.0\n"
+        "    while _thread._count() > before and time.monotonic() < until:\n"
+        "        time.sleep(0.01)\n"
+        "    assert _thread._count() <= before, (_thread._count(), before)\n"
+        "print('done')\n"
+    )
+    controller = Controller(Numbered())
+    with PtyPort(CdcBoard(controller)) as port, python(program, port.path, 40) as process:
+        printed, errors = process.communicate(timeout=60)
+        assert printed.split()[-1:] == ["done"], f"{printed}\n{errors}"
+    controller.close()

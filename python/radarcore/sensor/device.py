@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import weakref
+from _thread import start_new_thread
 from collections import deque
 from collections.abc import Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from os import PathLike
+from time import monotonic
 from types import TracebackType
 from typing import Any
 
@@ -188,6 +191,7 @@ class Sensor:
         try:
             self._board.start()
             reader = self._reader = _Reader(self._board, self._queue_size)
+            reader.start()
             self._check_open()  # another thread may have closed it meanwhile
             while wanted is None or num_given < wanted:
                 taken = reader.take(timeout)
@@ -238,9 +242,11 @@ class Sensor:
     def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
         """End measuring; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
+        if reader is not None:  # known to be over before Ctrl-C can come, which it does at calls
+            reader.reason, reader.is_over = reason, True
         try:
             if reader is not None:
-                reader.close(reason)
+                reader.close()
         finally:
             self._board.stop(is_silent=is_silent)
 
@@ -417,9 +423,11 @@ class Sensor:
                 return
             self._is_open = False
             reader, self._reader = self._reader, None
+            if reader is not None:
+                reader.reason, reader.is_over = "the sensor was closed", True
             try:
                 if reader is not None:
-                    reader.close("the sensor was closed")
+                    reader.close()
             finally:
                 self._board.close()
             self._forgotten.detach()
@@ -476,49 +484,75 @@ class _Reader:
     def __init__(self, board: Board, size: int) -> None:
         self._board = board
         self._size = size
-        self._arrived = threading.Condition()
+        # Lock, queues and thread are those that are not written in Python: in the others Ctrl-C may be lost, or leave
+        # them locked.
+        self._lock = threading.Lock()
+        self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._over: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._frames: deque[tuple[RawFrame, _Losses]] = deque()
         self._losses = _Losses()  # since the newest frame
         self._failure: Exception | None = None
-        self._is_closed = False
-        self._reason = ""
-        self._thread = threading.Thread(target=self._read, name="radarcore-frames", daemon=True)
-        self._thread.start()
+        self._is_running = False
+        self.is_over = False
+        """Set to end the thread; what has not been taken is gone."""
+        self.reason = ""
+        """Told to whoever still waits for frames then; empty for none."""
+
+    def start(self) -> None:
+        """Begin to take frames, once somebody can end it."""
+        start_new_thread(self._read, ())
 
     def take(self, timeout: float) -> tuple[RawFrame, _Losses] | None:
         """The next frame, and what was lost before it; None if measuring was ended."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._is_closed or self._frames or self._failure, timeout)
-            if self._is_closed:
-                if self._reason:
-                    raise SensorError(f"{self._board.info.port}: no more frames, {self._reason}")
-                return None
-            if self._frames:
-                return self._frames.popleft()
-            if self._failure is not None:
-                raise self._failure
-            reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
-        because = "".join(f"; {reason}" for reason in reasons if reason)
-        raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:.3g} s{because}")
+        deadline = monotonic() + timeout
+        while True:
+            with self._lock:
+                if self.is_over:
+                    if self.reason:
+                        raise SensorError(f"{self._board.info.port}: no more frames, {self.reason}")
+                    return None
+                if self._frames:
+                    return self._frames.popleft()
+                if self._failure is not None:
+                    raise self._failure
+                remaining = deadline - monotonic()
+                if remaining <= 0.0:
+                    reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
+                    because = "".join(f"; {reason}" for reason in reasons if reason)
+                    raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:.3g} s{because}")
+            with suppress(queue.Empty):
+                self._news.get(timeout=remaining)
 
-    def close(self, reason: str = "") -> None:
-        """End the thread; what has not been taken is gone, and whoever still waits is told the reason."""
-        with self._arrived:
-            self._is_closed, self._reason = True, reason
-            self._arrived.notify_all()
-        self._thread.join()
+    def close(self) -> None:
+        """Wait for the end of the thread, which `is_over` asks for."""
+        self._tell()
+        while self._is_running:
+            with suppress(queue.Empty):
+                self._over.get(timeout=_POLL)
+
+    def _tell(self) -> None:
+        """Wake whoever waits for news, unless news wait already."""
+        if self._news.empty():
+            self._news.put(None)
 
     def _read(self) -> None:
+        with self._lock:
+            if self.is_over:  # before it began
+                return
+            self._is_running = True
         try:
-            while not self._is_closed:
+            while not self.is_over:
                 for item in self._board.read(_POLL):
-                    with self._arrived:
+                    with self._lock:
                         self._put(item)
-                        self._arrived.notify_all()
+                    self._tell()
         except Exception as error:  # for whoever takes frames
-            with self._arrived:
+            with self._lock:
                 self._failure = error
-                self._arrived.notify_all()
+        finally:
+            self._is_running = False
+            self._over.put(None)
+            self._tell()
 
     def _put(self, item: RawFrame | Lost) -> None:
         if isinstance(item, Lost):

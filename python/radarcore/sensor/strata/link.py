@@ -77,7 +77,8 @@ class _Inbox:
     """Data packets on their way from the thread that reads to the one that takes them."""
 
     def __init__(self) -> None:
-        self._queue: queue.Queue[DataPacket | Damage | SensorError] = queue.Queue()
+        # Not `Queue`, whose lock may stay locked where Ctrl-C meets its code.
+        self._queue: queue.SimpleQueue[DataPacket | Damage | SensorError] = queue.SimpleQueue()
         self._failure: SensorError | None = None
 
     def put(self, item: DataPacket | Damage) -> None:
@@ -174,7 +175,7 @@ class StreamLink(_Reading):
         self._stream = stream
         self._parser = HostParser()
         self._parser_lock = threading.Lock()
-        self._responses: queue.Queue[Response] = queue.Queue()
+        self._responses: queue.SimpleQueue[Response] = queue.SimpleQueue()
         self._damage = DamageCount()  # since the last request was sent
         self._fed = time.monotonic()  # when the parser has last made something of its bytes
         self._num_due = 0  # answers to come; of interrupted requests too
