@@ -61,12 +61,11 @@ lint-python: $(VENV)/dev
 	@echo "-- lint: Python"
 	@$(BIN)/ruff check --quiet .
 
-# After the tests, whose build would wait for it. With the boundary to Python, as without it the lint of dead code is off;
-# what the core alone adds takes little more.
+# After the tests, whose build would wait for it. With the boundary to Python, which has all of the core and more, and where
+# alone the lint of dead code is on.
 lint-rust: $(VENV)/created | tests-rust
 	@echo "-- lint: Rust"
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
-	@cargo clippy --quiet --lib --locked -- -D warnings
 
 # What a user's checker of types finds of the package, beside that the package is right: every name with its type.
 types: $(VENV)/adapters $(VENV)/dataset $(VENV)/built
@@ -84,9 +83,10 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --doc
 
 # More workers than cores, as tests of sensors and servers wait for them; waiting threads of numpy's BLAS would only be in
-# the way.
+# the way. The first time, modules are compiled and kept before there are workers, as each of them would do it again.
 tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
+	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only --quiet >/dev/null 2>&1 || true
 	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) --dist=worksteal
 
 benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
@@ -118,8 +118,8 @@ wheel-check: wheel
 	@echo "-- wheel in an empty environment"
 	@$(PYTHON) tests/wheel_contents.py dist/*.whl
 	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; \
-	$(PYTHON) -m venv "$$directory"; \
-	"$$directory/bin/pip" install --quiet --disable-pip-version-check --no-compile --constraint requirements/demo.txt dist/*.whl; \
+	$(PYTHON) -m venv --without-pip "$$directory"; \
+	$(PIP) --python "$$directory/bin/python" install --no-compile --constraint requirements/demo.txt dist/*.whl; \
 	"$$directory/bin/python" tests/wheel_smoke.py
 
 bench: $(VENV)/bench $(VENV)/built
