@@ -25,7 +25,7 @@ SIDE = 256  # pixels of an image in benches/trace.rs
 SHORT = ["--warm-up-time", "0.2", "--measurement-time", "0.5"]
 """Criterion's options: several short runs, so that what is compared is measured at nearly the same time."""
 
-FEW = ["--quick", "--warm-up-time", "0.01", "--measurement-time", "0.01", "trace/room_5k"]
+FEW = ["--quick", "--warm-up-time", "0.01", "--measurement-time", "0.01", "5k"]
 """Benches for `--tiny`, in the build of those that run once with the tests."""
 
 LEVELS = {"avx512": "AVX-512", "avx2": "AVX2", "baseline": "baseline"}
