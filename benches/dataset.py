@@ -10,6 +10,7 @@ import argparse
 import os
 import shutil
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -64,18 +65,18 @@ PER_SHARD = 5
 SMALL = 'radar.preset = "bgt60tr13c"\nradar.num_chirps = 8\nradar.num_samples = 32\nrun.stop = 0.25\n'
 
 
-def simulated(scene: Path, count: int) -> tuple[int, float]:
-    """Frames of some samples, and the time of the core that `Simulator.frame` takes for them [s]."""
+def simulated(scene: Path, count: int, clock: Callable[[], float] = time.process_time) -> tuple[int, float]:
+    """Frames of some samples, and the time that `Simulator.frame` takes for them [s]; by default that of the core."""
     variation = rc.dataset.Variation.load(scene)
     seconds, num_frames = 0.0, 0
     for index in range(count):
         simulation = variation.sample(index, seed=1).simulation()
         run, simulator = simulation.run, simulation.simulator(threads=1)
-        began = time.process_time()
+        began = clock()
         for start in frame_times(run.start, run.stop, run.rate):
             simulator.frame(start)
             num_frames += 1
-        seconds += time.process_time() - began
+        seconds += clock() - began
     return num_frames, seconds
 
 
@@ -140,16 +141,7 @@ def speeds(folder: Path, tiny: bool) -> str:
 
 def rate(scene: Path, count: int) -> float:
     """Frames per second that `Simulator.frame` makes of some samples, by the clock."""
-    variation = rc.dataset.Variation.load(scene)
-    seconds, num_frames = 0.0, 0
-    for index in range(count):
-        simulation = variation.sample(index, seed=1).simulation()
-        run, simulator = simulation.run, simulation.simulator(threads=1)
-        began = time.perf_counter()
-        for start in frame_times(run.start, run.stop, run.rate):
-            simulator.frame(start)
-            num_frames += 1
-        seconds += time.perf_counter() - began
+    num_frames, seconds = simulated(scene, count, time.perf_counter)
     return num_frames / seconds
 
 
@@ -157,16 +149,16 @@ def scaling(folder: Path, tiny: bool) -> str:
     """Table of frames per second by the clock, of one and of all cores."""
     scene, out, cores = folder / "people.toml", folder / "people", num_cores()
     scene.write_text(SMALL + BALL if tiny else RADAR + PERSON + ROOM)
-    frames = 10
-    rows = []
-    alone = rate(scene, 1 if tiny else 20)
+    rows, count = [], 1 if tiny else 20
+    per_sample = simulated(scene, 1)[0]
+    alone = rate(scene, count)
     for workers in sorted({1, cores}):
-        # Processes side by side share caches, and threads of a core its units: what they reach is the most there is.
+        # What processes reach side by side is the most there is.
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            together = sum(pool.map(rate, [scene] * workers, [1 if tiny else 20] * workers))
+            together = sum(pool.map(rate, [scene] * workers, [count] * workers))
         few, number = workers * PER_SHARD, (2 if tiny else 16) * workers * PER_SHARD
         start = made(scene, out, few, workers, PER_SHARD)[0]
-        stored = (number - few) * frames / (made(scene, out, number, workers, PER_SHARD)[0] - start)
+        stored = (number - few) * per_sample / (made(scene, out, number, workers, PER_SHARD)[0] - start)
         shares = stored / (workers * alone), stored / together
         rows.append([f"{workers}", f"{together:.1f}", f"{stored:.1f}", *(f"{share:.0%}" for share in shares)])
     header = [

@@ -174,6 +174,23 @@ def test_stored_frames_are_those_that_are_streamed(scene: Path, tmp_path: Path) 
         dataset.frames(output="map")
 
 
+def test_stored_frames_have_the_radar_of_their_sample(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.write_text(
+        SCENE.replace("num_chirps", "tx_power_dbm = { uniform = [0.0, 9.0] }\nnum_chirps"), encoding="utf-8"
+    )
+    dataset = rc.dataset.make(scene, tmp_path / "out", count=3, seed=1, workers=1, progress=False)
+    made: list[int] = []
+    draw = type(dataset).sample
+    monkeypatch.setattr(type(dataset), "sample", lambda self, index: made.append(index) or draw(self, index))
+    powers = list(dataset.frames(output=lambda frame: np.array(frame.radar.tx_power_dbm)))
+    assert made == [0, 1, 2], "once per sample"
+    for power, labels in powers:
+        assert float(power) == pytest.approx(labels["radar.tx_power_dbm"])
+    assert len({float(power) for power, _ in powers}) == 3
+
+
 def test_stored_frames_leave_out_samples_that_failed(scene: Path, tmp_path: Path) -> None:
     plate = "[[body]]\nshape = { kind = 'plate', width = 0.5, height = 0.5 }\n"
     near = "pose.position = [{ uniform = [-0.002, 0.002] }, 0.0, 0.0]\n"  # within 1 mm of the antennas, or farther away

@@ -130,10 +130,11 @@ def dask(address: str, timeout: float) -> Iterator[Executor]:
 
 def _greet(address: str, timeout: float) -> None:
     """Connect to a scheduler and ask who it is: a client that finds none closes late, and with a traceback."""
-    from distributed import Security, comm
+    from distributed import Security
+    from distributed.comm.core import connect
 
-    modules: Any = (comm, Security)  # whose types are not complete
-    connect, options = modules[0].connect, modules[1]().get_connection_args("client")
+    security: Any = Security  # whose types are not complete
+    options = security().get_connection_args("client")
 
     async def greet() -> None:
         # The whole of it within the time: a service that is silent is none.

@@ -10,7 +10,7 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.raw_frames import FrameWriter
 from radarcore.dataset.export import made_of, opened_samples
 from radarcore.dataset.samples import Samples
-from radarcore.dataset.stored import frame_of
+from radarcore.dataset.stored import frames_of
 
 
 def to_mcap(
@@ -71,6 +71,6 @@ def to_mcap(
     with BagWriter(path, "mcap", overwrite=overwrite) as bag:
         writer = FrameWriter(bag, samples.radar, source={"sample": index}, topic=topic, start_ns=start_ns)
         arrays = samples[index]
-        for number in range(len(arrays["time"])):
-            writer.append(frame_of(samples, index, arrays, number))
+        for frame in frames_of(samples, index, arrays, range(len(arrays["time"]))):
+            writer.append(frame)
         writer.close()

@@ -11,10 +11,10 @@ from radarcore.radar.radar import Radar
 
 
 class Samples(Protocol):
-    """Source of an export: a `Dataset`, or an object with these parts of one."""
+    """Samples with their variables: a `Dataset`, or an object with these parts of one."""
 
     attrs: dict[str, Any]
-    """Variation that the dataset was made from."""
+    """Scene file, seed and radar that they were made from."""
     names: tuple[str, ...]
     """Variables."""
 

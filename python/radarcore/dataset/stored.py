@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.dataset.items import Item, output_of
+from radarcore.dataset.items import Item, Output, output_of
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.samples import Samples
 from radarcore.radar.radar import Radar
@@ -58,7 +58,7 @@ class StoredFrames:
     dataset: Samples
     num_frames: int
     _name: str
-    _output: str | Callable[[Frame], NDArray[Any]]
+    _output: str | Output
 
     def __len__(self) -> int:
         return len(self._numbers) * self.num_frames
@@ -66,20 +66,20 @@ class StoredFrames:
     def __getitem__(self, index: int) -> Item:
         number, frame = divmod(check.index("index", index, len(self)), self.num_frames)
         sample = int(self._numbers[number])
-        return self._item(sample, self.dataset[sample], frame)
+        (item,) = self._items(sample, self.dataset[sample], [frame])
+        return item
 
     def __iter__(self) -> Iterator[Item]:
         for shard in range(self.dataset.num_shards):
             for sample, arrays in self.dataset.of_shard(shard):
-                for frame in range(self.num_frames):
-                    yield self._item(sample, arrays, frame)
+                yield from self._items(sample, arrays, range(self.num_frames))
 
-    def _item(self, sample: int, arrays: Arrays, number: int) -> Item:
-        labels: dict[str, Any] = {"sample": sample, "frame": number, "time": float(arrays["time"][number])}
-        labels |= {path: arrays[name].item() for name, path in self._parameters.items()}
-        labels |= {name: arrays[name][number] for name in self._labels}
-        frame = frame_of(self.dataset, sample, arrays, number)
-        return output_of(self._output)(frame), labels
+    def _items(self, sample: int, arrays: Arrays, numbers: Sequence[int]) -> Iterator[Item]:
+        drawn = {path: arrays[name].item() for name, path in self._parameters.items()}
+        for number, frame in zip(numbers, frames_of(self.dataset, sample, arrays, numbers), strict=True):
+            labels: dict[str, Any] = {"sample": sample, "frame": number, "time": frame.time, **drawn}
+            labels |= {name: arrays[name][number] for name in self._labels}
+            yield output_of(self._output)(frame), labels
 
     @cached_property
     def _numbers(self) -> NDArray[np.intp]:
@@ -102,15 +102,16 @@ class StoredFrames:
         return f"<StoredFrames of {len(self._numbers)} samples x {self.num_frames} frames of {self._name}>"
 
 
-def frame_of(samples: Samples, index: int, arrays: Arrays, number: int) -> Frame:
-    """A frame of a sample, with its truth where it is among the labels."""
+def frames_of(samples: Samples, index: int, arrays: Arrays, numbers: Sequence[int]) -> Iterator[Frame]:
+    """Frames of a sample by their numbers, with their truth where it is among the labels."""
     radar = _radar_of(samples, index)
-    rows = [arrays[f"true_{name}"][number] for name in TRUTH_FIELDS if f"true_{name}" in arrays]
-    truth = None
-    if len(rows) == len(TRUTH_FIELDS):
-        truth = Truth(tuple(map(str, samples.values("body"))), *rows)
-    cube = arrays["cube"][number]
-    return Frame(cube, float(arrays["time"][number]), radar, truth, raw=adc_codes(cube, radar))
+    rows = [arrays[f"true_{name}"] for name in TRUTH_FIELDS if f"true_{name}" in arrays]
+    has_truth = len(rows) == len(TRUTH_FIELDS)
+    names = tuple(map(str, samples.values("body"))) if has_truth else ()
+    for number in numbers:
+        truth = Truth(names, *(row[number] for row in rows)) if has_truth else None
+        cube = arrays["cube"][number]
+        yield Frame(cube, float(arrays["time"][number]), radar, truth, raw=adc_codes(cube, radar))
 
 
 def _radar_of(samples: Samples, index: int) -> Radar:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 from radarcore.dataset.distributions import Choice, Distribution, Integers, distribution_of, is_distribution
 from radarcore.scenefile.build.errors import located
@@ -90,7 +90,7 @@ def _entry(kind: str, index: int, table: Any) -> Any:
 
 
 def _default_name(kind: str) -> str | None:
-    (table,) = SceneTable.model_fields[kind].annotation.__args__  # type: ignore[union-attr]  # a list of tables
+    (table,) = get_args(SceneTable.model_fields[kind].annotation)  # of a list of tables
     default = table.model_fields["name"].default
     return default if isinstance(default, str) else None
 

@@ -269,8 +269,9 @@ class _Trials:
         def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
             if path in forced:
                 end = forced[path]
-                is_choice = isinstance(distribution, Choice)
-                return (distribution.values[end], end) if is_choice else (distribution.ends[end], None)  # type: ignore[attr-defined]
+                if isinstance(distribution, Choice):
+                    return distribution.values[end], end
+                return distribution.ends[end], None
             if path.endswith(".repeat"):
                 number: int = max(distribution.ends)
                 return number if most_copies is None else min(number, most_copies), None

@@ -6,6 +6,7 @@ import itertools
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -59,7 +60,7 @@ def require() -> None:
     True
     """
     try:
-        import matplotlib.figure  # noqa: F401  # only whether it is there
+        import_module("matplotlib.figure")
     except ImportError as error:
         raise ImportError("pictures need matplotlib: pip install radarcore[plot]") from error
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
@@ -46,7 +45,7 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, 
 def frame_rate(radar: Radar) -> float:
     """Frames per second that a radar sends [Hz]; 40 for frames back to back, an interval that nobody chose."""
     waveform = radar.waveform
-    is_back_to_back = waveform.frame_interval == replace(waveform, frame_interval=None).frame_interval  # type: ignore[arg-type]
+    is_back_to_back = waveform.frame_interval == waveform.replace(frame_interval=None).frame_interval
     return 40.0 if is_back_to_back else 1.0 / waveform.frame_interval
 
 
