@@ -133,13 +133,14 @@ def _greet(address: str, timeout: float) -> None:
     from distributed import Security
     from distributed.comm.core import connect
 
-    security: Any = Security  # whose types are not complete
+    security: Any = Security  # whose types are not complete, nor those of what connects
+    reach: Any = connect
     options = security().get_connection_args("client")
 
     async def greet() -> None:
         # The whole of it within the time: a service that is silent is none.
         async with asyncio.timeout(timeout):
-            connection = await connect(address, timeout=timeout, **options)
+            connection = await reach(address, timeout=timeout, **options)
             try:
                 await connection.write({"op": "identity", "reply": True})
                 if dict(await connection.read()).get("type") != "Scheduler":
