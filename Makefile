@@ -6,8 +6,8 @@ BIN = $(VENV)/bin
 # Modules are compiled when they are first imported, as most never are, and kept: some environments (of containers) say
 # not to keep them, and each of the many processes that the checks start would compile numpy and scipy again.
 unexport PYTHONDONTWRITEBYTECODE
-PIP = $(BIN)/pip --quiet --disable-pip-version-check
-PIP_INSTALL = $(PIP) install --no-compile
+INSTALL = $(BIN)/python requirements/install.py
+INSTALL_HERE = $(INSTALL) $(BIN)/python
 
 # Its notice, that another builder will follow, is news to nobody after the first time.
 MKDOCS = NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs
@@ -119,7 +119,7 @@ wheel-check: wheel
 	@$(PYTHON) tests/wheel_contents.py dist/*.whl
 	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; \
 	$(PYTHON) -m venv --without-pip "$$directory"; \
-	$(PIP) --python "$$directory/bin/python" install --no-compile --constraint requirements/demo.txt dist/*.whl; \
+	$(INSTALL) "$$directory/bin/python" --constraint requirements/demo.txt dist/*.whl; \
 	"$$directory/bin/python" tests/wheel_smoke.py
 
 bench: $(VENV)/bench $(VENV)/built
@@ -151,55 +151,57 @@ clean:
 
 # The environment. Each file below stands for one finished step, which is repeated when what it depends on changes.
 
-$(VENV)/created: | tools
+# Where there is no uv for the machine, pip installs all.
+$(VENV)/created: requirements/uv.txt | tools
 	@echo "-- environment in $(VENV)"
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --only-binary :all: -r $< 2>/dev/null || true
 	@touch $@
 
 $(VENV)/demo: requirements/demo.txt $(VENV)/created | tools
 	@echo "-- packages: requirements/demo.txt"
-	@$(PIP_INSTALL) -r requirements/demo.txt
+	@$(INSTALL_HERE) -r requirements/demo.txt
 	@touch $@
 
 $(VENV)/dev: requirements/dev.txt $(VENV)/demo
 	@echo "-- packages: requirements/dev.txt"
-	@$(PIP_INSTALL) -r requirements/dev.txt
+	@$(INSTALL_HERE) -r requirements/dev.txt
 	@touch $@
 
 $(VENV)/bench: requirements/bench.txt $(VENV)/dev
 	@echo "-- packages: requirements/bench.txt"
-	@$(PIP_INSTALL) -r requirements/bench.txt
+	@$(INSTALL_HERE) -r requirements/bench.txt
 	@touch $@
 
 $(VENV)/robots: requirements/robots.txt $(VENV)/dev
 	@echo "-- packages: requirements/robots.txt (131 MB)"
-	@$(PIP_INSTALL) --no-deps -r requirements/robots.txt
+	@$(INSTALL_HERE) --no-deps -r requirements/robots.txt
 	@touch $@
 
 $(VENV)/adapters: requirements/adapters.txt $(VENV)/dev
 	@echo "-- packages: requirements/adapters.txt (300 MB)"
-	@$(PIP_INSTALL) --no-deps -r requirements/adapters.txt
+	@$(INSTALL_HERE) --no-deps -r requirements/adapters.txt
 	@touch $@
 
 $(VENV)/dataset: requirements/dataset.txt $(VENV)/dev
 	@echo "-- packages: requirements/dataset.txt (170 MB)"
-	@$(PIP_INSTALL) --no-deps -r requirements/dataset.txt
+	@$(INSTALL_HERE) --no-deps -r requirements/dataset.txt
 	@touch $@
 
 $(VENV)/docs: requirements/docs.txt $(VENV)/dev
 	@echo "-- packages: requirements/docs.txt"
-	@$(PIP_INSTALL) --no-deps -r requirements/docs.txt
+	@$(INSTALL_HERE) --no-deps -r requirements/docs.txt
 	@touch $@
 
 $(VENV)/wheels: requirements/wheels.txt $(VENV)/demo
 	@echo "-- packages: requirements/wheels.txt (100 MB)"
-	@$(PIP_INSTALL) --no-deps -r requirements/wheels.txt
+	@$(INSTALL_HERE) --no-deps -r requirements/wheels.txt
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo
 	@echo "-- Rust core (a minute the first time)"
-	@PIP_QUIET=1 $(BIN)/maturin develop --quiet --release --locked
+	@PIP_QUIET=1 $(BIN)/maturin develop $$([ ! -x $(BIN)/uv ] || echo --uv) --quiet --release --locked
 	@touch $@
 
 # What only `make test` needs of Rust.
