@@ -91,9 +91,10 @@ class Figure:
 
     def __init__(self, walk: Walk, skeleton: Skeleton, lift: float) -> None:
         self._walk = walk
-        # Positions from the axes of all segments: (segment and axis, segment).
+        # Positions along the axes of the segments that carry each: (segment, segment, axis).
         carried = _CHAINS[:, :, None, None] * np.eye(len(SEGMENTS))[_CARRIERS][:, :, None] * _offsets(skeleton)[:, None]
-        self._reach = carried.sum(axis=1).reshape(len(SEGMENTS), -1).T
+        self._carried = carried.sum(axis=1)
+        self._reach = _reach(self._carried)
         self._hip_height = HIP_HEIGHT * walk.height
         self._lift = lift
 
@@ -121,9 +122,10 @@ class Figure:
 
     def lowest_sole(self, lowest: Support) -> float:
         """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
+        reach, turns = _reach(self._carried[_LEG][:, _LEG]), _TURNS[:, :, _LEG]
 
         def heights(phases: Floats) -> Floats:
-            foot = self._maps(*self._gait(phases, 1))[0, :, SEGMENTS.index("right_foot")]
+            foot = _maps(*self._gait(phases, 1, turns), reach)[0, :, -1]
             result: Floats = foot[:, 2, 3] + lowest(foot[:, 2, :3])
             return result
 
@@ -137,7 +139,7 @@ class Figure:
         """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
         walk = self._walk
         elapsed = np.asarray(times, dtype=np.float64) - walk.start_time
-        turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders)
+        turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders, _TURNS)
         place, heading, curvature = walk.path.points_at(walk.speed * elapsed)
         turns[0, :, 0] += heading[:, None]
         # The root sways about its place on the path, in axes that turn with the heading.
@@ -149,41 +151,13 @@ class Figure:
         on_floor = np.exp(1j * heading) * sway
         on_floor[0] += place
         root[..., 0], root[..., 1] = on_floor.real, on_floor.imag
-        return self._maps(turns, root)
+        return _maps(turns, root, self._reach)
 
-    def _maps(self, turns: Floats, root: Floats) -> Floats:
-        """Maps of all segments (orders, n, segment, 3, 4) from angles as of `_gait` and the root (orders, n, 3).
-
-        The first axis holds the value and, with two orders, the time derivative.
-        """
-        maps = np.empty((*turns.shape[:2], 3, len(SEGMENTS), 4))  # order, time, row, segment, column
-        # Rz Rx Ry, the first two rows as one of complex numbers.
-        (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
-        across = np.empty((*cz.shape, 3), dtype=np.complex128)
-        across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
-        forward = cz + 1j * sz
-        across *= forward[..., None]
-        axes = maps[..., :3]
-        axes[0, :, 0], axes[0, :, 1] = across.real, across.imag
-        axes[0, :, 2, :, 0], axes[0, :, 2, :, 1], axes[0, :, 2, :, 2] = -cx * sy, sx, cx * cy
-        if len(turns) > 1:
-            # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
-            about_z, about_x, about_y = (turns[1, :, angle, :, None] for angle in range(3))
-            level = about_x * forward[..., None] + about_y * across[..., 1:2]
-            upright = about_z + about_y * sx[..., None]
-            height = axes[0, :, 2]
-            rate = 1j * (upright * across - level * height)
-            axes[1, :, 0], axes[1, :, 1] = rate.real, rate.imag
-            axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
-        # Origins lie fixed in the axes of other segments, which carry them.
-        maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ self._reach
-        return maps.swapaxes(2, 3)
-
-    def _gait(self, phase: Floats, orders: int) -> tuple[Floats, Floats]:
+    def _gait(self, phase: Floats, orders: int, sums: Floats) -> tuple[Floats, Floats]:
         """Angles about z, x and y (orders, n, 3, segment) [rad] and the root (orders, n, 3) [m] of straight walking.
 
         Every segment turns by ``Rz Rx Ry``: the limbs swing about the y axis of pelvis or trunk, so that their angles
-        add up. The root lacks even motion.
+        add up, as `sums` of segments has them (see `_TURNS`). The root lacks even motion.
         """
         walk = self._walk
         if walk.speed > 0.0:
@@ -193,10 +167,39 @@ class Figure:
         else:
             angles, root = np.zeros((orders, len(phase), len(_STANDING))), np.zeros((orders, len(phase), 3))
             angles[0] = _STANDING
-        turns = (angles @ _TURNS.reshape(len(_STANDING), -1)).reshape(*angles.shape[:-1], *_TURNS.shape[1:])
+        turns = (angles @ sums.reshape(len(_STANDING), -1)).reshape(*angles.shape[:-1], *sums.shape[1:])
         root = self._hip_height * root
         root[0, ..., 2] += self._hip_height + self._lift
         return turns, root
+
+
+def _maps(turns: Floats, root: Floats, reach: Floats) -> Floats:
+    """Maps of segments (orders, n, segment, 3, 4) from angles as of `Figure._gait`, the root and `_reach`.
+
+    The first axis holds the value and, with two orders, the time derivative.
+    """
+    maps = np.empty((*turns.shape[:2], 3, turns.shape[-1], 4))  # order, time, row, segment, column
+    # Rz Rx Ry, the first two rows as one of complex numbers.
+    (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
+    across = np.empty((*cz.shape, 3), dtype=np.complex128)
+    across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
+    forward = cz + 1j * sz
+    across *= forward[..., None]
+    axes = maps[..., :3]
+    axes[0, :, 0], axes[0, :, 1] = across.real, across.imag
+    axes[0, :, 2, :, 0], axes[0, :, 2, :, 1], axes[0, :, 2, :, 2] = -cx * sy, sx, cx * cy
+    if len(turns) > 1:
+        # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
+        about_z, about_x, about_y = (turns[1, :, angle, :, None] for angle in range(3))
+        level = about_x * forward[..., None] + about_y * across[..., 1:2]
+        upright = about_z + about_y * sx[..., None]
+        height = axes[0, :, 2]
+        rate = 1j * (upright * across - level * height)
+        axes[1, :, 0], axes[1, :, 1] = rate.real, rate.imag
+        axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
+    # Origins lie fixed in the axes of other segments, which carry them.
+    maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ reach
+    return maps.swapaxes(2, 3)
 
 
 def lift_of(walk: Walk, skeleton: Skeleton, lowest: Support) -> float:
@@ -231,6 +234,15 @@ _TURNS = _turns()
 
 # The segment that carries the origin of each of SEGMENTS, at a fixed place in its axes.
 _CARRIERS = np.array([0, 0, 1, 1, 0, 0, 4, 5, 6, 7, 1, 1, 10, 11, 12, 13])
+
+
+_LEG = [SEGMENTS.index(name) for name in ("pelvis", "right_thigh", "right_shank", "right_foot")]
+"""All that carries the right foot, and itself."""
+
+
+def _reach(carried: Floats) -> Floats:
+    """Positions of segments as a product with the axes of all of them, (segment and axis, segment)."""
+    return np.ascontiguousarray(carried.reshape(len(carried), -1).T)
 
 
 def _chains() -> Floats:

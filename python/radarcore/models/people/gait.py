@@ -210,11 +210,10 @@ def _smooth_curve(points: dict[float, float], interpolate: Callable[[_Floats, _F
     likewise, bring it back; their heights solve a linear system.
     """
     phases, angles = np.array(sorted(points.items())).T
-    curve = _smoothed(interpolate(phases, angles[:, None]))
-    bumps = _smoothed(interpolate(phases, np.eye(len(phases))))
-    powers = _powers(phases)
-    missing = angles - (powers @ curve[:, 0]).real
-    return np.asarray(curve[:, 0] + bumps @ np.linalg.solve((powers @ bumps).real, missing))
+    smoothed = _smoothed(interpolate(phases, np.column_stack([angles, np.eye(len(phases))])))
+    at_points = (_powers(phases) @ smoothed).real
+    heights = np.linalg.solve(at_points[:, 1:], angles - at_points[:, 0])
+    return np.asarray(smoothed[:, 0] + smoothed[:, 1:] @ heights)
 
 
 def _smoothed(samples: _Floats) -> _Phasors:
@@ -229,16 +228,22 @@ def monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
     """Samples of periodic curves through values (point, column), (_NUM_SAMPLES, column), monotone between points."""
     # PCHIP: where a curve turns it is level, elsewhere its slope is a harmonic mean. SciPy's takes long to load.
     piece, following, u = _pieces(phases)
-    width = ((np.roll(phases, -1) - phases) % 1.0)[:, None]
-    width_before = np.roll(width, 1, axis=0)
-    slope = (np.roll(values, -1, axis=0) - values) / width
-    slope_before = np.roll(slope, 1, axis=0)
+    number = np.arange(len(phases))
+    before, after = number - 1, (number + 1) % len(phases)
+    width = ((phases[after] - phases) % 1.0)[:, None]
+    width_before = width[before]
+    slope = (values[after] - values) / width
+    slope_before = slope[before]
     weighted = (2.0 * width + width_before) * slope + (width + 2.0 * width_before) * slope_before
     product = np.maximum(slope * slope_before, 0.0)
     tangent = 3.0 * (width + width_before) * product / np.where(product > 0.0, weighted, 1.0)
-    rise = (u * u * (3.0 - 2.0 * u))[:, None] * (values[following] - values[piece])
-    start, end = (u * (1.0 - u) ** 2)[:, None] * tangent[piece], (u * u * (1.0 - u))[:, None] * tangent[following]
-    return np.asarray(values[piece] + rise + width[piece] * (start - end))
+    # Shares of the values and tangents at both ends of its piece that every sample has.
+    of_values, of_tangents = np.zeros((2, _NUM_SAMPLES, len(phases)))
+    sample, rise, length = np.arange(_NUM_SAMPLES), u * u * (3.0 - 2.0 * u), width[piece, 0]
+    of_values[sample, piece], of_values[sample, following] = 1.0 - rise, rise
+    of_tangents[sample, piece] = length * u * (1.0 - u) ** 2
+    of_tangents[sample, following] = -length * u * u * (1.0 - u)
+    return np.asarray(of_values @ values + of_tangents @ tangent)
 
 
 def _half_cosines(phases: _Floats, values: _Floats) -> _Floats:
