@@ -177,12 +177,17 @@ class Pose:
         >>> pose.apply([0.5, 0.0, 0.0]).round(3)
         array([1. , 0.5, 0. ])
         """
-        roll, pitch, yaw = angles = check.array("rpy", rpy, (3,))
+        angles = check.array("rpy", rpy, (3,))
         if (largest := float(np.abs(angles).max())) > _LARGEST_ANGLE:
             raise ValueError(f"rpy: expected angles within {_LARGEST_ANGLE:g} rad, got {largest:g}")
         check.radians("rpy", angles)
-        z, y, x = rotations_about(np.fliplr(np.diag([yaw, pitch, roll])))
-        return cls(position, z @ y @ x)
+        (cx, cy, cz), (sx, sy, sz) = np.cos(angles).tolist(), np.sin(angles).tolist()
+        rotation = [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+        return cls(position, rotation)
 
     def __matmul__(self, other: Pose) -> Pose:
         """Pose of `other`, given in this pose's coordinates, in the world."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check
+from radarcore.geometry.mesh import bounds_of
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
@@ -71,6 +72,11 @@ class Parts:
     def vertices_at(self, mesh: int, time: float) -> NDArray[np.float64]:
         """Vertices of a body with a mesh at a time [s], (n, 3) in body coordinates [m]."""
         return np.ascontiguousarray(self.meshed[mesh].vertices_at(time))
+
+    def bounds_at(self, mesh: int, time: float) -> NDArray[np.float64]:
+        """Smallest and largest coordinates of a body with a mesh at a time [s], (2, 3) in body coordinates [m]."""
+        body = self.meshed[mesh]
+        return body.mesh.bounds if body.deformation is None else bounds_of(self.vertices_at(mesh, time))
 
     def vertex_rates_at(self, mesh: int, time: float) -> NDArray[np.float64]:
         """Velocities of the vertices of a body that deforms [m/s], (n, 3) in body coordinates."""

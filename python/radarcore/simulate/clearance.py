@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
 from radarcore.scene.scene import Scene
-from radarcore.simulate.corners import bounds
 
 # A body whose bounds have a longer diagonal may be a room around the sensor [m].
 _ROOM = 2.0
@@ -28,15 +27,13 @@ def check_antennas(
     world = antennas @ sensor[:, :3].T + sensor[:, 3]
     for mesh, number in enumerate(parts.mesh_numbers):
         pose = poses[mesh]
-        local, vertices = (world - pose[:, 3]) @ pose[:, :3], parts.vertices_at(mesh, time)
-        if len(vertices) == 0:
-            continue
+        local = (world - pose[:, 3]) @ pose[:, :3]
         # Few antennas are near the box around a body, and few triangles near these antennas.
-        low, high = bounds(vertices)
+        low, high = parts.bounds_at(mesh, time)
         near = local[((local > low - _CLEARANCE) & (local < high + _CLEARANCE)).all(axis=1)]
         if len(near) == 0:
             continue
-        corners = vertices[parts.meshed[mesh].mesh.triangles]
+        corners = parts.vertices_at(mesh, time)[parts.meshed[mesh].mesh.triangles]
         lowest, highest = corners.min(axis=1) - _CLEARANCE, corners.max(axis=1) + _CLEARANCE
         for antenna in near:
             beside = corners[((antenna > lowest) & (antenna < highest)).all(axis=1)]

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.geometry.mesh import bounds_of
+
 _Floats = NDArray[np.float64]
 _Triangles = NDArray[np.uint32]
 
@@ -36,7 +38,7 @@ def corner_points(
     """
     if len(triangles) == 0:
         return np.empty((0, 3))
-    low, high = bounds(vertices)
+    low, high = bounds_of(vertices)
     if ((sensor > low) & (sensor < high)).all():
         return np.empty((0, 3))
     large = _double_areas(vertices, triangles) >= 2.0 * _SMALLEST_FACE * wavelength**2
@@ -76,15 +78,6 @@ def corner_points(
     feet = start[met] + share[met, None] * along[met]
     shared_ends, counts = np.unique(ends, return_counts=True)
     return np.concatenate([feet, places[shared_ends[counts > 1]] * _SAME_PLACE])
-
-
-def bounds(vertices: _Floats) -> tuple[_Floats, _Floats]:
-    """Smallest and largest coordinates of vertices (n, 3) [m]; not numbers without vertices."""
-    if len(vertices) == 0:
-        return np.full(3, np.nan), np.full(3, np.nan)
-    # Axis by axis: numpy takes twenty times longer along the first axis of three columns.
-    low, high = (np.array([extreme(axis) for axis in vertices.T]) for extreme in (np.min, np.max))
-    return low, high
 
 
 def _double_areas(vertices: _Floats, triangles: _Triangles) -> _Floats:

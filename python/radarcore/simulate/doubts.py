@@ -15,7 +15,7 @@ from radarcore.radar.radar import Radar
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
-from radarcore.simulate.corners import bounds, corner_points
+from radarcore.simulate.corners import corner_points
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
 from radarcore.units import SPEED_OF_LIGHT
@@ -79,7 +79,7 @@ class Doubts:
             return
         # Places on the bounding boxes of all bodies, in the sensor frame about the middle of the array.
         if self._boxes is None:
-            low, high = np.array([bounds(body.mesh.vertices) for body in meshed]).swapaxes(0, 1)
+            low, high = np.array([body.mesh.bounds for body in meshed]).swapaxes(0, 1)
             self._boxes = low[:, None] + _PLACES * (high - low)[:, None]
         bodies, mount = poses[:, :-1], poses[:, -1:]
         world = self._boxes @ bodies[..., :3].swapaxes(-1, -2) + bodies[..., None, :, 3]
@@ -156,9 +156,8 @@ class Doubts:
         sensor = poses[-1]
         middles = dict(zip(parts.point_numbers.tolist(), parts.positions + time * parts.velocities, strict=True))
         for mesh, number in enumerate(parts.mesh_numbers.tolist()):
-            vertices, pose = parts.vertices_at(mesh, time), poses[mesh]
-            if len(vertices) > 0:
-                middle = 0.5 * sum(bounds(vertices))
+            middle, pose = parts.bounds_at(mesh, time).mean(axis=0), poses[mesh]
+            if not np.isnan(middle).any():
                 middles[number] = pose[:, :3] @ middle + pose[:, 3]
         seen = {number: (middle - sensor[:, 3]) @ sensor[:, :3] for number, middle in middles.items()}
         if not seen:
