@@ -221,11 +221,7 @@ class Receiver:
 
 def is_plain(receiver: Receiver) -> bool:
     """True if nothing happens but thermal noise and taking the real part."""
-    plain = Receiver(output=receiver.output, noise_figure_db=receiver.noise_figure_db)
-    return all(
-        getattr(receiver, field.name) == getattr(plain, field.name) or field.name in _MATTER_NOT_ALONE
-        for field in fields(receiver)
-    )
+    return all(getattr(receiver, name) == value for name, value in _PLAIN)
 
 
 def check_receivers(receiver: Receiver, num_rx: int) -> None:
@@ -240,6 +236,13 @@ def check_receivers(receiver: Receiver, num_rx: int) -> None:
 
 _MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")
 """Settings without effect unless others are given."""
+
+_PLAIN = tuple(
+    (field.name, field.default)
+    for field in fields(Receiver)
+    if field.name not in ("output", "noise_figure_db", *_MATTER_NOT_ALONE)
+)
+"""Settings that do nothing, of all that do more than add noise and take the real part."""
 
 
 def _plain(value: Any) -> Any:
