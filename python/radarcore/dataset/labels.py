@@ -257,13 +257,17 @@ class _Labeller:
     def __init__(self, simulator: Simulator, names: tuple[str, ...], settings: Labels) -> None:
         scene, motion = simulator.scene, simulator.radar_motion
         self._settings, self._scene = settings, scene
-        self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
         self._layouts = dims_of(simulator.radar, names, settings)
         self._members: Members = members_of(names, scene.names)
         self._owners = owners_of(self._members, len(scene.names))
-        self._places = Places(scene, Pose() if motion is None else as_motion("radar_motion", motion))
-        self._people = People(scene, names)
-        self._caster = Caster(simulator) if settings.visibility or settings.cells else None
+        if settings.boxes or settings.visibility or settings.joints:
+            self._places = Places(scene, Pose() if motion is None else as_motion("radar_motion", motion))
+        if settings.joints:
+            self._people = People(scene, names)
+        if settings.visibility or settings.cells:
+            self._caster = Caster(simulator)
+        if settings.visibility:
+            self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
 
     def of(self, frame: Frame) -> dict[str, Labelled]:
         """Labels of a frame, as `labels_of` has them."""
@@ -272,20 +276,22 @@ class _Labeller:
         if settings.truth:
             values |= self._truth(frame)
         time = middle_of(frame)
-        placed = self._places.at(time)
-        boxes = boxes_of(parts, placed) if settings.boxes or settings.visibility else np.zeros((0, 2, 3))
+        if settings.boxes or settings.visibility or settings.joints:
+            placed = self._places.at(time)
+        if settings.boxes or settings.visibility:
+            boxes = boxes_of(parts, placed)
         if settings.boxes:
             low, high = united(boxes, self._members).swapaxes(0, 1)
             values |= {"box_center": 0.5 * (low + high), "box_size": high - low}
-        if self._caster is not None:
+        if settings.visibility or settings.cells:
             echo = self._caster.echo(time)
-            if settings.visibility:
-                seen_from = boxes - frame.radar.array_center
-                values["visibility"] = visibilities(
-                    self._caster, echo, time, self._members, self._scene, self._is_rough, seen_from
-                )
-            if settings.cells:
-                values["strongest_body"] = cells.strongest_bodies(echo, self._owners, frame.radar)
+        if settings.visibility:
+            seen_from = boxes - frame.radar.array_center
+            values["visibility"] = visibilities(
+                self._caster, echo, time, self._members, self._scene, self._is_rough, seen_from
+            )
+        if settings.cells:
+            values["strongest_body"] = cells.strongest_bodies(echo, self._owners, frame.radar)
         if settings.joints:
             values["joint_position"] = self._people.joints(placed)
         return {name: Labelled(layout.dims, values[name], layout.attrs) for name, layout in self._layouts.items()}

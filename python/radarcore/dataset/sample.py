@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -35,8 +34,6 @@ class Sample:
     values : mapping of str to value
         What was drawn, by the paths of `Variation.parameters`; of a choice of tables or lists the number of the
         option. Parameters of copies, or within options, that this sample does not have are missing.
-    text : str
-        The scene file, which makes the same frames alone. Its paths are relative to the file of the variation.
     path : Path
         That file.
 
@@ -59,9 +56,14 @@ class Sample:
     index: int
     seed: int
     values: Mapping[str, Any]
-    text: str
     path: Path
+    _tables: dict[str, Any]
     _kept: Kept = field(default_factory=Kept)
+
+    @property
+    def text(self) -> str:
+        """The scene file, which makes the same frames alone; its paths are relative to the file of the variation."""
+        return f"# Sample {self.index} of {self.path.name}, seed {self.seed}.\n{toml_text(self._tables)}"
 
     def simulation(self) -> Simulation:
         """Scene, radar and run of the sample; meshes of people, arms and files are made once per process.
@@ -87,7 +89,7 @@ class Sample:
         <Scene: point 0>
         """
         try:
-            tables = tables_of(tomllib.loads(self.text), self.path)
+            tables = tables_of(self._tables, self.path)
         except ValueError as error:
             raise ValueError(self._with_drawn(str(error), self._named(str(error)))) from error
         try:
@@ -145,7 +147,7 @@ class Sample:
         def moved(name: str, _: bool) -> str:
             return name if Path(name).is_absolute() else Path(os.path.relpath(source / name, folder)).as_posix()
 
-        tables = renamed(tomllib.loads(self.text), moved)
+        tables = renamed(self._tables, moved)
         header = self.text.partition("\n")[0]
         with target.open("x", encoding="utf-8") as file:
             file.write(f"{header}\n{toml_text(tables)}")

@@ -21,7 +21,6 @@ from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.read import unit_at, values_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.tables import RunTable
-from radarcore.scenefile.toml import toml_text
 
 _SEED_PATH = "run.seed"
 _NUM_SEEDS = 2**53
@@ -203,8 +202,7 @@ class Variation:
             return _drawn(distribution, share_of(series, number, path))
 
         tables, values = resolved(self._tables, pick)
-        text = f"# Sample {number} of {self.path.name}, seed {series}.\n{toml_text(tables)}"
-        return Sample(number, series, values, text, self.path, self._kept)
+        return Sample(number, series, values, self.path, tables, self._kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Variation, (self.path, self.parameters, self.body_names, self.run, self._tables)
@@ -278,7 +276,7 @@ class _Trials:
             return _drawn(distribution, share_of(0, self._index, path))
 
         tables, values = resolved(self._tables, pick)
-        return Sample(self._index, 0, values, toml_text(tables), self._file, self._kept)
+        return Sample(self._index, 0, values, self._file, tables, self._kept)
 
     def check_ends(self) -> None:
         """Refuse a distribution with an end that is no value of its key; the error then names both."""
