@@ -67,11 +67,14 @@ lint-rust: $(VENV)/created | tests-rust
 	@echo "-- lint: Rust"
 	@cargo clippy --quiet --lib --tests --benches --locked --features python -- -D warnings
 
-# What a user's checker of types finds of the package, beside that the package is right: every name with its type.
+# What a user's checker of types finds of the package, beside that the package is right: every name with its type. The stub
+# of the core is compared with the core without the package around it, all of which would be checked once more.
 types: $(VENV)/adapters $(VENV)/dataset $(VENV)/built
 	@echo "-- types"
 	@$(BIN)/mypy --no-error-summary
-	@$(BIN)/python -m mypy.stubtest --concise radarcore._core
+	@set -e; directory=$$(mktemp -d); trap 'rm -rf "$$directory"' EXIT; mkdir "$$directory/radarcore"; \
+	cp python/radarcore/_core.pyi "$$directory/radarcore"; : > "$$directory/radarcore/__init__.pyi"; \
+	MYPYPATH="$$directory" $(BIN)/python -m mypy.stubtest --concise radarcore._core
 	@known=$$(PATH="$(CURDIR)/$(BIN):$$PATH" basedpyright --verifytypes radarcore --ignoreexternal) || { echo "$$known"; exit 1; }
 
 # What traces rays is inside of the core. The rest, benches once and tiny among it, takes a core that is not optimised,
