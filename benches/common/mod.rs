@@ -15,11 +15,12 @@ pub fn is_once_through() -> bool {
     std::env::args().any(|argument| argument == "--test")
 }
 
-/// Sizes to measure, or the one of a once-through; with criterion's `--quick` the first alone.
+/// Sizes to measure, or the one of a once-through; with criterion's `--quick` the first of several unless it is large.
 pub fn sizes<const N: usize>(measured: [usize; N], once: usize) -> Vec<usize> {
-    if is_once_through() {
+    let is_quick = std::env::args().any(|argument| argument == "--quick");
+    if is_once_through() || is_quick && (N == 1 || measured[0] > 10_000) {
         vec![once]
-    } else if std::env::args().any(|argument| argument == "--quick") {
+    } else if is_quick {
         measured[..1].to_vec()
     } else {
         measured.to_vec()

@@ -97,7 +97,7 @@ def corner_results(run: Run) -> Iterator[Corner]:
             for sampling in SAMPLINGS:
                 yield corner(run, name, mesh, FAR, polarization, sampling, on_paper)
     for distance in NEAR:
-        difference = near_db(distance)
+        difference = near_db(distance, run.near_pitch)
         for sampling in SAMPLINGS:
             name = "triangular trihedral"
             on_paper = 10.0 * np.log10(ON_PAPER[name]) + difference

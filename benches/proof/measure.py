@@ -70,6 +70,12 @@ class Run:
     pitch: float
     """Of the rays of a dense integration [rad]."""
     shifts: int
+    nodes: int
+    """Of exact surfaces, along a side."""
+    near_pitch: float
+    """Between points of plates near the radar [m]."""
+    section_edge: float
+    """Of reflectors whose cross-sections are taken [m]."""
 
 
 FULL = Run(
@@ -90,6 +96,9 @@ FULL = Run(
     mesh_budgets=[40_000, 100_000, 260_000],
     pitch=2e-4,
     shifts=8,
+    nodes=600,
+    near_pitch=4e-4,
+    section_edge=0.1,
 )
 TINY = Run(
     resolutions=[32],
@@ -109,6 +118,9 @@ TINY = Run(
     mesh_budgets=[5_000],
     pitch=8e-3,
     shifts=2,
+    nodes=60,
+    near_pitch=2e-3,
+    section_edge=0.02,
 )
 
 TURNS = np.array([[0.0, 0.0], [0.5, 0.17], [0.17, 0.67], [0.83, 0.33], [0.33, 0.83], [0.67, 0.5]])

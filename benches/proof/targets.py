@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,13 @@ class Case:
     has_budgets: bool = False  # near, and not small: also within budgets of rays
 
 
-def cases() -> Iterator[Case]:
+@cache
+def cases() -> list[Case]:
+    """All of them; integrals along the rims of plates take a while."""
+    return list(new_cases())
+
+
+def new_cases() -> Iterator[Case]:
     for radius in (0.05, 0.02):
         mesh = rc.shapes.disc(radius, sagitta=FINE_RIM)
         name = f"disc, radius {100 * radius:g} cm, at 1 m"
@@ -251,9 +258,9 @@ def matt_rows(results: list[MattPower]) -> Iterator[list[str]]:
         ]
 
 
-def section_rows() -> Iterator[list[str]]:
+def section_rows(run: Run) -> Iterator[list[str]]:
     """Far-field cross-sections by one reflection and several."""
-    frequency, edge = 60e9, 0.1
+    frequency, edge = 60e9, run.section_edge
     wavelength = SPEED_OF_LIGHT / frequency
     reflectors: list[tuple[str, rc.Mesh, int, float]] = [
         ("plate", rc.shapes.plate(edge, edge), 1, 4.0 * np.pi * edge**4 / wavelength**2),
