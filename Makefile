@@ -94,9 +94,7 @@ tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VEN
 
 benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"
-	@for bench in benches/*.py; do \
-		[ ! -e "$$bench" ] || $(BIN)/python "$$bench" --tiny || exit 1; \
-	done
+	@$(BIN)/python tests/benches_once.py
 
 # After the build for the environment, whose result it packs.
 wheel: $(VENV)/demo | $(VENV)/built

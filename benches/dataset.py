@@ -28,13 +28,18 @@ from radarcore.simulate.times import frame_times
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
 ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"
-PERSON = """
-run.stop = 0.25
+LONG, SHORT = "run.stop = 0.25\n", "run.stop = 0.05\n"
+"""Ten frames of a person, and the two of a tiny run."""
+
+PERSON = (
+    LONG
+    + """
 [[human]]
 name = "person"
 path = [[{ uniform = [2.0, 4.0] }, 0.0], [1.0, 0.0]]
 speed = { uniform = [0.5, 1.5] }
 """
+)
 ROOM = """
 [[body]]
 name = "wall"
@@ -111,7 +116,7 @@ def speeds(folder: Path, tiny: bool) -> str:
     rows = []
     for name, (text, count) in SCENES.items():
         scene, out = folder / "scene.toml", folder / "out"
-        scene.write_text(text)
+        scene.write_text(text.replace(LONG, SHORT) if tiny else text)
         number = 2 if tiny else count
         simulated(scene, 1)
         num_frames, alone = simulated(scene, number)
@@ -147,17 +152,18 @@ def rate(scene: Path, count: int) -> float:
 
 def scaling(folder: Path, tiny: bool) -> str:
     """Table of frames per second by the clock, of one and of all cores."""
-    scene, out, cores = folder / "people.toml", folder / "people", num_cores()
+    scene, out = folder / "people.toml", folder / "people"
+    cores = min(num_cores(), 2) if tiny else num_cores()
     scene.write_text(SMALL + BALL if tiny else RADAR + PERSON + ROOM)
     rows, count = [], 1 if tiny else 20
     per_sample = simulated(scene, 1)[0]
     alone = rate(scene, count)
-    for workers in sorted({1, cores}):
+    for workers in [cores] if tiny else sorted({1, cores}):
         # What processes reach side by side is the most there is.
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             together = sum(pool.map(rate, [scene] * workers, [count] * workers))
         few, number = workers * PER_SHARD, (2 if tiny else 16) * workers * PER_SHARD
-        start = made(scene, out, few, workers, PER_SHARD)[0]
+        start = 0.0 if tiny else made(scene, out, few, workers, PER_SHARD)[0]
         stored = (number - few) * per_sample / (made(scene, out, number, workers, PER_SHARD)[0] - start)
         shares = stored / (workers * alone), stored / together
         rows.append([f"{workers}", f"{together:.1f}", f"{stored:.1f}", *(f"{share:.0%}" for share in shares)])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from functools import cache
 from typing import Any
 from unittest import mock
 
@@ -66,6 +67,7 @@ def floor(side: float) -> rc.Mesh:
     return rc.Mesh(vertices, np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
 
 
+@cache
 def person() -> tuple[rc.Mesh, rc.Mesh]:
     """Lower and upper part of a standing person who faces +x, as spheroids, finer ones at the trunk."""
     segments = {

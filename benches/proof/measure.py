@@ -72,6 +72,8 @@ class Run:
     shifts: int
     nodes: int
     """Of exact surfaces, along a side."""
+    chirps: int
+    """Of the frames of a moving sphere."""
     near_pitch: float
     """Between points of plates near the radar [m]."""
     section_edge: float
@@ -97,6 +99,7 @@ FULL = Run(
     pitch=2e-4,
     shifts=8,
     nodes=600,
+    chirps=128,
     near_pitch=4e-4,
     section_edge=0.1,
 )
@@ -119,6 +122,7 @@ TINY = Run(
     pitch=8e-3,
     shifts=2,
     nodes=60,
+    chirps=40,
     near_pitch=2e-3,
     section_edge=0.02,
 )

@@ -83,17 +83,9 @@ def oblique_results(run: Run) -> Iterator[Quiet]:
         )
 
 
-# A sphere that moves evenly, 128 chirps.
+# A sphere that moves evenly.
 
 DOPPLER_RADIUS, DOPPLER_START, DOPPLER_VELOCITY = 0.1, [1.0, 0.05, 0.02], [0.5, 0.1, 0.0]
-DOPPLER_WAVEFORM = rc.Waveform.from_sweep(
-    start_frequency=60e9,
-    stop_frequency=61e9,
-    sample_rate=2e6,
-    num_samples=128,
-    num_chirps=128,
-    chirp_interval=400e-6,
-)
 FAR_BINS = 16
 """Bins from the peak on which count: a Hann window's own side lobes are 76 dB down there."""
 
@@ -104,22 +96,22 @@ def doppler_results(run: Run) -> Iterator[Quiet]:
         material=rc.materials["perfect_conductor"],
         motion=rc.Linear(rc.Pose(DOPPLER_START), velocity=DOPPLER_VELOCITY),
     )
-    radar = rc.Radar(DOPPLER_WAVEFORM)
+    sweep: dict[str, Any] = {"start_frequency": 60e9, "stop_frequency": 61e9, "sample_rate": 2e6, "num_samples": 128}
+    waveform = rc.Waveform.from_sweep(**sweep, num_chirps=run.chirps, chirp_interval=400e-6)
+    radar = rc.Radar(waveform)
     for sampling, setting, _, options in ways(run):
         got = frame(simulator(sphere, radar, **options))
         yield Quiet(
             "one frame", sampling, setting, got.stats["rays_cast"], got.stats["paths"], doppler_floor(got.cube[0])
         )
     # Every chirp a frame of its own, whose rays are cast where the sphere is then.
-    single = rc.Radar(
-        rc.Waveform.from_sweep(start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=128)
-    )
+    single = rc.Radar(rc.Waveform.from_sweep(**sweep))
     one_of_each = {
         sampling: (sampling, setting, options) for sampling, setting, _, options in reversed(list(ways(run)))
     }
     for sampling, setting, options in reversed(one_of_each.values()):
         sim = simulator(sphere, single, **options)
-        frames = [sim.frame(time) for time in DOPPLER_WAVEFORM.chirp_times]
+        frames = [sim.frame(time) for time in waveform.chirp_times]
         stats = frames[0].stats
         cube = np.concatenate([f.cube[0] for f in frames])
         yield Quiet(

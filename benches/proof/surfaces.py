@@ -56,7 +56,9 @@ def targets(run: Run) -> Iterator[Target]:
     for tilt_deg in (0.0, 20.0, 70.0)[: run.aspects]:
         pose = rc.Pose.from_rpy([1.2, 0.1, -0.05], [0.0, np.deg2rad(tilt_deg), 0.0])
         yield Target(f"capsule, tilted {tilt_deg:g}°", pose, capsule_meshes, capsule(0.06, 0.4), run.nodes)
-        yield Target(f"tube with rounded rims, tilted {tilt_deg:g}°", pose, tube_meshes, tube(0.06, 0.4, 0.01), run.nodes)
+        yield Target(
+            f"tube with rounded rims, tilted {tilt_deg:g}°", pose, tube_meshes, tube(0.06, 0.4, 0.01), run.nodes
+        )
     for heading_deg in (0.0, 40.0, 90.0)[: run.aspects]:
         pose = rc.Pose.from_rpy([2.5, 0.0, -0.9], [0.0, 0.0, np.pi + np.deg2rad(heading_deg)])
         yield Target(f"person of ellipsoids, {heading_deg:g}°", pose, person_meshes, None, run.nodes)
