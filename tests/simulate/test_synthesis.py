@@ -39,7 +39,7 @@ AXES: dict[str, tuple[Any, ...]] = {
     "method": ("auto", "grid", "recurrence", "lanes"),
     "num_paths": (7, 130, 600),
 }
-MAX_PATH_SAMPLES, MAX_PATH_CHIRPS = 4_000_000, 200_000
+MAX_PATH_SAMPLES, MAX_PATH_CHIRPS = 2_500_000, 200_000
 """So that one case takes some hundredths of a second."""
 
 
@@ -116,7 +116,8 @@ def test_error_is_within_the_tolerance(seed: int) -> None:
         tolerance = float(reachable[1])
         assert tolerance > case["tolerance"], message
         got, report = paths.signal(wf, tolerance=tolerance, **options)
-    exact = paths.exact(wf)
+    is_by_others = case["method"] in ("grid", "lanes") and tolerance >= 1e-7
+    exact = paths.nearly_exact(wf) if is_by_others else paths.exact(wf)
     assert np.isfinite(got).all(), f"seed {seed}: {case}: {report}"
     error = relative_error(got, exact, paths).max()
     bound = tolerance + allowance(exact, paths, wf, tolerance)
