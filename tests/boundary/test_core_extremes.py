@@ -44,7 +44,6 @@ from core_calls import (
 )
 from radarcore import _core
 
-
 MIRROR = _core.Material.constant((-0.5, 0.0), 0.0)
 
 

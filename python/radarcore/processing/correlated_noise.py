@@ -133,19 +133,34 @@ def _cell_rate(slow: bytes, fast: bytes, false_alarm_rate: float, num_looks: int
     mixing = directions * np.sqrt(np.maximum(variances, 0.0))
     rng = np.random.default_rng(0)
     num_draws = max(2000, _NUM_DRAWS // num_looks)
-    draws = rng.standard_normal((2, num_draws, len(cells)))
-    first = (draws[0] + 1j * draws[1]) @ mixing.T / np.sqrt(2.0)
-    others = np.zeros((num_draws, len(cells)))
-    for _ in range(num_looks - 1):
+
+    def drawn() -> NDArray[np.complex128]:
+        """The rest of the neighbours in one channel, (cell, draw)."""
         draws = rng.standard_normal((2, num_draws, len(cells)))
-        others += np.abs((draws[0] + 1j * draws[1]) @ mixing.T) ** 2 / 2.0
+        return np.asarray(mixing @ (draws[0] + 1j * draws[1]).T / np.sqrt(2.0))
+
+    first = drawn()
+    power = _square(first)
+    for _ in range(num_looks - 1):
+        power += _square(drawn())
     level = (np.arange(num_draws) + 0.5) / num_draws
 
-    # Channels can be turned into each other, so the middle cell's amplitude may be in the first alone.
+    # Channels can be turned into each other, so the middle cell's amplitude a may be in the first alone. A neighbour
+    # has the power |a part + first|^2 and that of the other channels.
+    along, left = 2.0 * (part.conj()[:, None] * first).real, 1.0 - _square(part)
     rate = false_alarm_rate
     for _ in range(_NUM_ROUNDS):
-        middle = gammainccinv(num_looks, level * rate)
-        beside = np.abs(np.sqrt(middle)[:, None] * part + first) ** 2 + others
-        share = float((beside < middle[:, None]).all(axis=1).mean())
-        rate = min(false_alarm_rate / max(share, 1e-2), 0.5)
+        # The same of one look, which is exponential, in a tenth of the time.
+        middle = -np.log(level * rate) if num_looks == 1 else gammainccinv(num_looks, level * rate)
+        root, is_largest = np.sqrt(middle), np.ones(num_draws, dtype=bool)
+        for i in range(len(cells)):
+            is_largest &= left[i] * middle - along[i] * root > power[i]
+        last, rate = rate, min(false_alarm_rate / max(float(is_largest.mean()), 1e-2), 0.5)
+        if rate == last:
+            break
     return rate
+
+
+def _square(amplitude: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Powers; squares of `np.abs` take several times as long."""
+    return np.asarray(amplitude.real**2 + amplitude.imag**2)
