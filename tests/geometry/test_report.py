@@ -45,7 +45,7 @@ def moved(mesh: rc.Mesh, by: Any) -> rc.Mesh:
     return rc.Mesh(mesh.vertices + np.asarray(by), mesh.triangles)
 
 
-@pytest.mark.parametrize(("radius", "subdivisions"), [(0.1, 3), (0.1, 4), (1.0, 2)])
+@pytest.mark.parametrize(("radius", "subdivisions"), [(0.1, 3), (0.1, 4), (0.01, 2)])
 def test_sagitta_of_a_sphere_is_what_its_facets_lack_in_radius(subdivisions: int, radius: float) -> None:
     mesh = rc.shapes.sphere(radius, subdivisions=subdivisions)
     report = of_sphere(radius, subdivisions)
@@ -67,7 +67,7 @@ def test_sagitta_of_a_sphere_is_what_its_facets_lack_in_radius(subdivisions: int
 def test_sagitta_of_a_cylinder_is_that_of_its_facets() -> None:
     # Over the middle of a triangle, at a third of the width w of a side, an arc of the angle d is at w d / 9; whichever
     # way the diagonals run, as both triangles of a side count as one.
-    n, a, length = 48, 0.1, 0.3
+    n, a, length = 48, 0.01, 0.03
     angle = 2.0 * np.pi * np.arange(n) / n
     ring = np.stack([a * np.cos(angle), a * np.sin(angle)], 1)
     vertices = np.concatenate([np.column_stack([ring, np.full(n, z)]) for z in (0.0, length)])
@@ -99,8 +99,8 @@ def _parts(mesh: rc.Mesh) -> tuple[Any, Any]:
 
 
 def test_flat_mesh_is_looked_at_as_if_it_were_smooth() -> None:
-    ball = rc.shapes.sphere(0.1, subdivisions=3)
-    assert rc.mesh_report(rc.Mesh(*_parts(ball), shading="flat")) == of_sphere(0.1, 3)
+    ball = rc.shapes.sphere(0.02, subdivisions=3)
+    assert rc.mesh_report(rc.Mesh(*_parts(ball), shading="flat")) == of_sphere(0.02, 3)
     # With a crease angle below that between its facets it has none to be smooth.
     sharp = rc.Mesh(*_parts(ball), crease_angle_deg=1.0)
     assert rc.mesh_report(sharp).smooth_share == 0.0
@@ -125,7 +125,7 @@ def test_flat_facets_of_a_coarse_sphere_change_its_echo_and_those_of_a_fine_one_
 
 
 def test_one_flipped_triangle_has_three_inconsistent_edges() -> None:
-    ball = rc.shapes.sphere(0.1, subdivisions=2)
+    ball = rc.shapes.sphere(0.02, subdivisions=2)
     triangles = ball.triangles.copy()
     triangles[7] = triangles[7, ::-1]
     report = rc.mesh_report(rc.Mesh(ball.vertices, triangles))
@@ -212,7 +212,7 @@ def test_what_is_no_frequency_is_refused(frequency: Any) -> None:
 
 
 def test_report_does_not_depend_on_threads() -> None:
-    surface = rc.shapes.sphere(0.1, subdivisions=3)._core
+    surface = rc.shapes.sphere(0.02, subdivisions=3)._core
     one, four = (surface.quality(crease_angle=0.8, wavelength=5e-3, threads=threads) for threads in (1, 4))
     assert one == four
 

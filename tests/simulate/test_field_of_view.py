@@ -192,11 +192,12 @@ def echo_ahead(mesh: rc.Mesh, sampling: str) -> complex:
     return complex(echo(sim).item())
 
 
-# Each direction in each sampling with one of the two bodies; millions of pixels take the longest.
+# Each direction in cells with one of the two bodies; millions of pixels see one direction of a kind.
+PIXELS_ASIDE = [(70.0, 0.0), (0.0, -70.0), (60.0, 40.0), (0.0, 45.3), (-45.3, 10.0), (65.0, 42.2)]
 BALLS_ASIDE, PLATES_ASIDE = (
     [("tiles", *d) for d in (SIDES + SEAMS)[1 - first :: 2]]
     + [("edge terms", *d) for d in (SIDES + SEAMS)[first::2]]
-    + [("pixels", *d) for d in (SIDES + SEAMS)[first::2]]
+    + [("pixels", *d) for d in PIXELS_ASIDE[first::2]]
     for first in (0, 1)
 )
 

@@ -109,7 +109,7 @@ def peaks_db(mesh: rc.Mesh, **options: Any) -> NDArray[np.float64]:
 
 def test_tube_is_closed_and_has_the_volume_of_its_solid() -> None:
     mesh = tube(32, 8)
-    report = rc.mesh_report(mesh)
+    report = rc.mesh_report(mesh, frequency=1e9)  # few rays: echoes are not looked at
     assert (report.num_parts, report.num_open_edges, report.num_inconsistent_edges) == (1, 0, 0)
     # A fillet takes a square less a quarter of a disc, round the rim (Pappus); a polygon lacks (2 pi / n)^2 / 6.
     centroid = TUBE_RADIUS - FILLET + FILLET * 2.0 / (3.0 * (4.0 - np.pi))
@@ -144,7 +144,7 @@ def test_noise_on_vertices_changes_each_peak_little_more_than_on_flat_facets(sam
     change = {}
     for shading in ("smooth", "flat"):
         clean = peaks_db(tube(32, 8, shading=shading), **options)
-        noisy = [peaks_db(tube(32, 8, seed=seed, shading=shading), **options) for seed in range(8)]
+        noisy = [peaks_db(tube(32, 8, seed=seed, shading=shading), **options) for seed in range(5)]
         change[shading] = np.abs(np.array(noisy) - clean)
     assert rms(change["flat"]) > 0.3
     assert (change["smooth"] <= change["flat"] + 1.0).all()
@@ -161,7 +161,7 @@ def test_coarse_sphere_is_a_sphere_however_it_is_turned(
     mesh, expected = rc.shapes.sphere(0.1, subdivisions=subdivisions), [sphere(0.1, 1.0, f) for f in BAND]
     options = SAMPLINGS[sampling] | ({"resolution": 192} if sampling == "footprint" else {})
     # Normals are those of the mesh, whichever rays meet them: cells see every second turn.
-    turns = Rotation.random(24, rng=np.random.default_rng(0)).as_matrix()
+    turns = Rotation.random(16, rng=np.random.default_rng(0)).as_matrix()
     for rotation in turns if sampling == "footprint" else turns[::2]:
         ball = rc.Body(mesh, material=CONDUCTOR, motion=rc.Pose([1.0, 0.0, 0.0], rotation))
         sim = rc.Simulator(rc.Scene([ball]), rc.Radar(WAVEFORM), field_of_view_deg=(14.0, 14.0), **options)
