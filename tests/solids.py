@@ -27,5 +27,6 @@ def volume(mesh):
 
 def is_closed(mesh):
     """Every edge belongs to exactly two faces that run through it in opposite directions."""
-    edges = {tuple(edge) for edge in directed_edges(mesh).tolist()}
-    return len(edges) == 3 * len(mesh.triangles) and all((b, a) in edges for a, b in edges)
+    edges = directed_edges(mesh).astype(np.int64)
+    there, back = (np.sort(a * len(mesh.vertices) + b) for a, b in (edges.T, edges.T[::-1]))
+    return bool((np.diff(there) > 0).all() and np.array_equal(there, back))

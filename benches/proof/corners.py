@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import permutations
 from typing import Any
 
@@ -48,6 +49,7 @@ class Corner:
     phase: float | None
 
 
+@cache
 def near_db(distance: float, pitch: float = 4e-4) -> float:
     """Apparent cross-section of the triangular trihedral at a distance [m] of its apex, over that far away [dB].
 

@@ -17,9 +17,9 @@ from fuzz.command import next_case
 from fuzz.judge import LONGEST, MOST_MEMORY, judge
 from fuzz.targets import TARGETS
 
-NUM_INPUTS = {"obj": 150, "scene": 8, "pattern": 150, "robot": 50, "directory": 30, "npz": 50, "infineon": 30}
-NUM_INPUTS |= {"strata": 100, "comlib": 75, "capture": 20}
-"""Less than half a second each; `python -m tests.fuzz` draws for as long as one likes."""
+NUM_INPUTS = {"obj": 90, "scene": 5, "pattern": 90, "robot": 30, "directory": 18, "npz": 30, "infineon": 18}
+NUM_INPUTS |= {"strata": 60, "comlib": 45, "capture": 12}
+"""Less than a third of a second each; `python -m tests.fuzz` draws for as long as one likes."""
 
 
 @pytest.fixture(autouse=True)
