@@ -43,8 +43,10 @@ def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
 def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
     if window is None:
         return check.frozen(np.ones(length))
-    if isinstance(window, str) and window in _COSINES and length > 1:
-        return check.frozen(_sum_of_cosines(_COSINES[window], length + periodic)[:length])
+    if isinstance(window, str) and window in _COSINES and length > 0:
+        # Of a single chirp SciPy makes 1, whatever the window.
+        one_or_more = _sum_of_cosines(_COSINES[window], length + periodic)[:length] if length > 1 else np.ones(1)
+        return check.frozen(one_or_more)
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
     expected = "expected a window of scipy.signal.get_window or None"
