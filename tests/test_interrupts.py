@@ -128,8 +128,8 @@ def told(work: Callable[[Callable[[int], object]], object]) -> list[int]:
 
 
 def test_direct_sums_and_builds_tell_how_far_they_are() -> None:
-    direct: Callable[..., object] = beat("direct", 10_000, 64, 64, 1e-9)
-    vertices, triangles = bumpy(100_000)
+    direct: Callable[..., object] = beat("direct", 40_000, 64, 64, 1e-9)
+    vertices, triangles = bumpy(500_000)
     rows = triangles.astype(np.uint32)
     for numbers, total in (
         (told(lambda report: direct(report=report)), 64),
