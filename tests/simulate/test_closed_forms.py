@@ -252,7 +252,7 @@ def lambertian_field(name: str, fineness: str, seed: int) -> complex:
 
 
 def some_pairs() -> list[tuple[str, str]]:
-    """Every body in two kinds of pixels, every kind of pixels with two bodies or more; more where pixels are finest."""
+    """Every body in two kinds of pixels, every kind of pixels with two bodies or more."""
     return [
         ("disc b=0.1 d=1", "half"),
         ("disc b=0.1 d=1", "adaptive"),
