@@ -118,14 +118,18 @@ def speeds(folder: Path, tiny: bool) -> str:
         scene, out = folder / "scene.toml", folder / "out"
         scene.write_text(text.replace(LONG, SHORT) if tiny else text)
         number = 2 if tiny else count
-        simulated(scene, 1)
+        # Fewer samples than cores would have more threads.
+        few = 1 if tiny else num_cores()
+        if not tiny:
+            made(scene, out, few, 1, few)  # so that all is loaded
         num_frames, alone = simulated(scene, number)
         # What planning and the end take is the same for any number of samples.
-        start = made(scene, out, 1, 1, 1)[1]
+        first = made(scene, out, few, 1, few)[1]
         # Shards are as long as those of a large dataset.
-        per_shard = min(number, samples_per_shard(10**6, size_of(out), None))
-        own = (made(scene, out, number, 1, per_shard)[1] - start) * number / (number - 1)
-        per_frame = size_of(out) / num_frames
+        per_shard = min(few + number, samples_per_shard(10**6, size_of(out) // few, None))
+        own = made(scene, out, few + number, 1, per_shard)[1] - first
+        start = max(0.0, first - own * few / number)
+        per_frame = size_of(out) / num_frames * number / (few + number)
         rows.append(
             [
                 name,
@@ -157,7 +161,7 @@ def scaling(folder: Path, tiny: bool) -> str:
     scene.write_text(SMALL + BALL if tiny else RADAR + PERSON + ROOM)
     rows, count = [], 1 if tiny else 20
     per_sample = simulated(scene, 1)[0]
-    alone = rate(scene, count)
+    alone = [rate(scene, count)]
     for workers in [cores] if tiny else sorted({1, cores}):
         # What processes reach side by side is the most there is.
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
@@ -165,13 +169,21 @@ def scaling(folder: Path, tiny: bool) -> str:
         few, number = workers * PER_SHARD, (2 if tiny else 16) * workers * PER_SHARD
         start = 0.0 if tiny else made(scene, out, few, workers, PER_SHARD)[0]
         stored = (number - few) * per_sample / (made(scene, out, number, workers, PER_SHARD)[0] - start)
-        shares = stored / (workers * alone), stored / together
-        rows.append([f"{workers}", f"{together:.1f}", f"{stored:.1f}", *(f"{share:.0%}" for share in shares)])
+        rows.append((workers, together, stored))
+    # Before and after, as the clock of a core changes.
+    alone.append(rate(scene, count))
+    one = sum(alone) / len(alone)
     header = [
         *("workers", "`Simulator.frame` in as many processes [1/s]", "stored [1/s]"),
         *("share of workers x one process", "share of as many processes"),
     ]
-    return table(header, rows)
+    return table(
+        header,
+        [
+            [f"{n}", f"{together:.1f}", f"{stored:.1f}", f"{stored / (n * one):.0%}", f"{stored / together:.0%}"]
+            for n, together, stored in rows
+        ],
+    )
 
 
 def memory(folder: Path, tiny: bool) -> str:
