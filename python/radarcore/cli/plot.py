@@ -51,6 +51,9 @@ OF_RECORDINGS: dict[str, Callable[..., Axes]] = {
 OF_IMAGES: dict[str, Callable[[Image], Axes]] = {"depth": plot.depth_image, "reflectance": plot.reflectance_image}
 """Pictures of what the rays of a scene hit."""
 
+FIGURES = ("overview", "experiment")
+"""Pictures of several panels, which write themselves."""
+
 KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experiment")
 """Names of the pictures; the last four need a scene."""
 
@@ -168,12 +171,15 @@ def draw(
     ):
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
         raise ValueError(f"{wrong[0]}: expected a picture of kind {kinds}, got {kind!r}")
+    if kind in FIGURES:
+        chosen["path"] = picture
     if source.suffix == ".toml":
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
         recording = _sequence(load_recording(source, config), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
-    canvas.save(figure, picture)
+    if kind not in FIGURES:
+        canvas.save(figure, picture)
 
 
 def _of_recording(recording: Recording, path: Path, kind: str, number: int | None, view: dict[str, Any]) -> Any:
@@ -191,7 +197,7 @@ def _of_recording(recording: Recording, path: Path, kind: str, number: int | Non
         return plot.overview(recording[index], None, moving=shown if removes else None, **view)
     ax = OF_FRAMES[kind](shown, **view)
     told = ["", _WITHOUT_STATIC] if removes else []
-    ax.set_title(f"{ax.get_title()}, frame {index} of {len(recording)}" + "\n".join(told))
+    canvas.entitle(ax, f"{ax.get_title()}, frame {index} of {len(recording)}" + "\n".join(told))
     return ax.figure
 
 
@@ -258,5 +264,5 @@ def _tracks(
     frames = moving(recording) if remove_static else recording.frames()
     found = track(frames, detector=partial(detect, min_range=min_range, max_range=max_range), num_dimensions=1)
     ax = plot.tracks(recording, found)
-    ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
+    canvas.entitle(ax, f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
     return ax

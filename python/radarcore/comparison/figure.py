@@ -68,7 +68,7 @@ def draw(
             _show_targets(ax, side)
         else:
             frame_pictures.range_profile(frame, ax=ax, max_range=end)
-        ax.set_title(f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
+        canvas.entitle(ax, f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
 
     # Both over the truth.
     ranges = figure.add_subplot(grid[1])
@@ -109,7 +109,7 @@ def over_time(comparison: Record, *, max_range: float | None = None) -> Figure:
             side.recording, time=side.recording.time + side.offset.seconds, truth=_named(comparison, side)
         )
         history.range_time(shifted, ax, max_range=end)
-        ax.set_title(side.name)
+        canvas.entitle(ax, side.name)
         ax.set_xlim(*_span(comparison.sides))
     return figure
 

@@ -30,6 +30,9 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "0.45"
 """Colour of what needs none."""
 
+SHOWN_DPI, WRITTEN_DPI = 100, 150
+"""Dots per inch of figures, and of what is written of them."""
+
 
 class Name(NamedTuple):
     """A name to be put near a point of the data, or near or in a box around it."""
@@ -65,14 +68,14 @@ def require() -> None:
         raise ImportError("pictures need matplotlib: pip install radarcore[plot]") from error
 
 
-def new_figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float, *, dpi: int = SHOWN_DPI) -> Figure:
     """Figure of a size in inches, not known to pyplot, that can be drawn without a window."""
     require()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height), dpi=100, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
+    figure = Figure(figsize=(width, height), dpi=dpi, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
     FigureCanvasAgg(figure)  # keeps its renderer; the canvas of a bare figure makes one for every text that is measured
     return figure
 
@@ -88,15 +91,24 @@ def lay_out(figure: Figure) -> None:
         ax.apply_aspect()
 
 
-def save(figure: Figure, path: str | os.PathLike[str] | None) -> None:
-    """Write a figure, if anywhere; missing parents are made."""
+def dpi_for(path: str | os.PathLike[str] | None) -> int:
+    """Dots per inch of a figure that will be saved, if anywhere: then its layout is made once, for the file."""
+    return SHOWN_DPI if path is None else WRITTEN_DPI
+
+
+def save(figure: Figure, path: str | os.PathLike[str] | None, *, is_laid_out: bool = False) -> None:
+    """Write a figure, if anywhere; missing parents are made. One that was made for the file is then one to be shown."""
     if path is not None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-        write(figure, path, dpi=150)
+        write(figure, path, dpi=WRITTEN_DPI, is_laid_out=is_laid_out)
+        figure.dpi = SHOWN_DPI
 
 
-def write(figure: Figure, target: str | os.PathLike[str] | IO[bytes], *, dpi: int) -> None:
-    """Write a figure as `Figure.savefig` does, which draws all of it once more where it has the layout to make."""
+def write(figure: Figure, target: str | os.PathLike[str] | IO[bytes], *, dpi: int, is_laid_out: bool = False) -> None:
+    """Write a figure as `Figure.savefig` does, which draws all of it once more where it has the layout to make.
+
+    One that has its layout, at these dots per inch, keeps it.
+    """
     from matplotlib import rcParams
 
     engine, own_dpi = figure.get_layout_engine(), figure.dpi
@@ -104,8 +116,9 @@ def write(figure: Figure, target: str | os.PathLike[str] | IO[bytes], *, dpi: in
         figure.savefig(target, dpi=dpi)
         return
     try:
-        figure.dpi = dpi
-        lay_out(figure)
+        if not (is_laid_out and own_dpi == dpi):
+            figure.dpi = dpi
+            lay_out(figure)
         figure.set_layout_engine(None)
         figure.savefig(target, dpi=dpi)
     finally:
@@ -118,6 +131,15 @@ def color_map(name: str) -> Any:
     from matplotlib import colormaps
 
     return colormaps[name].with_extremes(bad=_MISS)
+
+
+def entitle(ax: Axes, text: str, **style: Any) -> None:
+    """Title as of `Axes.set_title`, which would measure the axes and what is beside them once more to find its place.
+
+    That is where it was, unless ticks are on top, as they may be in axes that were given.
+    """
+    has_top = ax.xaxis.get_ticks_position() in ("top", "unknown") or ax.xaxis.get_label_position() == "top"
+    ax.set_title(text, y=None if has_top else 1.0, **style)
 
 
 def color_bar(ax: Axes, picture: Any, label: str) -> None:
