@@ -219,7 +219,10 @@ def _corners(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     """Points of a body in its own coordinates at one time, (n, 3)."""
     if isinstance(body, PointTarget) or len(body.mesh.triangles) == 0:
         return np.zeros((1, 3))
-    return np.asarray(body.vertices_at(time)[np.unique(body.mesh.triangles)])
+    vertices = body.vertices_at(time)
+    is_corner = np.zeros(len(vertices), dtype=bool)
+    is_corner[body.mesh.triangles] = True
+    return np.asarray(vertices[is_corner])
 
 
 def _pose(body: Body | PointTarget, time: float) -> Pose:
