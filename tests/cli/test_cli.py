@@ -99,9 +99,8 @@ def test_missing_mesh_and_missing_scene_are_one_line(
     assert main(["simulate", str(scene), "-o", str(tmp_path / "recording")]) == 1
     fault = f"radarcore: {scene}: body[0] 'ball': path: expected a mesh file, got none at {tmp_path / 'part.obj'}\n"
     assert capsys.readouterr().err == fault
-    done = run("simulate", tmp_path / "none.toml", "-o", tmp_path / "recording")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"radarcore: {tmp_path / 'none.toml'}: No such file or directory\n"
+    assert main(["simulate", str(tmp_path / "none.toml"), "-o", str(tmp_path / "recording")]) == 1
+    assert capsys.readouterr() == ("", f"radarcore: {tmp_path / 'none.toml'}: No such file or directory\n")
     assert not (tmp_path / "recording").exists()
 
 
@@ -149,7 +148,8 @@ def test_every_picture_of_a_scene(scene: Path, tmp_path: Path, kind: str) -> Non
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-# One of each way from a recording to a picture; `test_pictures_take_what_can_be_chosen_of_them` draws them all.
+# One of each way from a recording to a picture; `test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them` draws
+# them all.
 @pytest.mark.parametrize("kind", ["overview", "chirp", "map", "range-time"])
 def test_last_frame_of_a_recording_is_drawn(recording: Path, tmp_path: Path, kind: str) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
@@ -167,15 +167,6 @@ def of_two_sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path
     (directory / "scene.toml").write_text(text)
     rc.load_scene(directory / "scene.toml").record(directory / "recording", progress=False)
     return {"scene": directory / "scene.toml", "recording": directory / "recording"}
-
-
-@pytest.mark.parametrize("kind", ["overview", *plot.OF_FRAMES, *plot.OF_RECORDINGS])
-def test_every_picture_of_a_sub_sequence(of_two_sequences: dict[str, Path], tmp_path: Path, kind: str) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    picture = tmp_path / "picture.png"
-    arguments = ["plot", str(of_two_sequences["recording"]), "-o", str(picture), "--kind", kind]
-    assert main([*arguments, "--sequence", "1"]) == 0
-    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 # One of each way from a file to a picture.
@@ -240,11 +231,16 @@ def chosen(kind: str) -> list[str]:
     return [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
 
 
-# The experiment with its options is that of a sub-sequence.
+# The experiment with its options is above.
 @pytest.mark.parametrize("kind", [kind for kind in plot.VIEWS if kind != "experiment"])
-def test_pictures_take_what_can_be_chosen_of_them(recording: Path, tmp_path: Path, kind: str) -> None:
+def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
+    of_two_sequences: dict[str, Path], tmp_path: Path, kind: str
+) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    assert main(["plot", str(recording), "-o", str(tmp_path / "picture.png"), "--kind", kind, *chosen(kind)]) == 0
+    picture = tmp_path / "picture.png"
+    arguments = ["plot", str(of_two_sequences["recording"]), "-o", str(picture), "--kind", kind, *chosen(kind)]
+    assert main([*arguments, "--sequence", "1"]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
