@@ -294,8 +294,10 @@ def texts_apart(figure: Any) -> set[str]:
 
 @pytest.mark.parametrize("options", [{}, {"real": False}, {"num_chirps": 1}])
 def test_overview_writes_nothing_over_anything_else(options: Any, tmp_path: Path) -> None:
-    figure = plot.overview(frame(**options), image(), tmp_path / "new" / "overview.png")
-    assert (tmp_path / "new/overview.png").read_bytes()[:4] == b"\x89PNG"
+    path = tmp_path / "new" / "overview.png" if options == {} else None
+    figure = plot.overview(frame(**options), image(), path)
+    assert path is None or path.read_bytes()[:4] == b"\x89PNG"
+    assert figure.dpi == 100  # as of one that was not written
     assert [ax.get_title() for ax in figure.axes[:3]] == ["Depth", "Reflectance", "First chirp, channel 0"]
     assert {"wall", "arm"} <= texts_apart(figure)
 
@@ -478,10 +480,11 @@ def test_experiment_writes_nothing_over_anything_else(
     one = recording()
     middles = one.time + 0.5 * one.radar.waveform.duration
     arm = {"time": middles, "range": 1.5 - 0.8 * middles, "velocity": np.full(12, -0.8)}
-    path = tmp_path / "new" / "experiment.png"
+    path = tmp_path / "new" / "experiment.png" if with_estimates else None
     estimates = {"arm": arm} if with_estimates else None
     figure = plot.experiment(one, room(), Pose(), estimates, max_range=3.0, path=path)
-    assert path.read_bytes()[:4] == b"\x89PNG"
+    assert path is None or path.read_bytes()[:4] == b"\x89PNG"
+    assert figure.dpi == 100
     titles = [ax.get_title() for ax in figure.axes[:5]]
     tracks = "Truth (lines) and estimates (dots)" if with_estimates else "Truth"
     assert titles == ["Scene from above", "Range and velocity at 0.15 s", "Spectrogram", tracks, ""]
@@ -496,6 +499,21 @@ def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
     assert any(text.startswith("1 frame, ") for text in texts_apart(figure))
 
 
+def test_titles_are_where_matplotlib_has_them() -> None:
+    """Above the axes, and above ticks at the top of axes that were given."""
+    above, below = figure_module.Figure().subplots(1, 2)
+    above.xaxis.tick_top()
+    for ax in (above, below):
+        plot.range_doppler_map(frame(truth=False), ax=ax)
+        ax.figure.draw_without_rendering()
+        ours = ax.title.get_window_extent().get_points()
+        ax.set_title(ax.get_title())
+        ax.figure.draw_without_rendering()
+        np.testing.assert_allclose(ax.title.get_window_extent().get_points(), ours, atol=1e-6)
+    (label,) = (tick.label2 for tick in above.xaxis.get_major_ticks()[:1])
+    assert above.title.get_window_extent().y0 >= label.get_window_extent().y1
+
+
 @pytest.mark.parametrize("autolayout", [False, True])
 def test_a_written_picture_is_that_of_savefig_and_leaves_the_figure_as_it_was(
     autolayout: bool, monkeypatch: pytest.MonkeyPatch
@@ -508,23 +526,6 @@ def test_a_written_picture_is_that_of_savefig_and_leaves_the_figure_as_it_was(
     another.savefig(saved, dpi=80)
     pictures = [imread(io.BytesIO(file.getvalue())) for file in (written, saved)]
     np.testing.assert_array_equal(*pictures)
-
-
-def run(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-
-
-def test_importing_needs_no_matplotlib_and_drawing_no_pyplot() -> None:
-    result = run(
-        "import sys, radarcore.plot; assert not any(n.startswith(('matplotlib', 'scipy')) for n in sys.modules)"
-    )
-    assert result.returncode == 0, result.stderr
-    result = run(
-        "import sys, numpy as np, types; from radarcore import plot\n"
-        "plot.depth_image(types.SimpleNamespace(distance=np.ones((2, 2)), field_of_view_deg=(60, 60)))\n"
-        "assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
-    )
-    assert result.returncode == 0, result.stderr
 
 
 def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -545,16 +546,19 @@ def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> 
             draw()  # type: ignore[no-untyped-call]
 
 
-def test_drawing_a_recording_touches_nothing_global() -> None:
-    result = run(
-        f"import sys; sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]!r}\n"
+def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_nothing_global() -> None:
+    code = (
+        "import sys, radarcore.plot; assert not any(n.startswith(('matplotlib', 'scipy')) for n in sys.modules)\n"
+        f"sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]!r}\n"
         "import matplotlib, test_plot; from radarcore import plot\n"
         "settings = lambda: {k: matplotlib.rcParams[k] for k in matplotlib.rcParams if k != 'backend'}\n"
         "before = settings()\n"
         "plot.experiment(test_plot.recording(), test_plot.room())\n"
         "plot.range_time(test_plot.recording())\n"
+        "plot.depth_image(test_plot.image())\n"
         "assert settings() == before and 'matplotlib.pyplot' not in sys.modules"
     )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
 
 
