@@ -208,33 +208,34 @@ def place_names_in_layout(
     drawn = _corners_drawn(ax)
     for k, name in enumerate(names):
         taken = placed + [box for i, box in enumerate(boxes) if i != k]
-        free = []
+        label = ax.annotate(
+            name.text,
+            (name.x, name.y),
+            (0, 0),
+            textcoords="offset points",
+            fontsize=9,
+            color=name.color,
+            path_effects=[withStroke(linewidth=2.5, foreground=outline)],
+            parse_math=False,
+        )
+        label.set_in_layout(False)
+        size = np.array(label.get_window_extent().size)  # the same wherever it is
+        best: tuple[int, tuple[Any, ...], Bbox] | None = None
         for gap, (right, up, horizontal, vertical) in places:
-            label = ax.annotate(
-                name.text,
-                (name.x + right * halves[k, 0], name.y + up * halves[k, 1]),
-                (gap * right, gap * up),
-                textcoords="offset points",
-                horizontalalignment=horizontal,
-                verticalalignment=vertical,
-                fontsize=9,
-                color=name.color,
-                path_effects=[withStroke(linewidth=2.5, foreground=outline)],
-                parse_math=False,
-            )
-            label.set_in_layout(False)
-            box = label.get_window_extent()
+            towards = np.array([right, up])
+            middle = ax.transData.transform(points[k] + towards * halves[k]) + towards * (gap * pixels + 0.5 * size)
+            box = Bbox([middle - 0.5 * size, middle + 0.5 * size])
             if _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken):
-                hidden = ((drawn > box.min) & (drawn < box.max)).all(axis=1).sum()
-                free.append((hidden, label, box))
-            else:
-                label.remove()
-        best = min(free, key=lambda place: place[0], default=None)
-        for place in free:
-            if place is best:
-                placed.append(place[2])
-            else:
-                place[1].remove()
+                hidden = int(((drawn > box.min) & (drawn < box.max)).all(axis=1).sum())
+                if best is None or hidden < best[0]:
+                    best = hidden, (gap, right, up, horizontal, vertical), box
+        if best is None:
+            label.remove()
+            continue
+        _, (gap, right, up, horizontal, vertical), box = best
+        label.xy = (name.x + right * halves[k, 0], name.y + up * halves[k, 1])
+        label.set(position=(gap * right, gap * up), horizontalalignment=horizontal, verticalalignment=vertical)
+        placed.append(box)
 
 
 def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
