@@ -73,9 +73,10 @@ def new_figure(width: float, height: float, *, dpi: int = SHOWN_DPI) -> Figure:
     require()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height), dpi=dpi, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08))
+    from radarcore.plot.layout import Layout
+
+    figure = Figure(figsize=(width, height), dpi=dpi, layout=Layout(w_pad=0.12, h_pad=0.08))
     FigureCanvasAgg(figure)  # keeps its renderer; the canvas of a bare figure makes one for every text that is measured
     return figure
 
