@@ -52,6 +52,13 @@ def is_run_elsewhere(arguments: list[str]) -> bool:
     return arguments[0] in ("sensor", "demo", "--install-completion")
 
 
+def is_run_for_an_earlier_page(page: Path, arguments: list[str]) -> bool:
+    """The same words, which read an example alone."""
+    earlier = PAGES[: PAGES.index(page)]
+    reads_an_example = arguments[1:2] != [] and arguments[1].startswith("examples/")
+    return reads_an_example and any(arguments in commands(other) for other in earlier)
+
+
 def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Run the Python blocks of a page in one namespace; a text block next to one is its output, a TOML block a file."""
     names: dict[str, object] = {}
@@ -130,7 +137,7 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         simulated = rc.Simulator(rc.Scene([walker]), radar).record(0.0, 0.2, progress=False)
         replace(simulated, truth=None).save("out/rec")
     for arguments in commands(page):
-        if is_run_elsewhere(arguments):
+        if is_run_elsewhere(arguments) or is_run_for_an_earlier_page(page, arguments):
             app = application()
             parse(app, arguments)  # raises a CycloptsError if there is no such command or option
             assert app.parse_commands(arguments)[0][0] == arguments[0]
