@@ -132,6 +132,68 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
     assert not link.is_symlink()
 
 
+TERMINAL_CLOSES = """
+import errno, os, signal, sys
+from radarcore.cli.main import main
+from radarcore.cli.sensor import serve
+
+def status(call):
+    "Exit status of a server that cannot write its second line; the signal of the terminal comes some calls later."
+    lines = calls = 0
+
+    def count(frame, event, argument):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+        if calls == call:
+            sys.setprofile(None)
+            os.kill(os.getpid(), signal.SIGHUP)
+
+    def write(*text, **options):
+        nonlocal lines
+        lines += 1
+        if lines == 2:
+            sys.setprofile(count)
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    serve.print = write
+    found = main(["sensor", "serve", sys.argv[1], "--link", sys.argv[2]])
+    assert not os.path.lexists(sys.argv[2]), call
+    return found
+
+print([status(call) for call in (1, 2, 6, 10, 16, 30, 60, 100)])
+"""
+
+
+def test_signal_of_a_terminal_that_has_closed_leaves_nothing_behind_at_any_call(recording, tmp_path):
+    with python(TERMINAL_CLOSES, recording, tmp_path / "radar") as process:
+        out, err = process.communicate(timeout=PATIENCE)
+    assert (out, err) == (f"{[0] * 8}\n", "")
+
+
+def test_signal_that_python_drops_is_told_again():
+    dropped = """
+import os, signal
+from radarcore.cli.ending import Ended, interrupted_by_signals, raise_if_ended
+with interrupted_by_signals():
+    def tidied():
+        try:
+            yield
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+    generator = tidied()
+    next(generator)
+    del generator  # "Exception ignored in"
+    try:
+        raise_if_ended()
+    except Ended as ended:
+        print(ended)
+"""
+    with python(dropped) as process:
+        out, err = process.communicate(timeout=PATIENCE)
+    assert out == "ended by SIGTERM\n"
+    assert "Exception ignored" in err
+
+
 def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
     scene, output = tmp_path / "swing.toml", tmp_path / "rec"
     scene.write_text(SWING)

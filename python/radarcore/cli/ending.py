@@ -22,6 +22,18 @@ class Ended(KeyboardInterrupt):
         self.number = number
 
 
+class _Signals:
+    """What signals have said to the command that runs."""
+
+    first: int | None = None
+    """Number of the first one."""
+    are_held = False
+    """True while they are noted alone."""
+
+
+_signals = _Signals()
+
+
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
     """Raise `Ended` in the main thread at the first of the signals; more of them do not disturb the clearing up.
@@ -31,14 +43,14 @@ def interrupted_by_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    has_ended = False
+    _signals.first, _signals.are_held = None, False
 
     def end(number: int, _: FrameType | None) -> None:
-        nonlocal has_ended
         _leave_closed_terminal()
-        if not has_ended:
-            has_ended = True
-            raise Ended(number)
+        if _signals.first is None:
+            _signals.first = number
+            if not _signals.are_held:
+                raise Ended(number)
 
     caught = []
     for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
@@ -50,6 +62,22 @@ def interrupted_by_signals() -> Iterator[None]:
     finally:
         for number in caught:
             signal.signal(number, signal.SIG_DFL)
+        _signals.first, _signals.are_held = None, False
+
+
+def raise_if_ended() -> None:
+    """Raise `Ended` again where a signal has come, for loops without an end.
+
+    Python drops what is raised while it tidies up a generator or a weak reference.
+    """
+    if _signals.first is not None and not _signals.are_held:
+        raise Ended(_signals.first)
+
+
+def hold_signals() -> None:
+    """Let signals wait until the command has ended: what it clears up would be left half done."""
+    _signals.are_held = True
+    _leave_closed_terminal()
 
 
 def exit_status(interrupt: KeyboardInterrupt) -> int:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from radarcore import check
+from radarcore.cli.ending import hold_signals, raise_if_ended
 from radarcore.cli.options import Count, Seconds, Source
 from radarcore.cli.sensor.options import Speed
 from radarcore.recording.recording import Recording
@@ -76,16 +79,28 @@ def run(
         PtyPort(board, link=link) as port,
     ):
         try:
-            name = link or port.path
-            print(f"listening on {name}")
-            print(f"{source} as a {chip}, protocol {language}; {settings}")
-            print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
-            _wait(duration, _Clients(port).news, board.news)
+            with _terminal_may_close():
+                name = link or port.path
+                print(f"listening on {name}")
+                print(f"{source} as a {chip}, protocol {language}; {settings}")
+                print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
+                _wait(duration, _Clients(port).news, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
         finally:
+            hold_signals()
             board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
+
+
+@contextmanager
+def _terminal_may_close() -> Iterator[None]:
+    """End where the terminal has closed, whose signal is on its way."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
 
 
 def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:
@@ -93,6 +108,7 @@ def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:
     deadline = math.inf if duration is None else time.monotonic() + duration
     while time.monotonic() < deadline:
         time.sleep(0.2)
+        raise_if_ended()
         for lines in news:
             for line in lines():
                 print(line, file=sys.stderr, flush=True)

@@ -254,8 +254,8 @@ class RobotArm:
         Examples
         --------
         >>> arm = rc.models.RobotArm.ur10()
-        >>> arm.link_pose("tool0", {"elbow_joint": np.pi / 2}).position.round(2)
-        array([ 0.5 ,  0.26, -0.44])
+        >>> arm.link_pose("tool0", {"elbow_joint": np.pi / 2}).position.round(3)
+        array([ 0.496,  0.256, -0.445])
         """
         number = self.link_number(link)
         return as_pose(self.link_poses(self.joint_array(joint_angles))[number])
