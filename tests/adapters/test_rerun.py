@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections import defaultdict
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,10 @@ from radarcore.adapters.rerun import Viewer
 from radarcore.cli.main import main
 from scene_files import APPROACHING
 
-pytest.importorskip("rerun", reason="needs the extra `rerun`: pip install radarcore[rerun]")
+# Looked for, not imported, which takes half a second in every process that collects tests.
+pytestmark = pytest.mark.skipif(
+    find_spec("rerun") is None, reason="needs the extra `rerun`: pip install radarcore[rerun]"
+)
 
 RADAR = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=64, num_chirps=16, chirp_interval=300e-6)
 MIDDLE = 0.5 * RADAR.waveform.duration
@@ -72,6 +77,7 @@ def sockets_and_children() -> tuple[int, str]:
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
 def test_a_step_writes_a_file_and_nothing_is_sent_or_opened(tmp_path: Path) -> None:
+    import_module("rerun")  # which connects its own threads with each other
     before = sockets_and_children()
     scene = rc.Scene([rc.Body(BOX, name="box")])
     with Viewer(tmp_path / "new" / "run.rrd") as viewer:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,15 @@ import radarcore as rc
 from varied_scenes import write_scene
 
 pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
-xarray = pytest.importorskip("xarray", reason="needs xarray: pip install radarcore[zarr]")
 
 WALL = "[[body]]\nname = 'wall'\nshape = { kind = 'plate', width = 0.4, height = 0.4 }\npose.position = [2.6, 0.0, 0.0]"
 MATERIAL = "material = { choice = ['metal', 'wood'] }"
+
+
+@pytest.fixture(scope="module")
+def xarray() -> Any:
+    """The library, which takes a second to import in every process that collects tests."""
+    return pytest.importorskip("xarray", reason="needs xarray: pip install radarcore[zarr]")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +33,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> rc.dataset.Dataset:
     return rc.dataset.make(scene, folder / "out", count=5, seed=1, samples_per_shard=2, workers=1)
 
 
-def test_xarray_has_names_units_and_coordinates(dataset: rc.dataset.Dataset) -> None:
+def test_xarray_has_names_units_and_coordinates(dataset: rc.dataset.Dataset, xarray: Any) -> None:
     with xarray.open_zarr(dataset.path) as opened:
         assert dict(opened.sizes) == {
             "sample": 5,
@@ -62,7 +68,7 @@ def test_xarray_has_names_units_and_coordinates(dataset: rc.dataset.Dataset) -> 
         assert json.loads(opened.attrs["radar"]) == dataset.radar.to_dict()
 
 
-def test_drawn_values_are_variables_and_the_truth_follows_from_them(dataset: rc.dataset.Dataset) -> None:
+def test_drawn_values_are_variables_and_the_truth_follows_from_them(dataset: rc.dataset.Dataset, xarray: Any) -> None:
     with xarray.open_zarr(dataset.path) as opened:
         position = opened["parameter.point.ball.position[0]"]
         velocity = opened["parameter.point.ball.velocity[0]"]
@@ -111,7 +117,7 @@ def test_map_by_xarray_and_numpy_alone_is_ours(dataset: rc.dataset.Dataset, tmp_
     np.testing.assert_allclose(np.load(tmp_path / "power.npy"), ours, rtol=0, atol=1e-6 * ours.max())
 
 
-def test_codes_of_an_adc_are_stored_and_decoded(tmp_path: Path) -> None:
+def test_codes_of_an_adc_are_stored_and_decoded(tmp_path: Path, xarray: Any) -> None:
     scene = write_scene(tmp_path)
     adc = (
         "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }"
@@ -129,7 +135,7 @@ def test_codes_of_an_adc_are_stored_and_decoded(tmp_path: Path) -> None:
     assert size < 0.45 * 3 * dataset.cube(0).nbytes  # of the float32
 
 
-def test_a_shard_is_one_file_with_a_chunk_per_sample(dataset: rc.dataset.Dataset) -> None:
+def test_a_shard_is_one_file_with_a_chunk_per_sample(dataset: rc.dataset.Dataset, xarray: Any) -> None:
     files = [file.relative_to(dataset.path) for file in (dataset.path / "cube" / "c").rglob("*") if file.is_file()]
     assert sorted(file.parts[2] for file in files) == ["0", "1", "2"]
     with xarray.open_zarr(dataset.path) as opened:
@@ -158,7 +164,7 @@ def test_radar_that_varies_is_that_of_each_sample(tmp_path: Path) -> None:
     np.testing.assert_array_equal(dataset.values("velocity"), dataset.radar.waveform.velocity_axis())
 
 
-def test_all_labels_have_axes_and_names_along_them(tmp_path: Path) -> None:
+def test_all_labels_have_axes_and_names_along_them(tmp_path: Path, xarray: Any) -> None:
     person = "[[human]]\nname = 'person'\npath = [[{ uniform = [1.5, 2.0] }, 0.0], [1.0, 0.0]]"
     labels = rc.dataset.Labels(boxes=True, visibility=True, joints=True, cells=True)
     scene = write_scene(tmp_path, person)

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import cache
 from math import exp, log
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from radarcore.dataset.distributions import distribution_of
 from radarcore.dataset.variation import share_of
 
 NUM_DRAWS = 20_000
-SHARES = np.array([share_of(5, index, "body.ball.pose.position[0]") for index in range(NUM_DRAWS)])
+
+
+@cache
+def shares() -> np.ndarray[Any, np.dtype[Any]]:
+    return np.array([share_of(5, index, "body.ball.pose.position[0]") for index in range(NUM_DRAWS)])
 
 
 def draws(table: dict[str, Any]) -> np.ndarray[Any, np.dtype[Any]]:
     distribution = distribution_of(table)
-    return np.array([distribution.at(share) for share in SHARES.tolist()])
+    return np.array([distribution.at(share) for share in shares().tolist()])
 
 
 def assert_moments(values: np.ndarray[Any, np.dtype[Any]], mean: float, variance: float, fourth: float) -> None:
@@ -29,13 +33,14 @@ def assert_moments(values: np.ndarray[Any, np.dtype[Any]], mean: float, variance
 
 
 def test_shares_are_uniform_and_independent_of_one_another() -> None:
-    assert stats.kstest(SHARES, "uniform").pvalue > 0.01
+    stats = pytest.importorskip("scipy.stats")  # here, as it takes most of a second to import
+    assert stats.kstest(shares(), "uniform").pvalue > 0.01
     bound = 4.0 / np.sqrt(NUM_DRAWS)
-    assert abs(np.corrcoef(SHARES[:-1], SHARES[1:])[0, 1]) < bound  # of the next sample
+    assert abs(np.corrcoef(shares()[:-1], shares()[1:])[0, 1]) < bound  # of the next sample
     others = [share_of(5, index, "body.ball.pose.position[1]") for index in range(NUM_DRAWS)]
-    assert abs(np.corrcoef(SHARES, others)[0, 1]) < bound  # of the next key
+    assert abs(np.corrcoef(shares(), others)[0, 1]) < bound  # of the next key
     others = [share_of(6, index, "body.ball.pose.position[0]") for index in range(NUM_DRAWS)]
-    assert abs(np.corrcoef(SHARES, others)[0, 1]) < bound  # of the next seed
+    assert abs(np.corrcoef(shares(), others)[0, 1]) < bound  # of the next seed
 
 
 def test_uniform() -> None:
@@ -51,6 +56,7 @@ def test_normal() -> None:
 
 @pytest.mark.parametrize(("low", "high"), [(-0.5, 1.0), (1.5, 4.0), (-4.0, -2.0), (None, 0.3), (5.0, None)])
 def test_cut_normal_is_that_of_textbooks(low: float | None, high: float | None) -> None:
+    stats = pytest.importorskip("scipy.stats")
     mean, deviation = 10.0, 2.0
     bounds = {name: mean + deviation * z for name, z in (("min", low), ("max", high)) if z is not None}
     exact = stats.truncnorm(-np.inf if low is None else low, np.inf if high is None else high, mean, deviation)
