@@ -109,6 +109,12 @@ def test_signal_ends_a_server_as_an_interrupt_does(recording, tmp_path):
     assert rest == "frames delivered, 0 lost"
 
 
+def _as_in_a_shell() -> None:
+    """Be in the terminal, and hear of its end, as programs under nohup do not."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    fcntl.ioctl(0, 0x540E, 0)  # TIOCSCTTY
+
+
 def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
     link = tmp_path / "radar"
     master, terminal = os.openpty()
@@ -118,7 +124,7 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
         stdout=terminal,
         stderr=terminal,
         start_new_session=True,
-        preexec_fn=lambda: fcntl.ioctl(0, 0x540E, 0),  # TIOCSCTTY: as a shell's in that terminal
+        preexec_fn=_as_in_a_shell,
     )
     with server:
         try:
