@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from test_adaptive import BAND, db, rms, spectrum
-from test_bounces import BALL, RADIUS, SENSOR, image_of, phasors, reflected_by_ball, wall
 from test_closed_forms import CONDUCTOR, sphere
 
 import radarcore as rc
+from bounce_scenes import BALL, RADIUS, SENSOR, image_of, phasors, reflected_by_ball, wall
 
 # As fine as it takes for what is seen 16 degrees wide at 1 m: what is left are the meshes.
 SAMPLINGS: dict[str, dict[str, Any]] = {
