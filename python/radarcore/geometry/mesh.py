@@ -115,14 +115,13 @@ class Mesh:
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Smallest and largest coordinates of the triangles, (2, 3) [m]; NaN for an empty mesh."""
-        if self._bounds is None:
+        found = self._bounds
+        if found is None:
             used = np.zeros(len(self.vertices), dtype=np.bool_)
             used[self.triangles] = True
-            bounds = bounds_of(self.vertices if used.all() else self.vertices[used])
-            bounds.flags.writeable = False
-            object.__setattr__(self, "_bounds", bounds)
-            return bounds
-        return self._bounds
+            found = bounds_of(self.vertices if used.all() else self.vertices[used])
+            object.__setattr__(self, "_bounds", found)
+        return found.copy()
 
     @property
     def area(self) -> float:
