@@ -47,21 +47,36 @@ IRRELEVANT = {
 """Settings of pip that do not change what is installed from where."""
 
 
+SECTIONS = ("global", "install", ":env:")
+"""Where settings of pip are from, those that count most last."""
+
+
 def settings_for_uv(environment: Mapping[str, str]) -> dict[str, str] | None:
     """Environment variables for uv from the settings of pip, or None where only pip has what is set."""
     # Where it is told to be quiet, pip lists nothing.
     command = [*PIP, "config", "list"]
     done = subprocess.run(
-        command, env={**environment, "PIP_QUIET": "0"}, capture_output=True, encoding="utf-8", check=True
+        command, env={**environment, "PIP_QUIET": "0"}, capture_output=True, encoding="utf-8", check=False
     )
+    # What is wrong with its files pip says best.
+    return variables_for_uv(done.stdout) if done.returncode == 0 else None
+
+
+def variables_for_uv(listing: str) -> dict[str, str] | None:
+    """Environment variables for uv from what `pip config list` prints, or None."""
+    found = re.findall(r"^(global|install|:env:)\.([\w-]+)=(.*)$", listing, flags=re.M)
     variables = {}
-    # The environment's settings are listed first, but count most.
-    for name, value in reversed(re.findall(r"^(?:global|install|:env:)\.([\w-]+)=(.*)$", done.stdout, flags=re.M)):
-        if name in SETTINGS:
-            words = str(ast.literal_eval(value)).split()
-            variables[SETTINGS[name]] = ("," if name == "find-links" else " ").join(words)
-        elif name not in IRRELEVANT:
+    for section, name, text in sorted(found, key=lambda entry: SECTIONS.index(entry[0])):
+        words = str(ast.literal_eval(text)).split()
+        if not words or name in IRRELEVANT:
+            continue
+        # Releases of pip that list every file by itself leave open which of two counts.
+        is_unclear = len({entry for entry in found if entry[:2] == (section, name)}) > 1
+        # Folders that pip finds and uv does not.
+        is_for_pip = name == "find-links" and re.search("[,~]", text)
+        if name not in SETTINGS or is_unclear or is_for_pip:
             return None
+        variables[SETTINGS[name]] = ("," if name == "find-links" else " ").join(words)
     return variables
 
 
