@@ -499,19 +499,37 @@ def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
     assert any(text.startswith("1 frame, ") for text in texts_apart(figure))
 
 
-def test_titles_are_where_matplotlib_has_them() -> None:
-    """Above the axes, and above ticks at the top of axes that were given."""
-    above, below = figure_module.Figure().subplots(1, 2)
-    above.xaxis.tick_top()
-    for ax in (above, below):
-        plot.range_doppler_map(frame(truth=False), ax=ax)
-        ax.figure.draw_without_rendering()
-        ours = ax.title.get_window_extent().get_points()
+def test_box_that_reaches_into_view_has_its_name_there_and_one_out_of_view_none() -> None:
+    ax = canvas.new_axes()
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    sizes = (0.4, 0.2)
+    canvas.place_names(ax, [canvas.Name(-0.1, 0.5, "wall", "k", sizes), canvas.Name(3.0, 0.5, "far", "k", sizes)])
+    (name,) = ax.texts
+    assert name.get_text() == "wall"
+    box = name.get_window_extent()
+    assert 10.0 < box.width < 100.0 and ax.get_window_extent().contains(box.x0, box.y0)
+
+
+def test_titles_of_panels_are_where_matplotlib_has_them() -> None:
+    figure = plot.experiment(recording(), room())
+    titled = [ax for ax in figure.axes if ax.get_title()]
+    assert len(titled) == 4
+    figure.draw_without_rendering()
+    ours = [ax.title.get_window_extent().get_points() for ax in titled]
+    for ax in titled:
         ax.set_title(ax.get_title())
-        ax.figure.draw_without_rendering()
-        np.testing.assert_allclose(ax.title.get_window_extent().get_points(), ours, atol=1e-6)
-    (label,) = (tick.label2 for tick in above.xaxis.get_major_ticks()[:1])
-    assert above.title.get_window_extent().y0 >= label.get_window_extent().y1
+    figure.draw_without_rendering()
+    np.testing.assert_allclose([ax.title.get_window_extent().get_points() for ax in titled], ours, atol=1e-6)
+
+
+@pytest.mark.parametrize("is_given", [False, True])
+def test_titles_make_way_for_an_axis_on_top(is_given: bool) -> None:
+    given = figure_module.Figure().subplots() if is_given else None
+    above = given.twiny() if given is not None else None
+    ax = plot.range_doppler_map(frame(truth=False), ax=given)
+    top = ax.secondary_xaxis("top") if above is None else above
+    ax.figure.draw_without_rendering()
+    assert ax.title.get_window_extent().y0 >= top.xaxis.get_tightbbox().y1 - 1e-6
 
 
 @pytest.mark.parametrize("autolayout", [False, True])

@@ -113,7 +113,7 @@ def range_angle_map(
     ax.set_ylabel("x [m], forward")
     what = "Pseudo-spectrum" if method == "music" else "Power"
     canvas.color_bar(ax, picture, scale.label.replace("Power", what))
-    canvas.entitle(ax, f"{what} in front at {frame.time:.3f} s")
+    ax.set_title(f"{what} in front at {frame.time:.3f} s")
     if frame.truth is not None:
         across = frame.truth.range * np.cos(frame.truth.elevation)
         left, forward = across * np.sin(frame.truth.azimuth), across * np.cos(frame.truth.azimuth)

@@ -135,12 +135,11 @@ def color_map(name: str) -> Any:
 
 
 def entitle(ax: Axes, text: str, **style: Any) -> None:
-    """Title as of `Axes.set_title`, which would measure the axes and what is beside them once more to find its place.
+    """Title right above axes of our own; `Axes.set_title` measures them and what is beside them to find that place.
 
-    That is where it was, unless ticks are on top, as they may be in axes that were given.
+    It does not make way for an axis on top, which axes that are given, or that others go on with, may have.
     """
-    has_top = ax.xaxis.get_ticks_position() in ("top", "unknown") or ax.xaxis.get_label_position() == "top"
-    ax.set_title(text, y=None if has_top else 1.0, **style)
+    ax.set_title(text, y=1.0, **style)
 
 
 def color_bar(ax: Axes, picture: Any, label: str) -> None:
@@ -218,15 +217,19 @@ def place_names_in_layout(
             color=name.color,
             path_effects=[withStroke(linewidth=2.5, foreground=outline)],
             parse_math=False,
+            annotation_clip=False,  # or a name whose point is out of view would have no size
         )
         label.set_in_layout(False)
         size = np.array(label.get_window_extent().size)  # the same wherever it is
+        label.set_annotation_clip(None)
         best: tuple[int, tuple[Any, ...], Bbox] | None = None
         for gap, (right, up, horizontal, vertical) in places:
             towards = np.array([right, up])
-            middle = ax.transData.transform(points[k] + towards * halves[k]) + towards * (gap * pixels + 0.5 * size)
+            beside = ax.transData.transform(points[k] + towards * halves[k])
+            middle = beside + towards * (gap * pixels + 0.5 * size)
             box = Bbox([middle - 0.5 * size, middle + 0.5 * size])
-            if _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken):
+            is_free = _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken)
+            if is_free and ax.contains_point(beside):
                 hidden = int(((drawn > box.min) & (drawn < box.max)).all(axis=1).sum())
                 if best is None or hidden < best[0]:
                     best = hidden, (gap, right, up, horizontal, vertical), box

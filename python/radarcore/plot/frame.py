@@ -155,7 +155,7 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     given = unit_of(frame)
     unit = r"\sqrt{\mathrm{W}}" if given is None else rf"\mathrm{{{given.replace(' ', chr(92) + ' ')}}}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
-    canvas.entitle(ax, f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
+    ax.set_title(f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
     return ax
 
 
@@ -202,7 +202,7 @@ def range_profile(
     ax.grid(alpha=0.3)
     ax.set_xlabel("Range [m]")
     ax.set_ylabel(scale.label)
-    canvas.entitle(ax, f"Range at {frame.time:.3f} s")
+    ax.set_title(f"Range at {frame.time:.3f} s")
     return ax
 
 
@@ -301,7 +301,7 @@ def draw_map(
     ax.set_ylim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1)))
     ax.set_xlabel("Velocity [m/s, receding positive]")
     ax.set_ylabel("Range [m]")
-    canvas.entitle(ax, f"Range and velocity at {frame.time:.3f} s")
+    ax.set_title(f"Range and velocity at {frame.time:.3f} s")
     canvas.color_bar(ax, picture, scale.label)
     if detections is not None:
         ring(ax, detections.velocity, detections.range)

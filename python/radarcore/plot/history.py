@@ -84,7 +84,7 @@ def range_time(
     _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
     ax.set_ylim(0.0, canvas.range_end(recording, max_range, found.range, is_something))
-    canvas.entitle(ax, f"Range{', static echoes removed' if remove_static else ''}")
+    ax.set_title(f"Range{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Range [m]")
     _draw_truth(ax, recording, "range", names)
     return ax
@@ -153,7 +153,7 @@ def spectrogram(
     is_something = canvas.stands_out(found.power, axis=0)
     fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
     ax.set_ylim(-fastest, fastest)
-    canvas.entitle(ax, f"Spectrogram{', static echoes removed' if remove_static else ''}")
+    ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")
     _draw_truth(ax, recording, "velocity", names)
     return ax
