@@ -507,7 +507,8 @@ def test_box_that_reaches_into_view_has_its_name_there_and_one_out_of_view_none(
     (name,) = ax.texts
     assert name.get_text() == "wall"
     box = name.get_window_extent()
-    assert 10.0 < box.width < 100.0 and ax.get_window_extent().contains(box.x0, box.y0)
+    assert 10.0 < box.width < 100.0
+    assert ax.get_window_extent().contains(box.x0, box.y0)
 
 
 def test_titles_of_panels_are_where_matplotlib_has_them() -> None:
@@ -529,7 +530,9 @@ def test_titles_make_way_for_an_axis_on_top(is_given: bool) -> None:
     ax = plot.range_doppler_map(frame(truth=False), ax=given)
     top = ax.secondary_xaxis("top") if above is None else above
     ax.figure.draw_without_rendering()
-    assert ax.title.get_window_extent().y0 >= top.xaxis.get_tightbbox().y1 - 1e-6
+    beside = top.xaxis.get_tightbbox()
+    assert beside is not None
+    assert ax.title.get_window_extent().y0 >= beside.y1 - 1e-6
 
 
 @pytest.mark.parametrize("autolayout", [False, True])

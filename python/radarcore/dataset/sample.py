@@ -35,7 +35,7 @@ class Sample:
         What was drawn, by the paths of `Variation.parameters`; of a choice of tables or lists the number of the
         option. Parameters of copies, or within options, that this sample does not have are missing.
     path : Path
-        That file.
+        The file of the variation.
 
     See Also
     --------
@@ -63,7 +63,12 @@ class Sample:
     @property
     def text(self) -> str:
         """The scene file, which makes the same frames alone; its paths are relative to the file of the variation."""
-        return f"# Sample {self.index} of {self.path.name}, seed {self.seed}.\n{toml_text(self._tables)}"
+        return f"{self._header}{toml_text(self._tables)}"
+
+    @property
+    def _header(self) -> str:
+        """First line of the scene file."""
+        return f"# Sample {self.index} of {self.path.name}, seed {self.seed}.\n"
 
     def simulation(self) -> Simulation:
         """Scene, radar and run of the sample; meshes of people, arms and files are made once per process.
@@ -148,9 +153,8 @@ class Sample:
             return name if Path(name).is_absolute() else Path(os.path.relpath(source / name, folder)).as_posix()
 
         tables = renamed(self._tables, moved)
-        header = self.text.partition("\n")[0]
         with target.open("x", encoding="utf-8") as file:
-            file.write(f"{header}\n{toml_text(tables)}")
+            file.write(f"{self._header}{toml_text(tables)}")
 
     def is_about(self, path: str, message: str) -> bool:
         """True if a message names the key at a path, and the value that was drawn for it."""

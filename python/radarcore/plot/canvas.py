@@ -229,7 +229,7 @@ def place_names_in_layout(
             middle = beside + towards * (gap * pixels + 0.5 * size)
             box = Bbox([middle - 0.5 * size, middle + 0.5 * size])
             is_free = _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken)
-            if is_free and ax.contains_point(beside):
+            if is_free and ax.contains_point((beside[0], beside[1])):
                 hidden = int(((drawn > box.min) & (drawn < box.max)).all(axis=1).sum())
                 if best is None or hidden < best[0]:
                     best = hidden, (gap, right, up, horizontal, vertical), box
