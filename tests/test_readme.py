@@ -53,7 +53,7 @@ def is_run_elsewhere(arguments: list[str]) -> bool:
 
 
 def is_run_for_an_earlier_page(page: Path, arguments: list[str]) -> bool:
-    """The same words, which read an example alone."""
+    """True if a page before has the same command, and it reads nothing but an example."""
     earlier = PAGES[: PAGES.index(page)]
     reads_an_example = arguments[1:2] != [] and arguments[1].startswith("examples/")
     return reads_an_example and any(arguments in commands(other) for other in earlier)

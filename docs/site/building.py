@@ -1,4 +1,4 @@
-"""A fifth less time to build: what search and highlighting do in vain, and what Python cleans up meanwhile."""
+"""A fifth less time to build the site: search and highlighting do nothing in vain, and garbage is looked for seldom."""
 
 import gc
 import re
@@ -21,7 +21,7 @@ def on_startup(*, command: str, dirty: bool) -> None:
 
 
 class NoStyles(StyleMeta):
-    """Of a style without any: those of all kinds of words would be made for every listing; the theme has its own."""
+    """No styles: Pygments would make one for every kind of word and every listing, and the theme has its own."""
 
     def __iter__(self) -> Iterator[tuple[Any, Any]]:
         return iter(())
@@ -37,7 +37,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 class Colours:
-    """Takes the colours out of listings before the search reads a page, and puts them back: most of its tags."""
+    """Listings without their colours, which are most of the tags of a page, while the search reads it."""
 
     def __init__(self) -> None:
         self._listings: list[str] = []

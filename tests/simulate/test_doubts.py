@@ -61,6 +61,15 @@ def test_antennas_in_or_at_a_body_are_refused(
             first(sim)
 
 
+def test_antennas_in_what_a_body_deforms_into_are_refused() -> None:
+    box = rc.shapes.box([0.3, 0.3, 0.3])
+    reaching = rc.Body(box, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=lambda _: box.vertices - [1.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="expected the antennas outside of every body"):
+        simulator(reaching).frame(0.0)
+    leaving = rc.Body(box, deformation=lambda _: box.vertices - [-1.0, 0.0, 0.0])
+    assert simulator(leaving).frame(0.0).stats["rays_hit"] > 0
+
+
 def test_antennas_in_a_room_or_beside_a_body_are_not() -> None:
     mount = rc.Pose([1.0, 2.0, 3.0], rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.2, 0.1]).rotation)
     room = body(rc.shapes.box([4.0, 4.0, 4.0]), mount)
@@ -109,7 +118,8 @@ def test_body_beyond_the_largest_velocity_is_said_once() -> None:
     [([-3.0, 0.0, 0.0], "3 m, azimuth 180 and elevation 0"), ([0.5, 0.0, 3.0], "3.041 m, azimuth 0 and elevation 81")],
 )
 def test_scene_of_which_nothing_is_seen_says_where_the_nearest_body_is(position: list[float], where: str) -> None:
-    parts = body(PLATE, rc.Pose([-9.0, 0.0, 0.0]), "far"), body(PLATE, rc.Pose(position), "part")
+    empty = body(rc.Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint32)), name="empty")
+    parts = empty, body(PLATE, rc.Pose([-9.0, 0.0, 0.0]), "far"), body(PLATE, rc.Pose(position), "part")
     for run in (
         lambda sim: [sim.frame(time) for time in (0.0, 0.1)],
         lambda sim: sim.record(0.0, 0.2, 10.0, progress=False),

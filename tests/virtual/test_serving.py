@@ -176,28 +176,36 @@ def test_signal_of_a_terminal_that_has_closed_leaves_nothing_behind_at_any_call(
     assert (out, err) == (f"{[0] * 8}\n", "")
 
 
-def test_signal_that_python_drops_is_told_again():
-    dropped = """
-import os, signal
-from radarcore.cli.ending import Ended, interrupted_by_signals, raise_if_ended
-with interrupted_by_signals():
-    def tidied():
-        try:
-            yield
-        finally:
-            os.kill(os.getpid(), signal.SIGTERM)
-    generator = tidied()
-    next(generator)
-    del generator  # "Exception ignored in"
+DROPPED = """
+import os, signal, sys
+from radarcore.cli.main import main
+from radarcore.cli.sensor import serve
+
+def tidied():
     try:
-        raise_if_ended()
-    except Ended as ended:
-        print(ended)
+        yield
+    finally:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+def write(*text, **options):
+    print(*text, **options)
+    if text[0].startswith("connect by"):
+        generator = tidied()
+        next(generator)
+        del generator  # "Exception ignored in"
+
+serve.print = write
+sys.exit(main(["sensor", "serve", sys.argv[1], "--link", sys.argv[2], "--duration", "20"]))
 """
-    with python(dropped) as process:
-        out, err = process.communicate(timeout=PATIENCE)
-    assert out == "ended by SIGTERM\n"
+
+
+def test_server_ends_by_a_signal_that_python_drops(recording, tmp_path):
+    with python(DROPPED, recording, tmp_path / "radar") as process:
+        err = process.communicate(timeout=PATIENCE)[1]
+    assert process.returncode == 0
     assert "Exception ignored" in err
+    assert err.endswith("stopped\n")  # not after its time
+    assert not (tmp_path / "radar").is_symlink()
 
 
 def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):

@@ -28,7 +28,7 @@ class _Signals:
     first: int | None = None
     """Number of the first one."""
     are_held = False
-    """True while they are noted alone."""
+    """True while they are noted and raise nothing."""
 
 
 _signals = _Signals()
