@@ -63,7 +63,7 @@ class Paths:
         return self.samples(waveform, tolerance=1e-12, method="direct", threads=None)
 
     def nearly_exact(self, waveform: rc.Waveform) -> NDArray[np.complex128]:
-        """As `exact`, in a twentieth of the time: by recurrences within 1e-9, to 3e-13 as measured; or `exact` itself.
+        """As `exact`, in a twentieth of the time: by recurrences within 1e-9, to 3e-12 as measured; or `exact` itself.
 
         For sums by other methods, as the grid is, within 1e-7 or more.
         """
