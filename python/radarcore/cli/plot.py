@@ -179,6 +179,8 @@ def draw(
         recording = _sequence(load_recording(source, config), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
     if kind not in FIGURES:
+        for ax in figure.axes:
+            canvas.entitle(ax, ax.get_title())
         canvas.save(figure, picture)
 
 
@@ -197,7 +199,7 @@ def _of_recording(recording: Recording, path: Path, kind: str, number: int | Non
         return plot.overview(recording[index], None, moving=shown if removes else None, **view)
     ax = OF_FRAMES[kind](shown, **view)
     told = ["", _WITHOUT_STATIC] if removes else []
-    canvas.entitle(ax, f"{ax.get_title()}, frame {index} of {len(recording)}" + "\n".join(told))
+    ax.set_title(f"{ax.get_title()}, frame {index} of {len(recording)}" + "\n".join(told))
     return ax.figure
 
 
@@ -264,5 +266,5 @@ def _tracks(
     frames = moving(recording) if remove_static else recording.frames()
     found = track(frames, detector=partial(detect, min_range=min_range, max_range=max_range), num_dimensions=1)
     ax = plot.tracks(recording, found)
-    canvas.entitle(ax, f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
+    ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
     return ax
