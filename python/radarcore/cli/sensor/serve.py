@@ -88,7 +88,10 @@ def run(
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
         finally:
-            hold_signals()
+            try:
+                hold_signals()
+            except KeyboardInterrupt:  # of a signal that comes just now
+                hold_signals()
             board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
 
