@@ -201,7 +201,7 @@ $(VENV)/wheels: requirements/wheels.txt $(VENV)/demo
 	@touch $@
 
 $(VENV)/built: $(SOURCES) $(VENV)/demo
-	@echo "-- Rust core (a minute the first time)"
+	@echo "-- Rust core (two minutes the first time)"
 	@PIP_QUIET=1 $(BIN)/maturin develop $$([ ! -x $(BIN)/uv ] || echo --uv) --quiet --release --locked
 	@touch $@
 
