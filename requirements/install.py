@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 TOOLS = Path(sys.executable).parent
-"""Where uv is installed."""
+"""Folder that uv is installed in."""
 
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 
@@ -48,7 +48,7 @@ IRRELEVANT = {
 
 
 SECTIONS = ("global", "install", ":env:")
-"""Where settings of pip are from, those that count most last."""
+"""Sources of pip's settings, those that count most last."""
 
 
 def settings_for_uv(environment: Mapping[str, str]) -> dict[str, str] | None:

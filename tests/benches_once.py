@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def run(bench: Path) -> None:
-    """What `python bench --tiny` does."""
+    """Run a bench as `python bench --tiny` does."""
     sys.argv = [str(bench), "--tiny"]
     runpy.run_path(str(bench), run_name="__main__")
 

@@ -32,26 +32,7 @@ def add(histogram: Reals, waveform: rc.Waveform, distance: Reals, weight: Reals)
 def spectrum(histogram: Reals, waveform: rc.Waveform) -> Phasors:
     """(j / 4 pi) sum of weights times exp(-2jkR) at the frequencies of the sweep: one transform."""
     start = 2.0 * np.pi * waveform.start_frequency / SPEED_OF_LIGHT
-    used = np.flatnonzero(histogram)
-    first, last = (used[0], used[-1]) if used.size else (0, 0)
-    turned = np.zeros(last - first + 1, dtype=complex)
-    turned[used - first] = histogram[used] * np.exp(-2j * start * range_cell(waveform) * used)
-    shift = np.exp(-2j * np.pi / CELLS * first * np.arange(waveform.num_samples))
-    return 1j / (4.0 * np.pi) * shift * lines(turned, waveform.num_samples)
-
-
-def lines(values: Phasors, number: int) -> Phasors:
-    """The first lines of a transform of `CELLS` values, of which those that are not given are 0.
-
-    A transform that is nearly all zeros is a convolution with a chirp (Bluestein), as long as what is not.
-    """
-    if len(values) > CELLS // 8:
-        transformed: Phasors = np.fft.fft(values, CELLS)[:number]
-        return transformed
-    chirp = np.exp(1j * np.pi / CELLS * (np.arange(max(len(values), number)) ** 2 % (2 * CELLS)))
-    kernel = np.zeros(1 << (len(values) + number - 2).bit_length(), dtype=complex)
-    kernel[:number] = chirp[:number]
-    kernel[len(kernel) - len(values) + 1 :] = chirp[1 : len(values)][::-1]
-    turned = np.fft.fft(values * chirp[: len(values)].conj(), len(kernel))
-    found: Phasors = np.fft.ifft(turned * np.fft.fft(kernel))[:number] * chirp[:number].conj()
-    return found
+    turned, used = np.zeros(CELLS, dtype=complex), np.flatnonzero(histogram)
+    turned[used] = histogram[used] * np.exp(-2j * start * range_cell(waveform) * used)
+    transformed: Phasors = np.fft.fft(turned)[: waveform.num_samples]
+    return 1j / (4.0 * np.pi) * transformed

@@ -120,9 +120,10 @@ def test_mesh_is_sent_once_and_poses_at_their_times(tmp_path: Path) -> None:
 
 def test_body_that_deforms_is_sent_anew(tmp_path: Path) -> None:
     growing = rc.Body(BOX, deformation=lambda t: BOX.vertices * (1.0 + t), name="balloon")
+    scene = rc.Scene([growing])
     with Viewer(tmp_path / "run.rrd") as viewer:
         for time in (0.0, 1.0):
-            viewer.show_poses(rc.Scene([growing]) if time == 0.0 else viewer._scene, time)  # type: ignore[arg-type]
+            viewer.show_poses(scene, time)
     shapes = Content(tmp_path / "run.rrd").at("/world/bodies/balloon", "Mesh3D:vertex_positions")
     np.testing.assert_allclose(shapes[1][1], 2.0 * shapes[0][1], rtol=1e-6)
 

@@ -9,6 +9,7 @@ import runpy
 import sys
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -150,9 +151,9 @@ def test_warnings_of_samples_come_once_of_each_kind(scene: Path, workers: int) -
         ({"seed": -1}, "seed: expected at least 0, got -1"),
     ],
 )
-def test_faults_of_arguments(scene: Path, options: dict[str, object], message: str) -> None:
+def test_faults_of_arguments(scene: Path, options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        rc.dataset.stream(scene, **options)  # type: ignore[arg-type]
+        rc.dataset.stream(scene, **options)
 
 
 def test_stored_frames_are_those_that_are_streamed(scene: Path, tmp_path: Path) -> None:

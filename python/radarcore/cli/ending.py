@@ -23,7 +23,7 @@ class Ended(KeyboardInterrupt):
 
 
 class _Signals:
-    """What signals have said to the command that runs."""
+    """State of the signals of the command that runs."""
 
     first: int | None = None
     """Number of the first one."""

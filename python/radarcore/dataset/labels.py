@@ -260,11 +260,14 @@ class _Labeller:
         self._layouts = dims_of(simulator.radar, names, settings)
         self._members: Members = members_of(names, scene.names)
         self._owners = owners_of(self._members, len(scene.names))
-        if settings.boxes or settings.visibility or settings.joints:
+        # The truth alone needs none of these.
+        self._needs_places = settings.boxes or settings.visibility or settings.joints
+        self._needs_echoes = settings.visibility or settings.cells
+        if self._needs_places:
             self._places = Places(scene, Pose() if motion is None else as_motion("radar_motion", motion))
         if settings.joints:
             self._people = People(scene, names)
-        if settings.visibility or settings.cells:
+        if self._needs_echoes:
             self._caster = Caster(simulator)
         if settings.visibility:
             self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
@@ -276,14 +279,14 @@ class _Labeller:
         if settings.truth:
             values |= self._truth(frame)
         time = middle_of(frame)
-        if settings.boxes or settings.visibility or settings.joints:
+        if self._needs_places:
             placed = self._places.at(time)
         if settings.boxes or settings.visibility:
             boxes = boxes_of(parts, placed)
         if settings.boxes:
             low, high = united(boxes, self._members).swapaxes(0, 1)
             values |= {"box_center": 0.5 * (low + high), "box_size": high - low}
-        if settings.visibility or settings.cells:
+        if self._needs_echoes:
             echo = self._caster.echo(time)
         if settings.visibility:
             seen_from = boxes - frame.radar.array_center

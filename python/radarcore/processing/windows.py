@@ -44,9 +44,9 @@ def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArr
     if window is None:
         return check.frozen(np.ones(length))
     if isinstance(window, str) and window in _COSINES and length > 0:
-        # Of a single chirp SciPy makes 1, whatever the window.
-        one_or_more = _sum_of_cosines(_COSINES[window], length + periodic)[:length] if length > 1 else np.ones(1)
-        return check.frozen(one_or_more)
+        if length == 1:
+            return check.frozen(np.ones(1))  # as SciPy has it, whatever the window
+        return check.frozen(_sum_of_cosines(_COSINES[window], length + periodic)[:length])
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
     expected = "expected a window of scipy.signal.get_window or None"

@@ -221,7 +221,7 @@ class Receiver:
 
 def is_plain(receiver: Receiver) -> bool:
     """True if nothing happens but thermal noise and taking the real part."""
-    return all(getattr(receiver, name) == value for name, value in _PLAIN)
+    return all(getattr(receiver, name) == value for name, value in _NEUTRAL)
 
 
 def check_receivers(receiver: Receiver, num_rx: int) -> None:
@@ -237,12 +237,12 @@ def check_receivers(receiver: Receiver, num_rx: int) -> None:
 _MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")
 """Settings without effect unless others are given."""
 
-_PLAIN = tuple(
+_NEUTRAL = tuple(
     (field.name, field.default)
     for field in fields(Receiver)
     if field.name not in ("output", "noise_figure_db", *_MATTER_NOT_ALONE)
 )
-"""Settings that do nothing, of all that do more than add noise and take the real part."""
+"""Values without effect of all settings that do more than add noise and take the real part."""
 
 
 def _plain(value: Any) -> Any:

@@ -122,10 +122,10 @@ class Figure:
 
     def lowest_sole(self, lowest: Support) -> float:
         """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
-        reach, turns = _reach(self._carried[_LEG][:, _LEG]), _TURNS[:, :, _LEG]
+        reach, sums = _reach(self._carried[_LEG][:, _LEG]), _TURNS[:, :, _LEG]
 
         def heights(phases: Floats) -> Floats:
-            foot = _maps(*self._gait(phases, 1, turns), reach)[0, :, -1]
+            foot = _maps(*self._gait(phases, 1, sums), reach)[0, :, -1]
             result: Floats = foot[:, 2, 3] + lowest(foot[:, 2, :3])
             return result
 

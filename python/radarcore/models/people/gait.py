@@ -237,7 +237,7 @@ def monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
     weighted = (2.0 * width + width_before) * slope + (width + 2.0 * width_before) * slope_before
     product = np.maximum(slope * slope_before, 0.0)
     tangent = 3.0 * (width + width_before) * product / np.where(product > 0.0, weighted, 1.0)
-    # Shares of the values and tangents at both ends of its piece that every sample has.
+    # Cubic Hermite basis: weights in every sample of the values and tangents at the ends of its piece.
     of_values, of_tangents = np.zeros((2, _NUM_SAMPLES, len(phases)))
     sample, rise, length = np.arange(_NUM_SAMPLES), u * u * (3.0 - 2.0 * u), width[piece, 0]
     of_values[sample, piece], of_values[sample, following] = 1.0 - rise, rise

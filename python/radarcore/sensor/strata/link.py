@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import Protocol
 
@@ -118,7 +119,7 @@ class _Inbox:
                 pass
 
 
-class _Reading:
+class _Reading(ABC):
     """Base of both links: a thread that polls the port, and the packets it has found."""
 
     _quiet: float
@@ -153,9 +154,9 @@ class _Reading:
         finally:
             self._thread.join()
 
+    @abstractmethod
     def _poll(self) -> None:
         """Wait a little for packets, and sort them."""
-        raise NotImplementedError
 
     def _read(self) -> None:
         try:
