@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.geometry.mesh import used_by
 from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion, poses_at
@@ -220,9 +221,7 @@ def _corners(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     if isinstance(body, PointTarget) or len(body.mesh.triangles) == 0:
         return np.zeros((1, 3))
     vertices = body.vertices_at(time)
-    is_corner = np.zeros(len(vertices), dtype=bool)
-    is_corner[body.mesh.triangles] = True
-    return np.asarray(vertices[is_corner])
+    return np.asarray(vertices[used_by(body.mesh.triangles, len(vertices))])
 
 
 def _pose(body: Body | PointTarget, time: float) -> Pose:
