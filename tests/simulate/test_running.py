@@ -8,6 +8,7 @@ import pickle
 import signal
 import threading
 import time
+import warnings
 from functools import cache
 from typing import Any
 
@@ -131,7 +132,7 @@ def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
     stopped: list[str] = []
     in_use: dict[str, threading.Lock] = {}
 
-    def work(worker: str, item: int) -> tuple[str, int]:
+    def work(worker: str, item: int, _: object) -> tuple[str, int]:
         busy = in_use.setdefault(worker, threading.Lock())
         assert busy.acquire(blocking=False)
         time.sleep(0.01 * (item % 3))
@@ -155,6 +156,59 @@ def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
     next(early)
     early.close()
     assert stopped == 2 * workers
+
+
+def test_workers_whose_questions_nobody_answers_any_more_end() -> None:
+    """Functions run in the thread that takes the results: an error ends an item, an interrupt all of them."""
+    asked_in: list[int] = []
+
+    def fault(item: int) -> int:
+        asked_in.append(threading.get_ident())
+        if item == 3:
+            raise ValueError("three")
+        if item == 5:
+            raise KeyboardInterrupt
+        return item
+
+    def work(_: str, item: int, ask: Any) -> Any:
+        return ask(lambda: fault(item))
+
+    for items, error in (([0, 1, 2, 3, 4], ValueError), ([0, 1, 2, 5, 4], KeyboardInterrupt)):
+        with pytest.raises(error):
+            list(in_order(work, items, ["a", "b", "c"], lambda _: None))
+    assert set(asked_in) == {threading.get_ident()}
+
+
+@pytest.mark.parametrize("beside", ["interferer", "interferer over bodies", "fast motion", "single sample"])
+def test_functions_of_users_are_called_by_the_thread_that_records(beside: str) -> None:
+    called_in: set[int] = set()
+
+    def along(speed: float, y: float) -> Any:
+        def at(time: float) -> rc.Pose:
+            called_in.add(threading.get_ident())
+            return rc.Pose([2.0 + 0.3 * np.sin(speed * time), y, 0.0])
+
+        return at
+
+    plate = rc.shapes.plate(0.3, 0.3)
+
+    def grown(time: float) -> Any:
+        called_in.add(threading.get_ident())
+        return plate.vertices * (1.0 + 0.01 * np.sin(9.0 * time))
+
+    radar = rc.Radar(WAVEFORM.replace(num_samples=1, num_chirps=1)) if beside == "single sample" else RADAR
+    parts: list[Any] = [
+        rc.Body(plate, motion=along(5000.0 if beside == "fast motion" else 9.0, 0.0)),
+        rc.Body(plate, motion=rc.Pose([2.5, 0.4, 0.0]), deformation=grown),
+    ]
+    if beside.startswith("interferer"):
+        parts.append(rc.Interferer(RADAR, along(9.0, -1.0), bounces=int(beside != "interferer")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the fast motion's accuracy
+        sim = simulator(parts, radar, threads=3, radar_motion=lambda time: along(1.0, 0.0)(time).inverse())
+        recording = sim.record(0.2, 0.35, 40.0, progress=False)
+        assert called_in == {threading.get_ident()}
+        np.testing.assert_array_equal(recording.cube[3], sim.frame(recording.time[3]).cube)
 
 
 @pytest.mark.usefixtures("hears_interrupts")

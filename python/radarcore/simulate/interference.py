@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from radarcore.simulate.first_bounce import BouncePaths, FirstBounce
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles
 from radarcore.simulate.settings import Settings
+from radarcore.simulate.side_by_side import Ask
 from radarcore.units import SPEED_OF_LIGHT
 
 _CLEARANCE = 1e-3
@@ -79,17 +80,18 @@ class Interference:
         self._receiver = np.arange(radar.num_channels) % len(radar.rx)
         self._starts = radar.waveform.chirp_times + offsets[:, None]  # (offset, chirp)
 
-    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float) -> Counts:
+    def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float, ask: Ask) -> Counts:
         """Add the signals to the samples (channel, chirp, sample) at the receivers, of a frame from a time [s] on.
 
-        `engine`: the counterpart of the simulator in the core, which finds what is occluded. Returns counts.
+        `engine`: the counterpart of the simulator in the core, which finds what is occluded. `ask` calls motions.
+        Returns counts.
         """
         num_offsets, num_chirps = self._starts.shape
         shape = num_offsets, len(self._radar.rx), num_chirps, self._radar.waveform.num_samples
         total, is_hit, strongest = np.zeros(shape, dtype=np.complex128), np.zeros((num_offsets, num_chirps), bool), 0.0
         for number, interferer in enumerate(self._scene.interferers):
             chirps, amplitude = self._chirps(interferer, number, start), 0.0
-            for several in self._arrivals(interferer, number, engine, start):
+            for several in ask(partial(self._arrivals, interferer, number, engine, start)):
                 amplitude = max([amplitude, *(float(np.abs(each.amplitude).max(initial=0.0)) for each in several)])
                 for offset, (starts, arrivals) in enumerate(zip(self._starts, several, strict=True)):
                     found = beat_of_chirps(chirps, arrivals, self._radar.waveform, starts, self._low_pass, amplitude)
@@ -126,12 +128,13 @@ class Interference:
 
     def _arrivals(
         self, interferer: Interferer, number: int, engine: _core.Simulator, start: float
-    ) -> Iterator[list[Arrivals]]:
+    ) -> list[list[Arrivals]]:
         """The direct paths, and those over bodies, of a frame: for chirps at each offset."""
         middle = start + 0.5 * self._radar.waveform.duration
-        yield self._direct(interferer, engine, start, middle)
+        arrivals = [self._direct(interferer, engine, start, middle)]
         if (bounce := self._bounces[number]) is not None:
-            yield self._bounced(interferer, bounce.paths(start), middle - start)
+            arrivals.append(self._bounced(interferer, bounce.paths(start), middle - start))
+        return arrivals
 
     def _bounced(self, interferer: Interferer, paths: BouncePaths, middle: float) -> list[Arrivals]:
         """Paths over bodies, from what they are at the middle of a frame [s after its start]."""

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Worker = TypeVar("Worker")
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+Ask = Callable[[Callable[[], Any]], Any]
+"""Runs a function in the thread that takes the results, and returns what it returns."""
 
 _AHEAD = 2
 """Items per worker whose results may wait for those before them: items that take longer leave nobody idle."""
 
 
 def in_order(
-    work: Callable[[Worker, Item], Result], items: Iterable[Item], workers: list[Worker], stop: Callable[[Worker], None]
+    work: Callable[[Worker, Item, Ask], Result],
+    items: Iterable[Item],
+    workers: list[Worker],
+    stop: Callable[[Worker], None],
 ) -> Iterator[Result]:
-    """Results of ``work(worker, item)`` in the order of the items, which are taken one by one.
+    """Results of ``work(worker, item, ask)`` in the order of the items, which are taken one by one.
 
     Parameters
     ----------
-    work : function of a worker and an item
-        It should release the interpreter: every worker has a thread.
+    work : function of a worker, an item and `Ask`
+        It should release the interpreter: every worker has a thread. It calls functions of users, such as motions, by
+        `ask` alone: they run in the thread that takes the results, one at a time.
     items : iterable
     workers : list
         Each works on one item at a time, the next that is there.
@@ -33,38 +40,59 @@ def in_order(
     """
     if len(workers) == 1:
         for item in items:
-            yield work(workers[0], item)
+            yield work(workers[0], item, lambda function: function())
         return
     free: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
         free.put(worker)
+    # Functions that workers ask for, and None for an item that is done.
+    news: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
+    closed: Future[None] = Future()
+
+    def ask(function: Callable[[], Any]) -> Any:
+        answer: Future[Any] = Future()
+        news.put((answer, function))
+        either: tuple[Future[Any], ...] = (answer, closed)
+        wait(either, return_when=FIRST_COMPLETED)
+        if closed.done():
+            raise CancelledError
+        return answer.result()
 
     def done(item: Item) -> Result:
         worker = free.get()
         try:
-            return work(worker, item)
+            return work(worker, item, ask)
         finally:
             free.put(worker)
 
     with ThreadPoolExecutor(len(workers), "radarcore") as pool:
         pending: deque[Future[Result]] = deque()
+
+        def first() -> Result:
+            """Result of the first future, which leaves the queue when it is there; workers are answered meanwhile."""
+            while not pending[0].done():
+                if (asked := news.get()) is not None:
+                    answer, function = asked
+                    try:
+                        answer.set_result(function())
+                    except Exception as error:  # for the worker, whose item it is
+                        answer.set_exception(error)
+            result = pending[0].result()
+            pending.popleft()
+            return result
+
         try:
             for item in items:
                 if len(pending) == _AHEAD * len(workers):
-                    yield _first(pending)
+                    yield first()
                 pending.append(pool.submit(done, item))
+                pending[-1].add_done_callback(lambda _: news.put(None))
             while pending:
-                yield _first(pending)
+                yield first()
         finally:
+            closed.set_result(None)
             for future in pending:
                 future.cancel()
             if pending:
                 for worker in workers:
                     stop(worker)
-
-
-def _first(pending: deque[Future[Result]]) -> Result:
-    """Result of the first future, which leaves the queue when it is there."""
-    result = pending[0].result()
-    pending.popleft()
-    return result

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import hypot
 from os import PathLike
 from typing import Any
@@ -31,7 +31,7 @@ from radarcore.simulate.placement import Placement
 from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.sectors import Angles, whole_tiles
 from radarcore.simulate.settings import Settings, changed_settings, core_settings
-from radarcore.simulate.side_by_side import in_order
+from radarcore.simulate.side_by_side import Ask, in_order
 from radarcore.simulate.times import frame_times
 from radarcore.summary import html_table
 
@@ -433,16 +433,19 @@ class Simulator(Settings):
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
     def _received(
-        self, engines: Engines, placed: Placed
+        self, engines: Engines, placed: Placed, ask: Ask
     ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], dict[str, Any]]:
-        """Start [s], ideal frame of every sub-sequence, cube as received and counts of interference, of a motion."""
+        """Start [s], ideal frame of every sub-sequence, cube as received and counts of interference, of a motion.
+
+        It may run beside others: `ask` calls motions, which are functions of users.
+        """
         start, motions = placed
         parts = zip(engines, motions, self._placements, strict=True)
-        ideals = tuple(self._ideal(engine, motion, placement, start) for engine, motion, placement in parts)
+        ideals = tuple(self._ideal(engine, motion, placement, start, ask) for engine, motion, placement in parts)
         counts: list[Counts] = []
 
         def interfere(number: int, cube: NDArray[Any]) -> None:
-            counts.append(self._interferences[number].add_to(cube, engines[number], start))
+            counts.append(self._interferences[number].add_to(cube, engines[number], start, ask))
 
         disturb = interfere if self.scene.interferers else None
         cube = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
@@ -450,14 +453,14 @@ class Simulator(Settings):
 
     @staticmethod
     def _ideal(
-        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float
+        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float, ask: Ask
     ) -> _core.IdealFrame:
         """Ideal frame of a placed motion that starts at `start` [s]."""
-        rates = None if placement.duration > 0.0 else placement.rates_at(start)
+        rates = None if placement.duration > 0.0 else ask(lambda: placement.rates_at(start))
         ideal, num_times = engine.frame(motion, rates), _NUM_TIMES
         while ideal is None:  # too few times for the motion
             num_times = 2 * num_times - 1
-            ideal = engine.frame(next(placement.frames([start], num_times)), None)
+            ideal = engine.frame(ask(partial(next, placement.frames([start], num_times))), None)
         return ideal
 
     def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
