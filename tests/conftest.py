@@ -1,5 +1,7 @@
 """Before any test is loaded: MuJoCo draws without a display, by a library that it chooses when it is imported.
 
+Commands do not see the width and the colours of the terminal that started the tests.
+
 Garbage is looked for less often, and not among the ten thousand tests and what they import: that took 3 % of all time.
 """
 
@@ -12,6 +14,10 @@ from ctypes.util import find_library
 for name, library in (("osmesa", "OSMesa"), ("egl", "EGL")):
     if not os.environ.get("MUJOCO_GL") and find_library(library):
         os.environ["MUJOCO_GL"] = name
+
+# Width and colours of the terminal that started the tests would show in what commands print.
+for name in ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+    os.environ.pop(name, None)
 
 gc.set_threshold(50_000, 20, 50)
 

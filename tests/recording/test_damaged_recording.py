@@ -155,7 +155,8 @@ def test_header_that_says_four_gigabytes_is_not_read(tmp_path: Path) -> None:
 def test_old_name_of_a_dtype_is_refused_as_any_other(tmp_path: Path) -> None:
     recording().save(tmp_path / "rec")
     (tmp_path / "rec/time.npy").write_bytes(header((3,), "a8"))
-    with pytest.raises(ValueError, match=r"time\.npy: expected float64, got \|S8"):
+    # numpy 2.5 no longer knows the name.
+    with pytest.raises(ValueError, match=r"time\.npy: (expected float64, got \|S8|damaged or not an NPY file .*'a8')"):
         Recording.load(tmp_path / "rec")
 
 

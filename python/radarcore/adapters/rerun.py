@@ -417,5 +417,5 @@ def _place(distance: float, azimuth: float, elevation: float) -> Matrix:
 def _levels_db(power: Matrix) -> Matrix:
     """Levels below the largest [dB], none deeper than 80 dB."""
     largest = float(power.max(initial=0.0)) or 1.0
-    levels: Matrix = 10.0 * np.log10(np.maximum(power / largest, 10.0 ** (-0.1 * _DEEPEST_DB)))
-    return levels
+    levels: Matrix = 10.0 * np.log10(np.maximum(power / largest, np.finfo(power.dtype).tiny))
+    return np.maximum(levels, -_DEEPEST_DB)  # levels are limited, not powers: logarithms round
