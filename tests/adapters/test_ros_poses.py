@@ -71,7 +71,8 @@ def test_pose_without_a_quaternion_names_its_field() -> None:
 
 def test_series_are_in_order_and_the_first_of_equal_stamps_counts() -> None:
     messages = [stamped(STAMP + ms * 10**6, (x, 0.0, 0.0)) for ms, x in ((20, 0.2), (0, 0.0), (10, 0.1), (10, 9.0))]
-    series = ros.pose_series(messages)
+    with pytest.warns(UserWarning, match="messages: 1 of 4 messages repeat a stamp with other values"):
+        series = ros.pose_series(messages)
     assert series.frame_id == "world"
     np.testing.assert_array_equal(series.times_ns, STAMP + np.array([0, 10, 20]) * 10**6)
     assert [pose.position[0] for pose in series.poses] == [0.0, 0.1, 0.2]
@@ -166,8 +167,8 @@ STATES = [
 
 
 def test_joints_are_told_apart_by_name_not_by_place() -> None:
-    series = ros.joint_series(STATES)
-    assert series.names == ("shoulder", "elbow")
+    assert ros.joint_series(STATES).names == ("shoulder", "elbow", "finger")
+    series = ros.joint_series(STATES, ["shoulder", "elbow"])
     np.testing.assert_array_equal(series.times_ns, [STAMP, STAMP + 10, STAMP + 20])
     np.testing.assert_array_equal(series.positions, [[0.1, 0.2], [0.15, 0.25], [0.3, 0.4]])
     np.testing.assert_array_equal(series.times(STAMP), [0.0, 1e-8, 2e-8])
@@ -184,7 +185,11 @@ def test_joints_come_in_the_order_that_is_asked_for() -> None:
     [
         (STATES, ["wrist"], "names: no joint 'wrist'; there is elbow, finger, shoulder"),
         (STATES[4:], None, "messages: expected at least one with positions, got none"),
-        (STATES[:2], ["shoulder", "finger"], "names: expected joints of one message, got shoulder, finger"),
+        (
+            [joints(STAMP + k, **{name: 0.1}) for k, name in enumerate(["shoulder", "shoulder", "finger", "finger"])],
+            ["shoulder", "finger"],
+            "names: expected joints at the same time, got shoulder, finger, which never come together",
+        ),
         (
             [SimpleNamespace(header=header(STAMP), name=["shoulder", "elbow"], position=[0.1])],
             None,

@@ -41,7 +41,7 @@ def motions_of(path: Path, reference: str) -> dict[str, Motion]:
         start = _start_of_frames(bag, topic or only_radar(bag)) if is_same else first_stamp_ns(bag)
         series = {}
         for found in bag.topics.values():
-            messages = (one.message for one in bag.messages(found.name))
+            messages = bag.messages(found.name)
             if found.type in POSES:
                 series[_body_of(found.name)] = pose_series(messages)
             elif found.type in RIGID_BODIES:

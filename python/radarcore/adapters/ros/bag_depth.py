@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import chain
+from math import inf
 from typing import Any, NamedTuple
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.adapters.planar_depth import PlanarDepth
 from radarcore.adapters.ros.bag_motions import IMAGES, first_stamp_ns
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.images import check_size, from_camera_info, from_ros_image
+from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
 from radarcore.geometry.camera import Camera
 
 _CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 _ENCODINGS = ("32FC1", "16UC1")
+
+_FEW, _UNEVEN = 3, 0.4
+"""More images than this are uneven if the shortest interval is below this share of the mean. Half may be lost."""
 
 _LAST = 1e-6
 """Time after the last image at which a frame may still start [s]."""
@@ -88,13 +94,36 @@ class DepthImages:
         return self._bag.topics[self.topic].num_messages
 
     def __iter__(self) -> Iterator[PlanarDepth]:
-        """The images with times since `start_ns`; one that is not later than the one before is left out."""
-        last = -float("inf")
+        """The images with times since `start_ns`; one that is not later than the one before is left out.
+
+        An image without a stamp has the time of its recording. Warns once of either, and in the end where images were
+        so close that the difference of two of them gives wrong velocities.
+        """
+        last, told = -inf, set[str]()
+        intervals: list[float] = []
+
+        def warn(what: str) -> None:
+            if what not in told:
+                told.add(what)
+                notice.warn(f"{self.topic}: {what}")
+
         for found in self._bag.messages(self.topic):
             image = from_ros_image(found.message, camera=self._camera, start_ns=self.start_ns)
-            if image.time is not None and image.time > last:
-                last = image.time
+            if not header_nanoseconds(found.message) and self.start_ns > 0:  # a simulated clock may start at zero
+                warn("header stamps are zero; times of recording take their place")
+                image = replace(image, time=seconds(found.time_ns, self.start_ns))
+            time = float(image.time or 0.0)
+            if time > last:
+                intervals.append(time - last)
+                last = time
                 yield image
+            else:
+                warn("images whose stamps are not later than those before them are left out")
+        if len(intervals) > _FEW and min(intervals) < _UNEVEN * (mean := sum(intervals[1:]) / (len(intervals) - 1)):
+            warn(
+                f"images are {min(intervals):.3g} to {max(intervals[1:]):.3g} s apart, {mean:.3g} s on average; if "
+                "their stamps are of reception, velocities from two images are wrong"
+            )
 
 
 class FrameImages(NamedTuple):

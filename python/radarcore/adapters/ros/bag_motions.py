@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, notice
+from radarcore import check
 from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.message_times import LATEST_FIRST, warn_of_gap
 from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
 from radarcore.adapters.ros.stamps import header_nanoseconds, nanoseconds
 from radarcore.adapters.ros.transforms import TransformTree
@@ -23,9 +25,6 @@ JOINTS = ("sensor_msgs/msg/JointState",)
 IMAGES = ("sensor_msgs/msg/Image",)
 
 STATIC_TRANSFORMS = "/tf_static"
-
-_LONG_GAP, _MANY = 0.2, 5.0
-"""A gap in a series is at least this long [s], and this many times as long as the usual interval."""
 
 
 @check.knows_keywords
@@ -166,7 +165,7 @@ class BagMotions:
         (array([0.]), array([[0.5]]))
         """
         found = self.bag.topic(topic, *JOINTS)
-        series = joint_series((message.message for message in self.bag.messages(found.name)), names)
+        series = joint_series(self.bag.messages(found.name), names)
         times = series.times(self.start_ns)
         self._note(times, found.name, None)
         return times, series.positions
@@ -186,14 +185,13 @@ class BagMotions:
         if topic not in self._trees:
             has_static = STATIC_TRANSFORMS in self.bag.topics and topic != STATIC_TRANSFORMS
             static = self.bag.messages(STATIC_TRANSFORMS) if has_static else ()
-            moving = self.bag.messages(topic)
-            self._trees[topic] = TransformTree((found.message for found in moving), (found.message for found in static))
+            self._trees[topic] = TransformTree(self.bag.messages(topic), static)
         return self._trees[topic]
 
     def _poses(self, topic: str, kind: str, frame: str | None) -> PoseSeries:
         key = (topic, frame)
         if key not in self._series:
-            messages = (found.message for found in self.bag.messages(topic))
+            messages = self.bag.messages(topic)
             if kind in POSES:
                 if frame is not None:
                     raise ValueError(f"frame: expected none for {kind}, got {frame!r}")
@@ -213,37 +211,32 @@ class BagMotions:
         if len(times) < 2:
             return
         self._spans.append((float(times[0]), float(times[-1])))
-        if max_gap is not None or name in self._told:
-            return
-        intervals = np.diff(times)
-        k = int(intervals.argmax())
-        if intervals[k] > max(_LONG_GAP, _MANY * float(np.median(intervals))):
+        if max_gap is None and name not in self._told:
             self._told.add(name)
-            notice.warn(
-                f"{self.bag.path}, {name}: no messages from {times[k]:g} to {times[k + 1]:g} s; a spline goes "
-                "through this gap and shorter ones"
-            )
+            warn_of_gap(f"{self.bag.path}, {name}", times)
 
 
 def first_stamp_ns(bag: BagReader) -> int:
     """First stamp in the headers of poses, transforms, joints and images [ns]; without any the time of the bag's start.
 
-    Static transforms, which may be from long before, do not count, nor do stamps of zero.
+    Static transforms, which may be from long before, do not count. Zero counts at the start of a simulated clock alone.
     """
     kinds = {*TRANSFORMS, *POSES, *RIGID_BODIES, *JOINTS, *IMAGES}
-    stamps = []
+    stamps: list[int] = []
     for topic in bag.topics.values():
         if topic.type in kinds and topic.name != STATIC_TRANSFORMS:
-            first = next(bag.messages(topic.name), None)
-            stamps += [] if first is None else _stamps(first.message)
-    return min((stamp for stamp in stamps if stamp > 0), default=bag.start_ns)
+            first, *others = [_stamp(found.message) for found in islice(bag.messages(topic.name), 2)] or [0]
+            is_set = first > 0 or any(0 < other < LATEST_FIRST for other in others)
+            stamps += [first] if is_set else [other for other in others if other > 0]
+    return min(stamps, default=bag.start_ns)
 
 
-def _stamps(message: Any) -> list[int]:
+def _stamp(message: Any) -> int:
+    """Stamp in the header, or the first one above zero of those of transforms [ns]; zero without any."""
     if hasattr(message, "transforms"):
-        return [nanoseconds(transform.header.stamp) for transform in message.transforms]
-    stamp = header_nanoseconds(message)
-    return [] if stamp is None else [stamp]
+        stamps = [nanoseconds(transform.header.stamp) for transform in message.transforms]
+        return min((stamp for stamp in stamps if stamp > 0), default=0)
+    return header_nanoseconds(message) or 0
 
 
 def _line(tree: TransformTree, frame: str) -> list[str]:

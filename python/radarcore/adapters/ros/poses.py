@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.adapters.ros.message_times import message_times, unpacked, warn_of_gap
 from radarcore.adapters.ros.messages import Types, header, make
 from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
 from radarcore.geometry.pose import Pose, as_pose, quaternion_of, rotations_of, transforms
@@ -197,6 +199,44 @@ def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
     return tuple(map(as_pose, transforms(rotations, positions)))
 
 
+class SeriesRows:
+    """Poses of a frame or body as their messages come."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._stamps: list[int] = []
+        self._received: list[int | None] = []
+        self._rows: list[tuple[float, ...]] = []
+
+    def add(self, stamp: int, received: int | None, numbers: tuple[float, ...]) -> None:
+        """A pose (see `pose_numbers`), its stamp, and the time at which it was recorded [ns]."""
+        self._stamps.append(stamp)
+        self._received.append(received)
+        self._rows.append(numbers)
+
+    @property
+    def is_seen(self) -> bool:
+        """True if any of the poses is finite and has a quaternion."""
+        return any(map(_is_pose, self._rows))
+
+    def series(self, frame_id: str) -> PoseSeries:
+        """The poses that are finite and have a quaternion, at mended times; an error without any."""
+        seen = [k for k, row in enumerate(self._rows) if _is_pose(row)] if self.is_seen else range(len(self._rows))
+        poses = poses_of([self._rows[k] for k in seen])
+        values = np.array([[*pose.position, *(pose.rotation.ravel() / np.sqrt(2.0))] for pose in poses])  # 1 m per rad
+        stamps, received = [self._stamps[k] for k in seen], [self._received[k] for k in seen]
+        times, kept = message_times(self._name, stamps, received, values, "m/s")
+        return PoseSeries(times, tuple(poses[k] for k in kept.tolist()), frame_id)
+
+    def last(self) -> Pose:
+        """The last pose that is finite and has a quaternion."""
+        return poses_of([row for row in self._rows if _is_pose(row)] or self._rows)[-1]
+
+
+def _is_pose(numbers: tuple[float, ...]) -> bool:
+    return all(map(isfinite, numbers)) and any(numbers[3:])
+
+
 @check.knows_keywords
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns].
@@ -257,6 +297,10 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
 def pose_series(messages: Iterable[Any]) -> PoseSeries:
     """Series of ``geometry_msgs/PoseStamped`` (or with covariance) of one body, all in the same frame.
 
+    Takes bare messages, or those of `BagReader.messages`: their times of recording replace stamps of zero. Poses that
+    are not finite, or have no quaternion, are left out. Warns where stamps start again, repeat, or are so irregular
+    that speeds are wrong; the page of bags says how they are mended.
+
     See Also
     --------
     adapters.ros.rigid_body_series : Of messages with several bodies.
@@ -270,18 +314,20 @@ def pose_series(messages: Iterable[Any]) -> PoseSeries:
     >>> len(series.poses), series.frame_id
     (4, 'world')
     """
-    given = list(messages)
+    name, given = unpacked(messages)
     if not given:
         raise ValueError("messages: expected at least one, got none")
-    stamps = _stamps(given)
-    frames = {frame_name(message.header.frame_id) for message in given}
+    rows = SeriesRows(name)
+    for message, received in given:
+        rows.add(_stamp(message), received, pose_numbers(message))
+    frames = {frame_name(message.header.frame_id) for message, _ in given}
     if len(frames) > 1:
         raise ValueError(f"messages: expected poses in one frame, got {', '.join(map(repr, sorted(frames)))}")
-    return PoseSeries(stamps, poses_of([pose_numbers(message) for message in given]), frames.pop())
+    return rows.series(frames.pop())
 
 
 def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
-    """Series of every rigid body in ``mocap4r2_msgs/RigidBodies``, by name.
+    """Series of every rigid body in ``mocap4r2_msgs/RigidBodies``, by name; messages as for `pose_series`.
 
     A body whose pose is not finite, or has no quaternion, was not seen then: the series lacks that time.
 
@@ -300,19 +346,15 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     [1.0, 0.0, 0.0]
     """
     frame_id = ""
-    found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
-    for message in messages:
+    topic, given = unpacked(messages)
+    found: dict[str, SeriesRows] = {}
+    for message, received in given:
         time_ns, frame_id = _stamp(message), frame_name(message.header.frame_id)
         # Drafts of the message have an underscore in it.
         for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
-            numbers = pose_numbers(body.pose)
-            if np.isfinite(numbers).all() and any(numbers[3:]):
-                times, rows = found.setdefault(str(body.rigid_body_name), ([], []))
-                times.append(time_ns)
-                rows.append(numbers)
-    return {
-        name: PoseSeries(np.array(times, np.int64), poses_of(rows), frame_id) for name, (times, rows) in found.items()
-    }
+            name = str(body.rigid_body_name)
+            found.setdefault(name, SeriesRows(f"{topic}, {name}")).add(time_ns, received, pose_numbers(body.pose))
+    return {name: rows.series(frame_id) for name, rows in found.items() if rows.is_seen}
 
 
 @check.knows_keywords
@@ -322,10 +364,21 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
     Parameters
     ----------
     messages : iterable of sensor_msgs/JointState
-        Joints may stand in any order; messages without all the joints, such as those of a gripper on the same topic,
-        are left out.
+        Joints may stand in any order, and come from several publishers, such as an arm and its gripper. Bare messages,
+        or those of a bag, as for `pose_series`.
     names : sequence of str, optional
-        Joints in the order of the result; default: those of the first message that has positions.
+        Joints in the order of the result; default: all that have positions, as they come first.
+
+    Returns
+    -------
+    series : JointSeries
+        At the times of the joint with the most messages, where all joints are known. Those with other times follow
+        C2 splines between their own; a joint with a single message holds.
+
+    Raises
+    ------
+    ValueError
+        For a joint that is not there, and for joints without a common time.
 
     See Also
     --------
@@ -340,27 +393,59 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
     >>> rc.adapters.ros.joint_series([message], names=["wrist", "elbow"]).positions.tolist()
     [[-0.2, 0.5]]
     """
-    given = [message for message in messages if len(message.position) > 0]
+    topic, given = unpacked(messages)
+    given = [entry for entry in given if len(entry[0].position) > 0]
     if not given:
         raise ValueError("messages: expected at least one with positions, got none")
-    wanted = tuple(given[0].name) if names is None else tuple(names)
-    known = sorted({name for message in given for name in message.name})
-    if missing := [name for name in wanted if name not in known]:
-        raise ValueError(f"names: no joint {', '.join(map(repr, missing))}; there is {', '.join(known)}")
-    kept, rows = [], []
-    for message in given:
+    sent: dict[str, list[tuple[int, int | None, float]]] = {}
+    for message, received in given:
         if len(message.position) != len(message.name):
             raise ValueError(
                 f"position: expected {len(message.name)} values, one per name, got {len(message.position)}"
             )
-        positions = dict(zip(message.name, message.position, strict=True))
-        if all(name in positions for name in wanted):
-            kept.append(message)
-            rows.append([positions[name] for name in wanted])
-    if not kept:
-        raise ValueError(f"names: expected joints of one message, got {', '.join(wanted)}, which never come together")
-    times, order = np.unique(_stamps(kept), return_index=True)
-    return JointSeries(times, wanted, check.array("position", np.array(rows)[order], (None, len(wanted))))
+        stamp = _stamp(message)
+        for name, position in zip(message.name, message.position, strict=True):
+            sent.setdefault(name, []).append((stamp, received, float(position)))
+    wanted = tuple(sent) if names is None else tuple(names)
+    if missing := [name for name in wanted if name not in sent]:
+        raise ValueError(f"names: no joint {', '.join(map(repr, missing))}; there is {', '.join(sorted(sent))}")
+
+    # Joints of one publisher have the same times.
+    groups: dict[tuple[tuple[int, int | None], ...], list[str]] = {}
+    for name in wanted:
+        sent[name] = [entry for entry in sent[name] if isfinite(entry[2])]
+        if not sent[name]:
+            raise ValueError(f"position: expected numbers of joint {name!r}, got none that are finite")
+        groups.setdefault(tuple(entry[:2] for entry in sent[name]), []).append(name)
+    tracks = []
+    for clock, members in groups.items():
+        values = np.array([[entry[2] for entry in sent[name]] for name in members]).T
+        label = topic if len(groups) == 1 else f"{topic}, {', '.join(members)}"
+        times, kept = message_times(
+            label, [entry[0] for entry in clock], [entry[1] for entry in clock], values, "rad/s"
+        )
+        tracks.append((label, times, values[kept], [wanted.index(name) for name in members]))
+    times = max((times for _, times, _, _ in tracks), key=len)
+    moving = [own for _, own, _, _ in tracks if len(own) > 1]
+    first, last = max((own[0] for own in moving), default=times[0]), min((own[-1] for own in moving), default=times[-1])
+    times = times[(times >= first) & (times <= last)]
+    if not len(times):
+        raise ValueError(f"names: expected joints at the same time, got {', '.join(wanted)}, which never come together")
+    positions = np.empty((len(times), len(wanted)))
+    for label, own, values, columns in tracks:
+        positions[:, columns] = _positions_at(label, times, own, values)
+    return JointSeries(times, wanted, positions)
+
+
+def _positions_at(name: str, times_ns: NDArray[np.int64], own_ns: NDArray[np.int64], values: Any) -> Any:
+    """Positions (n, joint) at other times than the joints' own, which enclose them."""
+    if len(own_ns) == 1 or np.isin(times_ns, own_ns).all():
+        return values[np.searchsorted(own_ns, times_ns) if len(own_ns) > 1 else np.zeros(len(times_ns), int)]
+    from scipy.interpolate import CubicSpline
+
+    own = times_since(own_ns, int(own_ns[0]))
+    warn_of_gap(name, own)
+    return CubicSpline(own, values, bc_type="natural")(times_since(times_ns, int(own_ns[0])))
 
 
 def times_since(times_ns: NDArray[np.int64], start_ns: int) -> NDArray[np.float64]:
@@ -371,10 +456,6 @@ def times_since(times_ns: NDArray[np.int64], start_ns: int) -> NDArray[np.float6
 def frame_name(frame_id: str) -> str:
     """Name of a frame, without the slash that old nodes of ROS 1 put in front."""
     return str(frame_id).removeprefix("/")
-
-
-def _stamps(messages: Sequence[Any]) -> NDArray[np.int64]:
-    return np.array([_stamp(message) for message in messages], dtype=np.int64)
 
 
 def _stamp(message: Any) -> int:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from radarcore import check
 from radarcore.adapters.planar_depth import radar_in_camera
-from radarcore.adapters.ros.poses import PoseSeries, frame_name, pose_numbers, poses_of
+from radarcore.adapters.ros.message_times import unpacked
+from radarcore.adapters.ros.poses import PoseSeries, SeriesRows, frame_name, pose_numbers
 from radarcore.adapters.ros.stamps import nanoseconds
 from radarcore.geometry.pose import Pose
 from radarcore.motion.attached import Attached
@@ -28,14 +27,14 @@ class TransformTree:
     Parameters
     ----------
     messages : iterable of tf2_msgs/TFMessage
-        Those of ``/tf``.
+        Those of ``/tf``: bare, or of a bag, as for `pose_series`.
     static : iterable of tf2_msgs/TFMessage
         Those of ``/tf_static``: the last one of a frame holds at all times, whatever ``/tf`` says of it.
 
     Raises
     ------
     ValueError
-        For a frame with two parents, and for frames that go round in a circle.
+        When a frame is asked for that has two parents, or whose parents form a circle; others stay usable.
 
     See Also
     --------
@@ -55,27 +54,22 @@ class TransformTree:
 
     def __init__(self, messages: Iterable[Any] = (), static: Iterable[Any] = ()) -> None:
         self._parents: dict[str, str] = {}
-        self._still: dict[str, Pose] = {}
-        self._moving: dict[str, PoseSeries] = {}
-        for child, (_, rows) in self._collected(static).items():
-            self._still[child] = poses_of(rows)[-1]
-        for child, (times, rows) in self._collected(messages).items():
-            if child not in self._still:
-                self._moving[child] = PoseSeries(np.array(times, np.int64), poses_of(rows), self._parents[child])
-        for child in self._parents:
-            self._line(child)
+        self._other_parents: dict[str, str] = {}
+        self._still: dict[str, Pose] = {child: rows.last() for child, rows in self._collected(static).items()}
+        self._moving: dict[str, SeriesRows] = self._collected(messages)
+        self._series: dict[str, PoseSeries] = {}
 
-    def _collected(self, messages: Iterable[Any]) -> dict[str, tuple[list[int], list[tuple[float, ...]]]]:
-        """Stamps [ns] of every child frame, and the numbers of its poses."""
-        found: dict[str, tuple[list[int], list[tuple[float, ...]]]] = {}
-        for message in messages:
+    def _collected(self, messages: Iterable[Any]) -> dict[str, SeriesRows]:
+        """Poses of every child frame."""
+        topic, given = unpacked(messages)
+        found: dict[str, SeriesRows] = {}
+        for message, received in given:
             for transform in message.transforms:
                 child, parent = frame_name(transform.child_frame_id), frame_name(transform.header.frame_id)
-                if (other := self._parents.setdefault(child, parent)) != parent:
-                    raise ValueError(f"messages: expected one parent of {child!r}, got {other!r} and {parent!r}")
-                times, rows = found.setdefault(child, ([], []))
-                times.append(nanoseconds(transform.header.stamp))
-                rows.append(pose_numbers(transform))
+                if self._parents.setdefault(child, parent) != parent:
+                    self._other_parents.setdefault(child, parent)
+                rows = found.setdefault(child, SeriesRows(f"{topic}, {child}"))
+                rows.add(nanoseconds(transform.header.stamp), received, pose_numbers(transform))
         return found
 
     @property
@@ -100,10 +94,10 @@ class TransformTree:
         >>> tree.parent("radar"), tree.parent("map")
         ('cart', None)
         """
-        return self._parents.get(self._known("frame", frame))
+        return self._parent(self._known("frame", frame))
 
     def series(self, frame: str) -> PoseSeries | Pose:
-        """Poses of a frame in its parent, as they were sent; the pose of a static one.
+        """Poses of a frame in its parent, their times mended as by `pose_series`; the pose of a static one.
 
         See Also
         --------
@@ -120,9 +114,14 @@ class TransformTree:
         [0.0, 0.1, 0.2]
         """
         name = self._known("frame", frame)
-        if name not in self._parents:
+        parent = self._parent(name)
+        if parent is None:
             raise ValueError(f"frame: expected one with a parent, got the root {name!r}")
-        return self._still[name] if name in self._still else self._moving[name]
+        if name in self._still:
+            return self._still[name]
+        if name not in self._series:
+            self._series[name] = self._moving[name].series(parent)
+        return self._series[name]
 
     def motion(self, frame: str, within: str, *, start_ns: int = 0, **options: Any) -> Motion:
         """Motion of a frame in another one: a `Pose` where all between them is static.
@@ -200,20 +199,28 @@ class TransformTree:
         """Motion of the first frame of a line of children in the parent of the last."""
         product: Motion = Pose()
         for child in line:
-            own: Motion = (
-                self._still[child] if child in self._still else self._moving[child].trajectory(start_ns, **options)
-            )
+            series = self.series(child)
+            own: Motion = series if isinstance(series, Pose) else series.trajectory(start_ns, **options)
             product = _joined(own, product)
         return product
 
     def _line(self, frame: str) -> list[str]:
         """A frame, its parent, and so on up to a root."""
         line = [frame]
-        while (parent := self._parents.get(line[-1])) is not None:
+        while (parent := self._parent(line[-1])) is not None:
             if parent in line:
                 raise ValueError(f"messages: expected a tree of frames, got the circle {' < '.join([*line, parent])}")
             line.append(parent)
         return line
+
+    def _parent(self, frame: str) -> str | None:
+        """Parent of a frame, None of a root; a ValueError for a frame with two."""
+        parent = self._parents.get(frame)
+        if frame in self._other_parents:
+            raise ValueError(
+                f"messages: expected one parent of {frame!r}, got {parent!r} and {self._other_parents[frame]!r}"
+            )
+        return parent
 
     def _known(self, argument: str, frame: str) -> str:
         name = frame_name(frame)

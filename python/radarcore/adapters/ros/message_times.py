@@ -1,0 +1,199 @@
+"""Times of a series of messages: their stamps, mended where these cannot be the times of what the messages say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import notice
+
+Nanoseconds = NDArray[np.int64]
+Values = NDArray[np.float64]
+
+_SECOND = 10**9
+
+LATEST_FIRST = 60 * _SECOND
+"""A single stamp of zero with others up to this long after it is the start of a simulated clock [ns]."""
+
+_LONG_GAP, _MANY = 0.2, 5.0
+"""A gap in a series is at least this long [s], and this many times as long as the usual interval."""
+
+_SHORT = 0.7
+"""Intervals below this share of the mean one are suspect. The mean is 1.33 periods if one of four messages is lost."""
+
+_WINDOW, _NUM_INTERVALS, _NUM_PAUSES = 0.1, 5.0, 2.0
+"""Jitter and bunches hardly change speeds over windows of this time [s], this many mean intervals, and pauses."""
+
+_TOO_FAST, _NOISE = 2.0, 0.05
+"""Speeds of suspect intervals are wrong if they exceed this multiple of the windows' by more than this [m/s]."""
+
+_PAUSE = 3.0
+"""Times the usual pause between bunches beyond which a pause is a gap in the series."""
+
+
+def unpacked(messages: Iterable[Any]) -> tuple[str, list[tuple[Any, int | None]]]:
+    """Name of the topic, and messages with their times of recording [ns]: of `BagMessage`; None with bare messages."""
+    name, found = "messages", []
+    for entry in messages:
+        is_recorded = hasattr(entry, "time_ns") and hasattr(entry, "message")
+        name = entry.topic if is_recorded else name
+        found.append((entry.message, entry.time_ns) if is_recorded else (entry, None))
+    return name, found
+
+
+def message_times(
+    name: str, stamps: Sequence[int], received: Sequence[int | None], values: Values, unit: str
+) -> tuple[Nanoseconds, NDArray[np.intp]]:
+    """Increasing times of messages [ns], and the indices of the messages that have them. Every repair is warned of.
+
+    1. Stamps of zero are replaced by the times of recording.
+    2. Where the stamps start again, by a reset or a loop, the series ends.
+    3. Of equal stamps the first counts, as in TF.
+    4. Messages whose stamps are irregular, but whose values are not, get regular times: the stamps are of reception.
+
+    Parameters
+    ----------
+    name : str
+        For warnings.
+    stamps, received : sequence of int
+        Of the headers, and times of recording or None [ns], in the order of arrival.
+    values : (n, m) float64
+        Position and others, finite.
+    unit : str
+        Of their speed.
+    """
+    times = _without_zeros(name, np.array(stamps, np.int64), received)
+    num_kept = _first_run(name, times)
+    order = np.argsort(times[:num_kept], kind="stable")
+    times = times[order]
+    repeats = np.flatnonzero(np.diff(times) == 0) + 1
+    num_different = sum(not np.allclose(values[order[k]], values[order[k - 1]], rtol=0.0, atol=1e-9) for k in repeats)
+    if num_different:
+        notice.warn(f"{name}: {num_different} of {len(times)} messages repeat a stamp with other values; left out")
+    times, order = np.delete(times, repeats), np.delete(order, repeats)
+    return _evened(name, times, values[order], unit), order
+
+
+def warn_of_gap(name: str, times: Values) -> None:
+    """Warn of the longest gap in times [s], if splines go through one."""
+    intervals = np.diff(times)
+    k = int(intervals.argmax())
+    if intervals[k] > max(_LONG_GAP, _MANY * float(np.median(intervals))):
+        notice.warn(
+            f"{name}: no messages from {times[k]:g} to {times[k + 1]:g} s; a spline goes through this gap and "
+            "shorter ones"
+        )
+
+
+def _without_zeros(name: str, stamps: Nanoseconds, received: Sequence[int | None]) -> Nanoseconds:
+    """Stamps, with the time of recording less the usual delay of the others in place of zeros."""
+    is_set = stamps != 0
+    num_zeros = int((~is_set).sum())
+    if num_zeros == 0 or (num_zeros == 1 and (stamps[is_set] < LATEST_FIRST).all()):
+        return stamps
+    if None in received:
+        raise ValueError(
+            f"{name}: expected stamps in headers, got zero in {num_zeros} of {len(stamps)} messages; give messages of "
+            "a BagReader, which have times of recording, too"
+        )
+    recorded = np.array(received, np.int64)
+    delay = np.median(recorded[is_set] - stamps[is_set]).astype(np.int64) if is_set.any() else np.int64(0)
+    notice.warn(
+        f"{name}: header stamps of {num_zeros} of {len(stamps)} messages are zero; their times are those of recording"
+    )
+    return np.where(is_set, stamps, recorded - delay)
+
+
+def _first_run(name: str, stamps: Nanoseconds) -> int:
+    """Number of messages before the stamps start again; messages that only come late do not count."""
+    latest = np.maximum.accumulate(stamps)
+    late = np.concatenate([[False], stamps[1:] < latest[:-1], [False]])
+    begins, ends = np.flatnonzero(~late[:-1] & late[1:]) + 1, np.flatnonzero(late[:-1] & ~late[1:]) + 1
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        back = int(latest[begin - 1] - stamps[begin])
+        # Late messages fill a hole; a second run lies among stamps that there already are.
+        overlaps = False
+        if end - begin > 1:
+            before = stamps[:begin]
+            overlaps = bool(((before > stamps[begin]) & (before < stamps[begin:end].max())).any())
+        if overlaps or back > _SECOND:
+            notice.warn(
+                f"{name}: stamps go back by {back / _SECOND:g} s after message {begin}, by a reset, a loop or a second "
+                f"publisher; the {len(stamps) - begin} of {len(stamps)} messages from there on are left out (to use "
+                "them, cut the bag there)"
+            )
+            return begin
+    return len(stamps)
+
+
+def _evened(name: str, times_ns: Nanoseconds, values: Values, unit: str) -> Nanoseconds:
+    """Times of messages, regular ones if their stamps are of reception; warns of speeds that these make wrong."""
+    if len(times_ns) < 4:
+        return times_ns
+    times = (times_ns - times_ns[0]) / _SECOND
+    intervals, steps = np.diff(times), np.linalg.norm(np.diff(values, axis=0), axis=1)
+    pause = float(np.median(intervals[intervals >= intervals.mean()]))
+    is_gap = intervals > _PAUSE * pause
+    mean = float(intervals[~is_gap].mean())
+    is_suspect = intervals < _SHORT * mean
+    window = max(_WINDOW, _NUM_INTERVALS * mean, _NUM_PAUSES * pause)
+    if not is_suspect.any() or times[-1] < window:
+        return times_ns
+
+    # Compare the speeds of short intervals with those over windows.
+    speed = float((steps[is_suspect] / intervals[is_suspect]).max())
+    begins = np.flatnonzero(times <= times[-1] - window)
+    ends = np.searchsorted(times, times[begins] + window)
+    spans = times[ends] - times[begins]
+    usual_speed = float((np.linalg.norm(values[ends] - values[begins], axis=1) / spans).max())
+    if speed <= _TOO_FAST * usual_speed + _NOISE:
+        return times_ns
+
+    # Regular times count if the values are smoother over them, away from gaps.
+    inner = ~(is_gap[:-1] | is_gap[1:])
+    share = (intervals[1:] / (intervals[:-1] + intervals[1:]))[:, None]
+    errors = [
+        np.linalg.norm(values[1:-1] - weight * values[:-2] - (1.0 - weight) * values[2:], axis=1)[inner]
+        for weight in (share, 0.5)
+    ]
+    evened = _regular(times, np.flatnonzero(is_gap) + 1)
+    is_smoother = float((errors[1] ** 2).sum()) < float((errors[0] ** 2).sum())
+    if is_smoother and (np.diff(evened) > 0.0).all():
+        moved = float(np.abs(evened - times).max())
+        end = f"regular times take their place, up to {moved:.3g} s earlier"
+        times_ns = times_ns[0] + np.round(evened * _SECOND).astype(np.int64)
+    else:
+        end = "they are kept, and velocities are wrong there"
+    span = f"{intervals.min():.3g} to {intervals[~is_gap].max():.3g} s apart, {mean:.3g} s on average"
+    notice.warn(
+        f"{name}: stamps in bunches or with jitter, {span}, make speeds of {speed:.3g} {unit} "
+        f"({usual_speed:.3g} {unit} over {window:.3g} s); {end}"
+    )
+    return times_ns
+
+
+def _regular(times: Values, starts: NDArray[np.intp]) -> Values:
+    """Times of one period, as late as they can be without being later than `times`, anew after each gap [s].
+
+    A message is not received before it is sent: the nearest line below the times of the longest piece has the period
+    (Moon, Skelly, Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
+    """
+    pieces = np.split(times, starts)
+    longest = max(pieces, key=len)
+    hull: list[tuple[int, float]] = []
+    for k, time in enumerate(longest.tolist()):
+        while len(hull) > 1:
+            (i, first), (j, second) = hull[-2:]
+            if (second - first) * (k - j) < (time - second) * (j - i):
+                break
+            hull.pop()
+        hull.append((k, time))
+    middle = 0.5 * (len(longest) - 1)
+    (i, first), (j, second) = next(edge for edge in pairwise(hull) if edge[1][0] >= middle)
+    period = (second - first) / (j - i)
+    rises = [period * np.arange(len(piece)) for piece in pieces]
+    return np.concatenate([rise + (piece - rise).min() for rise, piece in zip(rises, pieces, strict=True)])
