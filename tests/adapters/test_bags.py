@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
 from radarcore.adapters.ros.bag_writer import BagWriter
-from radarcore.adapters.ros.bags import BagReader, Topic
+from radarcore.adapters.ros.bags import BagReader, Topic, is_bag
 from radarcore.adapters.ros.typestore import typed, typestore
 from ros_bags import (
     ARRAY,
@@ -326,22 +326,80 @@ def test_a_database_with_a_log_of_changes_is_read_with_them(tmp_path: Path) -> N
     assert "its writer left copy.db3-wal" in warned[0]
 
 
-def test_a_killed_writer_leaves_a_readable_part(tmp_path: Path) -> None:
+def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: str) -> None:
+    """Every message says when it was written; the part is left to the user by all writers that follow."""
     program = (
-        "import os, sys; from pathlib import Path; from ros_bags import *; bag = BagWriter(Path(sys.argv[1]))\n"
-        "for k in range(NUM): bag.write('/array', array_of(k), k, type=ARRAY)\n"
-        "os._exit(1)"
+        "import os, sys, time; from pathlib import Path; from ros_bags import *\n"
+        "bag, k = BagWriter(Path(sys.argv[1]), sys.argv[2]), 0\n"
+        "began = time.monotonic()\n"
+        "while time.monotonic() < began + 2.5:\n"
+        "    bag.write('/array', array_of(k), int(1e9 * time.monotonic()), type=ARRAY); k += 1; time.sleep(0.01)\n"
+        "print(int(1e9 * time.monotonic()), flush=True)\n"
+        "os.kill(os.getpid(), 9)"
     )
     tests = str(Path(__file__).resolve().parents[1])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([tests, *sys.path])}
-    subprocess.run([sys.executable, "-c", program, tmp_path / "bag"], env=environment, check=False)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["bag.part"]
-    found, warned = read_cut(tmp_path / "bag.part")
+    path = tmp_path / BAGS[format]
+    ended = subprocess.run(
+        [sys.executable, "-c", program, path, format], env=environment, capture_output=True, check=False
+    )
+    part = path.with_name(f"{path.name}.part")
+    assert list(tmp_path.iterdir()) == [part]
+    found, warned = read_cut(part)
     assert found == list(range(len(found)))
-    assert len(found) > 75  # whole megabytes are written
     assert len(warned) == 1
-    write_bag(tmp_path / "bag", "mcap", 3)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+    assert is_bag(part)
+    with pytest.warns(match="cut or damaged"):
+        bag = BagReader(part)
+    bag.close()
+    assert bag.stop_ns > int(ended.stdout) - 1_200_000_000  # one second, and one message that comes late
+    with pytest.raises(FileExistsError, match=r"killed writer of .* leaves; keep it by another name, or delete it"):
+        BagWriter(path, format, overwrite=True)
+    assert read_cut(part)[0] == found
+    if format == "sqlite3":  # which has no end that could be missing
+        from rosbags.rosbag2 import Reader
+
+        with Reader(file_of(part / path.name)) as whole:
+            assert whole.message_count == len(found)
+
+
+def test_only_one_writer_has_a_bag(tmp_path: Path, format: str) -> None:
+    path = tmp_path / BAGS[format]
+    with BagWriter(path, format) as bag:
+        bag.write("/array", array_of(0), 0, type=ARRAY)
+        with pytest.raises(BlockingIOError, match=f"expected no other writer, got process {os.getpid()}, which writes"):
+            BagWriter(path, format, overwrite=True)
+        bag.write("/array", array_of(1), 1)
+    assert read_cut(path) == ([0, 1], [])
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_only_bags_of_radarcore_are_replaced_and_only_their_files(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "bag", "mcap", 3)
+    (path / "notes.txt").write_text("mine")
+    with BagWriter(path, "sqlite3", overwrite=True) as bag:
+        bag.write("/array", array_of(7), 7, type=ARRAY)
+    assert sorted(file.name for file in path.iterdir()) == ["bag.db3", "metadata.yaml", "notes.txt"]
+    assert read_cut(path) == ([7], [])
+
+    text = (path / "metadata.yaml").read_text()
+    described = {
+        "of others": text.replace("radarcore:", "recorder:"),
+        "a file elsewhere": text.replace("- bag.db3", "- ../notes.txt"),
+        "no metadata of a bag": "rosbag2_bagfile_information: 3",
+        "no YAML": "{",
+    }
+    (tmp_path / "notes.txt").write_text("mine")
+    for what, content in described.items():
+        (path / "metadata.yaml").write_text(content)
+        if what == "a file elsewhere":
+            with BagWriter(tmp_path / "bag", overwrite=True):
+                pass
+            assert (tmp_path / "notes.txt").read_text() == "mine"
+        else:
+            with pytest.raises(FileExistsError, match="a bag that radarcore did not write; delete it, or choose"):
+                BagWriter(path, overwrite=True)
+    assert "bag.db3" in [file.name for file in path.iterdir()]
 
 
 def test_an_error_finishes_the_bag(tmp_path: Path, format: str) -> None:

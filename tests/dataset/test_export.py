@@ -82,10 +82,9 @@ def test_hdf5_has_axes_scales_and_units(dataset: rc.dataset.Dataset, tmp_path: P
 def test_hdf5_file_is_there_whole_or_not_at_all(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
     pytest.importorskip("h5py", reason="needs h5py: pip install radarcore[hdf5]")
     file = tmp_path / "set.h5"
-    file.write_text("mine")
-    with pytest.raises(FileExistsError, match="expected no such path; overwrite=True replaces it"):
+    file.write_bytes(b"\x89HDF\r\n mine")
+    with pytest.raises(FileExistsError, match="expected no such path, got a file; overwrite=True replaces it"):
         rc.dataset.to_hdf5(dataset, file)
-    assert file.read_text() == "mine"
 
     class Torn(rc.dataset.Dataset):
         """A dataset that ends after a shard."""
@@ -96,8 +95,51 @@ def test_hdf5_file_is_there_whole_or_not_at_all(dataset: rc.dataset.Dataset, tmp
 
     with pytest.raises(OSError, match="torn"):
         rc.dataset.to_hdf5(Torn(dataset.path), file, overwrite=True)
-    assert file.read_text() == "mine"
+    assert file.read_bytes().endswith(b"mine")
     assert [path.name for path in tmp_path.iterdir()] == ["set.h5"]
+
+
+def test_export_replaces_only_what_it_made(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:
+    out = tmp_path / "tars"
+    rc.dataset.to_webdataset(dataset, out, samples_per_tar=1)
+    with pytest.raises(FileExistsError, match="got an export; overwrite=True replaces it"):
+        rc.dataset.to_webdataset(dataset, out)
+    (out / "notes.txt").write_text("mine")
+    rc.dataset.to_webdataset(dataset, out, overwrite=True)
+    assert sorted(path.name for path in out.iterdir()) == ["000000.tar", "dataset.json", "notes.txt"]
+    (out / "000001.tar").write_text("mine")
+    with pytest.raises(FileExistsError, match="a file of others"):
+        rc.dataset.to_webdataset(dataset, out, samples_per_tar=1, overwrite=True)
+    assert sorted(path.name for path in out.iterdir()) == ["000000.tar", "000001.tar", "dataset.json", "notes.txt"]
+
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "dataset.json").write_text('{"format": "mine"}')
+    (tmp_path / "tars.part").write_text("mine")
+    for place, message in ((project, "a folder that is no such export"), (tmp_path / "tars", "got a file; keep it")):
+        with pytest.raises(FileExistsError, match=message):
+            rc.dataset.to_webdataset(dataset, place, samples_per_tar=2, overwrite=True)
+    assert (project / "dataset.json").read_text() == '{"format": "mine"}'
+    assert (tmp_path / "tars.part").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("place", "where"), [(".", "the source itself"), ("..", "around"), ("set.mcap", "within"), ("cube/c", "within")]
+)
+def test_export_into_its_own_dataset_is_refused(dataset: rc.dataset.Dataset, place: str, where: str) -> None:
+    before = sorted(path for path in dataset.path.rglob("*"))
+    out = dataset.path / place
+    exports = {
+        "webdataset": lambda: rc.dataset.to_webdataset(dataset.path, out, overwrite=True),
+        "hdf5": lambda: rc.dataset.to_hdf5(dataset.path, out, overwrite=True),
+        "mcap": lambda: rc.dataset.to_mcap(dataset.path, out, sample=made_samples(dataset)[0], overwrite=True),
+    }
+    if place != "set.mcap":
+        del exports["mcap"]  # whose name is that of a file
+    for export in exports.values():
+        with pytest.raises(ValueError, match=f"out: expected a place outside the source, got .*, {where}"):
+            export()
+    assert sorted(path for path in dataset.path.rglob("*")) == before
 
 
 def test_tar_files_have_the_samples_that_were_made(dataset: rc.dataset.Dataset, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import resource
 import socket
 import time
@@ -61,6 +62,53 @@ def test_broken_executor_is_an_error_that_names_the_shard_and_the_rest_can_be_re
     rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
     rc.dataset.make(scene, tmp_path / "whole", **SETTINGS, workers=1)
     assert digests(tmp_path / "out") == digests(tmp_path / "whole")
+
+
+class Waiting(Broken):
+    """Executor that does something before its first shard."""
+
+    def __init__(self, first: Callable[[], None]) -> None:
+        self._first = first
+
+    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:
+        self.number = 0 if self.number else self._first() or 0
+        return super().submit(function, *given)
+
+
+def test_only_one_process_goes_on_with_a_dataset(tmp_path: Path) -> None:
+    """The others are refused by name, whether they begin with it or are begun beside it."""
+    scene, path = write_scene(tmp_path), tmp_path / "out"
+    refused = []
+
+    def others() -> None:
+        for _ in range(2):
+            with pytest.raises(BlockingIOError, match=rf"no other writer, got process {os.getpid()}.*{path}"):
+                rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
+            refused.append(path)
+
+    for resume in (False, True):
+        rc.dataset.make(scene, path, **SETTINGS, executor=Waiting(others), resume=resume)
+        (path / "progress.jsonl").unlink()
+    assert len(refused) == 4
+    rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
+    rc.dataset.make(scene, tmp_path / "whole", **SETTINGS, workers=1)
+    assert digests(path) == digests(tmp_path / "whole")
+
+
+def test_what_is_beside_a_dataset_or_in_its_folder_of_parts_is_left_alone(tmp_path: Path) -> None:
+    scene, path = write_scene(tmp_path), tmp_path / "out"
+    part = tmp_path / "out.part"
+    part.mkdir()
+    (part / "notes.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"killed writer of out leaves; keep it by another name, .*out\.part"):
+        rc.dataset.make(scene, path, **SETTINGS, workers=1)
+    assert (part / "notes.txt").read_text() == "mine"
+    part.rename(tmp_path / "other")
+    rc.dataset.make(scene, path, **SETTINGS, workers=1)
+    (path / ".partial").mkdir()
+    (path / ".partial" / "notes.txt").write_text("mine")
+    rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
+    assert (path / ".partial" / "notes.txt").read_text() == "mine"
 
 
 @contextmanager

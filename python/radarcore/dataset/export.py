@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ from numpy.typing import NDArray
 
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.samples import Samples
+from radarcore.output import refuse_source
 
 _OF_CODES = ("scale_factor", "add_offset", "_FillValue")
 """Attributes of variables that are stored as codes, of which the samples of a dataset are numbers."""
@@ -66,24 +64,7 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, str | int | float | bool) else json.dumps(value)
 
 
-@contextmanager
-def part_of(path: Path, *, overwrite: bool) -> Iterator[Path]:
-    """A path beside another, which takes its name when the block ends without an error, and is removed otherwise."""
-    if path.exists() and not overwrite:
-        raise FileExistsError(errno.EEXIST, "expected no such path; overwrite=True replaces it", str(path))
-    part = path.with_name(f"{path.name}.part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _remove(part)
-    try:
-        yield part
-        _remove(path)
-        part.replace(path)
-    finally:
-        _remove(part)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def refuse_dataset(samples: Samples, out: Path) -> None:
+    """Refuse an export into the dataset that it is made from, or in place of a folder around it."""
+    if (path := getattr(samples, "path", None)) is not None:
+        refuse_source("out", out, Path(path))

@@ -9,8 +9,9 @@ from typing import Any
 from numpy.typing import NDArray
 
 from radarcore import notice
-from radarcore.dataset.export import all_of, attributes_of, is_text, opened_samples, part_of, plain
+from radarcore.dataset.export import all_of, attributes_of, is_text, opened_samples, plain, refuse_dataset
 from radarcore.dataset.samples import Samples
+from radarcore.output import new_file
 
 
 def to_hdf5(
@@ -40,7 +41,7 @@ def to_hdf5(
     Raises
     ------
     FileExistsError
-        For a file that is there, unless it is to be replaced.
+        For a file that is there, unless it is to be replaced and HDF5.
     ImportError
         When h5py is missing.
 
@@ -62,7 +63,8 @@ def to_hdf5(
     """
     h5py = _h5py()
     samples = opened_samples(dataset)
-    with part_of(Path(out), overwrite=overwrite) as part, h5py.File(part, "w", track_order=True) as file:
+    refuse_dataset(samples, Path(out))
+    with new_file(Path(out), overwrite=overwrite, kind=".h5") as part, h5py.File(part, "w", track_order=True) as file:
         for name, value in samples.attrs.items():
             file.attrs[name] = plain(value)
         coordinates = {name: _stored(h5py, file, samples, name) for name in samples.coordinates}

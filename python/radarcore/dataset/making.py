@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import multiprocessing
-import shutil
 from collections.abc import Generator
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
@@ -20,10 +19,11 @@ from radarcore.dataset.labels import Labels
 from radarcore.dataset.opened import Dataset, open_dataset
 from radarcore.dataset.plan import planned
 from radarcore.dataset.recipe import Recipe
-from radarcore.dataset.shardfile import PARTIAL
+from radarcore.dataset.shardfile import clear_partial
 from radarcore.dataset.shards import Done, Work, Worker
 from radarcore.dataset.store import attrs_of, create, zarr
 from radarcore.dataset.variation import Variation
+from radarcore.output import Lock, already_exists, is_empty
 
 
 def make(
@@ -85,6 +85,8 @@ def make(
     ------
     FileExistsError
         When `path` exists, and is not resumed.
+    BlockingIOError
+        When another process is making it; a process that dies does not hold it any longer.
     ValueError
         When a dataset is resumed with other settings, which it names; the error of the first sample if none works.
     ConnectionError
@@ -131,12 +133,13 @@ def make(
         plan = planned(recipe, count, samples_per_shard)
         if before is None:
             create(target, plan)
-        else:
+        stack.enter_context(Lock(target))
+        if before is not None:
             _check_same(target, before, json.loads(plan.attrs["settings"]))
         work, journal = Worker.of(Work(str(target), recipe, plan.layout)), Journal(target)
         complete = journal.complete()
         left = [shard for shard in range(plan.layout.num_shards) if shard not in complete]
-        shutil.rmtree(target / PARTIAL, ignore_errors=True)
+        clear_partial(target)
 
         def name(shard: int) -> str:
             samples = plan.layout.samples_of(shard)
@@ -163,7 +166,7 @@ def make(
                     sample, text = done.warnings[kind]
                     notice.warn(f"sample {sample}: {text}")
         finally:
-            shutil.rmtree(target / PARTIAL, ignore_errors=True)
+            clear_partial(target)
     return open_dataset(target)
 
 
@@ -175,16 +178,14 @@ def _refuse_in_worker() -> None:
 
 def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
     """Settings of the dataset that is to be resumed; None where there is nothing yet."""
-    if not target.exists() or (target.is_dir() and not any(target.iterdir())):
+    if not target.exists() or (target.is_dir() and is_empty(target)):
         return None
     attrs = attrs_of(target) if target.is_dir() else None
     if attrs is None:
         what = "a directory that is not empty and no dataset" if target.is_dir() else "a file, not a directory"
-        raise FileExistsError(errno.EEXIST, f"expected no such path, got {what}", str(target))
+        raise already_exists(target, what)
     if not resume:
-        raise FileExistsError(
-            errno.EEXIST, "expected no such path, got a dataset; resume=True goes on with it", str(target)
-        )
+        raise already_exists(target, "a dataset; resume=True goes on with it")
     settings: dict[str, Any] = json.loads(attrs["settings"])
     return settings
 

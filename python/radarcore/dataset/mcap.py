@@ -8,7 +8,7 @@ from pathlib import Path
 from radarcore import check
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.raw_frames import FrameWriter
-from radarcore.dataset.export import made_of, opened_samples
+from radarcore.dataset.export import made_of, opened_samples, refuse_dataset
 from radarcore.dataset.samples import Samples
 from radarcore.dataset.stored import frames_of
 
@@ -68,6 +68,7 @@ def to_mcap(
     path = Path(out)
     if path.suffix != ".mcap":
         raise ValueError(f"out: expected a file .mcap, got {str(out)!r}")
+    refuse_dataset(samples, path)
     with BagWriter(path, "mcap", overwrite=overwrite) as bag:
         writer = FrameWriter(bag, samples.radar, source={"sample": index}, topic=topic, start_ns=start_ns)
         arrays = samples[index]

@@ -8,6 +8,7 @@ variable has a chunk per shard. What is written is moved to its place when it is
 from __future__ import annotations
 
 import hashlib
+import re
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -28,6 +29,18 @@ LEVEL = 1
 
 _NO_CHUNK = 2**64 - 1
 """Offset and size of a chunk that is not there."""
+
+_PARTIAL_NAME = re.compile(r"\d+-[0-9a-f]{32}-\d+")
+"""Names of the files in it."""
+
+
+def clear_partial(path: Path) -> None:
+    """Delete files of shards that were not finished."""
+    with suppress(OSError):
+        for file in (path / PARTIAL).iterdir():
+            if _PARTIAL_NAME.fullmatch(file.name):
+                file.unlink(missing_ok=True)
+        (path / PARTIAL).rmdir()
 
 
 class ShardFiles:

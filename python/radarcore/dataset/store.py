@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import shutil
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from radarcore.dataset.files import keep
 from radarcore.dataset.layout import TEXT, Layout, Variable
 from radarcore.dataset.plan import FORMAT, VERSION, Plan
 from radarcore.dataset.shardfile import LEVEL
+from radarcore.output import PartFolder, already_exists, is_empty
 
 
 def zarr() -> Any:
@@ -27,9 +27,15 @@ def zarr() -> Any:
 def create(path: Path, plan: Plan) -> None:
     """Make the group with all its variables, whole or not at all."""
     package = zarr()
-    partial = path.with_name(path.name + ".part")
-    shutil.rmtree(partial, ignore_errors=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with PartFolder(path) as part:
+        if path.exists() and not (path.is_dir() and is_empty(path)):
+            raise already_exists(path, "a dataset that another process has made meanwhile; resume=True goes on with it")
+        partial = part.folder / path.name
+        _write_group(package, partial, plan)
+        part.put(partial)
+
+
+def _write_group(package: Any, partial: Path, plan: Plan) -> None:
     group = package.create_group(partial, attributes=plan.attrs)
     layout = plan.layout
     for name, variable in layout.variables.items():
@@ -49,7 +55,6 @@ def create(path: Path, plan: Plan) -> None:
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         package.consolidate_metadata(partial)
     keep(Path(plan.attrs["scene_path"]), partial)
-    partial.replace(path)
 
 
 def _create_array(group: Any, name: str, variable: Variable, layout: Layout) -> None:

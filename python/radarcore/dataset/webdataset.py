@@ -15,8 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.dataset.export import attributes_of, made_of, opened_samples, part_of, those_made
+from radarcore.dataset.export import attributes_of, made_of, opened_samples, refuse_dataset, those_made
 from radarcore.dataset.samples import Samples
+from radarcore.output import PartFolder, already_exists, is_empty
+
+_FORMAT = "radarcore webdataset"
+"""Mark of the folders that are made here."""
+
+_DESCRIPTION = "dataset.json"
 
 
 def to_webdataset(
@@ -30,9 +36,9 @@ def to_webdataset(
     """Write a dataset as tar files that the package webdataset streams into training.
 
     Of every sample there is one member per array, ``00000007.cube.npy``, and one for all that is a single number or
-    text, ``00000007.json``. Beside the files ``000000.tar``, ``000001.tar``, ... is ``dataset.json``: attributes,
-    coordinates, and axes and units of all variables. Samples that failed or are missing are left out. The same
-    dataset gives the same bytes. The folder gets its name when it is complete.
+    text, ``00000007.json``. Beside the files ``000000.tar``, ``000001.tar``, ... is ``dataset.json``: the names of the
+    files, attributes, coordinates, and axes and units of all variables. Samples that failed or are missing are left
+    out. The same dataset gives the same bytes. The folder gets its name when it is complete.
 
     Parameters
     ----------
@@ -42,7 +48,9 @@ def to_webdataset(
         Folder to be made.
     samples_per_tar : int
         Samples of every file but the last.
-    overwrite, progress
+    overwrite : bool
+        Replace an older export: the files that its ``dataset.json`` lists.
+    progress : bool
         As of `to_hdf5`.
 
     Returns
@@ -64,21 +72,43 @@ def to_webdataset(
     """
     size = check.count("samples_per_tar", samples_per_tar)
     samples, folder = opened_samples(dataset), Path(out)
-    with part_of(folder, overwrite=overwrite) as part:
-        part.mkdir()
-        (part / "dataset.json").write_text(json.dumps(_described(samples), indent=1), encoding="utf-8")
+    refuse_dataset(samples, folder)
+    replaced = _replaced(folder, overwrite)
+    with PartFolder(folder) as part:
+        target = part.folder / folder.name
+        target.mkdir()
         made, num_made = those_made(samples), len(made_of(samples))
         names = [f"{number:06d}.tar" for number in range(-(-num_made // size))]
+        described = {"format": _FORMAT, "files": names, **_described(samples)}
+        (target / _DESCRIPTION).write_text(json.dumps(described, indent=1), encoding="utf-8")
         with notice.progress(None, "exporting", "sample", total=num_made, shown=progress) as bar:
             for name in names:
-                with tarfile.open(part / name, "w", format=tarfile.USTAR_FORMAT) as tar:
+                with tarfile.open(target / name, "w", format=tarfile.USTAR_FORMAT) as tar:
                     for index, sample in islice(made, size):
                         for ending, content in _members(sample):
                             member = tarfile.TarInfo(f"{index:08d}.{ending}")
                             member.size = len(content)
                             tar.addfile(member, io.BytesIO(content))
                         bar.update()
+        part.put(target, replaced)
     return [folder / name for name in names]
+
+
+def _replaced(folder: Path, overwrite: bool) -> list[Path]:
+    """Files of an older export that this one replaces; refuses everything else that is there."""
+    if not folder.exists() or (folder.is_dir() and is_empty(folder)):
+        return []
+    try:
+        described = json.loads((folder / _DESCRIPTION).read_bytes())
+        names = [_DESCRIPTION, *described["files"]] if described["format"] == _FORMAT else []
+    except (OSError, ValueError, TypeError, KeyError):
+        names = []
+    if not names:
+        what = "a folder that is no such export" if folder.is_dir() else "a file"
+        raise already_exists(folder, what)
+    if not overwrite:
+        raise already_exists(folder, "an export; overwrite=True replaces it")
+    return [folder / Path(name).name for name in names]
 
 
 def _described(samples: Samples) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import notice
+from radarcore.output import naming
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording import axes, dca1000, matlab
@@ -20,7 +21,7 @@ from radarcore.recording.configuration import Configuration, configuration, is_s
 from radarcore.recording.description import Description
 from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, check_radar, frame_shape
 from radarcore.recording.native import Stored
-from radarcore.recording.npy import HEADER_ERRORS, Converted, naming
+from radarcore.recording.npy import HEADER_ERRORS, Converted
 
 UNKNOWN = "unknown"
 """``source["cube_unit"]`` of samples that were no integers: nothing says that they are in sqrt(W)."""

@@ -18,7 +18,7 @@ import json
 import platform
 import re
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -29,12 +29,13 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
+from radarcore.output import already_exists, make_folder, new_file
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
 from radarcore.recording.frame import FULL_SCALE, frame_shape
-from radarcore.recording.native import UNITS, Stored, exists, parsed_json, warn_of_missing
-from radarcore.recording.npy import ArrayFile, Converted, naming, read_header
+from radarcore.recording.native import UNITS, Stored, parsed_json, warn_of_missing
+from radarcore.recording.npy import ArrayFile, Converted, read_header
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"
@@ -115,26 +116,18 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
     # Everything is written beside its place before anything is put there.
     is_new = [place for place in (path / folder, path) if not place.exists()]
     files = {path / name: None if text is None else _encoded(text) for name, text in texts.items()}
-    array = path / folder / "radar.npy"
-    parts = {file: file.with_name(file.name + ".part") for file in (*files, array)}
     try:
-        (path / folder).mkdir(parents=True, exist_ok=True)
-        with naming(array), parts[array].open("wb") as out:
-            out.writelines(_array_bytes(stored.cube, kept.get("header")))
-        for file, data in files.items():
-            if data is not None:
-                with naming(file):
-                    parts[file].write_bytes(data)
-        for file, data in files.items():
-            if data is None:
-                file.unlink(missing_ok=True)
-            else:
-                parts[file].replace(file)
-        parts[array].replace(array)
+        make_folder(path / folder)
+        with ExitStack() as stack:
+            # The first gets its name last.
+            with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=True)).open("wb") as out:
+                out.writelines(_array_bytes(stored.cube, kept.get("header")))
+            for file, data in files.items():
+                if data is None:
+                    stack.callback(file.unlink, missing_ok=True)
+                else:
+                    stack.enter_context(new_file(file, overwrite=True)).write_bytes(data)
     except BaseException:  # a full disk, Ctrl-C
-        for part in parts.values():
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
         for place in is_new:
             with suppress(OSError):  # something is in it, or it was never made
                 place.rmdir()
@@ -426,9 +419,9 @@ def _warn_of_left_out(path: Path, stored: Stored) -> None:
 def _make_room(path: Path, folder: str, overwrite: bool) -> None:
     """Refuse a path that exists, but for a recording of the same sensor that is to be overwritten."""
     if path.exists() and not path.is_dir():
-        raise exists(path, "a file, not a directory")
+        raise already_exists(path, "a file, not a directory")
     if path.is_dir() and any(path.iterdir()):
         if sensor_folders(path) != [folder]:
-            raise exists(path, f"a directory that is not empty and no recording of {folder}")
+            raise already_exists(path, f"a directory that is not empty and no recording of {folder}")
         if not overwrite:
-            raise exists(path, "a recording; overwrite=True replaces it")
+            raise already_exists(path, "a recording; overwrite=True replaces it")

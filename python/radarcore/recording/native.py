@@ -13,7 +13,6 @@ have in common.
 
 from __future__ import annotations
 
-import errno
 import json
 import zipfile
 from dataclasses import dataclass, field
@@ -24,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
+from radarcore.output import new_file
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
-from radarcore.recording.npy import ArrayFile, naming, read_npz
+from radarcore.recording.npy import ArrayFile, read_npz
 
 FORMAT = "radarcore recording"
 VERSION = 1
@@ -51,21 +51,12 @@ class Stored:
 
 def save_npz(path: Path, stored: Stored, overwrite: bool) -> None:
     """Write one .npz file, whole or not at all."""
-    if path.is_dir() or (path.exists() and not overwrite):
-        raise exists(path, "a directory" if path.is_dir() else "a file; overwrite=True replaces it")
     meta = meta_text(stored.radar, stored.source, len(stored.cube), kind_of(stored.cube, stored.truth))
     arrays: dict[str, Any] = {"meta": meta, "cube": stored.cube, "time": stored.time, **truth_arrays(stored.truth)}
     if stored.lost is not None:
         arrays["lost"] = stored.lost
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with naming(path), partial.open("wb") as file:
-            np.savez(file, **arrays)
-        partial.replace(path)
-    finally:
-        if partial.is_file():
-            partial.unlink()
+    with new_file(path, overwrite=overwrite) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
 
 
 def load_directory(path: Path, mmap: bool) -> Stored:
@@ -144,11 +135,6 @@ def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bo
     else:
         return
     notice.warn(message)
-
-
-def exists(path: Path, what: str) -> FileExistsError:
-    """Error for a path that exists."""
-    return FileExistsError(errno.EEXIST, f"expected no such path, got {what}", str(path))
 
 
 def parsed_json(data: bytes | str, where: str) -> Any:

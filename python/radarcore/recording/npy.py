@@ -1,4 +1,4 @@
-"""NPY files that grow frame by frame, readable at any length; atomic writes of small files."""
+"""NPY files that grow frame by frame, readable at any length."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import math
 import os
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
@@ -18,6 +17,7 @@ from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
 from radarcore import check
+from radarcore.output import naming, new_file
 
 _LONGEST_HEADER = 1 << 16
 """Bytes of a header that are read: NumPy refuses more than 10 000."""
@@ -60,7 +60,8 @@ class GrowingFile:
         self.row: tuple[int, ...] = row
         header = self._header(0)
         self._offset = len(header)
-        write_whole(path, header + (b"" if first is None else self._bytes(first)))
+        with new_file(path, overwrite=True) as part:
+            part.write_bytes(header + (b"" if first is None else self._bytes(first)))
         self._file = path.open("r+b", buffering=0)  # the system has every frame at once, killed or not
         self._file.seek(0, os.SEEK_END)
 
@@ -237,25 +238,6 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
             left[: len(data)] = np.frombuffer(data, np.uint8)
             left = left[len(data) :]
         return values
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a small file atomically."""
-    partial = path.with_name(path.name + ".part")
-    with naming(path):
-        partial.write_bytes(data)
-        partial.replace(path)
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Gives an OSError the path that the system left out (disk full and the like)."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is None and error.errno is not None:
-            raise type(error)(error.errno, error.strerror, str(path)) from error
-        raise
 
 
 def _num_bytes(row: tuple[int, ...], dtype: np.dtype[Any]) -> int:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
+from radarcore.output import Lock, already_exists, is_empty, make_folder, write_text
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Kind, check_alike, check_radar, frame_shape, kind_of, unit_of
-from radarcore.recording.native import FORMAT, TRUTH_FILES, exists, format_of, meta_text, truth_arrays
-from radarcore.recording.npy import GrowingFile, write_whole
+from radarcore.recording.native import FORMAT, TRUTH_FILES, format_of, meta_text, truth_arrays
+from radarcore.recording.npy import GrowingFile
 
 
 @check.knows_keywords
@@ -41,6 +42,8 @@ class RecordingWriter:
     ------
     FileExistsError
         When `path` exists and is not a recording to be overwritten.
+    BlockingIOError
+        When another writer is at work there.
     OSError
         When the place cannot be written to.
 
@@ -81,8 +84,17 @@ class RecordingWriter:
 
         check_radar(radar)
         meta = meta_text(radar, self.source, self.num_frames, None)
-        _make_room(self.path, overwrite)
-        write_whole(self.path / "meta.json", meta.encode())
+        check_room(self.path, overwrite)
+        make_folder(self.path)
+        self._lock = Lock(self.path)
+        try:
+            if check_room(self.path, overwrite):  # again: another writer may have been here meanwhile
+                for name in ("cube", "time", "lost", *TRUTH_FILES):
+                    (self.path / f"{name}.npy").unlink(missing_ok=True)
+            write_text(self.path / "meta.json", meta, overwrite=True)
+        except BaseException:
+            self._lock.release()
+            raise
 
     def append(self, frame: Frame) -> None:
         """Write one frame of the same radar, bodies and dtype as the first, after that before it.
@@ -124,6 +136,7 @@ class RecordingWriter:
             return
         self._closed = True
         with ExitStack() as stack:  # every file is closed, even where one fails
+            stack.callback(self._lock.release)
             for file in self._files.values():
                 stack.callback(file.close, self._written)
 
@@ -139,7 +152,8 @@ class RecordingWriter:
 def open_as(writer: RecordingWriter, kind: Kind) -> None:
     """Make the array files, the cube last: where it is missing, no frame has been written."""
     dtype, names = kind
-    write_whole(writer.path / "meta.json", meta_text(writer.radar, writer.source, writer.num_frames, kind).encode())
+    text = meta_text(writer.radar, writer.source, writer.num_frames, kind)
+    write_text(writer.path / "meta.json", text, overwrite=True)
     writer._files["time"] = GrowingFile(writer.path / "time.npy", np.dtype(np.float64), ())
     for name in () if names is None else TRUTH_FILES:
         writer._files[name] = GrowingFile(writer.path / f"{name}.npy", np.dtype(np.float64), (len(names or ()),))
@@ -152,23 +166,15 @@ def check_room(path: Path, overwrite: bool) -> bool:
     if format_of(path) != "directory":
         raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
     if path.exists() and not path.is_dir():
-        raise exists(path, "a file, not a directory")
-    if path.is_dir() and any(path.iterdir()):
+        raise already_exists(path, "a file, not a directory")
+    if path.is_dir() and not is_empty(path):
         try:
             is_recording = json.loads((path / "meta.json").read_bytes()).get("format") == FORMAT
         except (OSError, ValueError, AttributeError):
             is_recording = False
         if not is_recording:
-            raise exists(path, "a directory that is not empty and no recording")
+            raise already_exists(path, "a directory that is not empty and no recording")
         if not overwrite:
-            raise exists(path, "a recording; overwrite=True replaces it")
+            raise already_exists(path, "a recording; overwrite=True replaces it")
         return True
     return False
-
-
-def _make_room(path: Path, overwrite: bool) -> None:
-    """An empty directory at `path`, or one with other people's files only where a recording was."""
-    if check_room(path, overwrite):
-        for name in ("cube", "time", "lost", *TRUTH_FILES):
-            (path / f"{name}.npy").unlink(missing_ok=True)
-    path.mkdir(parents=True, exist_ok=True)

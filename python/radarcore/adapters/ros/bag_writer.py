@@ -5,15 +5,18 @@ Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
 
 from __future__ import annotations
 
-import errno
-import shutil
+import math
+from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
+from time import monotonic
 from types import TracebackType
 from typing import Any
 
 from radarcore import check
+from radarcore._core import __version__
 from radarcore.adapters.ros.typestore import need_rosbags, typed, typestore
+from radarcore.output import PartFolder, already_exists, check_file, give_name
 
 FORMATS = ("mcap", "sqlite3", "ros1")
 
@@ -22,6 +25,12 @@ _BY_SUFFIX = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
 _LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
 """Latest time of a message [ns since 1970]."""
 
+_METADATA, _MARK = "metadata.yaml", "radarcore"
+"""File that describes a folder of ROS 2, and the key of its ``custom_data`` in those that are written here."""
+
+_FLUSHED_EVERY, _MOST_PENDING = 1.0, 1 << 25
+"""Time [s] and bytes after which messages are handed over to the system."""
+
 
 @check.knows_keywords
 class BagWriter:
@@ -29,6 +38,8 @@ class BagWriter:
 
     The bag gets its name when it is finished; until then it is ``NAME.part`` beside that, which `BagReader` reads as
     far as it got. Leaving a ``with`` block finishes it, by an exception or Ctrl-C too: what was written is readable.
+    A process that is killed loses at most the messages of its last second; its part stays, and no other writer
+    replaces it.
 
     Parameters
     ----------
@@ -37,7 +48,8 @@ class BagWriter:
     format : "mcap", "sqlite3" or "ros1", optional
         Default: by the suffix of `path`; MCAP for a folder.
     overwrite : bool
-        Replace a bag that is already there.
+        Replace a bag that is already there: a single file, or a folder that radarcore has written, of which the files
+        in its ``metadata.yaml`` are deleted.
 
     Attributes
     ----------
@@ -51,7 +63,9 @@ class BagWriter:
     Raises
     ------
     FileExistsError
-        When `path` exists and is not a bag to be overwritten.
+        When `path` exists and is not a bag to be overwritten, or ``NAME.part`` exists.
+    BlockingIOError
+        When another writer is writing the bag.
     ImportError
         When rosbags is missing.
 
@@ -87,21 +101,15 @@ class BagWriter:
         self.version = 1 if self.format == "ros1" else 2
         self.types: Any = typestore(self.version)
         self._overwrite = overwrite
-        self._check_room()
-        self._part = self.path.with_name(f"{self.path.name}.part")
+        self._replaced()
         self._connections: dict[str, Any] = {}
         self._closed = False
-
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._part.exists():  # of a writer that was killed
-            shutil.rmtree(self._part)
-        self._part.mkdir()
-        self._inner = self._part / (self.path.stem if suffix in _BY_SUFFIX and self.version == 2 else self.path.name)
-        try:
+        self._num_pending, self._flushed_at = 0, -math.inf
+        with ExitStack() as stack:
+            self._part = stack.enter_context(PartFolder(self.path))
+            name = self.path.stem if suffix in _BY_SUFFIX and self.version == 2 else self.path.name
+            self._inner = self._part.folder / name
             self._bag = self._opened()
-        except BaseException:  # Ctrl-C among them: nothing is in it yet
-            shutil.rmtree(self._part)
-            raise
 
     def __enter__(self) -> BagWriter:
         return self
@@ -194,7 +202,11 @@ class BagWriter:
         if not isinstance(message, self.types.types[name]):
             message = typed(self.types, name, message)
         pack = self.types.serialize_ros1 if self.version == 1 else self.types.serialize_cdr
-        self._bag.write(self._connections[topic], time, pack(message, name))
+        data = pack(message, name)
+        self._bag.write(self._connections[topic], time, data)
+        self._num_pending += len(data)
+        if self._num_pending > _MOST_PENDING or monotonic() - self._flushed_at > _FLUSHED_EVERY:
+            self._flush()
 
     def close(self) -> None:
         """Finish the bag and give it its name.
@@ -214,18 +226,24 @@ class BagWriter:
             return
         self._closed = True
         try:
-            self._bag.close()
+            try:
+                self._bag.close()
+            except BaseException:
+                self._bag.abort()  # a full disk
+                raise
+            replaced = self._replaced()  # what has come there meanwhile is of others
+            if self._inner.is_file():  # ROS 1
+                give_name(self._inner, self.path, overwrite=self._overwrite)
+                self._part.remove()
+            elif self.path.suffix in _BY_SUFFIX:
+                file = self._inner / f"{self._inner.name}{self.path.suffix}"
+                give_name(file, self.path, overwrite=self._overwrite)
+                self._part.remove()
+            else:
+                self._part.put(self._inner, replaced)
         except BaseException:
-            self._bag.abort()  # a full disk: its part stays, readable as far as it got
+            self._part.leave()  # readable as far as it got
             raise
-        made = self._inner
-        if self.path.suffix in _BY_SUFFIX and self.version == 2:
-            made = self._inner / f"{self._inner.name}{self.path.suffix}"
-        self._check_room()
-        if self.path.is_dir():
-            shutil.rmtree(self.path)
-        made.replace(self.path)
-        shutil.rmtree(self._part)
 
     def _opened(self) -> Any:
         """The writer of rosbags."""
@@ -237,24 +255,58 @@ class BagWriter:
             from rosbags.rosbag2 import StoragePlugin, Writer
 
             bag = Writer(self._inner, version=9, storage_plugin=StoragePlugin[self.format.upper()])
+            bag.set_custom_data(_MARK, __version__)
         bag.open()
+        if self.format == "sqlite3":
+            # The file is whole at any time: nothing gets into it before it is committed.
+            bag.storage.conn.execute("PRAGMA cache_spill = OFF")
         return bag
 
-    def _check_room(self) -> None:
-        """Refuse to replace anything but a bag, and that without being told to."""
-        if not self.path.exists():
-            return
-        is_bag = (self.path / "metadata.yaml").is_file() if self.path.is_dir() else self.path.suffix in _BY_SUFFIX
-        if not is_bag:
-            what = "a folder that is no bag" if self.path.is_dir() else "a file that is no bag"
-            raise FileExistsError(errno.EEXIST, f"expected no such path, got {what}", str(self.path))
+    def _flush(self) -> None:
+        """Hand over to the system what was written, so that it is there if the process is killed."""
+        if self.format == "sqlite3":
+            self._bag.storage.conn.commit()
+        elif self.format == "mcap":
+            if self._bag.storage.chunk.bio.tell():
+                self._bag.storage.close_chunk()
+            self._bag.storage.bio.flush()
+        else:
+            self._bag.write_chunk(self._bag.chunks[-1])
+            self._bag.bio.flush()
+        self._num_pending, self._flushed_at = 0, monotonic()
+
+    def _replaced(self) -> list[Path]:
+        """Files of the folder that this bag replaces; refuses to replace anything but a bag, or that unasked."""
+        path = self.path
+        if path.suffix in _BY_SUFFIX or not path.is_dir():
+            if path.exists() and path.suffix not in _BY_SUFFIX:
+                raise already_exists(path, "a file that is no bag")
+            check_file(path, overwrite=self._overwrite)
+            return []
+        if not (path / _METADATA).is_file():
+            raise already_exists(path, "a folder that is no bag")
+        files = _own_files(path)
+        if not files:
+            raise already_exists(path, "a bag that radarcore did not write; delete it, or choose another path")
         if not self._overwrite:
-            raise FileExistsError(
-                errno.EEXIST, "expected no such path, got a bag; overwrite=True replaces it", str(self.path)
-            )
+            raise already_exists(path, "a bag; overwrite=True replaces it")
+        return files
 
     def _names(self) -> list[str]:
         return list(self.types.fielddefs)
+
+
+def _own_files(folder: Path) -> list[Path]:
+    """Files of a bag that radarcore has written, by its metadata; none of any other."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        described = YAML(typ="safe").load(folder / _METADATA)["rosbag2_bagfile_information"]
+        is_own, names = _MARK in described["custom_data"], [_METADATA, *described["relative_file_paths"]]
+    except (OSError, ValueError, TypeError, KeyError, YAMLError):
+        return []
+    return [folder / Path(name).name for name in names] if is_own else []
 
 
 def _transient_local() -> Any:

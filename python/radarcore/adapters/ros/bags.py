@@ -20,6 +20,7 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.adapters.ros.cut_bags import database_size, sequential_reader, unpacked_message
 from radarcore.adapters.ros.typestore import need_rosbags, typestore
+from radarcore.output import LOCK
 from radarcore.recording import infineon
 
 _SUFFIXES = (".mcap", ".db3", ".bag")
@@ -361,6 +362,8 @@ class BagReader:
 def is_bag(path: str | PathLike[str]) -> bool:
     """True for what looks like a bag: by its suffix, or the files in a folder that is no recording."""
     place = Path(path)
+    if (inner := _part_of(place)) is not None:
+        return is_bag(inner)
     if place.is_dir():
         if (place / "meta.json").is_file() or infineon.is_recording(place):
             return False
@@ -368,11 +371,18 @@ def is_bag(path: str | PathLike[str]) -> bool:
     return place.suffix in _SUFFIXES
 
 
+def _part_of(path: Path) -> Path | None:
+    """The bag in a part that a `BagWriter` has left."""
+    if path.suffix != ".part" or not path.is_dir():
+        return None
+    return next((place for place in path.iterdir() if place.name != LOCK), None)
+
+
 def _files(path: Path) -> list[Path]:
     """The files of a bag, the one that was recorded first in front."""
     if path.is_file():
         return [path]
-    if path.suffix == ".part" and (inner := next(path.iterdir(), None)) is not None:  # of a `BagWriter`
+    if (inner := _part_of(path)) is not None:
         return _files(inner)
     for suffix in _SUFFIXES:
         if found := sorted(path.glob(f"*{suffix}"), key=lambda file: (len(file.name), file.name)):
