@@ -85,12 +85,12 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
 
-# More workers than cores, as tests of sensors and servers wait for them; waiting threads of numpy's BLAS would only be in
-# the way. The first time, modules are compiled and kept before there are workers, as each of them would do it again.
+# More workers than cores, as tests of sensors and servers wait for them. The first time, modules are compiled and kept
+# before there are workers, as each of them would do it again.
 tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
 	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only --quiet >/dev/null 2>&1 || true
-	@OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) --dist=worksteal
+	@$(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) --dist=worksteal
 
 benches-python: $(VENV)/dev $(VENV)/dataset $(VENV)/built | tests-rust
 	@echo "-- benches once: Python"

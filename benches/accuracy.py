@@ -11,10 +11,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
-
-# Threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 from page import ACCURACY as PAGE
 from page import machine, table

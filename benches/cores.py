@@ -11,9 +11,6 @@ import argparse
 import os
 import time
 
-# Threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
-
 import numpy as np
 
 import radarcore as rc

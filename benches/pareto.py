@@ -13,7 +13,6 @@ import argparse
 import ctypes
 import io
 import math
-import os
 import subprocess
 import tempfile
 import time
@@ -22,9 +21,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from itertools import product
 from pathlib import Path
-
-# Threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -24,8 +24,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-# Builds are measured on one thread, and threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(RAYON_NUM_THREADS="1", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+# Builds are measured on one thread, ours (rayon) as those of the other libraries (OpenMP).
+os.environ.update(RAYON_NUM_THREADS="1", OMP_NUM_THREADS="1")
 
 import numpy as np
 from numpy.typing import NDArray

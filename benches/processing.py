@@ -11,15 +11,11 @@ of the processor, so that others on the same machine hardly count.
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 from unittest import mock
-
-# One thread, and none of numpy's BLAS that wait for work.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 from numpy.typing import NDArray

@@ -9,13 +9,9 @@ python benches/receiver.py --tiny                 a few frames
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from dataclasses import replace
 from pathlib import Path
-
-# Threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 from numpy.typing import NDArray

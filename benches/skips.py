@@ -8,10 +8,6 @@ python benches/skips.py --tiny     one frame each
 from __future__ import annotations
 
 import argparse
-import os
-
-# Threads of numpy's BLAS that wait for work would slow everything else down.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 

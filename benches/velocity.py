@@ -11,12 +11,9 @@ and for the changes of the beat frequency, one up- and one down-chirp for the pa
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -7,15 +7,11 @@ longer than many of the benches.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import runpy
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
-
-# Threads of numpy's BLAS that wait for work would slow everything else down, and do not live through a fork.
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 BENCHES = Path(__file__).parent.parent / "benches"
 

@@ -18,7 +18,7 @@ FILES = {
     for path in sorted(PACKAGE.rglob("*.py"))
 }
 
-EVERYWHERE = {"check", "output", "units", "summary", "twin", "sealed", "notice", "lazy", "_core"}
+EVERYWHERE = {"check", "output", "units", "products", "summary", "twin", "sealed", "notice", "lazy", "_core"}
 DESCRIPTIONS = {"recording", "radar"}
 BODIES = {"scene", "motion", "geometry"}
 MAY_IMPORT = {

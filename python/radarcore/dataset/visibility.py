@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from radarcore.dataset.bodies import Floats, Members
 from radarcore.dataset.echoes import Caster, Echo
+from radarcore.products import real_inner
 from radarcore.scene.scene import Parts, Scene
 
 _PARALLAX = 1e-3
@@ -90,12 +91,12 @@ def _powers(alone: Echo, in_view: Echo, _: Caster) -> tuple[float, float]:
 def _signals(alone: Echo, in_view: Echo, caster: Caster) -> tuple[float, float]:
     """Energy of the signal of all paths, and the part of it of those in view, per sample [W]."""
     signal = caster.signal(alone)
-    energy = float(np.vdot(signal, signal).real) / signal.shape[1]
+    energy = real_inner(signal, signal) / signal.shape[1]
     if in_view is alone:
         return energy, energy
     if in_view.amplitude.size == 0:
         return energy, 0.0
-    return energy, float(np.vdot(signal, caster.signal(in_view)).real) / signal.shape[1]
+    return energy, real_inner(signal, caster.signal(in_view)) / signal.shape[1]
 
 
 def may_be_hidden(numbers: NDArray[np.intp], parts: Parts, boxes: Floats) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.products import product
 
 Matrix = NDArray[np.float64]
 
@@ -225,7 +226,7 @@ class Pose:
         array([[1. , 0. , 0.5],
                [1.1, 0. , 0.5]])
         """
-        return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
+        return product(np.asarray(points, dtype=np.float64), self.rotation.T) + self.position
 
     def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`
         """The pose at a time [s]: constant."""

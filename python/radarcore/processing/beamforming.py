@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.products import product
+
 _Matrices = NDArray[np.complex128]
 _Powers = NDArray[np.float64]
 
@@ -60,7 +62,7 @@ def music(covariances: _Matrices, steering: _Matrices, num_sources: int | None, 
     counts = shortest_description(values, num_snapshots) if num_sources is None else np.asarray(num_sources)
     is_noise = np.arange(number) < number - counts[..., None]  # eigenvalues increase
     noise = vectors * is_noise[..., None, :]
-    projections = np.abs(np.swapaxes(noise, -1, -2).conj() @ steering.T) ** 2  # [..., eigenvector, angle]
+    projections = np.abs(product(np.swapaxes(noise, -1, -2).conj(), steering.T)) ** 2  # [..., eigenvector, angle]
     spectra = number / np.maximum(projections.sum(axis=-2), number * 1e-30)
     return np.where(finite[..., 0], spectra, np.nan)
 
@@ -111,7 +113,7 @@ def fft_beams(
 
 def _quadratic(matrices: _Matrices, steering: _Matrices) -> _Powers:
     """``a^H M a``, real, of Hermitian matrices (..., N, N) and vectors (angle, N): (..., angle)."""
-    turned = matrices @ steering.T  # [..., N, angle]
+    turned = product(matrices, steering.T)  # [..., N, angle]
     forms: _Powers = np.einsum("an,...na->...a", steering.conj(), turned).real
     return forms
 

@@ -412,8 +412,8 @@ def _covariance(
     size = np.sqrt((centred**2).mean(axis=1))
     centred /= size[:, None]
     flat = weights.ravel()
-    inverse = np.linalg.inv((flat * centred) @ centred.T)
-    scaled: NDArray[np.float64] = inverse @ ((flat**2 * centred) @ centred.T) @ inverse
+    inverse = np.linalg.inv(np.einsum("pn,qn->pq", flat * centred, centred))
+    scaled: NDArray[np.float64] = inverse @ np.einsum("pn,qn->pq", flat**2 * centred, centred) @ inverse
     return scaled / np.outer(size, size)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.products import real_inner
 
 Array = NDArray[np.float64]
 
@@ -299,7 +300,7 @@ def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tu
         num_slow = int(2.0 * step * (end - begin) / _SLOW)
         slow = np.cos(phase[:, None] * np.arange(num_slow + 1))
         basis = np.column_stack([b.values[there][is_known], step * b.slopes[there][is_known], slow])
-        found, *_ = np.linalg.lstsq(basis, a.values[here][is_known])
+        found = _least_squares(basis, a.values[here][is_known])
         rest = -found[1] / found[0] if found[0] > 0.0 else np.inf
         if abs(whole + rest - lag) > _FARTHEST / _GRID:
             raise ValueError(
@@ -311,11 +312,19 @@ def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tu
     # What the residual adds to the lag, sample by sample; neighbours are correlated over the window.
     residual = a.values[here][is_known] - basis @ found
     others = np.delete(basis, 1, axis=1)
-    slope = basis[:, 1] - others @ np.linalg.lstsq(others, basis[:, 1])[0]
+    slope = basis[:, 1] - others @ _least_squares(others, basis[:, 1])
     parts = np.zeros(end - begin)
-    parts[is_known] = slope * residual / (found[0] * (slope @ slope))
+    parts[is_known] = slope * residual / (found[0] * real_inner(slope, slope))
     reach = min(round(_CORRELATED * width / step), len(parts) - 1)
     # Newey & West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
     # matrix": weights that fall with the distance.
-    sums = [(1.0 - k / (reach + 1)) * (parts[k:] @ parts[:-k]) for k in range(1, reach + 1)]
-    return whole + rest, float(np.sqrt(parts @ parts + 2.0 * sum(sums)))
+    sums = [(1.0 - k / (reach + 1)) * real_inner(parts[k:], parts[:-k]) for k in range(1, reach + 1)]
+    return whole + rest, float(np.sqrt(real_inner(parts, parts) + 2.0 * sum(sums)))
+
+
+def _least_squares(basis: Array, values: Array) -> Array:
+    """Factors of the columns of a basis by which they fit the values best (normal equations)."""
+    scale = np.sqrt(np.square(basis).sum(axis=0))
+    scaled = basis / np.where(scale > 0.0, scale, 1.0)
+    gram, moments = (np.einsum("nk,n...->k...", scaled, other) for other in (scaled, values))
+    return np.linalg.lstsq(gram, moments)[0] / np.where(scale > 0.0, scale, 1.0)

@@ -257,7 +257,9 @@ def without_offset(cube: NDArray[Any]) -> NDArray[Any]:
     It is the mean weighted as by the window of the range transform, in which echoes leave next to nothing.
     """
     weights = window_weights("window", "hann", cube.shape[-1])
-    return np.asarray(cube - (cube @ (weights / weights.sum()).astype(cube.real.dtype))[..., np.newaxis])
+    return np.asarray(
+        cube - np.einsum("...s,s->...", cube, (weights / weights.sum()).astype(cube.real.dtype))[..., np.newaxis]
+    )
 
 
 def updated_mean(

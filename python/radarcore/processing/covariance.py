@@ -11,6 +11,7 @@ from radarcore.processing.inputs import require_uniform_chirps
 from radarcore.processing.spectra import fast_spectrum
 from radarcore.processing.steering import channel_corrections
 from radarcore.processing.windows import Window, window_weights
+from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 
@@ -51,7 +52,7 @@ def range_covariances(
         scale = 1.0 / (wf.num_chirps * float(np.square(weights).sum()))  # Parseval
     profile *= np.atleast_2d(corrections).T[..., None]  # [channel, chirp or doppler, 1]
     snapshots = np.moveaxis(profile, -1, -3)  # [..., range, channel, chirp]
-    covariances: NDArray[np.complex128] = scale * (snapshots @ np.swapaxes(snapshots, -1, -2).conj())
+    covariances: NDArray[np.complex128] = scale * product(snapshots, np.swapaxes(snapshots, -1, -2).conj())
     return covariances
 
 

@@ -24,6 +24,7 @@ from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import fast_spectrum, transformed
 from radarcore.processing.tone_fit import Fit, fit
 from radarcore.processing.windows import Window
+from radarcore.products import real_inner
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
@@ -152,7 +153,7 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    energy = float(np.vdot(samples, samples).real)  # no number either if a sample is none
+    energy = real_inner(samples, samples)  # no number either if a sample is none
     if not isfinite(energy) and not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(

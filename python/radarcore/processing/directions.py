@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.steering import channel_corrections
+from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 _SHORTEST_EXTENT = 1e-3
@@ -276,7 +277,7 @@ class _Array:
 
     def phases(self, sines: _Reals) -> _Reals:
         """Phases that undo those of a wave, (..., channel)."""
-        phases: _Reals = sines @ self.across.T
+        phases: _Reals = product(sines, self.across.T)
         return phases + self.forward(sines)[..., None] * self.x if self.x.any() else phases
 
     def slopes(self, sines: _Reals) -> _Reals:
@@ -328,7 +329,7 @@ def _highest(waves: _Complexes, array: _Array, grid: _Reals) -> _Reals:
     block = max(1, _BLOCK // max(waves.shape))
     for k in range(0, len(grid), block):
         cells = grid[k : k + block]
-        power = np.abs(waves @ np.exp(1j * array.phases(cells)).T)
+        power = np.abs(product(waves, np.exp(1j * array.phases(cells)).T))
         best = power.argmax(axis=1)
         level = power[np.arange(len(waves)), best]
         higher = level > largest

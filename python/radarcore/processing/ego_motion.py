@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.inputs import require_one_waveform, require_transmitters_apart, with_samples
+from radarcore.products import orthonormal, product
 from radarcore.radar.beam import is_in_beam
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
@@ -166,10 +167,11 @@ def _filtered(
 
     # Turn clutter to zero velocity and project it onto the polynomials.
     signal = _analytic(samples, wf)
-    projected = band.polynomials.T @ (signal * band.turn.conj())  # (channel, degree, sample)
+    turned = np.ascontiguousarray(signal * band.turn.conj()).view(np.float64)  # the polynomials are real
+    projected = product(band.polynomials.T, turned).view(np.complex128)  # (channel, degree, sample)
     if is_joint:
         projected = _from_clutter(projected, radar, velocity, directions, band, residual)
-    clutter = band.turn * (band.polynomials @ projected)
+    clutter = band.turn * product(band.polynomials, projected.view(np.float64)).view(np.complex128)
     found = clutter if np.iscomplexobj(samples) else clutter.real
     filtered: NDArray[Any] = (samples - found).astype(samples.dtype)
     return filtered
@@ -201,17 +203,20 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
     # As many polynomials as an echo at the edge of the band needs; of a sensor at rest the constant is all.
     extent = max(float(np.abs(time).max()), 1e-300)
     edge = 4.0 * np.pi * half / SPEED_OF_LIGHT * float(frequency.max())  # [rad/s]
-    num_most = min(waveform.num_chirps, int(1.5 * edge * extent) + 30) if speed > 0.0 else 1
-    orthonormal = np.linalg.qr(np.polynomial.legendre.legvander(time / extent, num_most - 1))[0]
-    caught = np.cumsum(np.abs(orthonormal.T @ np.exp(1j * edge * time)) ** 2) / len(time)
-    is_enough = caught >= 1.0 - max(residual, 1e-12)  # all but rounding is enough for any suppression
-    num_needed = 1 + int(np.argmax(is_enough)) if is_enough.any() else waveform.num_chirps
-    if num_needed >= waveform.num_chirps:
-        raise ValueError(
-            f"frame: expected more than {num_needed} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s fills "
-            f"as many, got {waveform.num_chirps}"
-        )
-    return _Band(centre, turn, orthonormal[:, :num_needed], time)
+    num_most = min(waveform.num_chirps - 1, int(1.5 * edge * extent) + 30 if speed > 0.0 else 1)
+    polynomials = np.empty((num_most, waveform.num_chirps))
+    next_power, wave = np.ones(waveform.num_chirps), np.exp(1j * edge * time)
+    missed = float(waveform.num_chirps)
+    for degree in range(num_most):
+        polynomials[degree] = orthonormal(next_power, polynomials[:degree])
+        missed -= abs(np.einsum("n,n->", polynomials[degree], wave)) ** 2
+        if speed == 0.0 or missed <= max(residual, 1e-12) * waveform.num_chirps:  # all but rounding is enough
+            return _Band(centre, turn, polynomials[: degree + 1].T, time)
+        next_power = time / extent * polynomials[degree]
+    raise ValueError(
+        f"frame: expected more than {waveform.num_chirps} chirps, as clutter from {lowest:+.3g} to {highest:+.3g} m/s "
+        f"fills as many, got {waveform.num_chirps}"
+    )
 
 
 def _from_clutter(
@@ -230,15 +235,36 @@ def _from_clutter(
     for first in range(0, num_samples, step):
         part = slice(first, min(first + step, num_samples))
         wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
-        over_time = band.polynomials.T @ np.exp(2j * wavenumber * np.outer(band.time, rates))  # (degree, direction)
+        over_time = product(
+            band.polynomials.T, np.exp(2j * wavenumber * np.outer(band.time, rates))
+        )  # (degree, direction)
         of_channels = phases * np.exp(-1j * wavenumber * along)[:, None]
         steering = (of_channels * over_time).reshape(num_channels * num_degrees, -1)
-        power, vectors = np.linalg.eigh(steering @ steering.conj().T)  # increasing
-        left = np.cumsum(power.clip(0.0))
-        basis = vectors[:, int(np.count_nonzero(left <= residual * left[-1])) :]
+        basis = _span(product(steering, steering.conj().T), residual)
         flat = projected[..., part].reshape(num_channels * num_degrees, -1)
-        kept[..., part] = (basis @ (basis.conj().T @ flat)).reshape(num_channels, num_degrees, -1)
+        kept[..., part] = product(basis, product(basis.conj().T, flat)).reshape(num_channels, num_degrees, -1)
     return kept
+
+
+def _span(gram: Complex, residual: float) -> Complex:
+    """Orthonormal columns (n, k) that span vectors whose sum of ``v v^H`` is `gram`, but for a part of their power.
+
+    A Cholesky decomposition that goes on with the largest element left of the diagonal.
+    """
+    left = gram.diagonal().real.copy()
+    least = residual * left.sum()
+    factors, basis = np.empty((2, *gram.shape), np.complex128)
+    number = 0
+    while number < len(gram) and left.sum() > least:
+        pivot = int(left.argmax())
+        known = factors[:number]
+        factors[number] = (gram[:, pivot] - np.einsum("k,kn->n", known[:, pivot].conj(), known)) / np.sqrt(left[pivot])
+        left -= np.square(np.abs(factors[number]))
+        left[pivot] = 0.0
+        np.maximum(left, 0.0, out=left)
+        basis[number] = orthonormal(factors[number], basis[:number])
+        number += 1
+    return basis[:number].T
 
 
 def _frequencies(waveform: Waveform) -> Array:

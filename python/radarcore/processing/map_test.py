@@ -20,6 +20,7 @@ from radarcore.processing.constant_false_alarm import (
 )
 from radarcore.processing.correlated_noise import cell_rate, independent_part, independent_part_below
 from radarcore.processing.false_alarms import averaging_factor, ordered_factor
+from radarcore.products import product
 
 _Indices = NDArray[np.intp]
 
@@ -75,8 +76,8 @@ class MapTest:
         if max(power.shape) > _MOST_BY_PRODUCTS:
             return training_sums(power, self.guards, self.trainings)
         _, over_columns, over_rows = self._in(power.dtype)
-        parts = (power @ over_columns).reshape(-1, power.shape[1])  # of every row two
-        return np.asarray(over_rows @ parts)
+        parts = product(power, over_columns).reshape(-1, power.shape[1])  # of every row two
+        return product(over_rows, parts)
 
     def _in(self, dtype: np.dtype[Any]) -> tuple[NDArray[Any], ...]:
         """`per_sum` and `_bands` in the precision of a map."""

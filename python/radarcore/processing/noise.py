@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.constant_false_alarm import checked_power
+from radarcore.products import real_inner
 from radarcore.radar.receiver import is_plain
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording
@@ -113,7 +114,7 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
     """
-    return max(rounding_per_energy(fast_weights, slow_weights) * float(np.vdot(cube, cube).real), LEAST_NOISE)
+    return max(rounding_per_energy(fast_weights, slow_weights) * real_inner(cube, cube), LEAST_NOISE)
 
 
 def rounding_per_energy(fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:

@@ -85,7 +85,7 @@ def fit_phase(
         # The echo turned to phase 0, times its conjugate amplitude: what varies is the error of the parameters.
         amplitude = echo.amplitude(turn, amplitude)
         error = echo.product(turn, amplitude).imag
-        score = weighted.reshape(len(weighted), -1) @ error.ravel()
+        score = np.einsum("pmn,mn->p", weighted, error)
         matrix = np.einsum("m,mpq->pq", (np.abs(amplitude) ** 2).sum(axis=1), curvature)
         try:
             step = np.linalg.solve(matrix, score)
@@ -117,7 +117,7 @@ class _Turned:
         weights = self._weights if turn.ndim == 2 else self._weights[:, None]
         weighted = weights * turn
         if turn.ndim == 2:
-            sums = (self._samples @ weighted[..., None])[..., 0]
+            sums = np.einsum("mcn,mn->mc", self._samples, weighted)
         else:
             sums = (self._samples * weighted).sum(axis=-1)
         if self._is_real and before is not None:
@@ -131,7 +131,7 @@ class _Turned:
         """Conjugate amplitudes times turned samples without mirror images, added over channels, (chirp, sample)."""
         conjugate = amplitude.conj()
         if turn.ndim == 2:
-            found = turn * (conjugate[:, None] @ self._samples)[:, 0]
+            found = turn * np.einsum("mc,mcn->mn", conjugate, self._samples)
             mirror = turn**2 * (conjugate**2).sum(axis=1, keepdims=True)
         else:
             found = (conjugate[..., None] * self._samples * turn).sum(axis=1)

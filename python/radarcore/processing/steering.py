@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 _UNEQUAL = 1e-3
@@ -27,7 +28,7 @@ def steering_vectors(
     ``exp(-2 pi j position . direction / wavelength)``: an antenna nearer to the target has less delay, and the phase
     of the beat signal grows with delay.
     """
-    turns = directions @ positions.T / wavelength
+    turns = product(directions, positions.T) / wavelength
     vectors: NDArray[np.complex128] = np.exp(-2j * np.pi * turns)
     return vectors
 

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore.products import product
 from radarcore.receive.draws import Draws
 from radarcore.receive.spectrum import even_length, real_noise
 
@@ -67,7 +68,7 @@ def phase_differences(
     result = real_noise(parts, np.ones(fast.shape[-1], np.float32), num_samples)
     deviation, of_chirps, of_samples = _slow_offsets(pairs, delays, chirps, samples)
     tones = deviation * draws.complex_normal("slow phase noise", deviation.shape[-1:])
-    result += (tones[:, None] * of_chirps).view(np.float32) @ of_samples
+    result += product((tones[:, None] * of_chirps).view(np.float32), of_samples)
     return result
 
 

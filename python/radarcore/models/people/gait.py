@@ -23,6 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore.products import product
+
 _Floats = NDArray[np.float64]
 _Phasors = NDArray[np.complex128]
 _Points = list[tuple[float, float]]
@@ -163,7 +165,7 @@ class _FourierSeries:
     def at(self, phase: ArrayLike, orders: int) -> _Floats:
         """Values and, with two orders, derivatives by phase, (orders, ..., column)."""
         phases = np.asarray(phase, dtype=np.float64)
-        curves = _powers(phases.ravel()).view(np.float64) @ self._factors[:orders]
+        curves = product(_powers(phases.ravel()).view(np.float64), self._factors[:orders])
         return np.asarray(curves).reshape(orders, *phases.shape, -1)
 
 

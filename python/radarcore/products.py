@@ -1,0 +1,51 @@
+"""Products of matrices on the calling thread alone.
+
+OpenBLAS wakes a thread on every core for a large product. They spin for work beside whatever else the machine does, so
+that a product of 0.1 ms takes 100 ms by chance.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16
+"""Multiplications of a product up to which OpenBLAS wakes no threads."""
+
+_LONGEST = 10_000
+"""Numbers of an inner product up to which it wakes none."""
+
+_LEAST_COLUMNS = 16
+"""Columns of a block: products of a matrix and a vector have another limit."""
+
+
+def product(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """``a @ b`` of stacks of matrices (..., m, k) and (..., k, n), in blocks for which no threads are woken."""
+    most = _MOST_REAL if a.dtype.kind == b.dtype.kind == "f" else _MOST_COMPLEX
+    if a.ndim < 2 or a.shape[-2] * a.shape[-1] * b.shape[-1] <= most:
+        return np.asarray(a @ b)
+    (m, k), n = a.shape[-2:], b.shape[-1]
+    columns = min(n, max(_LEAST_COLUMNS, most // (m * k)))
+    rows = max(1, most // (k * columns))
+    result = np.empty((*np.broadcast_shapes(a.shape[:-2], b.shape[:-2]), m, n), np.result_type(a, b))
+    for row in range(0, m, rows):
+        for column in range(0, n, columns):
+            block = result[..., row : row + rows, column : column + columns]
+            np.matmul(a[..., row : row + rows, :], b[..., column : column + columns], out=block)
+    return result
+
+
+def real_inner(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Real part of the inner product of arrays of one shape; NaN or infinite if a value is."""
+    first, second = a.ravel(), b.ravel()
+    blocks = [slice(start, start + _LONGEST) for start in range(0, len(first), _LONGEST)]
+    return float(sum(np.vdot(first[block], second[block]).real for block in blocks))
+
+
+def orthonormal(vector: NDArray[Any], basis: NDArray[Any]) -> NDArray[Any]:
+    """A vector (n,) without its parts along orthonormal rows (k, n), of length 1 (Gram and Schmidt, twice)."""
+    for _ in range(2):
+        vector = vector - np.einsum("kn,k->n", basis, np.einsum("kn,n->k", basis.conj(), vector))
+    return np.asarray(vector / np.sqrt(real_inner(vector, vector)))
