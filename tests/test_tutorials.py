@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import runpy
 import subprocess
@@ -93,7 +94,8 @@ def test_notebook_runs_in_a_kernel_and_puts_out_what_the_site_shows(tmp_path: Pa
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"needs the extra `docs`, of which {package} is missing: pip install radarcore[docs]")
     command = [sys.executable, "docs/site/notebooks.py", "first_frames", "--check", "-o", str(tmp_path)]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
+    home = os.environ | {"HOME": str(tmp_path)}  # where kernels keep their files
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300, env=home)
     assert result.returncode == 0, result.stderr
     notebook = json.loads((tmp_path / "first_frames.ipynb").read_text(encoding="utf-8"))
     shown = [output for cell in notebook["cells"] for output in cell.get("outputs", []) if "data" in output]

@@ -227,6 +227,12 @@ def test_headline_tells_number_time_rate_and_losses() -> None:
     assert "Hall $2" in texts(live)
 
 
+def test_long_title_takes_no_room_from_the_picture(tmp_path: Path) -> None:
+    live = plot.LiveView(RADAR, title=40 * "a-long-path/")
+    live.update(frame())
+    live.save(tmp_path / "view.png")  # matplotlib warns of a layout without room for axes
+
+
 def test_updates_add_no_artists_and_no_memory() -> None:
     live = plot.LiveView(RADAR, history=2.0)
     frames = [frame(0.8 - 0.002 * i, -0.9, i) for i in range(60)]

@@ -182,12 +182,12 @@ def _frames(
             refuse_settings(settings, source)
             from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
 
-            return _paced(load_scene(path), speed), source, False
+            return _paced(load_scene(path), speed), path.name, False
         if not path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)
         if not path.is_char_device():
             refuse_settings(settings, source)
-            return Recording.load(path).replay(speed=speed), source, False
+            return Recording.load(path).replay(speed=speed), path.resolve().name, False
     from radarcore.sensor import open_sensor
 
     wanted = radar_of(settings)

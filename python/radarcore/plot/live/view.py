@@ -261,11 +261,10 @@ class LiveView:
         top, bottom = self._text_axes
         for ax in (top, bottom):
             ax.set_axis_off()
-        style: dict[str, Any] = {"verticalalignment": "center", "parse_math": False}
+        # Clipped text takes no room of the layout, however long it is.
+        style: dict[str, Any] = {"verticalalignment": "center", "parse_math": False, "clip_on": True}
         top.text(0.0, 0.5, title, fontsize=12, fontweight="bold", **style)
-        self._status = top.text(
-            1.0, 0.5, "", fontsize=11, color="0.25", horizontalalignment="right", clip_on=True, **style
-        )
+        self._status = top.text(1.0, 0.5, "", fontsize=11, color="0.25", horizontalalignment="right", **style)
         style = {"fontsize": 10, "linespacing": 1.4, "verticalalignment": "top", "clip_on": True}
         bottom.text(0.0, 1.0, "Detection\nRange [m]\nVelocity [m/s]\nOver noise [dB]", **style)
         place: dict[str, Any] = {"textcoords": "offset points", "horizontalalignment": "right"}
