@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import warnings
 from functools import cache
 from pathlib import Path
@@ -330,7 +331,7 @@ def beside(angle_deg: float, name: str = "ball") -> rc.Body:
 
 def test_body_in_the_beam_outside_of_the_chosen_field_of_view_is_warned_of_once() -> None:
     sim = simulator([beside(0.0, "ahead"), beside(40.0), beside(45.0, "other")], BGT60, field_of_view_deg=(60.0, 60.0))
-    expected = r"'ball' lies in the beam .* azimuth 40 .*\(60, 60\).* nor does another body"
+    expected = r"'ball' \(and 1 more\) lies in the beam .* azimuth 40 .*\(60, 60\): it returns nothing"
     with pytest.warns(UserWarning, match=expected) as found:
         frames = [sim.frame(), sim.frame(0.1), *sim.record(0.0, 0.05, progress=False).frames()]
     assert len(frames) == 4
@@ -357,7 +358,47 @@ def test_recording_warns_of_a_body_that_leaves_the_field_of_view() -> None:
 )
 def test_no_warning_otherwise(angles: tuple[float, ...], options: dict[str, Any]) -> None:
     bodies: list[Any] = [beside(angle, f"ball {angle}") for angle in angles]
-    bodies += [rc.PointTarget(towards(50.0)), rc.Body(rc.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)))]
+    bodies += [rc.PointTarget(towards(20.0)), rc.Body(rc.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)))]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulator(bodies, BGT60, **options).frame()
+
+
+# ---------------------------------------------------------------- point targets
+
+POINTS = [  # azimuth and elevation [degrees], field of view, whether it shows them, and the warning
+    (0.0, 0.0, None, True, None),
+    (55.0, 0.0, None, True, None),
+    (70.0, 0.0, None, False, "no body is seen: .* 'p', lies at 2 m, azimuth 70 and elevation 0 degrees"),
+    (180.0, 0.0, None, False, "no body is seen: .* 'p', lies at 2 m, azimuth 180 and elevation 0 degrees"),
+    (0.0, 90.0, None, False, "no body is seen: .* elevation 90 degrees"),
+    (29.0, 0.0, (60.0, 60.0), True, None),
+    (31.0, 0.0, (60.0, 60.0), False, "'p' lies in the beam .* azimuth 31 .*: its truth is NaN"),
+    (0.0, -31.0, (60.0, 60.0), False, "'p' lies in the beam .* elevation -31 degrees"),
+    # The vertical angle is that of z/x, larger than the elevation beside the axis; of z/y on the side of a wide view.
+    (50.0, 29.0, (120.0, 70.0), False, None),
+    (50.0, 22.0, (120.0, 70.0), True, None),
+    (100.0, 0.0, (150.0, 60.0), False, None),
+]
+
+
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg", "view", "is_shown", "warning"), POINTS)
+def test_truth_of_points_that_the_field_of_view_does_not_show_is_nan(
+    azimuth_deg: float, elevation_deg: float, view: Any, is_shown: bool, warning: str | None
+) -> None:
+    point = rc.PointTarget(towards(azimuth_deg, elevation_deg, 2.0), name="p")
+    seen = [] if view is None else [beside(0.0)]
+    sim = simulator([point, *seen], rc.Radar(BGT60.waveform, pattern=BEAM), field_of_view_deg=view)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        truths = [sim.frame().truth, sim.frame(0.1).truth, next(sim.record(0.0, 0.02, progress=False).frames()).truth]
+    for truth in truths:
+        assert truth is not None
+        got = [truth.range[0], truth.velocity[0], *np.rad2deg([truth.azimuth[0], truth.elevation[0]])]
+        expected = [2.0, 0.0, azimuth_deg, elevation_deg] if is_shown else [np.nan] * 4
+        np.testing.assert_allclose(got, expected, atol=1e-9)
+        assert np.isfinite(truth.range[1:]).all()
+    assert len(told) == (warning is not None)
+    if warning:
+        assert re.search(warning, str(told[0].message))
+        assert told[0].filename == __file__

@@ -38,7 +38,7 @@ def moving_bodies() -> list[Any]:
         rc.Body(
             ball, motion=rc.Pose([1.8, 0.0, -0.3]), deformation=lambda t: ball.vertices * (1.0 + 0.1 * np.sin(9.0 * t))
         ),
-        rc.PointTarget([2.5, 0.4, 0.3], velocity=[0.0, 1.0, 0.0]),
+        rc.PointTarget([2.5, 0.4, 0.3], velocity=[0.0, 0.5, 0.0]),
     ]
 
 

@@ -39,9 +39,9 @@ class Truth:
     Of a body with a mesh they are those of its **nearest visible point**: the point of its surface that is nearest to
     the centre of the array among those that rays hit, neither the body's centre nor its origin. Of a sphere that is
     about its centre's range less its radius; the strongest echo may come from another point. The velocity is that of
-    the material there. A `PointTarget` is that point itself, and always visible. Simulated truth holds for the middle
-    of the frame. What `compare` makes of bodies that it is given is of the nearest point of their meshes, visible or
-    not, and of a motion alone that of its origin.
+    the material there. A `PointTarget` is that point itself, visible in the whole field of view. Simulated truth holds
+    for the middle of the frame. What `compare` makes of bodies that it is given is of the nearest point of their
+    meshes, visible or not, and of a motion alone that of its origin.
 
     Parameters
     ----------

@@ -90,6 +90,8 @@ class Body:
 class PointTarget:
     """An ideal point of a given radar cross-section: no shadow, no phase of its own.
 
+    Its echo follows the gain of the antennas in every direction. Its truth is NaN outside of the field of view.
+
     Parameters
     ----------
     position : (3,) array_like

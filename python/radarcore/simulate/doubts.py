@@ -16,6 +16,7 @@ from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
 from radarcore.simulate.corners import corner_points
+from radarcore.simulate.directions import angles
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
 from radarcore.units import SPEED_OF_LIGHT
@@ -90,16 +91,34 @@ class Doubts:
         lost[lost] = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen[lost]).any(axis=-1)
         if not lost.any():
             return
-        self._told.add("view")
         time, body = (int(index) for index in np.argwhere(lost)[0])
-        x, y, z = seen[time, body, len(_PLACES) // 2]
-        azimuth, elevation = np.rad2deg([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
-        others = int(lost.any(axis=0).sum()) - 1
-        name = scene.names[scene.parts.mesh_numbers[body]]
-        more = f", nor do {others} others" if others > 1 else ", nor does another body" if others else ""
+        first_others = [body, *(set(np.flatnonzero(lost.any(axis=0)).tolist()) - {body})]
+        names = [scene.names[scene.parts.mesh_numbers[each]] for each in first_others]
+        azimuth, elevation = angles(seen[time, body, len(_PLACES) // 2])
+        self._warn_of_view(names, (float(azimuth), float(elevation)), view, "it returns nothing")
+
+    def of_points(
+        self, names: list[str], azimuth: NDArray[np.float64], elevation: NDArray[np.float64], view: Angles
+    ) -> None:
+        """Warn of point targets, in directions [rad] beyond a field of view [degrees], that the antennas see."""
+        if "view" in self._told:
+            return
+        across = np.cos(elevation)
+        directions = np.stack([np.cos(azimuth) * across, np.sin(azimuth) * across, np.sin(elevation)], axis=-1)
+        seen = np.flatnonzero(beam.is_in_beam(self._radar.tx_patterns, self._radar.rx_patterns, directions)).tolist()
+        if seen:
+            at = azimuth[seen[0]], elevation[seen[0]]
+            self._warn_of_view([names[point] for point in seen], at, view, "its truth is NaN")
+
+    def _warn_of_view(self, names: list[str], direction: tuple[float, float], view: Angles, effect: str) -> None:
+        """Warn of what a field of view [degrees] leaves out; azimuth and elevation [rad] of the first."""
+        self._told.add("view")
+        azimuth, elevation = np.rad2deg(direction)
+        others = len(names) - 1
+        more = f" (and {others} more)" if others else ""
         notice.warn(
-            f"{name!r} lies in the beam of the antennas, at azimuth {azimuth:.0f} and elevation {elevation:.0f} "
-            f"degrees, but outside of field_of_view_deg ({view[0]:g}, {view[1]:g}): it returns nothing{more}; "
+            f"{names[0]!r}{more} lies in the beam of the antennas, at azimuth {azimuth:.0f} and elevation "
+            f"{elevation:.0f} degrees, but outside of field_of_view_deg ({view[0]:g}, {view[1]:g}): {effect}; "
             "without a given field of view all that the antennas see is simulated"
         )
 

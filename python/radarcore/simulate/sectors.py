@@ -169,6 +169,20 @@ def is_outside(points: NDArray[np.float64], field_of_view_deg: Angles) -> NDArra
     return outside
 
 
+def is_beyond(
+    azimuth: NDArray[np.float64], elevation: NDArray[np.float64], field_of_view_deg: Angles
+) -> NDArray[np.bool_]:
+    """True for directions [rad] in the sensor frame that a field of view does not show."""
+    horizontal, vertical = 0.5 * np.deg2rad(field_of_view_deg)
+    along = np.cos(azimuth)
+    if horizontal > 0.5 * np.deg2rad(MOST_OF_A_PLANE):
+        along = np.maximum(along, np.abs(np.sin(azimuth)))
+    beyond: NDArray[np.bool_] = (np.abs(azimuth) > horizontal) | (
+        np.abs(np.sin(elevation)) * np.cos(vertical) > along * np.cos(elevation) * np.sin(vertical)
+    )
+    return beyond
+
+
 def one_plane(field_of_view_deg: Angles, rows: int, columns: int) -> Plane:
     """Plane of a pinhole camera."""
     width, height = np.tan(0.5 * np.deg2rad(field_of_view_deg)).tolist()

@@ -29,7 +29,7 @@ from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.ramps import ramps_of, received
-from radarcore.simulate.sectors import Angles, whole_tiles
+from radarcore.simulate.sectors import Angles, is_beyond, whole_tiles
 from radarcore.simulate.settings import Settings, changed_settings, core_settings
 from radarcore.simulate.side_by_side import Ask, in_order
 from radarcore.simulate.times import frame_times
@@ -68,8 +68,8 @@ class Simulator(Settings):
         that those in the middle are as small.
     field_of_view_deg : (float, float), optional
         Horizontal and vertical angle that is simulated [degrees], each below 180. Default: what the antennas see, see
-        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body within the beam of the antennas that
-        lies outside of angles that were given is warned of once.
+        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point within the beam of the antennas
+        that lies outside of angles that were given is warned of once.
     sampling : "adaptive", "fast", "footprint" or "point"
         Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
         are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
@@ -411,6 +411,7 @@ class Simulator(Settings):
             self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
             rows = ideals[0].truth
             assert rows is not None  # as every scene has one
+            self._hide_points(rows)
             self._doubts.of_velocities(self.scene.names, rows[1])
             truth = truth_of_rows(self.scene.names, rows)
             yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
@@ -431,6 +432,18 @@ class Simulator(Settings):
         """Warn of bodies outside of a field of view that was chosen, from the poses of frames."""
         if self.field_of_view_deg is not None:
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
+
+    def _hide_points(self, rows: NDArray[np.float64]) -> None:
+        """Make the truth (field, body) of point targets beyond the field of view NaN, as bodies have it."""
+        numbers = self.scene.parts.point_numbers
+        if len(numbers) == 0:
+            return
+        azimuth, elevation = rows[2:, numbers]
+        if (lost := is_beyond(azimuth, elevation, self.view_deg)).any():
+            if self.field_of_view_deg is not None:
+                names = [self.scene.names[number] for number in numbers[lost]]
+                self._doubts.of_points(names, azimuth[lost], elevation[lost], self.field_of_view_deg)
+            rows[:, numbers[lost]] = np.nan
 
     def _received(
         self, engines: Engines, placed: Placed, ask: Ask
@@ -585,8 +598,9 @@ def _num_cores() -> int:
 
 
 def sees_anything(frame: Frame) -> bool:
-    """True for a simulated frame in which rays met a body, or points sent echoes."""
-    return any(frame.stats.get(name, 0) > 0 for name in ("rays_hit", "paths", "bounce_paths"))
+    """True for a simulated frame in which rays met a body, or a point lies in the field of view."""
+    is_met = any(frame.stats.get(name, 0) > 0 for name in ("rays_hit", "bounce_paths"))
+    return is_met or (frame.truth is not None and not np.isnan(frame.truth.range).all())
 
 
 def stats_of(*ideals: _core.IdealFrame) -> dict[str, Any]:
