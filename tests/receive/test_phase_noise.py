@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.radar.baseband import phase_noise_delays
+from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
 from radarcore.receive.draws import Draws
 from radarcore.receive.phase_noise import phase_density, phase_differences
 
@@ -15,6 +15,7 @@ C = 299_792_458.0
 RATE = 2e6
 FLAT = ((1e3, -90.0), (1e6, -90.0))
 FALLING = ((100e3, -80.0),)
+RISING = ((1e3, -120.0), (1e6, -90.0))
 
 
 def differences(
@@ -125,14 +126,39 @@ def test_echoes_have_the_phase_noise_of_their_delay_short_range_less_than_long(d
     np.testing.assert_allclose(abs(turn), 1.0, rtol=0.0, atol=3.2 * variance(FALLING, 1e-7) + 1e-6)
 
 
-def test_far_echoes_of_a_slow_sweep_have_the_formula_too() -> None:
-    """At a slope of 2 MHz/us half of the band is 75 m away, where the phase turns within the delay."""
-    receiver = rc.Receiver(output="iq", phase_noise=FLAT)
-    assert len(phase_noise_delays(receiver, radar(receiver, slope=2e12).waveform)) == 8
-    for distance in (18.73, 74.95, 149.0):
-        turn = turns(distance, receiver, slope=2e12)
-        # Linear between eight delays up to 1 us: the phase of 1 MHz turns by an eighth from one to the next.
-        assert np.mean(np.angle(turn) ** 2) == pytest.approx(variance(FLAT, 2.0 * distance / C), rel=0.12), distance
+SLOPES = [200e12, 20e12, -14e12, 10e12, 5e12, 2e12, 1e12, 0.3e12, 0.1e12, 0.0]
+
+
+@pytest.mark.parametrize("pairs", [FLAT, FALLING, RISING], ids=["flat", "falling", "rising"])
+@pytest.mark.parametrize("output", ["iq", "real"])
+def test_every_delay_has_the_integral_of_the_formula_at_every_slope(
+    output: str, pairs: tuple[tuple[float, float], ...]
+) -> None:
+    """Power of the sum of the drawn delays, by their shares, over the formula: no draws, so no error of them."""
+    offset = np.linspace(50.0, 0.5 * RATE, 8000)
+    density = phase_density(pairs, offset)
+    for slope in SLOPES:
+        receiver = rc.Receiver(output=output, phase_noise=pairs)
+        waveform = radar(receiver, slope=slope).waveform
+        largest = waveform.max_range * (1 if output == "real" else 2)
+        # An echo of the whole ramp, 64 us or 9.6 km, has no sample left; a CW radar has no largest range.
+        longest = min(2.0 * largest / C, 64e-6) if slope else 1e-6
+        delay = longest * np.concatenate([np.geomspace(1e-4, 1.0, 30), np.linspace(0.01, 1.0, 100)])
+        drawn = phase_noise_delays(receiver, waveform)
+        shares = phase_noise_shares(receiver, waveform, delay)
+        assert len(drawn) <= max(8, 1.2 * np.pi * 0.5 * RATE * longest + 8), slope
+        of_drawn = 1.0 - np.exp(-2j * np.pi * np.outer(drawn, offset))
+        found = (np.abs(shares.T @ of_drawn) ** 2 * density).sum(axis=1)
+        expected = (4.0 * np.sin(np.pi * np.outer(delay, offset)) ** 2 * density).sum(axis=1)
+        np.testing.assert_allclose(found, expected, rtol=0.02, err_msg=f"{slope:g}")
+
+
+@pytest.mark.parametrize("distance", [1.0, 18.73, 65.0, 149.0])
+def test_far_echoes_of_a_slow_sweep_have_the_formula_too(distance: float) -> None:
+    """At a slope of 2 MHz/us the largest range is 150 m, in whose delay the phase of 1 MHz makes a turn."""
+    turn = turns(distance, rc.Receiver(output="iq", phase_noise=FLAT), slope=2e12, num_chirps=1024)
+    # 131 072 nearly independent samples: 4 sqrt(2 / 131 072) = 1.6 %.
+    assert np.mean(np.angle(turn) ** 2) == pytest.approx(variance(FLAT, 2.0 * distance / C), rel=0.025)
 
 
 def test_near_and_far_echo_of_a_frame_have_their_own_phase_noise() -> None:

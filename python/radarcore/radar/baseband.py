@@ -22,8 +22,14 @@ _LEAST_STEPS, _MOST_STEPS = 2**11, 2**17
 _CONTINUOUS_WAVE_DELAY = 1e-6
 """Longest delay of a radar without a sweep, which has no largest range [s]."""
 
-_MOST_DELAYS = 8
-"""Most delays, beside zero, at which phase noise is drawn."""
+_STRAIGHT = 0.07
+"""Turns of the highest offset within the longest delay up to which phase noise is proportional to the delay."""
+
+_MOST_TURNS = 64.0
+"""Most turns of the highest offset within the longest delay at which phase noise is drawn: 9.6 km at 2 MHz."""
+
+_STEPS_PER_TURN = 64
+"""Least steps of the responses in a turn of phase noise: linear interpolation is then exact to 1e-3."""
 
 
 def filter_gain(receiver: Receiver, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -53,31 +59,41 @@ def _poles(order: int) -> NDArray[np.complex128]:
 
 
 def phase_noise_delays(receiver: Receiver, waveform: Waveform) -> NDArray[np.float64]:
-    """Increasing delays at which the phase noise of echoes is drawn [s]; between them and zero it is linear.
+    """Increasing delays at which the phase noise of echoes is drawn [s]; empty without phase noise.
 
-    One suffices where the phase noise hardly turns within the longest delay: ``sin(pi f tau)`` is then linear. Empty
-    without phase noise.
+    Between them and zero it follows the polynomial through them, whose variance is within 1 % of the integral of
+    ``2 L(f) 4 sin^2(pi f tau)`` up to half the sample rate. Chebyshev times: polynomials of a degree above
+    ``pi f tau`` follow ``exp(2j pi f tau)``. The longest delay is that of the largest range, at most of the ramp.
     """
     if receiver.phase_noise is None:
         return np.zeros(0)
     band = 0.5 * waveform.sample_rate
-    longest = (1.0 if receiver.output == "real" else 2.0) * band / abs(waveform.slope or np.inf)
-    longest = longest or _CONTINUOUS_WAVE_DELAY
-    number = 1
-    while number < min(_MOST_DELAYS, ceil(10.0 * band * longest)):
-        number *= 2
-    return longest * np.arange(1, number + 1) / number
+    longest = _CONTINUOUS_WAVE_DELAY
+    if not waveform.is_cw:
+        largest_beat = (1.0 if receiver.output == "real" else 2.0) * band
+        sweep = waveform.adc_delay + waveform.num_samples / waveform.sample_rate
+        longest = min(largest_beat / abs(waveform.slope), max(sweep, _CONTINUOUS_WAVE_DELAY))
+    turns = min(band * longest, _MOST_TURNS)
+    longest = turns / band
+    number = 1 if turns <= _STRAIGHT else ceil(np.pi * turns + 2.5 * turns ** (1.0 / 3.0) + 1.0)
+    delays: NDArray[np.float64] = longest * np.sin(0.5 * np.pi * np.arange(1, number + 1) / number) ** 2
+    return delays
 
 
 def phase_noise_shares(receiver: Receiver, waveform: Waveform, delay: ArrayLike) -> NDArray[np.float64]:
     """Shares that the delays of `phase_noise_delays` have in the phase noise of echoes of other delays [s].
 
-    Rows are the delays that are drawn; linear between them and zero, and those of the last beyond it.
+    Rows are the delays that are drawn: Lagrange polynomials in barycentric form. Echoes beyond the last have its noise.
     """
     nodes = np.concatenate([[0.0], phase_noise_delays(receiver, waveform)])
-    shares: NDArray[np.float64] = np.empty((len(nodes) - 1, *np.shape(delay)))
-    for k in range(len(shares)):
-        shares[k] = np.interp(np.asarray(delay, np.float64), nodes, np.eye(len(nodes))[k + 1])
+    if len(nodes) == 1:
+        return np.zeros((0, *np.shape(delay)))
+    weights = np.where(np.arange(len(nodes)) % 2 == 0, 1.0, -1.0)
+    weights[[0, -1]] *= 0.5
+    away = np.minimum(np.asarray(delay, np.float64), nodes[-1]) - nodes.reshape(-1, *np.ones(np.ndim(delay), int))
+    terms = weights.reshape(away.shape[:1] + (1,) * (away.ndim - 1)) / np.where(away == 0.0, 1.0, away)
+    is_node = (away == 0.0).any(axis=0)
+    shares: NDArray[np.float64] = np.where(is_node, away == 0.0, terms / terms.sum(axis=0))[1:]
     return shares
 
 
@@ -93,9 +109,11 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
     farthest = _FARTHEST_BEAT * waveform.sample_rate
     longest = farthest / abs(waveform.slope) if waveform.slope else _CONTINUOUS_WAVE_DELAY
     steps = _LEAST_STEPS
-    while receiver.high_pass is not None and steps < _MOST_STEPS:
-        if steps * receiver.high_pass >= _STEPS_PER_CORNER * farthest:
-            break
+    least = 0.0 if receiver.high_pass is None else _STEPS_PER_CORNER * farthest / receiver.high_pass
+    if len(delays) > 0:
+        longest = min(longest, 8.0 * delays[-1])  # of ramps with hardly a slope
+        least = max(least, _STEPS_PER_TURN * 0.5 * waveform.sample_rate * longest)
+    while steps < min(least, _MOST_STEPS):
         steps *= 2
     delay = np.linspace(0.0, longest, steps + 1)
     # Samples are TX times the conjugate of RX, so that of an amplitude; shares are real.
