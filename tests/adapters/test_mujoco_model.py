@@ -287,6 +287,14 @@ def test_doppler_peak_of_a_body_sits_at_its_velocity(speed: float) -> None:
         np.testing.assert_allclose(frame.truth.velocity, speed, rtol=0, atol=1e-3)
 
 
+def test_frames_without_a_rate_come_as_the_radar_sends_them() -> None:
+    model, data = compiled(CAMERA + '<body pos="2 0 1"><freejoint/><geom size="0.2" mass="1"/></body>')
+    live = LiveModel(model)
+    slow = rc.Simulator(live.scene, rc.Radar(RADAR.waveform.replace(frame_interval=0.05)), resolution=16)
+    times = [frame.time for frame in frames(slow, live, data, duration=0.2)]
+    np.testing.assert_allclose(times, 0.05 * np.arange(4), atol=1e-9)
+
+
 def falling(follow: bool) -> tuple[list[rc.Frame], list[float], Any]:
     """Frames of a ball that falls towards a radar below it."""
     up = '<camera name="radar" pos="0 0 0" xyaxes="0 -1 0 -1 0 0"/>'

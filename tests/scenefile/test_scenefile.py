@@ -413,3 +413,12 @@ def test_recording_of_a_scene_file_without_bodies_says_that_there_are_no_echoes(
 
 def test_room_around_the_sensor_is_no_fault(tmp_path: Path) -> None:
     assert load(tmp_path, '[[body]]\nshape = { kind = "box", size = [4, 4, 4] }\n').scene.names == ("body 0",)
+
+
+def test_a_run_without_a_rate_has_that_of_the_radar(tmp_path: Path) -> None:
+    every = "frame_interval = 0.1\n"
+    assert load(tmp_path, "", RADAR + every).run.rate == 10.0
+    assert load(tmp_path, "[run]\nrate = 4\n", RADAR + every).run.rate == 4.0
+    assert load(tmp_path, "").run.rate == 40.0  # frames back to back
+    recording = load(tmp_path, "[run]\nstop = 0.5\n[[point]]\nposition = [2, 0, 0]\n", RADAR + every).record()
+    np.testing.assert_allclose(recording.time, 0.1 * np.arange(5), atol=1e-15)

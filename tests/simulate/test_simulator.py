@@ -346,6 +346,22 @@ def test_recording_holds_the_frames_that_start_before_its_end(
     assert recording.truth.range.shape == (count, 1)
 
 
+@pytest.mark.parametrize(
+    ("changes", "interval"),
+    [
+        ({"frame_interval": 0.1}, 0.1),
+        ({"frame_interval": 5e-3}, 5e-3),
+        ({}, 0.025),  # back to back, an interval that nobody chose: 40 frames per second
+        ({"num_chirps": 256}, 256 * 300e-6),  # of which fewer fit
+    ],
+)
+def test_frames_without_a_rate_come_as_the_radar_sends_them(changes: dict[str, Any], interval: float) -> None:
+    sim = simulator([], rc.Radar(waveform(num_samples=8, **changes)), resolution=4)
+    expected = interval * np.arange(5)
+    np.testing.assert_allclose(sim.record(0.0, 5 * interval, progress=False).time, expected, atol=1e-15)
+    np.testing.assert_allclose([frame.time for frame in sim.frames(0.0, 5 * interval)], expected, atol=1e-15)
+
+
 def test_recorded_frames_are_the_frames(tmp_path: Path) -> None:
     sim = small()
     frames = list(sim.frames(0.2, 0.3, 40.0))

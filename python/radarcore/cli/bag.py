@@ -17,10 +17,10 @@ from radarcore.adapters.ros.bags import BagReader
 from radarcore.cli.bag_options import BagOptions
 from radarcore.depth.frame import frame_from_depth
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import frame_rate
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from radarcore.scenefile.build.simulation import frame_rate
 from radarcore.scenefile.load import load_radar, load_scene
 
 
@@ -68,7 +68,7 @@ def _depth(
     """Every frame from the newest depth image and the one before it."""
     assert options.radar is not None
     radar = load_radar(options.radar)
-    rate = frame_rate(radar) if options.rate is None else check.positive("rate", options.rate, "Hz")
+    rate = frame_rate(radar.waveform) if options.rate is None else check.positive("rate", options.rate, "Hz")
     with _argument_names(bag.path):
         images = DepthImages(bag, options.depth_topic, info_topic=options.info_topic, camera=options.field_of_view)
     if len(images) < 2:

@@ -27,6 +27,9 @@ _WIDEST_BAND = 0.3
 _LONGEST_CHIRP = 0.1
 """Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
 
+_USUAL_RATE = 40.0
+"""Frames per second of radars whose frame interval nobody chose, if as many fit [Hz]."""
+
 _LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones are no numbers any more."""
 
@@ -506,3 +509,10 @@ def _time(name: str, seconds: float) -> float:
     if seconds > _LONGEST_TIME:
         raise ValueError(f"{name}: expected at most {_LONGEST_TIME:g} s, got {seconds:g}")
     return seconds
+
+
+def frame_rate(waveform: Waveform) -> float:
+    """Frames per second of a radar by itself [Hz]: one per frame interval; at most 40 of frames back to back."""
+    rate = 1.0 / waveform.frame_interval
+    is_back_to_back = waveform.frame_interval == waveform.replace(frame_interval=None).frame_interval
+    return min(rate, _USUAL_RATE) if is_back_to_back else rate

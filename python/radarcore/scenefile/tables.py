@@ -464,7 +464,9 @@ class RunTable(Table):
     stop: float = _key(
         1.0, "s", "no frame starts at or after it; of a bag by default so that frames end with its poses"
     )
-    rate: float = _key(40.0, "Hz", "frames per second; of a bag by default those of the radar")
+    rate: float = _key(
+        None, "Hz", "frames per second; default: one per frame_interval of the radar, back to back at most 40"
+    )
     resolution: int | tuple[int, int] | None = _key(
         None,
         "",

@@ -209,7 +209,7 @@ class Doubts:
     def of_rate(self, rate: float) -> None:
         """Warn of frames that overlap at a rate [Hz]."""
         duration = self._radar.duration
-        if duration * rate > 1.0:
+        if duration * rate > 1.0 + 1e-9:  # back to back, but for rounding
             notice.warn(
                 f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second; no real sensor can do that"
             )

@@ -18,6 +18,7 @@ from radarcore.geometry.pose import Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import frame_rate
 from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame, truth_of_rows
 from radarcore.recording.recording import Recording
@@ -218,8 +219,8 @@ class Simulator(Settings):
             self._doubts.of_sight(self.scene, self._placement, start)
         return frame
 
-    def frames(self, start: float, stop: float, rate: float = 40.0) -> Iterator[Frame]:
-        """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one at a time.
+    def frames(self, start: float, stop: float, rate: float | None = None) -> Iterator[Frame]:
+        """Frames that start at `start`, `start` + 1/`rate`, ... before `stop` [s], one by one; rates as in `record`.
 
         See Also
         --------
@@ -232,14 +233,14 @@ class Simulator(Settings):
         >>> [round(frame.time, 3) for frame in simulator.frames(0.0, 0.1, rate=40.0)]
         [0.0, 0.025, 0.05, 0.075]
         """
-        for time in frame_times(start, stop, rate):
+        for time in frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate):
             yield self.frame(time)
 
     def record(
         self,
         start: float,
         stop: float,
-        rate: float = 40.0,
+        rate: float | None = None,
         *,
         progress: bool = True,
         path: str | PathLike[str] | None = None,
@@ -252,8 +253,9 @@ class Simulator(Settings):
         ----------
         start, stop : float
             Times [s].
-        rate : float
-            Frames per second [Hz].
+        rate : float, optional
+            Frames per second [Hz]. Default: the radar's own, one per `Waveform.frame_interval`; of frames back to back
+            at most 40.
         progress : bool
             Show a progress bar when run in a terminal.
         path : path, optional
@@ -276,6 +278,7 @@ class Simulator(Settings):
         >>> recording.truth.range[:, 0].round(3).tolist()
         [1.999, 1.986, 1.974, 1.961]
         """
+        rate = frame_rate(self.radar.waveform) if rate is None else rate
         times = frame_times(start, stop, rate)
         self._doubts.of_rate(rate)
         frames, source = self._told(times, progress), self._source() | (source or {})

@@ -11,6 +11,7 @@ from radarcore.adapters.mujoco.library import mujoco_module
 from radarcore.adapters.mujoco.live_model import LiveModel
 from radarcore.motion.live import KEPT
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import frame_rate
 from radarcore.recording.frame import Frame
 
 _UPDATES_PER_FRAME = KEPT // 2
@@ -40,7 +41,7 @@ def frames(
     data: Any,
     *,
     duration: float | None = None,
-    rate: float = 40.0,
+    rate: float | None = None,
     control: Callable[[Any], object] | None = None,
     follow: bool = False,
 ) -> Iterator[Frame]:
@@ -57,8 +58,8 @@ def frames(
         State of the physics, which the loop steps on. The first frame starts at its time.
     duration : float, optional
         Time from the first frame on in which frames start [s]; default: without an end.
-    rate : float
-        Frames per second [Hz].
+    rate : float, optional
+        Frames per second [Hz]; default: the radar's own, as of `Simulator.frames`.
     control : callable, optional
         Called with `data` before every step: sets ``ctrl``, ``mocap_pos``.
     follow : bool
@@ -87,7 +88,7 @@ def frames(
     >>> [round(each.time, 3) for each in rc.adapters.mujoco.frames(simulator, live, data, duration=0.1, rate=40.0)]
     [0.0, 0.025, 0.05, 0.075]
     """
-    period = 1.0 / check.positive("rate", rate, "Hz")
+    period = 1.0 / (frame_rate(simulator.radar.waveform) if rate is None else check.positive("rate", rate, "Hz"))
     model, step = live.model, float(live.model.opt.timestep)
     mj_step = mujoco_module().mj_step
     start, frame_duration = float(data.time), simulator.radar.duration

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import frame_rate
 from radarcore.scene.scene import Scene
 from radarcore.scenefile.build.bodies import Parts
 from radarcore.scenefile.build.errors import located
@@ -31,7 +32,7 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, 
         parts, carriers = Parts(file.parent, materials_of(table.material), recorded, kept).build(table)
         with located("sensor: "):
             motion = sensor_motion_of(table.sensor, carriers, recorded)
-        run = table.run if recorded is None else _run_within(table.run, recorded, radar)
+        run = _run(table.run, recorded, radar)
         found = Simulation(Scene(parts), radar, motion, run, file)
         with located("run: "):
             found.simulator()
@@ -42,18 +43,11 @@ def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, 
     return found
 
 
-def frame_rate(radar: Radar) -> float:
-    """Frames per second that a radar sends [Hz]; 40 for frames back to back, an interval that nobody chose."""
-    waveform = radar.waveform
-    is_back_to_back = waveform.frame_interval == waveform.replace(frame_interval=None).frame_interval
-    return 40.0 if is_back_to_back else 1.0 / waveform.frame_interval
-
-
-def _run_within(run: RunTable, recorded: Recorded, radar: Radar) -> RunTable:
+def _run(run: RunTable, recorded: Recorded | None, radar: Radar) -> RunTable:
     """The run, by default at the radar's rate, of the frames that lie within the times of all recorded motions."""
-    if recorded.span is None:
-        return run
-    duration = max(part.waveform.duration for part in radar.sequences())
-    first, last = recorded.span
-    times = {"start": first, "stop": last - duration, "rate": frame_rate(radar)}
+    times = {"rate": frame_rate(radar.waveform)}
+    if recorded is not None and recorded.span is not None:
+        duration = max(part.waveform.duration for part in radar.sequences())
+        first, last = recorded.span
+        times |= {"start": first, "stop": last - duration}
     return run.model_copy(update={name: time for name, time in times.items() if name not in run.model_fields_set})
