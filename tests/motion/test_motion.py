@@ -33,7 +33,7 @@ def rz(angle: float) -> NDArray[Any]:
 
 
 def random_pose(rng: np.random.Generator) -> rc.Pose:
-    return rc.Pose.from_quaternion(rng.uniform(-2.0, 2.0, 3), rng.standard_normal(4))
+    return rc.Pose.from_quaternion(rng.uniform(-2.0, 2.0, 3), wxyz=rng.standard_normal(4))
 
 
 def close(a: Any, b: Any, scale: float = 1.0) -> bool:
@@ -99,7 +99,7 @@ def test_quaternion_is_w_x_y_z_of_any_length(axis: int, turn: Any) -> None:
         quaternion = np.zeros(4)
         quaternion[0], quaternion[1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
         for length in (1.0, -1.0, 1e-3, 40.0):
-            pose = rc.Pose.from_quaternion([1.0, 2.0, 3.0], length * quaternion)
+            pose = rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=length * quaternion)
             assert close(pose.rotation, turn(angle)), (angle, length)
             assert pose.position.tolist() == [1.0, 2.0, 3.0]
 
@@ -108,15 +108,27 @@ def test_quaternion_is_w_x_y_z_of_any_length(axis: int, turn: Any) -> None:
 def test_quaternion_of_any_axis_agrees_with_scipy(seed: int) -> None:
     w, x, y, z = quaternion = np.random.default_rng(seed).standard_normal(4)
     expected = Rotation.from_quat([x, y, z, w]).as_matrix()
-    assert close(rc.Pose.from_quaternion([0.0, 0.0, 0.0], quaternion).rotation, expected), f"seed {seed}"
+    assert close(rc.Pose.from_quaternion([0.0, 0.0, 0.0], wxyz=quaternion).rotation, expected), f"seed {seed}"
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_order_of_a_quaternion_is_named(seed: int) -> None:
-    w, x, y, z = quaternion = np.random.default_rng(seed).standard_normal(4)
-    expected = rc.Pose.from_quaternion([1.0, 2.0, 3.0], quaternion)
-    assert rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=quaternion) == expected
-    assert rc.Pose.from_quaternion([1.0, 2.0, 3.0], xyzw=[x, y, z, w]) == expected
+    w, x, y, z = np.random.default_rng(seed).standard_normal(4).tolist()
+    by_name = rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=[w, x, y, z])
+    assert same_pose(rc.Pose.from_quaternion([1.0, 2.0, 3.0], xyzw=[x, y, z, w]), by_name)
+
+
+@pytest.mark.parametrize(
+    ("given", "named", "message"),
+    [
+        ([[0, 0, 0, 1]], {}, "expected 1 positional and then keywords wxyz=, xyzw=, got 2"),
+        ([], {}, "expected one of wxyz= and xyzw=, got none"),
+        ([], {"wxyz": [1, 0, 0, 0], "xyzw": [0, 0, 0, 1]}, "expected one of wxyz= and xyzw=, got wxyz and xyzw"),
+    ],
+)
+def test_quaternion_without_the_name_of_its_order_is_refused(given: list[Any], named: Any, message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        rc.Pose.from_quaternion([1.0, 2.0, 3.0], *given, **named)
 
 
 def test_pose_from_a_homogeneous_matrix() -> None:
@@ -129,8 +141,8 @@ def test_pose_from_a_homogeneous_matrix() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rc.Pose.from_quaternion([0, 0, 0]), "quaternion: expected one of wxyz and xyzw, got none"),
-        (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[1, 0, 0, 0], xyzw=[0, 0, 0, 1]), "got wxyz and xyzw"),
+        (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[1, float("nan"), 0, 0]), "wxyz: expected finite"),
+        (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[0, 0, 0, 0]), r"wxyz: expected \(w, x, y, z\) of any length"),
         (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0, 0]), r"xyzw: expected \(x, y, z, w\) of any length"),
         (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0]), r"xyzw: expected shape \(4,\), got \(3,\)"),
         (lambda: rc.Pose.from_matrix(np.eye(3)), r"matrix: expected shape \(4, 4\), got \(3, 3\)"),
@@ -303,9 +315,6 @@ ZERO = [0.0, 0.0, 0.0]
         (rc.Pose.look_at, (ZERO, [0.0, 0.0, 2.0]), ValueError, "up: expected a direction that is not along"),
         (rc.Pose.look_at, (ZERO, [1.0, 0.0, 0.0], ZERO), ValueError, "up: expected a direction"),
         (rc.Pose.look_at, (ZERO, [1.0, 0.0]), ValueError, r"target: expected shape \(3,\), got \(2,\)"),
-        (rc.Pose.from_quaternion, (ZERO, [0.0] * 4), ValueError, r"quaternion: expected \(w, x, y, z\)"),
-        (rc.Pose.from_quaternion, (ZERO, ZERO), ValueError, r"quaternion: expected shape \(4,\), got \(3,\)"),
-        (rc.Pose.from_quaternion, (ZERO, [1.0, NAN, 0.0, 0.0]), ValueError, "quaternion: expected finite"),
         (rc.Pose.from_rpy, (ZERO, 0.3), ValueError, r"rpy: expected shape \(3,\), got \(\)"),
         (rc.Pose.from_rpy, (ZERO, [0.0, 0.0, np.inf]), ValueError, "rpy: expected finite numbers, got inf"),
         (rc.Linear, (np.eye(4),), TypeError, "pose: expected Pose, got ndarray"),
@@ -333,7 +342,7 @@ def test_bodies_and_simulators_refuse_what_does_not_move_like_a_motion() -> None
 
 def test_directions_of_any_length_give_the_pose_of_their_direction() -> None:
     for length in (1e-200, 1.0, 1e200):
-        turned = rc.Pose.from_quaternion(ZERO, [length, 0.0, 0.0, length])
+        turned = rc.Pose.from_quaternion(ZERO, wxyz=[length, 0.0, 0.0, length])
         np.testing.assert_allclose(turned.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
         np.testing.assert_allclose(
             rc.Pose.look_at(ZERO, [0, 1, 0], [0, 0, length]).rotation, turned.rotation, atol=1e-15

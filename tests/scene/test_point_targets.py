@@ -55,7 +55,7 @@ def relative_error(got: NDArray[Any], expected: NDArray[Any]) -> float:
 
 
 def random_rotation(rng: np.random.Generator) -> NDArray[np.float64]:
-    return rc.Pose.from_quaternion([0, 0, 0], rng.standard_normal(4)).rotation
+    return rc.Pose.from_quaternion([0, 0, 0], wxyz=rng.standard_normal(4)).rotation
 
 
 @pytest.mark.parametrize("slope", [2e12, -2e12], ids=["up", "down"])

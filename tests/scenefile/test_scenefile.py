@@ -159,7 +159,8 @@ def test_polarization_is_a_word_or_a_vector(tmp_path: Path, head: str, text: str
     [
         ("{ position = [1, 2, 3] }", rc.Pose([1.0, 2.0, 3.0])),
         ("{ rpy_deg = [90, 0, 45] }", rc.Pose.from_rpy([0.0, 0.0, 0.0], [np.pi / 2, 0.0, np.pi / 4])),
-        ("{ quaternion = [1, 0, 1, 0] }", rc.Pose.from_quaternion([0.0, 0.0, 0.0], [1.0, 0.0, 1.0, 0.0])),
+        ("{ wxyz = [1, 0, 1, 0] }", rc.Pose.from_quaternion([0.0, 0.0, 0.0], wxyz=[1.0, 0.0, 1.0, 0.0])),
+        ("{ xyzw = [0, 1, 0, 1] }", rc.Pose.from_quaternion([0.0, 0.0, 0.0], wxyz=[1.0, 0.0, 1.0, 0.0])),
         ("{ position = [0, 0, 1], look_at = [2, 1, 0] }", rc.Pose.look_at([0.0, 0.0, 1.0], [2.0, 1.0, 0.0])),
     ],
 )

@@ -178,15 +178,15 @@ FAULTS = {
     ),
     "two rotations": (
         "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
-        "sensor: pose.look_at: expected one of rpy_deg, quaternion and look_at, got also rpy_deg",
+        "sensor: pose.look_at: expected one of rpy_deg, wxyz, xyzw and look_at, got also rpy_deg",
     ),
     "look down": (
         "[sensor]\npose = { look_at = [0, 0, -1] }",
         "sensor: pose.look_at: expected a point not straight above or below (use rpy_deg for that)",
     ),
     "no rotation": (
-        "[sensor]\npose = { quaternion = [0, 0, 0, 0] }",
-        "sensor: pose.quaternion: expected (w, x, y, z) of any length but zero",
+        "[sensor]\npose = { wxyz = [0, 0, 0, 0] }",
+        "sensor: pose.wxyz: expected (w, x, y, z) of any length but zero",
     ),
     "times": (
         BALL.replace("pose", "#")

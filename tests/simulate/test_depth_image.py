@@ -27,7 +27,7 @@ def wall(x: float = 3.0, size: float = 20.0, **options: Any) -> rc.Body:
 
 
 def random_pose(rng: np.random.Generator, spread: float) -> rc.Pose:
-    return rc.Pose.from_quaternion(rng.uniform(-spread, spread, 3), rng.standard_normal(4))
+    return rc.Pose.from_quaternion(rng.uniform(-spread, spread, 3), wxyz=rng.standard_normal(4))
 
 
 def image_plane(rows: int, columns: int, field_of_view_deg: tuple[float, float]) -> tuple[Any, Any]:

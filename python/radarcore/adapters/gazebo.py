@@ -101,7 +101,7 @@ def from_gz_poses(message: Any) -> dict[str, Pose]:
     poses: dict[str, Pose] = {}
     for entry in message.pose:
         p, q = entry.position, entry.orientation
-        poses[str(entry.name)] = Pose.from_quaternion([p.x, p.y, p.z], [q.w, q.x, q.y, q.z])
+        poses[str(entry.name)] = Pose.from_quaternion([p.x, p.y, p.z], wxyz=[q.w, q.x, q.y, q.z])
     return poses
 
 

@@ -110,14 +110,13 @@ class Pose:
     def from_quaternion(
         cls,
         position: ArrayLike,
-        quaternion: ArrayLike | None = None,
         *,
         wxyz: ArrayLike | None = None,
         xyzw: ArrayLike | None = None,
     ) -> Pose:
         """Pose from a quaternion of any length but zero.
 
-        Its order by name: `wxyz` (MuJoCo, and `quaternion` without a name) or `xyzw` (ROS, OptiTrack, SciPy).
+        The keyword names its order: `wxyz` (MuJoCo) or `xyzw` (ROS, OptiTrack, SciPy).
 
         See Also
         --------
@@ -130,10 +129,10 @@ class Pose:
         >>> pose.apply([0.5, 0.0, 0.0]).round(3)
         array([1. , 0.5, 0. ])
         """
-        given = {"quaternion": quaternion, "wxyz": wxyz, "xyzw": xyzw}
+        given = {"wxyz": wxyz, "xyzw": xyzw}
         names = [name for name, value in given.items() if value is not None]
         if len(names) != 1:
-            raise ValueError(f"quaternion: expected one of wxyz and xyzw, got {' and '.join(names) or 'none'}")
+            raise TypeError(f"quaternion: expected one of wxyz= and xyzw=, got {' and '.join(names) or 'none'}")
         (name,) = names
         q = scaled(np.roll(check.array(name, cast(ArrayLike, given[name]), (4,)), 1 if name == "xyzw" else 0))
         if not np.linalg.norm(q) > 0.0:
@@ -248,7 +247,7 @@ class Pose:
         )
 
     def __hash__(self) -> int:
-        return hash((self.position.tobytes(), self.rotation.tobytes()))
+        return hash((*self.position.tolist(), *self.rotation.ravel().tolist()))  # of bytes, -0.0 would differ from 0.0
 
 
 def checked_position(name: str, value: ArrayLike) -> Matrix:

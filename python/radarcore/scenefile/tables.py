@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field
 
 Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 
 def _key(default: Any = ..., unit: str = "", text: str = "") -> Any:
@@ -24,11 +25,12 @@ class Table(BaseModel):
 
 
 class PoseTable(Table):
-    """A place; at most one of `rpy_deg`, `quaternion` and `look_at`."""
+    """A place; at most one of `rpy_deg`, `wxyz`, `xyzw` and `look_at`."""
 
     position: Vector = _key((0.0, 0.0, 0.0), "m", "origin")
     rpy_deg: Vector | None = _key(None, "degrees", "roll, pitch, yaw about the fixed axes x, y, z")
-    quaternion: tuple[float, float, float, float] | None = _key(None, "", "rotation as w, x, y, z")
+    wxyz: Quaternion | None = _key(None, "", "rotation as a quaternion in this order, as in MuJoCo")
+    xyzw: Quaternion | None = _key(None, "", "rotation as a quaternion in this order, as in ROS and OptiTrack")
     look_at: Vector | None = _key(None, "m", "point that the x axis points to, with z up")
 
 

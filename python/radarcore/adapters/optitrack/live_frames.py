@@ -59,7 +59,7 @@ def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
     for name, body in bodies.items():
         if body.is_tracked:
             position = positions_of(np.array(body.position), axes)
-            poses[name] = Pose.from_quaternion(position, quaternions_of(np.array(body.quaternion), axes))
+            poses[name] = Pose.from_quaternion(position, wxyz=quaternions_of(np.array(body.quaternion), axes))
     return poses
 
 

@@ -55,15 +55,15 @@ class Recorded(Protocol):
 
 
 def _pose(table: PoseTable) -> Pose:
-    given = [name for name in ("rpy_deg", "quaternion", "look_at") if getattr(table, name) is not None]
+    given = [name for name in ("rpy_deg", "wxyz", "xyzw", "look_at") if getattr(table, name) is not None]
     if len(given) > 1:
-        raise ValueError(f"{given[1]}: expected one of rpy_deg, quaternion and look_at, got also {given[0]}")
+        raise ValueError(f"{given[1]}: expected one of rpy_deg, wxyz, xyzw and look_at, got also {given[0]}")
     if table.look_at is not None:
         if table.look_at[:2] == table.position[:2]:
             raise ValueError("look_at: expected a point not straight above or below (use rpy_deg for that)")
         return Pose.look_at(table.position, table.look_at)
-    if table.quaternion is not None:
-        return Pose.from_quaternion(table.position, table.quaternion)
+    if table.wxyz is not None or table.xyzw is not None:
+        return Pose.from_quaternion(table.position, wxyz=table.wxyz, xyzw=table.xyzw)
     return Pose.from_rpy(table.position, np.deg2rad(table.rpy_deg or (0.0, 0.0, 0.0)))
 
 
