@@ -55,9 +55,9 @@ class Ends:
         return inside, wanted - inside if self._kind == "continue" else np.zeros_like(wanted)
 
     def moves(self, times: ArrayLike) -> NDArray[np.bool_]:
-        """True at times where the series has a velocity: everywhere, or not beyond ends that are held."""
+        """True at times where the series has a velocity: not beyond ends that are held, but for rounding."""
         wanted = np.asarray(times, dtype=np.float64)
-        within = (self._first <= wanted) & (wanted <= self._last)
+        within = (self._first - self._slack <= wanted) & (wanted <= self._last + self._slack)
         return within | (self._kind == "continue")
 
     def _check(self, wanted: _Floats) -> None:

@@ -28,8 +28,8 @@ class JointTrajectory:
     arm : RobotArm, optional
         Warn when a joint is faster, or turned further, than this arm's can be.
     beyond : "hold", "continue" or "error", optional
-        As for `Trajectory`. Before the first and after the last time the joints rest there, whether they are held or
-        go on; ``"error"`` is a ValueError. Default: they rest.
+        Before the first and after the last time the joints rest there, go on at the rates that they have there, or
+        raise a ValueError. Default: they rest. With ``ends="rest"`` the rates at the ends are zero.
     ends : "rest" or "moving"
         At the first and the last time the joints are at rest; or they move there as the values say, which are a part
         of a longer motion: those of a measurement. The second derivative is zero then.
@@ -84,9 +84,9 @@ class JointTrajectory:
 
     def angles(self, time: ArrayLike) -> Matrix:
         """Joint angles at a time [s], (num_joints,) [rad or m], or at several, (n, num_joints)."""
-        inside, _ = self._ends.split(time)
+        inside, elapsed = self._ends.split(time)
         result: Matrix = self._spline(inside)
-        return result
+        return result + elapsed[..., None] * self._derivative(inside) if elapsed.any() else result
 
     def rates(self, time: ArrayLike) -> Matrix:
         """Time derivatives at a time [s], (num_joints,) [rad/s or m/s], or at several, (n, num_joints)."""
