@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.comparison.nearest_point import nearest_points
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached
 from radarcore.motion.function import as_motion
-from radarcore.motion.inverse import Inverse
 from radarcore.motion.linear import Linear
-from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.motion.protocol import AnyMotion, Motion, poses_at, with_factors
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
 from radarcore.scene.body import Body, PointTarget
 
@@ -179,24 +177,18 @@ def with_names(truth: Truth, names: Sequence[str]) -> Truth:
 
 def known_at(motion: Motion, times: _Floats) -> NDArray[np.bool_]:
     """Times at which a motion is known: not in its gaps nor beyond its ends, if it has any."""
-    if isinstance(motion, Attached):
-        return known_at(motion.parent, times) & known_at(motion.motion, times)
-    if isinstance(motion, Inverse):
-        return known_at(motion.motion, times)
-    known: Callable[[ArrayLike], NDArray[np.bool_]] | None = getattr(motion, "known", None)
-    if known is not None:
-        return np.asarray(known(times), dtype=bool)
-    return np.ones(len(times), dtype=bool)
+    is_known = np.ones(len(times), dtype=bool)
+    for part in with_factors([motion]):
+        known: Callable[[ArrayLike], NDArray[np.bool_]] | None = getattr(part, "known", None)
+        if known is not None:
+            is_known &= np.asarray(known(times), dtype=bool)
+    return is_known
 
 
 def _ends(motion: Motion) -> list[tuple[float, float]]:
     """First and last time of a motion that is a series [s], and of what it is attached to; of others nothing."""
-    if isinstance(motion, Attached):
-        return [*_ends(motion.parent), *_ends(motion.motion)]
-    if isinstance(motion, Inverse):
-        return _ends(motion.motion)
-    times = getattr(motion, "times", None)
-    return [] if times is None else [(float(times[0]), float(times[-1]))]
+    series = [getattr(part, "times", None) for part in with_factors([motion])]
+    return [(float(times[0]), float(times[-1])) for times in series if times is not None]
 
 
 def _motion_of(name: str, target: object) -> Motion:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from radarcore.geometry.pose import Matrix
-from radarcore.motion.attached import Attached, carried_poses, carried_rates
+from radarcore.geometry.pose import Matrix, Pose, as_pose
 from radarcore.motion.linear import Linear
 from radarcore.motion.links import LinkMotion, Links
 from radarcore.motion.live import Live, Together
-from radarcore.motion.protocol import Motion, newest_of, poses_at
+from radarcore.motion.protocol import Motion, factors_of, newest_of, poses_at, with_factors
 from radarcore.motion.static import is_static
 from radarcore.motion.uniform import Uniform
 
@@ -90,22 +91,28 @@ class Motions:
     ----------
     motions : sequence of Motion
         One per body. All links of an arm or a person (`LinkMotion`) are evaluated by one call. An `Attached` motion is
-        the product of its two factors, which are evaluated with all others.
+        the product of its two factors, which are evaluated with all others: each once, however many share it.
     """
 
     def __init__(self, motions: Sequence[Motion]) -> None:
         self._number = len(motions)
-        sources = {id(source): source for motion in motions for source in [getattr(motion, "group", motion)]}
-        self._live = [source for source in sources.values() if newest_of(source) is not None]
-        every = list(motions)
-        numbers = {id(motion): number for number, motion in enumerate(every) if not _is_product(motion)}
-        self._products: list[tuple[int, int, int]] = []
-        for number, motion in enumerate(every):  # which grows by the factors of products
-            if isinstance(motion, Attached) and _is_product(motion):
-                parent, own = (_place_of(factor, every, numbers) for factor in (motion.parent, motion.motion))
-                self._products.append((number, parent, own))
-        # Factors stand behind their products.
-        self._products.reverse()
+        motions = [motion.at(0.0) if factors_of(motion) and is_static(motion) else motion for motion in motions]
+        ordered = with_factors(motions)
+        given = {id(motion) for motion in motions}
+        every = [*motions, *(motion for motion in ordered if id(motion) not in given)]
+        sources = {id(source): source for motion in every for source in [getattr(motion, "group", motion)]}
+        self._live = [source for source in sources.values() if not factors_of(source) and newest_of(source) is not None]
+        # Those composed of others, behind their factors.
+        rank = {id(motion): number for number, motion in enumerate(ordered)}
+        places = {id(motion): number for number, motion in enumerate(every)}
+        composed = sorted(
+            (number for number, motion in enumerate(every) if factors_of(motion)),
+            key=lambda number: rank[id(every[number])],
+        )
+        self._composed = [
+            (number, cast(Composed, every[number]), [places[id(factor)] for factor in factors_of(every[number])])
+            for number in composed
+        ]
         self._num_evaluated = len(every)
         self._groups = _groups(every)
 
@@ -120,47 +127,77 @@ class Motions:
 
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
-        rates = np.empty((len(times), self._num_evaluated, 3, 4))
-        for group, numbers in self._groups:
-            rates[:, numbers] = group.rates_at(times)
-        if self._products:
-            poses = self._poses(times)
-            for number, parent, own in self._products:
-                rates[:, number] = carried_rates(poses[:, parent], rates[:, parent], poses[:, own], rates[:, own])
-        return rates[:, : self._number]
+        return self._rates(times, self._poses(times) if self._composed else None)[:, : self._number]
+
+    def poses_and_rates_at(self, times: Matrix) -> tuple[Matrix, Matrix]:
+        """Both of `poses_at` and `rates_at`."""
+        poses = self._poses(times)
+        return poses[:, : self._number], self._rates(times, poses)[:, : self._number]
 
     def _poses(self, times: Matrix) -> Matrix:
         """Poses of the motions and of the factors of products, (n, evaluated, 3, 4)."""
         poses = np.empty((len(times), self._num_evaluated, 3, 4))
         for group, numbers in self._groups:
             poses[:, numbers] = group.poses_at(times)
-        for number, parent, own in self._products:
-            poses[:, number] = carried_poses(poses[:, parent], poses[:, own])
+        for number, motion, factors in self._composed:
+            poses[:, number] = motion.poses_of(*(poses[:, factor] for factor in factors))
         return poses
 
+    def _rates(self, times: Matrix, poses: Matrix | None) -> Matrix:
+        """Time derivatives of `_poses`, which are needed where motions are composed."""
+        rates = np.empty((len(times), self._num_evaluated, 3, 4))
+        for group, numbers in self._groups:
+            rates[:, numbers] = group.rates_at(times)
+        for number, motion, factors in self._composed:
+            assert poses is not None  # they are given
+            rates[:, number] = motion.rates_of(*(values[:, factor] for values in (poses, rates) for factor in factors))
+        return rates
 
-def _is_product(motion: Motion) -> bool:
-    return type(motion) is Attached and not is_static(motion)
 
+class Composed(ABC):
+    """A motion composed of others, its `factors`; an evaluation evaluates each of them once."""
 
-def _place_of(factor: Motion, every: list[Motion], numbers: dict[int, int]) -> int:
-    """Index of a factor in `every`, appended unless it is there; a product always is, behind those that contain it."""
-    if not _is_product(factor) and id(factor) in numbers:
-        return numbers[id(factor)]
-    every.append(factor)
-    numbers[id(factor)] = len(every) - 1
-    return len(every) - 1
+    @property
+    @abstractmethod
+    def factors(self) -> tuple[Motion, ...]:
+        """The motions that it is composed of."""
+
+    poses_of: Callable[..., Matrix]
+    rates_of: Callable[..., Matrix]
+
+    @cached_property
+    def _motions(self) -> Motions:
+        return Motions(self.factors)
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest update of what is live in it [s]; None if nothing is."""
+        return self._motions.newest
+
+    def at(self, time: float) -> Pose:
+        """The pose at a time [s]."""
+        return as_pose(self.poses_at([time])[0])
+
+    def poses_at(self, times: ArrayLike) -> Matrix:
+        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
+        poses = self._motions.poses_at(np.asarray(times, dtype=np.float64))
+        return self.poses_of(*poses.swapaxes(0, 1))
+
+    def rate_at(self, time: float) -> Matrix:
+        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
+        poses, rates = self._motions.poses_and_rates_at(np.array([time], dtype=np.float64))
+        return self.rates_of(*poses[0], *rates[0])
 
 
 def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
-    """Groups of all motions but products, each with the indices of its members."""
+    """Groups of all motions but those composed of others, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
     live: list[int] = []
     linked: dict[int, list[int]] = {}
     single: list[int] = []
     for number, motion in enumerate(motions):
-        if is_static(motion):
+        if not factors_of(motion) and is_static(motion):
             still.append(number)
         elif type(motion) is Linear:
             uniform.append(number)
@@ -168,7 +205,7 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
             live.append(number)
         elif isinstance(motion, LinkMotion):
             linked.setdefault(id(motion.group), []).append(number)
-        elif not _is_product(motion):
+        elif not factors_of(motion):
             single.append(number)
     found: list[tuple[Group, list[int]]] = [(_Single(motions[number]), [number]) for number in single]
     if still:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +43,29 @@ def newest_of(*motions: object) -> float | None:
     """The latest of the newest updates of motions [s]; None if none of them is live."""
     times = [time for motion in motions if (time := newest_update(motion)) is not None]
     return max(times, default=None)
+
+
+def factors_of(motion: Motion) -> tuple[Motion, ...]:
+    """The motions that a motion is composed of, such as those of `Attached`; none of others.
+
+    Nor of a subclass, which may have poses of its own.
+    """
+    factors: tuple[Motion, ...] = getattr(motion, "factors", ()) if "factors" in vars(type(motion)) else ()
+    return factors
+
+
+def with_factors(motions: Iterable[Motion]) -> list[Motion]:
+    """The motions and all that they are composed of: each once, factors before what is composed of them."""
+    found: dict[int, Motion] = {}
+    pending = list(motions)
+    while pending:
+        missing = [factor for factor in factors_of(pending[-1]) if id(factor) not in found]
+        if missing:
+            pending += missing
+        else:
+            motion = pending.pop()
+            found[id(motion)] = motion
+    return list(found.values())
 
 
 def poses_at(motion: Motion, times: ArrayLike) -> Matrix:

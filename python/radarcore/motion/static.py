@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached
 from radarcore.motion.linear import Linear
-from radarcore.motion.protocol import Motion
+from radarcore.motion.protocol import Motion, factors_of, with_factors
 
 
 def is_static(motion: Motion) -> bool:
     """True when the pose is known to be the same at all times."""
-    if isinstance(motion, Linear):
+    return all(_is_at_rest(part) for part in with_factors([motion]) if not factors_of(part))
+
+
+def _is_at_rest(motion: Motion) -> bool:
+    if type(motion) is Linear:
         return not (motion.velocity.any() or motion.angular_velocity.any())
-    if isinstance(motion, Attached):
-        return is_static(motion.parent) and is_static(motion.motion)
-    return isinstance(motion, Pose)
+    return type(motion) is Pose  # a subclass may move
