@@ -93,3 +93,36 @@ def test_truth_is_a_copy() -> None:
 def test_what_is_read_only_can_be_pickled_and_stays_so(made: Any) -> None:
     with pytest.raises(AttributeError, match="read-only"):
         pickle.loads(pickle.dumps(made)).names = ()
+
+
+SUBCLASSED: list[tuple[type, tuple[Any, ...], str]] = [
+    (rc.Attached, (rc.Pose(),), "parent"),
+    (rc.Live, (), "newest"),
+    (rc.LiveGroup, (2,), "motions"),
+    (rc.Linear, (rc.Pose(),), "velocity"),
+    (rc.Mesh, (PLATE.vertices, PLATE.triangles), "vertices"),
+    (rc.Scene, (), "bodies"),
+    (rc.Trajectory, ([0.0, 1.0], POSES), "times"),
+    (rc.models.Human, (), "height"),
+]
+
+
+@pytest.mark.parametrize(("kind", "arguments", "name"), SUBCLASSED, ids=[kind.__name__ for kind, _, _ in SUBCLASSED])
+def test_subclass_has_attributes_of_its_own_beside_those_that_are_read_only(
+    kind: type, arguments: tuple[Any, ...], name: str
+) -> None:
+    class Labelled(kind):  # type: ignore[misc]  # a parameter
+        def __init__(self) -> None:
+            self.label = "first"
+            super().__init__(*arguments)
+            self.log: list[str] = []
+
+    made = Labelled()
+    made.log.append("entry")
+    made.log = [*made.log, "another"]
+    del made.log
+    before = getattr(made, name)
+    for change in (lambda: setattr(made, name, None), lambda: delattr(made, name)):
+        with pytest.raises(AttributeError, match=name):
+            change()
+    assert getattr(made, name) is before or getattr(made, name) == before

@@ -12,17 +12,19 @@ _Kind = TypeVar("_Kind", bound=type)
 def sealed(kind: _Kind) -> _Kind:
     """The class, whose attributes can be set by its own constructor alone.
 
-    What was derived from them there would not follow later changes.
+    Values derived from them there would not follow later changes. As with frozen dataclasses, a subclass may have
+    further attributes.
     """
     construct: Callable[..., None] = kind.__init__  # type: ignore[misc]  # of this class, not of one below it
 
     @wraps(construct)
     def make(self: Any, *args: Any, **given: Any) -> None:
         construct(self, *args, **given)
-        object.__setattr__(self, "_is_sealed", True)
+        object.__setattr__(self, "_sealed", frozenset(getattr(self, "__dict__", ())))
 
     def check(self: Any, name: str) -> None:
-        if getattr(self, "_is_sealed", False):
+        sealed_names = getattr(self, "_sealed", None)
+        if sealed_names is not None and (type(self) is kind or name in sealed_names or hasattr(kind, name)):
             raise AttributeError(f"{name}: attributes of {kind.__name__} are read-only; make another one")
 
     def put(self: Any, name: str, value: object) -> None:

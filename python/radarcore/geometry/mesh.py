@@ -64,7 +64,7 @@ class Mesh:
     __slots__ = (
         "_bounds",
         "_core",
-        "_is_sealed",
+        "_sealed",
         "crease_angle_deg",
         "num_dropped",
         "shading",

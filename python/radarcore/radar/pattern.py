@@ -240,7 +240,8 @@ class TabulatedPattern(Twinned):
         )
 
     def __hash__(self) -> int:
-        return hash((self.azimuth.tobytes(), self.elevation.tobytes(), self.gain_db.tobytes()))
+        # Adding 0.0 makes -0.0 of it, whose bytes differ from those of an equal number.
+        return hash(tuple((getattr(self, field.name) + 0.0).tobytes() for field in dataclasses.fields(self)))
 
     def __repr__(self) -> str:
         return f"<TabulatedPattern: {self}>"

@@ -378,4 +378,4 @@ class Radar(Twinned):
         return self is other or (isinstance(other, Radar) and self.to_dict() == other.to_dict())
 
     def __hash__(self) -> int:
-        return hash((self.waveform, self.tx.tobytes(), self.rx.tobytes()))
+        return hash((self.waveform, *self.tx.ravel().tolist(), *self.rx.ravel().tolist()))
