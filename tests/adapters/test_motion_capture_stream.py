@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import threading
 import time
@@ -173,6 +174,112 @@ def test_late_frames_and_other_packets_are_left_out() -> None:
         assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.03, 1.04]
 
 
+def test_stray_and_damaged_packets_do_not_end_the_stream() -> None:
+    packets = [made.frame((4, 1), k, [BODY], 1.0 + 0.01 * k) for k in range(4)]
+    cut, overfull = packets[0][:60], packets[0].replace(made.pack("<i", 1), made.pack("<i", 2**30), 1)
+    stray = [b"\x07", cut, made.packet(7, b"\0\0"), made.packet(5, b"\xff" * 9), overfull, b""]
+    mixed = [packet for pair in zip(stray, packets + packets[3:] * 2, strict=True) for packet in pair]
+    with (
+        fake_server(answers((4, 1), *mixed)) as port,
+        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+    ):
+        frames = client.frames()
+        assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.02, 1.03]
+        with pytest.raises(TimeoutError, match="no frame"):
+            next(frames)
+
+
+def test_frames_of_other_senders_are_ignored() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        try:
+            stranger.bind(("127.0.0.2", 0))
+        except OSError:
+            pytest.skip("this system has one loopback address alone")
+        with (
+            MotionCaptureServer(MOTIONS) as server,
+            MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+        ):
+            assert client._command is not None
+            stranger.sendto(
+                made.frame((4, 1), 9, [(1, (9.0, 9.0, 9.0), BODY[2], True)], 5.0), client._command.getsockname()
+            )
+            (frame,) = sent(server, [0.25], client)
+            assert frame.time == 0.25
+            with pytest.raises(TimeoutError, match=r"no frame .* Packets from 127\.0\.0\.2 were ignored\."):
+                next(client.frames())
+
+
+@contextmanager
+def sending(server: MotionCaptureServer, times: Any) -> Iterator[None]:
+    """Frames of some times, one every 2 ms, in the background."""
+    stop = threading.Event()
+
+    def run() -> None:
+        for t in times:
+            if stop.wait(0.002):
+                return
+            server.send(float(t))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+TAKE = np.arange(50) / 100.0
+
+
+@pytest.mark.parametrize("times", [np.tile(TAKE, 200), TAKE, np.r_[TAKE, np.full(5000, TAKE[-1])]])
+def test_a_recording_ends_with_the_take(times: Any) -> None:
+    """One that is played in a loop, that ends, and that stands at its last frame."""
+    with (
+        MotionCaptureServer(MOTIONS) as server,
+        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+        sending(server, times),
+    ):
+        before = time.monotonic()
+        with pytest.warns(UserWarning, match=r"duration: expected 60 s of frames, got 0\.4\d* s: the take ended"):
+            capture = client.record(60.0)
+        assert time.monotonic() - before < 5.0
+    assert capture.time[-1] == TAKE[-1]
+    np.testing.assert_allclose(np.diff(capture.time), 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize("times", [np.tile(TAKE, 3), TAKE])
+def test_a_capture_in_the_background_ends_with_the_take(times: Any) -> None:
+    with (
+        MotionCaptureServer(MOTIONS) as server,
+        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+        client.follow() as follower,
+    ):
+        for t in times:
+            server.send(float(t))
+        follower.wait(1000)
+        capture = follower.capture()
+    np.testing.assert_allclose(capture.time, TAKE, atol=1e-6)
+
+
+def test_live_motions_begin_again_with_the_take_and_keep_the_newest_frame_alone() -> None:
+    live = rc.Live()
+    with (
+        MotionCaptureServer(MOTIONS) as server,
+        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+        client.follow({"radar": live}) as follower,
+    ):
+        for t in np.tile(TAKE, 3):
+            server.send(float(t))
+        follower.wait(150)
+        assert follower.newest is not None
+        assert (len(follower), follower.newest.number, live.newest) == (150, 150, TAKE[-1])
+        frames = [one for one in gc.get_objects() if isinstance(one, CapturedFrame)]
+        assert len(frames) <= 2  # the newest, and perhaps one that is being received
+        with pytest.raises(ValueError, match=r"capture: expected frames that are kept, .* give follow\(keep=True\)"):
+            follower.capture()
+
+
 def test_skeletons_and_assets_have_names_with_their_owner() -> None:
     sent_frame = made.frame((4, 1), 1, [BODY], 1.0, everything=True)
     with (
@@ -236,7 +343,7 @@ def test_damaged_and_old_streams_are_refused(given: dict[int, list[bytes]], mess
     with (
         fake_server(given) as port,
         pytest.raises(NatNetError, match=message),
-        MotionCaptureClient(command_port=port, timeout=2.0) as client,
+        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
     ):
         next(client.frames())
 

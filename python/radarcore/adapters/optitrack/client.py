@@ -13,13 +13,14 @@ from contextlib import contextmanager
 from math import inf
 from typing import Protocol
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.adapters.optitrack.axes import AXES
 from radarcore.adapters.optitrack.capture import MotionCapture
 from radarcore.adapters.optitrack.follower import Follower
-from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, poses_of
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take, poses_of
 from radarcore.adapters.optitrack.natnet import (
     Kind,
+    NatNetError,
     checked_version,
     decode_frame,
     decode_model,
@@ -58,7 +59,7 @@ class Updated(Protocol):
 
 @check.knows_keywords
 class MotionCaptureClient:
-    """Receives frames that Motive, or `MotionCaptureServer`, streams.
+    """Receives frames that Motive, or `MotionCaptureServer`, streams; packets of other senders are ignored.
 
     Use it in a ``with`` statement, which connects::
 
@@ -86,7 +87,7 @@ class MotionCaptureClient:
     TimeoutError
         When the server does not answer, or sends no frame, within the time-out.
     NatNetError
-        When the server's version is before 3.0, or a packet is damaged.
+        When the server's version is before 3.0, or nothing but damaged packets comes within the time-out.
 
     See Also
     --------
@@ -122,6 +123,9 @@ class MotionCaptureClient:
         self._data: socket.socket | None = None
         self._info: ServerInfo | None = None
         self._model = ModelNames()
+        self._host = server
+        self._strangers: set[str] = set()
+        self._damage: NatNetError | None = None
         self._clock_offsets: deque[float] = deque(maxlen=_NUM_OFFSETS)
         self._last_time = -inf
         self._next_sign = 0.0
@@ -150,6 +154,8 @@ class MotionCaptureClient:
         (4, 1)
         """
         self.close()
+        self._host, self._damage = _host_of(self._address[0]), None
+        self._strangers.clear()
         self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._bind(self._command)
@@ -236,7 +242,7 @@ class MotionCaptureClient:
         return self._frames(self.info.version, self._checked(motions), None)
 
     def record(self, duration: float, motions: Mapping[str, Updated] | None = None) -> MotionCapture:
-        """Frames of some time [s], by the server's clock.
+        """Frames of some time [s], by the server's clock; up to the end of a take that is shorter, with a warning.
 
         See Also
         --------
@@ -254,17 +260,28 @@ class MotionCaptureClient:
         """
         limit = check.positive("duration", duration, "s")
         kept: list[CapturedFrame] = []
-        for frame in self.frames(motions):
+        for frame in one_take(self.frames(motions)):
             if kept and frame.time - kept[0].time >= limit:
                 break
             kept.append(frame)
+        else:
+            took = kept[-1].time - kept[0].time
+            notice.warn(f"duration: expected {limit:g} s of frames, got {took:g} s: the take ended, or began again")
         return capture_of(kept, self._axes)
 
     @contextmanager
-    def follow(self, motions: Mapping[str, Updated] | None = None) -> Iterator[Follower]:
-        """Receive frames in the background, within a ``with`` statement; motions as for `frames`.
+    def follow(self, motions: Mapping[str, Updated] | None = None, *, keep: bool | None = None) -> Iterator[Follower]:
+        """Receive frames in the background, within a ``with`` statement.
 
         An error of the stream is raised at the end of the statement, and by `Follower.capture`.
+
+        Parameters
+        ----------
+        motions : mapping of str to Live, optional
+            As for `frames`.
+        keep : bool, optional
+            True: keep all frames for `Follower.capture`, up to the end of the take. False: the newest frame alone, for
+            hours of live motions. Default: True without motions.
 
         See Also
         --------
@@ -277,14 +294,15 @@ class MotionCaptureClient:
         >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
         ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
         ...         ball = rc.Live()
-        ...         with client.follow({"ball": ball}) as following:
+        ...         with client.follow({"ball": ball}, keep=True) as following:
         ...             server.start()
         ...             following.wait(3)  # or simulate meanwhile, with `ball` as a motion
         ...         print(len(following.capture().time) >= 3)
         True
         """
         stop = threading.Event()
-        follower = Follower(self._frames(self.info.version, self._checked(motions), stop), self._axes)
+        frames = self._frames(self.info.version, self._checked(motions), stop)
+        follower = Follower(frames, self._axes, keep=not motions if keep is None else keep)
         try:
             yield follower
         finally:
@@ -303,19 +321,28 @@ class MotionCaptureClient:
         self, version: Version, updated: Mapping[str, Updated], stop: threading.Event | None
     ) -> Iterator[CapturedFrame]:
         """Frames, up to a time at which they are no longer wanted."""
-        while (packet := self._packet(Kind.FRAME, stop)) is not None:
+        end = clock.monotonic() + self._timeout
+        while (packet := self._packet(Kind.FRAME, end, stop)) is not None:
             received = clock.time()
-            raw = decode_frame(packet, version)
+            try:
+                raw = decode_frame(packet, version)
+            except NatNetError as error:
+                self._damage = error
+                continue
             if raw.is_model_changed:
                 self._send(Kind.REQUEST_MODEL)
             frame = self._named(raw, received)
             if self._last_time - _LATE < frame.time <= self._last_time:
                 continue
-            self._last_time = frame.time
+            if frame.time <= self._last_time:  # a take that is played again
+                for motion in updated.values():
+                    getattr(motion, "clear", lambda: None)()
+            self._last_time, self._damage = frame.time, None
             for name, motion in updated.items():
                 if name in frame.poses:
                     motion.update(frame.time, frame.poses[name])
             yield frame
+            end = clock.monotonic() + self._timeout
 
     def _named(self, raw: NatNetFrame, received: float) -> CapturedFrame:
         """Frame with names, and times in seconds."""
@@ -340,22 +367,27 @@ class MotionCaptureClient:
             self._send(request, payload)
             packet = self._received(answer, min(left, _REPEAT))
             if packet is not None:
+                self._damage = None
                 return packet
+        if self._damage is not None:
+            raise self._damage
         host, port = self._address
         raise TimeoutError(
             f"no answer ({answer.name}) from a motion capture server at {host}:{port} within {self._timeout:g} s: does "
             "Motive run there with streaming enabled in its settings, is the address right, does a firewall stop UDP?"
+            f"{self._of_strangers()}"
         )
 
-    def _packet(self, kind: Kind, stop: threading.Event | None) -> bytes | None:
-        """Next packet of a kind, or a TimeoutError; None where it is no longer wanted."""
-        end = clock.monotonic() + self._timeout
+    def _packet(self, kind: Kind, end: float, stop: threading.Event | None) -> bytes | None:
+        """Next packet of a kind, or an error after a time; None where it is no longer wanted."""
         while (left := end - clock.monotonic()) > 0.0:
             if stop is not None and stop.is_set():
                 return None
             packet = self._received(kind, min(left, _LOOK_UP))
             if packet is not None:
                 return packet
+        if self._damage is not None and self._last_time == -inf:  # there never was a whole frame
+            raise self._damage
         host, port = self._address
         way = (
             f"multicast {self.info.multicast_address}:{self.info.data_port}; give local_address, that of the network "
@@ -365,8 +397,12 @@ class MotionCaptureClient:
         )
         raise TimeoutError(
             f"no frame from the motion capture server at {host}:{port} within {self._timeout:g} s ({way}): is it live, "
-            "or playing a take?"
+            f"or playing a take?{self._of_strangers()}"
         )
+
+    def _of_strangers(self) -> str:
+        """Names senders whose packets were ignored, for messages."""
+        return f" Packets from {', '.join(sorted(self._strangers))} were ignored." if self._strangers else ""
 
     def _received(self, kind: Kind, timeout: float) -> bytes | None:
         """Next packet of a kind, None at the time-out; names are taken from others that come."""
@@ -379,14 +415,19 @@ class MotionCaptureClient:
             ready, _, _ = select.select(sockets, [], [], min(left, _KEEP_ALIVE))
             for one in ready:
                 try:
-                    packet = one.recv(_LONGEST)
+                    packet, (host, _) = one.recvfrom(_LONGEST)
+                    if host != self._host:
+                        self._strangers.add(host)
+                        continue
+                    got = packet_kind(packet)
+                    if got == kind:
+                        return packet
+                    if got == Kind.MODEL and self._info is not None:
+                        self._model = decode_model(packet, self._info.version)
                 except ConnectionError:  # Windows: nobody listens at the port that was asked
                     continue
-                got = packet_kind(packet)
-                if got == kind:
-                    return packet
-                if got == Kind.MODEL and self._info is not None:
-                    self._model = decode_model(packet, self._info.version)
+                except NatNetError as error:
+                    self._damage = error
         return None
 
     def _give_sign(self) -> None:
@@ -397,10 +438,7 @@ class MotionCaptureClient:
 
     def _send(self, kind: Kind, payload: bytes = b"") -> None:
         assert self._command is not None  # connected, or about to be
-        try:
-            self._command.sendto(struct.pack("<HH", kind, len(payload)) + payload, self._address)
-        except socket.gaierror as error:
-            raise ConnectionError(f"server: expected an address, got {self._address[0]!r} ({error.strerror})") from None
+        self._command.sendto(struct.pack("<HH", kind, len(payload)) + payload, self._address)
 
     def _bind(self, one: socket.socket) -> None:
         """Bind to a free port of the chosen network interface."""
@@ -426,3 +464,11 @@ class MotionCaptureClient:
                 "that of the network interface"
             ) from error
         return one
+
+
+def _host_of(name: str) -> str:
+    """Numeric address of a server: packets of others are ignored."""
+    try:
+        return socket.gethostbyname(name)
+    except socket.gaierror as error:
+        raise ConnectionError(f"server: expected an address, got {name!r} ({error.strerror})") from None

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 
 from radarcore.adapters.optitrack.capture import MotionCapture
-from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take
 
 _POLL = 0.005
 """Time after which a wait for frames looks again [s]."""
@@ -15,15 +15,17 @@ _POLL = 0.005
 class Follower:
     """Frames that a client receives in the background."""
 
-    def __init__(self, frames: Iterator[CapturedFrame], axes: str) -> None:
-        self._frames, self._axes = frames, axes
+    def __init__(self, frames: Iterator[CapturedFrame], axes: str, *, keep: bool) -> None:
+        self._frames, self._axes, self._keep = frames, axes, keep
         self._kept: list[CapturedFrame] = []
+        self._count = 0
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
         self._thread.start()
 
     def __len__(self) -> int:
-        return len(self._kept)
+        """Number of frames that have come."""
+        return self._count
 
     @property
     def newest(self) -> CapturedFrame | None:
@@ -31,8 +33,10 @@ class Follower:
         return self._kept[-1] if self._kept else None
 
     def capture(self) -> MotionCapture:
-        """All frames so far; an error of the stream is raised."""
+        """All frames so far, up to the end of the take; an error of the stream is raised."""
         self.check()
+        if not self._keep:
+            raise ValueError("capture: expected frames that are kept, got the newest alone; give follow(keep=True)")
         return capture_of(list(self._kept), self._axes)
 
     def check(self) -> None:
@@ -42,7 +46,7 @@ class Follower:
 
     def wait(self, num_frames: int) -> None:
         """Wait until some frames have come; an error of the stream is raised."""
-        while len(self._kept) < num_frames and self._thread.is_alive():
+        while self._count < num_frames and self._thread.is_alive():
             self._thread.join(_POLL)
         self.check()
 
@@ -52,7 +56,11 @@ class Follower:
 
     def _run(self) -> None:
         try:
-            for frame in self._frames:
-                self._kept.append(frame)  # others read it meanwhile
+            for frame in one_take(self._frames) if self._keep else self._frames:
+                if self._keep:
+                    self._kept.append(frame)  # others read it meanwhile
+                else:
+                    self._kept = [frame]
+                self._count += 1
         except Exception as error:  # raised where the user sees it
             self._error = error

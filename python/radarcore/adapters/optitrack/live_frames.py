@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,20 @@ def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
             position = positions_of(np.array(body.position), axes)
             poses[name] = Pose.from_quaternion(position, wxyz=quaternions_of(np.array(body.quaternion), axes))
     return poses
+
+
+def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
+    """Frames up to the end of a take: where it is played again, or no more come."""
+    last: CapturedFrame | None = None
+    try:
+        for frame in frames:
+            if last is not None and frame.time < last.time:
+                return
+            last = frame
+            yield frame
+    except TimeoutError:
+        if last is None:
+            raise
 
 
 def capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
