@@ -31,6 +31,8 @@ class Scene:
     num_frames: int = 2
     places: dict[int, tuple[float, float]] = field(default_factory=lambda: {1: (0, 0), 2: (2, 1), 4: (4, 0)})
     """Half wavelengths to the left and up of every transmitter, by its mask: xWR1843BOOST."""
+    feeds: dict[int, list[complex]] = field(default_factory=dict)
+    """Factors of the four receivers that the lines of a board make, by the mask of the transmitter."""
 
     def numbers(self, order: str, *, real: bool = False, q_first: bool = False) -> np.ndarray[Any, Any]:
         """The 16-bit numbers of all frames, in the order of ``lanes2`` or ``lanes4`` (SWRA581)."""
@@ -54,7 +56,8 @@ class Scene:
         nearer = y * np.sin(self.azimuth) * np.cos(self.elevation) + z * np.sin(self.elevation)
         tau = (2.0 * (self.range + self.velocity * (time + t)) - nearer) / C
         phase = START * 1e9 * tau + SLOPE * 1e12 * (tau * t - 0.5 * tau * tau)
-        exact: np.ndarray[Any, Any] = 1000.0 * np.exp(2j * np.pi * (phase % 1.0))
+        feeds = np.array(self.feeds.get(mask, [1.0] * 4))[:, None]
+        exact: np.ndarray[Any, Any] = 1000.0 * feeds * np.exp(2j * np.pi * (phase % 1.0))
         return np.rint(exact.real) + 1j * np.rint(exact.imag)
 
 
@@ -98,6 +101,7 @@ def commands(
         "lowPower": "lowPower 0 0",
         "guiMonitor": "guiMonitor -1 1 1 0 0 0 1",
         "bpmCfg": "bpmCfg -1 0 0 1",
+        "compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 1 0",
         "lvdsStreamCfg": "lvdsStreamCfg -1 0 1 0",
         "sensorStart": "sensorStart",
     } | changes

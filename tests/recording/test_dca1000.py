@@ -150,6 +150,85 @@ def test_frame_that_is_not_whole_is_left_out_with_a_warning(tmp_path: Path) -> N
         rc.Recording.load(data, config=config)
 
 
+def test_errors_of_the_board_are_compensated(tmp_path: Path) -> None:
+    """Feeds that alternate by 180 degrees and lines 7 cm too long: the commands that TI's demo prints undo both.
+
+    Every channel of the chip has a pair, by the number of its transmitter, then of its receiver: TX2, in the middle,
+    sends nothing here.
+    """
+    feeds = {1: [1.0, -0.8, 1.0, -1.0], 4: [0.5j, -1.0, 1.0, -1.0]}
+    pairs = [0.5 / np.array(feed) for feed in (feeds[1], [0.1, 0.2, 0.3, 0.4], feeds[4])]
+    command = " ".join(f"{factor.real:.5f} {factor.imag:.5f}" for factor in np.concatenate(pairs))
+    board = Scene(range=SCENE.range + 0.07, feeds=feeds)
+    data, config = write(
+        tmp_path,
+        board.numbers("lanes2", q_first=True),
+        commands(SCENE, compensation=f"compRangeBiasAndRxChanPhase 0.07 {command}"),
+    )
+    recording = rc.Recording.load(data, config=config)
+    assert_target(recording, SCENE)
+    best = rc.strongest_peak(recording[0])
+    assert best is not None
+    assert best.range == pytest.approx(SCENE.range + 0.5 * SCENE.velocity * recording.radar.waveform.duration, abs=0.01)
+    assert np.ptp(np.abs(recording.cube)) < 2.0  # two roundings
+    capture = recording.source["capture"]
+    assert capture["range_bias"] == 0.07
+    assert capture["channel_coefficients"][4] == pytest.approx([0.0, -1.0])
+    # Real samples: signs are a factor, phases are none.
+    words = board.numbers("lanes2", real=True)
+    real = {"output": 0, "swap": 0}
+    alternating = "compRangeBiasAndRxChanPhase 0.0" + 6 * " 1 0 -1 0"
+    data, config = write(tmp_path, words, commands(SCENE, compensation=alternating, **real))
+    cube = rc.Recording.load(data, config=config).cube
+    assert cube[0, 1, 0, 0] == -board.chirp(0.0, 1)[1, 0].real
+    config.write_text(commands(SCENE, compensation=f"compRangeBiasAndRxChanPhase 0.07 {command}", **real))
+    with pytest.warns(UserWarning, match=r"profile\.cfg: real samples have no phase, so compRange.* is left out"):
+        rc.Recording.load(data, config=config)
+
+
+def test_zeros_in_place_of_lost_packets_are_counted(tmp_path: Path) -> None:
+    """The recorder writes zeros: for half of frame 1 and all of frame 2 of four."""
+    scene = Scene(num_frames=4)
+    words = scene.numbers("lanes2", q_first=True)
+    length = len(words) // 4
+    words[3 * length // 2 : 3 * length] = 0
+    data, config = write(tmp_path, words, commands(scene))
+    with pytest.warns(UserWarning, match=r"zeros in place of about 34 lost packets, in frame 1 \(49%\), frame 2"):
+        recording = rc.Recording.load(data, config=config)
+    assert recording.source["capture"]["lost_packets"] == 34
+    assert recording.lost is not None
+    assert recording.lost.tolist() == [0, 0, 1]
+    assert recording.time == pytest.approx([0.0, 0.05, 0.15])
+    assert recording.cube[2, 0, 0, 0] == scene.chirp(0.15, 1)[0, 0]
+    # Every lost packet is seen, wherever it begins.
+    for start in (0, 1, 363, 364, 365, 5000):
+        words = scene.numbers("lanes2", q_first=True)
+        words[start : start + 728] = 0
+        data, config = write(tmp_path, words, commands(scene))
+        with pytest.warns(UserWarning, match=r"zeros in place of about 1 lost packets, in frame 0"):
+            rc.Recording.load(data, config=config)
+    data, config = write(tmp_path, 0 * words, commands(scene))
+    with pytest.warns(UserWarning, match="all samples are zeros"):
+        assert len(rc.Recording.load(data, config=config)) == 4
+
+
+def test_lost_packets_and_counters_are_named(tmp_path: Path) -> None:
+    words = SCENE.numbers("lanes2", q_first=True)
+    data, config = write(tmp_path, np.delete(words, slice(5 * 728, 6 * 728)), commands(SCENE))
+    with pytest.warns(UserWarning, match="no whole frame; 1456 bytes are missing, 1 of the DCA1000's packets, and all"):
+        rc.Recording.load(data, config=config)
+    # User's Guide 5.2: the packet's number from 1 in 32 bits, the bytes before it in 48, both with the lowest first.
+    sent = words.tobytes()
+    packets = [
+        (start // 1456 + 1).to_bytes(4, "little") + start.to_bytes(6, "little") + sent[start : start + 1456]
+        for start in range(0, len(sent), 1456)
+    ]
+    for first in (0, 7):  # from the start, and of a recorder that came later
+        data.write_bytes(b"".join(packets[first:]))
+        with pytest.raises(ValueError, match="expected samples alone, got packets of the DCA1000 with their counters"):
+            rc.Recording.load(data, config=config)
+
+
 def test_unknown_board_is_a_row_with_a_warning(tmp_path: Path) -> None:
     (tmp_path / "a.cfg").write_text(commands(SCENE, platform=""))
     with pytest.warns(UserWarning, match=r"a\.cfg: the board is not known; its 2 transmitters are taken for a row"):
@@ -192,7 +271,23 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
         ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
         ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
-        ({"profileCfg": "profileCfg 0 77 3 6 12 0 0 60 1 64 6000 0 0 30"}, "between the ramps of transmitters in turn"),
+        (
+            {"profileCfg": "profileCfg 0 77 -5 6 17 0 0 60 1 64 6000 0 0 30"},
+            "between the ramps of transmitters in turn",
+        ),
+        (
+            {"profileCfg": "profileCfg 0 77 7 6 12 0 0 60 1 64 6000 0 0 30"},
+            r"ends after the last sample, 16\.6667 us after its start \(6 us and 64 .*, got a ramp of 12 us",
+        ),
+        ({"profileCfg": "profileCfg 0 77 7 1 12 0 0 300 1 64 6000 0 0 30"}, r"266 MHz/us, got 77 to 80\.6 GHz at 300"),
+        (
+            {"profileCfg": "profileCfg 0 77 7 6 80 0 0 60 1 64 6000 0 0 30"},
+            r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60",
+        ),
+        ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
+        ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 4 * " 1 0"}, "pairs for TX1 to TX3, got those of 1 tr"),
+        ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
+        ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),
     ],
 )
 def test_commands_that_are_no_plain_frames_are_refused(tmp_path: Path, changes: dict[str, str], message: str) -> None:

@@ -7,6 +7,9 @@ TI, SWRA581 "Mmwave Radar Device ADC Raw Data Capture" has their order. Within a
   ``r0 r1 r2 r3``.
 
 I and Q change places where the chip was told to. Chirps follow each other in the order of their transmitters' turns.
+
+The board sends packets of 1456 bytes behind a counter of 10 bytes (DCA1000EVM User's Guide, 5.2, raw mode). TI's
+recorder leaves the counters out and writes zeros for lost packets; other recorders do neither.
 """
 
 from __future__ import annotations
@@ -24,11 +27,30 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import COUNTS, frame_shape
 from radarcore.recording.native import Stored
 from radarcore.recording.npy import Converted
+from radarcore.units import SPEED_OF_LIGHT
 
 _PART = re.compile(r"(?P<name>.*_Raw_)(?P<number>\d+)(?P<suffix>\.bin)", re.IGNORECASE)
 """Name of one of the files into which the recorder splits a long capture."""
 
 _WORD = np.dtype("<i2")
+
+_PACKET_BYTES = 1456
+"""Samples of a packet."""
+
+_COUNTER_BYTES = 10
+"""Counter before every packet: its number in 4 bytes, and the number of bytes of samples before it in 6."""
+
+_COUNTER = (slice(0, 4), slice(4, 10))
+"""Bytes of these two numbers, the lowest first."""
+
+_ZERO_WORDS = _PACKET_BYTES // _WORD.itemsize // 2
+"""Numbers that are looked at together for zeros: a lost packet has a whole group of them, wherever it begins."""
+
+_SCANNED_BYTES = 1 << 24
+"""Bytes that are looked at together."""
+
+_MOST_NAMED = 5
+"""Frames that a message names at most."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +72,10 @@ class Capture:
         Files that the configuration names; none: the file that was asked for.
     facts : dict
         What a recording's ``source["capture"]`` says besides.
+    range_bias : float
+        Subtracted from all ranges [m].
+    coefficients : tuple of complex
+        Factors of the channels; none: 1.
     """
 
     num_lanes: int
@@ -59,13 +85,19 @@ class Capture:
     turns: tuple[int, ...]
     files: tuple[Path, ...] = ()
     facts: tuple[tuple[str, Any], ...] = ()
+    range_bias: float = 0.0
+    coefficients: tuple[complex, ...] = ()
 
 
 def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
-    """Frames of a capture, mapped into memory; of a last one that is not whole the user is told, and it is left out."""
+    """Frames of a capture, mapped into memory.
+
+    Warns of lost packets. Leaves out frames that are not whole, or of zeros only, which count as lost.
+    """
     files = capture.files if path.suffix.lower() == ".json" else parts_of(path)
     if not files:
         raise ValueError(f"{path}: expected the names of captured files, got none")
+    _refuse_counters(files[0])
     num_words = int(np.prod(frame_shape(radar))) * (1 if capture.is_real else 2)
     words = _Words(files, num_words)
     if len(words) == 0:
@@ -73,8 +105,7 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
             f"{files[0]}: expected frames of {num_words * _WORD.itemsize} bytes by the configuration, "
             f"got {words.num_bytes} bytes"
         )
-    if words.left_over:
-        notice.warn(f"{files[-1]}: {len(words)} frames, the last {words.left_over} bytes are no whole frame")
+    kept, lost, num_packets = _whole_frames(files, words)
 
     row = frame_shape(radar)
     dtype = np.float32 if capture.is_real else np.complex64
@@ -83,10 +114,14 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
         "file": files[0].name,
         **({"files": [file.name for file in files]} if len(files) > 1 else {}),
         "cube_unit": COUNTS,
-        "capture": {"board": "DCA1000", **dict(capture.facts)},
+        "capture": {
+            "board": "DCA1000",
+            **dict(capture.facts),
+            **({"lost_packets": num_packets} if num_packets else {}),
+        },
     }
-    time = radar.waveform.frame_interval * np.arange(len(words), dtype=np.float64)
-    return Stored(cube, time, radar, None, source)
+    time = radar.waveform.frame_interval * kept.astype(np.float64)
+    return Stored(cube, time, radar, None, source, lost)
 
 
 def parts_of(path: Path) -> tuple[Path, ...]:
@@ -127,7 +162,68 @@ def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray
     turn_of = np.argsort(capture.turns)
     ordered = apart[:, :, turn_of].transpose(0, 2, 3, 1, 4)
     result: NDArray[Any] = ordered.reshape(len(words), *frame_shape(radar))
-    return result.astype(np.float32 if capture.is_real else np.complex64, copy=False)
+    result = result.astype(np.float32 if capture.is_real else np.complex64, copy=False)
+    factors = _compensation(radar, capture)
+    return result if factors is None else result * factors
+
+
+def _compensation(radar: Radar, capture: Capture) -> NDArray[Any] | None:
+    """Factors (channel, 1, sample) that take the range bias off and equalize the channels; None for 1."""
+    if not capture.range_bias and not capture.coefficients:
+        return None
+    waveform = radar.waveform
+    delay = 2.0 * capture.range_bias / SPEED_OF_LIGHT
+    times = np.arange(waveform.num_samples) / waveform.sample_rate
+    shifts = np.exp(-2j * np.pi * waveform.slope * delay * times)
+    factors: NDArray[np.complex128] = np.array(capture.coefficients or (1.0,))[:, None, None] * shifts
+    return factors.real.astype(np.float32) if capture.is_real else factors.astype(np.complex64)
+
+
+def _refuse_counters(path: Path) -> None:
+    """Refuse a file in which the counters of the packets are left."""
+    step = _COUNTER_BYTES + _PACKET_BYTES
+    with path.open("rb") as file:
+        start = file.read(2 * step)
+    counters = [start[at : at + _COUNTER_BYTES] for at in (0, step)]
+    numbers, sizes = ([int.from_bytes(counter[part], "little") for counter in counters] for part in _COUNTER)
+    num_packets = numbers[1] - numbers[0]
+    if num_packets > 0 and sizes[1] - sizes[0] == num_packets * _PACKET_BYTES:
+        raise ValueError(
+            f"{path}: expected samples alone, got packets of the DCA1000 with their counters, {_COUNTER_BYTES} bytes "
+            f"before every {_PACKET_BYTES}; take these out of the file first"
+        )
+
+
+def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.int64], NDArray[np.int32] | None, int]:
+    """Numbers of the frames with samples, frames lost before each (None: not counted), and packets that are zeros.
+
+    Warns of bytes that are no whole frame and of zeros in place of packets.
+    """
+    if words.left_over:
+        num_missing = words.num_frame_bytes - words.left_over
+        message = f"{files[-1]}: {len(words)} frames, the last {words.left_over} bytes are no whole frame"
+        if num_missing % _PACKET_BYTES == 0:
+            message += (
+                f"; {num_missing} bytes are missing, {num_missing // _PACKET_BYTES} of the DCA1000's packets, and all "
+                "samples after the gap are in wrong places"
+            )
+        notice.warn(message)
+    shares = words.shares_of_zeros()
+    kept = np.flatnonzero(shares < 1.0)
+    if not shares.any():
+        return kept, None, 0
+    if len(kept) == 0:
+        notice.warn(f"{files[0]}: all samples are zeros")
+        return np.arange(len(words)), None, 0
+    num_packets = max(1, round(shares.sum() * words.num_frame_bytes / _PACKET_BYTES))
+    named = [f"frame {index} ({shares[index]:.0%})" for index in np.flatnonzero(shares)]
+    more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
+    notice.warn(
+        f"{files[0]}: zeros in place of about {num_packets} lost packets, in {', '.join(named[:_MOST_NAMED])}{more}; "
+        "frames of zeros alone are left out and count as lost"
+    )
+    words.keep(kept)
+    return kept, (np.diff(kept, prepend=-1) - 1).astype(np.int32), num_packets
 
 
 def _signed(words: NDArray[np.int16], bits: int) -> NDArray[np.int16]:
@@ -145,6 +241,7 @@ class _Words:
     def __init__(self, files: tuple[Path, ...], num_words: int) -> None:
         sizes = [file.stat().st_size for file in files]
         self.num_bytes = sum(sizes)
+        self.num_frame_bytes = num_words * _WORD.itemsize
         if odd := [file for file, size in zip(files[:-1], sizes, strict=False) if size % _WORD.itemsize]:
             raise ValueError(f"{odd[0]}: expected whole numbers of 16 bits before the next file, got an odd size")
         self._maps = [
@@ -154,19 +251,41 @@ class _Words:
         ]
         self._ends = np.cumsum([0, *(len(part) for part in self._maps)])
         self._num_words = num_words
-        self._length = int(self._ends[-1]) // num_words
-        self.left_over = self.num_bytes - self._length * num_words * _WORD.itemsize
+        self._kept = np.arange(int(self._ends[-1]) // num_words)
+        self.left_over = self.num_bytes - len(self) * self.num_frame_bytes
 
     def __len__(self) -> int:
-        return self._length
+        return len(self._kept)
 
     def __getitem__(self, rows: slice) -> NDArray[np.int16]:
-        chosen = range(self._length)[rows]
-        start, stop = chosen.start * self._num_words, chosen.stop * self._num_words
+        chosen = self._kept[rows]
+        # Runs of frames that follow each other.
+        runs = np.split(chosen, np.flatnonzero(np.diff(chosen) != 1) + 1)
+        pieces = [piece for run in runs if len(run) for piece in self._pieces(int(run[0]), int(run[-1]) + 1)]
+        found = pieces or [np.empty(0, _WORD)]
+        values: NDArray[np.int16] = found[0] if len(found) == 1 else np.concatenate(found)
+        return values.reshape(-1, self._num_words)
+
+    def keep(self, frames: NDArray[np.int64]) -> None:
+        """Leave out all other frames."""
+        self._kept = self._kept[frames]
+
+    def shares_of_zeros(self) -> NDArray[np.float64]:
+        """Share of each frame (frame,) that is zeros over half a packet and more."""
+        length = min(_ZERO_WORDS, self._num_words)
+        num_groups = self._num_words // length
+        shares = np.zeros(len(self))
+        step = max(1, _SCANNED_BYTES // self.num_frame_bytes)
+        for first in range(0, len(self), step):
+            words = self[first : first + step][:, : num_groups * length]
+            shares[first : first + step] = 1.0 - words.reshape(-1, num_groups, length).any(axis=-1).mean(axis=-1)
+        return shares
+
+    def _pieces(self, first: int, last: int) -> list[NDArray[np.int16]]:
+        """Numbers of the frames of a range, file by file."""
+        start, stop = first * self._num_words, last * self._num_words
         pieces = [
             part[max(0, start - begin) : max(0, stop - begin)]
             for part, begin in zip(self._maps, self._ends.tolist(), strict=False)
         ]
-        found = [piece for piece in pieces if len(piece)] or [np.empty(0, _WORD)]
-        values: NDArray[np.int16] = found[0] if len(found) == 1 else np.concatenate(found)
-        return values.reshape(-1, self._num_words)
+        return [piece for piece in pieces if len(piece)]

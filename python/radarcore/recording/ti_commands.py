@@ -6,9 +6,12 @@ TI, "mmWave SDK User Guide", configuration (.cfg) file format. Only what decides
 from __future__ import annotations
 
 import re
+from typing import Any
+
+import numpy as np
 
 from radarcore import check
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
+from radarcore.recording.ti_configuration import BITS, NUM_RX, OUTPUTS, Profile, Settings, indices, of_one_profile
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""
@@ -23,14 +26,23 @@ _LENGTHS = {
     "frameCfg": (7,),
     "bpmCfg": (4,),
     "lvdsStreamCfg": (4,),
+    "compRangeBiasAndRxChanPhase": tuple(1 + 2 * NUM_RX * num_tx for num_tx in (1, 2, 3, 4)),
 }
 """Numbers of the commands that count."""
+
+_OF_L_SDK = ("chirpComnCfg", "chirpTimingCfg")
+"""Commands of the SDK for chips such as xWRL6432, whose other commands have other numbers."""
 
 _Commands = dict[str, list[list[float]]]
 
 
 def settings(text: str, where: str) -> Settings:
     """Settings of a chip from the text of a .cfg file."""
+    if other := next((name for name in _OF_L_SDK if re.search(rf"^\s*{name}\b", text, re.MULTILINE)), None):
+        raise ValueError(
+            f"{where}: expected commands of TI's mmWave SDK (xWR1xxx, xWR6xxx), got {other} of the mmWave L-SDK for "
+            "low-power chips (xWRL6432, xWRL1432), which is not read; describe the radar in a scene file"
+        )
     commands = _commands(text, where)
     if commands.get("dfeDataOutputMode", [[1.0]])[-1][0] != 1.0 or "advFrameCfg" in commands:
         raise ValueError(f"{where}: expected chirps in frames (dfeDataOutputMode 1), got sub-frames or no frames")
@@ -56,6 +68,7 @@ def settings(text: str, where: str) -> Settings:
         has_q_first=bool(swap),
         is_interleaved=not is_apart,
         device=match[1] if (match := _PLATFORM.search(text)) else "",
+        **_compensation(commands, where),
     )
 
 
@@ -108,6 +121,18 @@ def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tup
                 raise ValueError(f"{where}: expected chirps as their profile has them, got changes of chirp {index}")
             chirps[index] = int(profile), int(mask)
     return of_one_profile(chirps, indices(first, last, where), "chirpCfg", where)
+
+
+def _compensation(commands: _Commands, where: str) -> dict[str, Any]:
+    """Range bias and factors of the channels: pairs of real and imaginary parts, receivers of TX1 first.
+
+    The demo subtracts the bias from ranges and multiplies the samples of a channel by its factor.
+    """
+    if "compRangeBiasAndRxChanPhase" not in commands:
+        return {}
+    bias, *parts = _only(commands, "compRangeBiasAndRxChanPhase", where)
+    pairs = np.array(parts).reshape(-1, NUM_RX, 2)
+    return {"range_bias": bias, "coefficients": pairs[..., 0] + 1j * pairs[..., 1]}
 
 
 def _profile(commands: _Commands, number: int, where: str) -> Profile:

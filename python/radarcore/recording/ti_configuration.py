@@ -26,8 +26,14 @@ OUTPUTS = ("real", "complex 1x", "complex 2x")
 BITS = (12, 14, 16)
 """Bits of a sample by the number that TI gives them."""
 
-_NUM_RX, _NUM_TX = 4, 4
+NUM_RX, _NUM_TX = 4, 4
 """Most receivers and transmitters of a chip."""
+
+_BANDS = ((57e9, 64e9), (76e9, 81e9))
+"""Frequencies of the chips [Hz] (TI, data sheets of xWR1xxx, xWR2xxx and xWR6xxx)."""
+
+_MAX_SLOPE = 266e12
+"""Steepest ramp of any chip, an AWR2243 [Hz/s]; those of 60 GHz reach 250 MHz/us."""
 
 _NUM_CHIRPS = 512
 """Chirps that a chip has at most, from 0 on."""
@@ -99,6 +105,10 @@ class Settings:
         Receivers sample by sample, not one after the other.
     device : str
         Name of the chip or of its family: ``"xWR18xx"``, ``"awr1843"``; nothing if the files do not say.
+    range_bias : float
+        To subtract from all ranges [m].
+    coefficients : (transmitter, receiver) complex array, optional
+        Factors for the samples of every channel of the chip, used or not.
     """
 
     profile: Profile
@@ -112,6 +122,8 @@ class Settings:
     has_q_first: bool
     is_interleaved: bool
     device: str = ""
+    range_bias: float = 0.0
+    coefficients: NDArray[np.complex128] | None = None
 
 
 def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
@@ -119,8 +131,9 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
 
     Warns where several transmitters send and the board, which places them, is not known.
     """
-    profile, receivers = settings.profile, _bits(settings.rx_mask, _NUM_RX, "receivers", where)
+    profile, receivers = settings.profile, _bits(settings.rx_mask, NUM_RX, "receivers", where)
     _check_lanes(settings, len(receivers), where)
+    _check_ramp(profile, where)
     numbers, repetitions = _turns(settings.tx_masks, where)
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
@@ -160,6 +173,10 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         "antennas": antennas,
     }
     is_real = settings.output == "real"
+    compensation = _compensation(settings, used, receivers, where)
+    if compensation:
+        listed = [[factor.real, factor.imag] for factor in compensation["coefficients"]]
+        facts |= {"range_bias": settings.range_bias, "channel_coefficients": listed}
     capture = Capture(
         num_lanes=settings.num_lanes,
         is_real=is_real,
@@ -167,8 +184,48 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         bits=settings.bits,
         turns=turns,
         facts=tuple(facts.items()),
+        **compensation,
     )
     return radar, capture
+
+
+def _check_ramp(profile: Profile, where: str) -> None:
+    """Refuse ramps that no chip makes, and that end before the last sample."""
+    last = profile.adc_start_time + profile.num_samples / profile.sample_rate if profile.sample_rate > 0 else 0.0
+    if last > profile.ramp_end_time * (1.0 + 1e-9):
+        raise ValueError(
+            f"{where}: expected a ramp that ends after the last sample, {1e6 * last:.6g} us after its start "
+            f"({1e6 * profile.adc_start_time:g} us and {profile.num_samples} samples at "
+            f"{1e-3 * profile.sample_rate:g} kHz), got a ramp of {1e6 * profile.ramp_end_time:g} us"
+        )
+    ends = sorted((profile.start_frequency, profile.start_frequency + profile.slope * profile.ramp_end_time))
+    is_in_band = any(low <= ends[0] and ends[1] <= high for low, high in _BANDS)
+    if abs(profile.slope) > _MAX_SLOPE or not is_in_band:
+        bands = " or ".join(f"{1e-9 * low:g} to {1e-9 * high:g} GHz" for low, high in _BANDS)
+        raise ValueError(
+            f"{where}: expected a ramp that a chip can make, within {bands} and up to {1e-12 * _MAX_SLOPE:g} MHz/us, "
+            f"got {1e-9 * ends[0]:.6g} to {1e-9 * ends[1]:.6g} GHz at {1e-12 * profile.slope:g} MHz/us"
+        )
+
+
+def _compensation(settings: Settings, used: list[int], receivers: list[int], where: str) -> dict[str, Any]:
+    """Range bias and factors of the channels that a capture has; nothing if they change nothing."""
+    if settings.coefficients is None:
+        return {}
+    if max(used) >= len(settings.coefficients):
+        raise ValueError(
+            f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got those of "
+            f"{len(settings.coefficients)} transmitters"
+        )
+    factors = settings.coefficients[np.ix_(used, receivers)].ravel()
+    if not factors.all():
+        raise ValueError(f"{where}: expected compRangeBiasAndRxChanPhase without zeros, got one for a channel in use")
+    if settings.range_bias == 0.0 and (factors == 1.0).all():
+        return {}
+    if settings.output == "real" and (settings.range_bias or factors.imag.any()):
+        notice.warn(f"{where}: real samples have no phase, so compRangeBiasAndRxChanPhase is left out")
+        return {}
+    return {"range_bias": settings.range_bias, "coefficients": tuple(factors.tolist())}
 
 
 def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
@@ -180,7 +237,7 @@ def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
     if settings.is_interleaved != (settings.num_lanes == 4):
         expected = "interleaved receivers" if settings.num_lanes == 4 else "receivers one after the other"
         raise ValueError(f"{where}: expected {expected} on {settings.num_lanes} LVDS lanes, got the other order")
-    if settings.num_lanes == 4 and num_rx != _NUM_RX:
+    if settings.num_lanes == 4 and num_rx != NUM_RX:
         raise ValueError(f"{where}: expected all four receivers on four LVDS lanes, got the mask {settings.rx_mask:#x}")
     if settings.num_lanes == 2 and settings.output != "real" and settings.profile.num_samples % 2:
         raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples}")
