@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import struct
+import sys
+import zipfile
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import numpy as np
 import pytest
 
 import radarcore as rc
@@ -65,3 +71,171 @@ def test_faults_within_an_obj_file_are_told_without_its_beginning(tmp_path: Path
     with pytest.raises(ValueError, match=r"part\.obj:4") as caught:
         rc.load_mesh(path)
     assert "begins" not in str(caught.value)
+
+
+SIZES = np.array([0.1, 0.2, 0.3])
+BOX = rc.shapes.box(SIZES)
+
+
+def assert_box(mesh: rc.Mesh, low: Any = -0.5 * SIZES) -> None:
+    """The box with its normals outwards."""
+    np.testing.assert_allclose(mesh.bounds, [low, low + SIZES], atol=1e-7)  # files in single precision
+    assert len(mesh.triangles) == 12
+    assert mesh.volume == pytest.approx(0.006, rel=1e-6)
+
+
+def test_gltf_is_turned_to_z_up(tmp_path: Path) -> None:
+    """glTF 2.0, 3.4: +Y is up, +Z towards the viewer: y and z of the file are z and -y here."""
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    corners, rows = (BOX.vertices[:, [0, 2, 1]] * [1, 1, -1]).astype("<f4"), BOX.triangles.astype("<u2")
+    data = corners.tobytes() + rows.tobytes()
+    views = [(0, corners.nbytes), (corners.nbytes, rows.nbytes)]
+    content = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3"}
+            | {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()},
+            {"bufferView": 1, "componentType": 5123, "count": rows.size, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
+        "buffers": [{"byteLength": len(data)}],
+    }
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    (tmp_path / "box.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    assert_box(rc.load_mesh(tmp_path / "box.glb"))
+    content["buffers"] = [{"byteLength": len(data), "uri": "box.bin"}]
+    (tmp_path / "box.gltf").write_text(json.dumps(content))
+    (tmp_path / "box.bin").write_bytes(data)
+    assert_box(rc.load_mesh(tmp_path / "box.gltf"))
+
+
+CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PRODUCTION_3MF = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
+GROUP = 10 * '<component objectid="{0}"/>'
+HALF_TURN = "-1 0 0 0 -1 0 0 0 1"
+
+
+def write_3mf(path: Path, build: str, *, unit: str = "", per_metre: float = 1000.0, more: str = "") -> Path:
+    """The box as object 1 of the model and of another part, in a package by hand."""
+    vertices = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*corner) for corner in per_metre * BOX.vertices)
+    triangles = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*row) for row in BOX.triangles)
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
+
+    def model(attributes: str, rest: str) -> str:
+        resources = f'<resources><object id="1" type="model">{mesh}</object>{more if rest else ""}</resources>'
+        return f'<model xmlns="{CORE_3MF}" xmlns:p="{PRODUCTION_3MF}" {attributes}>{resources}{rest}</model>'
+
+    relation = 'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/3D/main.model" Id="a"'
+    schema = "http://schemas.openxmlformats.org/package/2006/relationships"
+    with zipfile.ZipFile(path, "w") as package:
+        package.writestr("_rels/.rels", f'<Relationships xmlns="{schema}"><Relationship {relation}/></Relationships>')
+        package.writestr("3D/main.model", model(unit and f'unit="{unit}"', f"<build>{build}</build>"))
+        package.writestr("3D/other.model", model("", "").replace('<object id="1"', '<object id="7"'))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_metre"),
+    [("", 1e3), ("micron", 1e6), ("centimeter", 1e2), ("inch", 1 / 0.0254), ("foot", 1 / 0.3048), ("meter", 1.0)],
+)
+def test_3mf_is_in_its_own_unit(tmp_path: Path, unit: str, per_metre: float) -> None:
+    """Core 3.4: millimetres unless it says another unit; the transform of an item is in that unit, too."""
+    item = f'<item objectid="1" transform="1 0 0 0 1 0 0 0 1 0 0 {0.15 * per_metre}"/>'
+    path = write_3mf(tmp_path / "box.3mf", item, unit=unit, per_metre=per_metre)
+    assert_box(rc.load_mesh(path), low=[-0.05, -0.1, 0.0])
+
+
+def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
+    """Of another part of the package, mirrored, in a group that is turned: rows of the matrices are images of axes."""
+    more = (
+        '<object id="2"><components><component objectid="7" p:path="/3D/other.model" '
+        'transform="0 1 0 1 0 0 0 0 1 100 0 0"/></components></object><object id="3" type="support"/>'
+    )
+    items = f'<item objectid="2" transform="{HALF_TURN} 0 0 150"/><item objectid="3"/>'
+    mesh = rc.load_mesh(write_3mf(tmp_path / "box.3mf", items, more=more))
+    np.testing.assert_allclose(mesh.bounds, [[-0.2, -0.05, 0.0], [0.0, 0.05, 0.3]], atol=1e-12)
+    assert mesh.volume == pytest.approx(0.006)
+
+
+@pytest.mark.parametrize(
+    ("items", "more", "message"),
+    [
+        ('<item objectid="9"/>', "", "expected an object '9', got none"),
+        ("", "", "expected faces, got none"),
+        (
+            '<item objectid="2"/>',
+            '<object id="2"><components><component objectid="2"/></components></object>',
+            "expected an object '2', got one within itself",
+        ),
+        (
+            '<item objectid="2"/>',
+            '<object id="2"><mesh><vertices/><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>',
+            "expected vertex numbers from 0 to -1, got 2",
+        ),
+        (
+            '<item objectid="20"/>',
+            "".join(
+                f'<object id="{number}"><components>{GROUP.format(number - 1)}</components></object>'
+                for number in range(2, 21)
+            ),
+            "expected at most 10000 objects in the build, got more",
+        ),
+    ],
+)
+def test_3mf_without_its_objects_is_refused(tmp_path: Path, items: str, more: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message) as caught:
+        rc.load_mesh(write_3mf(tmp_path / "box.3mf", items, more=more))
+    assert str(caught.value).startswith(str(tmp_path / "box.3mf"))
+
+
+@pytest.mark.parametrize(
+    ("told", "rest", "read"),
+    [(0, b"", 12), (13, b"", 12), (5, b"", 12), (12, b"made by hand", 12), (7, b"made by hand", 7)],
+)
+def test_stl_with_a_wrong_count_or_more_bytes_is_read_with_a_warning(
+    tmp_path: Path, told: int, rest: bytes, read: int
+) -> None:
+    corners = BOX.vertices[BOX.triangles].astype("<f4")
+    facets = b"".join(bytes(12) + facet.tobytes() + bytes(2) for facet in corners)
+    path = tmp_path / "box.stl"
+    path.write_bytes(b"made by hand".ljust(80) + struct.pack("<I", told) + facets + rest)
+    expected = (
+        rf"expected {84 + 50 * told} bytes for the {told} facets that the file names, got {684 + len(rest)}; {read} "
+    )
+    with pytest.warns(UserWarning, match=expected):
+        mesh = rc.load_mesh(path)
+    if read == 12:
+        assert_box(mesh)
+    else:
+        np.testing.assert_array_equal(mesh.vertices[mesh.triangles], corners[:read])
+
+
+def test_stl_that_ends_within_a_facet_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    (tmp_path / "cut.stl").write_bytes(b"made by hand".ljust(80) + struct.pack("<I", 12) + bytes(501))
+    with pytest.raises(ValueError, match=r"cut\.stl: "):
+        rc.load_mesh(tmp_path / "cut.stl")
+
+
+def test_packages_that_a_format_needs_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    monkeypatch.setitem(sys.modules, "cascadio", None)
+    (tmp_path / "part.step").write_text("ISO-10303-21;")
+    message = r"part\.step: reading \.step files needs trimesh and cascadio: pip install radarcore\[mesh\] cascadio"
+    with pytest.raises(ImportError, match=message):
+        rc.load_mesh(tmp_path / "part.step")
+
+
+def test_unit_that_trimesh_knows_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of formats for which it tells one, as 3DXML: the same box in millimetres."""
+    trimesh: ModuleType = pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    box = trimesh.Trimesh(1000.0 * BOX.vertices, BOX.triangles)
+    box.units = "mm"
+    monkeypatch.setattr(trimesh, "load_mesh", lambda path: box)
+    (tmp_path / "box.3dxml").touch()
+    assert_box(rc.load_mesh(tmp_path / "box.3dxml"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import pickle
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -167,6 +168,52 @@ def test_doubled_thin_and_degenerate_triangles_are_counted() -> None:
     assert "2 triangles in the place of another" in text
     assert "1 triangle over 100 times longer than high" in text
     assert "1 triangle without area: left out." in text
+
+
+@pytest.mark.parametrize("shading", ["smooth", "flat"])
+@pytest.mark.parametrize("order", ["behind", "in turn", "mixed", "own vertices"])
+def test_surface_in_both_windings_is_the_surface(order: str, shading: str) -> None:
+    """pi r^2 of a sphere, at 60 GHz; no walls at right angles on a cylinder. Normals face outwards."""
+    ball, can = rc.shapes.sphere(0.1, subdivisions=4), rc.shapes.cylinder(0.1, 0.3)
+
+    def doubled(mesh: rc.Mesh) -> rc.Mesh:
+        turned = mesh.triangles[:, [1, 0, 2]]
+        both = np.stack([mesh.triangles, turned])
+        both = both.swapaxes(0, 1).reshape(-1, 3) if order == "in turn" else both.reshape(-1, 3)
+        vertices = mesh.vertices
+        if order == "mixed":
+            np.random.default_rng(7).shuffle(both)
+        if order == "own vertices":
+            vertices = np.vstack([vertices, vertices])
+            both[len(turned) :] += len(mesh.vertices)
+        return rc.Mesh(vertices, both, shading=shading)
+
+    mesh = doubled(ball)
+    assert mesh.num_merged == len(ball.triangles)
+    assert mesh.volume == pytest.approx(ball.volume, rel=1e-12)
+    single = rc.Mesh(ball.vertices, ball.triangles, shading=shading)
+    expected = rc.rcs(single, 60e9, azimuth_deg=[0.0, 30.0, 77.0])
+    np.testing.assert_allclose(rc.rcs(mesh, 60e9, azimuth_deg=[0.0, 30.0, 77.0]), expected, rtol=1e-6)
+    if shading == "smooth":
+        np.testing.assert_allclose(10.0 * np.log10(expected), -15.03, atol=0.3)
+    report = rc.mesh_report(doubled(rc.shapes.sphere(0.1, subdivisions=1)))
+    assert counts(report) == (1, 0, 0, 0)
+    assert "80 triangles listed again in the other winding: left out." in report.verdicts
+    body = rc.Body(doubled(can), motion=rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.1, 0.2, 0.3]))
+    rc.Simulator(rc.Scene([body]), rc.bgt60tr13c()).frame(0.0)  # without a warning
+
+
+def test_two_windings_stay_where_they_are_no_double_surface() -> None:
+    """Two boxes that share a face, triangle by triangle; a triangle without neighbours; a copy in the same winding."""
+    box = rc.shapes.box(0.1)
+    assert joined(box, moved(box, [0.1, 0.0, 0.0])).num_merged == 0
+    assert rc.Mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]]).num_merged == 0
+    assert joined(box, box).num_merged == 0
+    # A body of no thickness, whose two sides coincide, is a plate; pickles keep what was left out.
+    plate = rc.shapes.plate(0.1, 0.1)
+    thin = rc.Mesh(plate.vertices, np.vstack([plate.triangles, plate.triangles[:, ::-1]]))
+    assert (thin.num_merged, thin.area) == (2, pytest.approx(plate.area))
+    assert repr(pickle.loads(pickle.dumps(thin))) == repr(thin) == "<Mesh: 2 triangles, 2 merged, 4 vertices, smooth>"
 
 
 def test_mesh_without_triangles_has_a_report() -> None:

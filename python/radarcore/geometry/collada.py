@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 # Axes of a file (columns: its x, y and z) in those with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and
 # towards the viewer are -y, x, z (X_UP), x, y, z (Y_UP) and x, z, -y (Z_UP).
-_TO_Z_UP = {
+TO_Z_UP = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "Z_UP": np.eye(3),
@@ -35,7 +35,7 @@ def load_collada(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     # Textures that are missing, cameras of other programs and the like are no matter.
     document = Collada(str(path), ignore=[common.DaeUnsupportedError, common.DaeBrokenRefError])
     about = document.assetInfo
-    to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * _TO_Z_UP[about.upaxis]
+    to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * TO_Z_UP[about.upaxis]
     vertices, triangles, num_vertices = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
     for geometry in [] if document.scene is None else document.scene.objects("geometry"):
         placed = np.asarray(geometry.matrix, dtype=np.float64)

@@ -1,9 +1,10 @@
-"""Mesh files: OBJ by the core, COLLADA by pycollada, other formats by trimesh."""
+"""Mesh files: OBJ by the core, 3MF here, COLLADA by pycollada, other formats by trimesh."""
 
 from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Callable
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -11,15 +12,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check
-from radarcore.geometry.collada import load_collada
+from radarcore import _core, check, notice
+from radarcore.geometry.collada import TO_Z_UP, load_collada
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.three_mf import load_3mf
 
 SUFFIXES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
 """Ends of the names of mesh files."""
 
 _FORMS = {".stl": " of an STL file (binary, or text from 'solid' to 'endsolid')"}
 """Forms of a file, for messages."""
+
+_READERS: dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[Any]]]] = {
+    ".dae": load_collada,
+    ".3mf": load_3mf,
+}
+"""Readers of formats in metres with z up."""
+
+_Y_UP = (".glb", ".gltf")
+"""Formats with y up (glTF 2.0, 3.4)."""
+
+_BESIDES = {".stp": "cascadio", ".step": "cascadio"}
+"""Packages that trimesh needs for a format; they give metres."""
+
+_STL_HEAD, _STL_FACET = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""Bytes before the facets of a binary STL file, whose last four are their number, and a facet."""
 
 _BEGINNING = 40
 """Bytes of a file that are shown."""
@@ -32,15 +49,16 @@ _LOOK = 100_000
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:
     """Read a mesh file as one body.
 
-    OBJ is read by the core; DAE by pycollada and every other format by trimesh (``pip install radarcore[mesh]``).
+    OBJ and 3MF need nothing else; DAE is read by pycollada and every other format by trimesh (``pip install
+    radarcore[mesh]``), STEP by cascadio besides (``pip install cascadio``).
 
     Parameters
     ----------
     path : path
-        OBJ, or STL, PLY, GLB, DAE, ...
+        OBJ, or STL, PLY, GLB, DAE, 3MF, STEP, ...
     scale : float
-        Metres per unit of the file: 1e-3 for a file in millimetres. A DAE file says its unit and its up axis itself:
-        it is turned to z up and its metres are scaled.
+        Metres per unit of the file: 1e-3 for a file in millimetres. DAE, 3MF, STEP and glTF files say their unit
+        themselves, and their metres are scaled. DAE and glTF files are turned to z up.
     **options
         `crease_angle_deg`, `shading` and `progress` of `Mesh`.
 
@@ -51,7 +69,7 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     ValueError
         When the file does not hold what its format promises; names the line where it can.
     ImportError
-        When a format needs trimesh or pycollada and it is not installed.
+        When a format needs a package that is not installed; names it.
 
     See Also
     --------
@@ -141,7 +159,7 @@ def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
     kind = path.suffix.lower()
     try:
-        vertices, triangles = load_collada(path) if kind == ".dae" else _load_with_trimesh(path)
+        vertices, triangles = _READERS.get(kind, _load_with_trimesh)(path)
     except ImportError:
         raise
     except Exception as error:  # whatever their many readers raise, the user wants the path
@@ -155,14 +173,45 @@ def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
 
 
 def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    kind = path.suffix.lower()
+    if kind == ".stl" and (corners := _miscounted_stl(path)) is not None:
+        return corners.reshape(-1, 3).astype(np.float64), np.arange(3 * len(corners)).reshape(-1, 3)
     try:
         import trimesh
+
+        mesh = trimesh.load_mesh(path)
     except ImportError as error:
+        besides = _BESIDES.get(kind)
         raise ImportError(
-            f"{path}: reading {path.suffix or 'this'} files needs trimesh: pip install radarcore[mesh]"
+            f"{path}: reading {path.suffix or 'this'} files needs trimesh{f' and {besides}' if besides else ''}: "
+            f"pip install radarcore[mesh]{f' {besides}' if besides else ''} ({error})"
         ) from error
-    mesh = trimesh.load_mesh(path)
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    if mesh.units is not None:
+        vertices = vertices * trimesh.units.unit_conversion(mesh.units, "m")
+    return vertices @ TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
+
+
+def _miscounted_stl(path: Path) -> NDArray[np.float32] | None:
+    """Corners (facet, 3, 3) of a binary STL file of another size than its number of facets says, with a warning.
+
+    None for every other file, and for one that ends within a facet.
+    """
+    with path.open("rb") as file:
+        start = file.read(_STL_HEAD + _STL_FACET.itemsize)
+    if len(start) < _STL_HEAD + _STL_FACET.itemsize or _is_text(start):
+        return None
+    told = int.from_bytes(start[_STL_HEAD - 4 : _STL_HEAD], "little")
+    there, left_over = divmod(path.stat().st_size - _STL_HEAD, _STL_FACET.itemsize)
+    if (told, 0) == (there, left_over) or (left_over and not 0 < told <= there):
+        return None
+    num_facets = told if left_over else there
+    notice.warn(
+        f"{path}: expected {_STL_HEAD + told * _STL_FACET.itemsize} bytes for the {told} facets that the file names, "
+        f"got {path.stat().st_size}; {num_facets} facets are read"
+    )
+    corners: NDArray[np.float32] = np.fromfile(path, _STL_FACET, num_facets, offset=_STL_HEAD)["corners"]
+    return corners
 
 
 def _has_vertices(path: Path) -> bool:
@@ -179,6 +228,10 @@ def _beginning(path: Path) -> str:
         return "the file is empty"
     if head.startswith(b"version https://git-lfs"):
         return "the file is a pointer of Git LFS: fetch its content by git lfs pull"
-    if all(byte >= 32 or byte in b"\t\n\r" for byte in head):
+    if _is_text(head):
         return f"the file begins with {head.decode('utf-8', 'replace')!r}"
     return f"the file begins with the bytes {head[:8].hex(' ')}"
+
+
+def _is_text(data: bytes) -> bool:
+    return all(byte >= 32 or byte in b"\t\n\r" for byte in data)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
+from radarcore.geometry.listed_twice import first_listings
 from radarcore.geometry.pose import Pose
 from radarcore.sealed import sealed
 
@@ -35,10 +36,13 @@ class Mesh:
     ----------
     vertices : (n, 3) float64
         As given.
-    triangles : (m - num_dropped, 3) uint32
+    triangles : (m - num_dropped - num_merged, 3) uint32
         Without degenerate triangles (area below 1e-18 m^2).
     num_dropped : int
         Degenerate triangles left out.
+    num_merged : int
+        Triangles left out of surfaces listed in both windings. Both windings stay where such a surface meets others at
+        an edge, as two bodies do that share a face.
 
     Raises
     ------
@@ -67,6 +71,7 @@ class Mesh:
         "_sealed",
         "crease_angle_deg",
         "num_dropped",
+        "num_merged",
         "shading",
         "triangles",
         "vertices",
@@ -75,6 +80,7 @@ class Mesh:
     vertices: NDArray[np.float64]
     triangles: NDArray[np.uint32]
     num_dropped: int
+    num_merged: int
     crease_angle_deg: float
     shading: str
     _core: _core.Surface
@@ -93,6 +99,9 @@ class Mesh:
         self.shading = check.choice("shading", shading, ("smooth", "flat"))
         self.crease_angle_deg = check.non_negative("crease_angle_deg", crease_angle_deg, "degrees")
         rows = _triangles(triangles, len(self.vertices))
+        listed = first_listings(self.vertices, rows)
+        self.num_merged = 0 if listed is None else int(np.count_nonzero(~listed))
+        rows = rows if listed is None else rows[listed]
         crease_angle = np.deg2rad(self.crease_angle_deg) if shading == "smooth" else None
         with notice.progress_if_long("building", "triangle", len(rows), shown=progress) as report:
 
@@ -138,10 +147,12 @@ class Mesh:
         return np.cross(b - a, c - a)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore_mesh, (self.vertices, self.triangles, self.num_dropped, self.crease_angle_deg, self.shading)
+        left_out = self.num_dropped, self.num_merged
+        return _restore_mesh, (self.vertices, self.triangles, left_out, self.crease_angle_deg, self.shading)
 
     def __repr__(self) -> str:
         dropped = f", {self.num_dropped} dropped" if self.num_dropped else ""
+        dropped += f", {self.num_merged} merged" if self.num_merged else ""
         return f"<Mesh: {len(self.triangles)} triangles{dropped}, {len(self.vertices)} vertices, {self.shading}>"
 
 
@@ -170,11 +181,12 @@ def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
 
 
 def _restore_mesh(
-    vertices: ArrayLike, triangles: ArrayLike, num_dropped: int, crease_angle_deg: float, shading: str
+    vertices: ArrayLike, triangles: ArrayLike, left_out: tuple[int, int], crease_angle_deg: float, shading: str
 ) -> Mesh:
     """Mesh from its pickle; the tree is built again."""
     mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
-    object.__setattr__(mesh, "num_dropped", num_dropped)
+    for name, number in zip(("num_dropped", "num_merged"), left_out, strict=True):
+        object.__setattr__(mesh, name, number)
     return mesh
 
 

@@ -37,8 +37,10 @@ class MeshReport:
         Edges of one triangle, and of more than two.
     num_inconsistent_edges : int
         Edges of two triangles that are wound in opposite senses.
+    num_merged : int
+        Triangles left out of those listed in both windings.
     num_duplicates, num_thin : int
-        Triangles in the place of another, and triangles over 100 times longer than high.
+        Triangles still in the place of another, and triangles over 100 times longer than high.
     area : float
         Area of all triangles [m^2].
     smooth_share : float
@@ -73,6 +75,7 @@ class MeshReport:
     num_open_edges: int
     num_nonmanifold_edges: int
     num_inconsistent_edges: int
+    num_merged: int
     num_duplicates: int
     num_thin: int
     area: float
@@ -147,6 +150,8 @@ class MeshReport:
             yield f"{_number(self.num_thin, 'triangle')} over 100 times longer than high: their normals are uncertain."
 
     def _dropped(self) -> Iterator[str]:
+        if self.num_merged:
+            yield f"{_number(self.num_merged, 'triangle')} listed again in the other winding: left out."
         if self.num_dropped:
             yield f"{_number(self.num_dropped, 'triangle')} without area: left out."
 
@@ -159,6 +164,7 @@ class MeshReport:
             "open edges": self.num_open_edges,
             "edges of more than two triangles": self.num_nonmanifold_edges,
             "inconsistently wound edges": self.num_inconsistent_edges,
+            "merged triangles": self.num_merged,
             "doubled triangles": self.num_duplicates,
             "thin triangles": self.num_thin,
             "area [m^2]": self.area,
@@ -222,6 +228,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
         num_open_edges=open_edges,
         num_nonmanifold_edges=nonmanifold,
         num_inconsistent_edges=inconsistent,
+        num_merged=mesh.num_merged,
         num_duplicates=duplicates,
         num_thin=thin,
         area=area,
