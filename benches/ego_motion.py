@@ -42,7 +42,7 @@ def demo(num_frames: int | None) -> tuple[rc.Recording, NDArray[np.float64]]:
         warnings.filterwarnings("ignore", message=".*has a radial speed of")
         recording = simulation.record(progress=False)
     motion = simulation.radar_motion
-    times = recording.time + 0.5 * recording.radar.waveform.duration
+    times = recording.time + recording.radar.middle
     return recording, np.array([motion.at(t).rotation.T @ motion.rate_at(t)[:, 3] for t in times.tolist()])
 
 

@@ -60,7 +60,7 @@ def main():
     simulator = rc.Simulator(rc.Scene([cart]), radar, radar_motion=rc.Pose([0.0, 0.0, 1.0]))
     errors = []
     for start in np.arange(0.1, 2.9, 0.2):
-        middle = start + 0.5 * radar.waveform.duration
+        middle = start + radar.middle
         if not motion.known([start, start + radar.waveform.duration]).all():
             continue
         peak = rc.strongest_peak(simulator.frame(start))

@@ -36,7 +36,7 @@ def main(output: Path, num_frames: int) -> None:
         measured = rc.Recording.from_frames(sensor.frames(num_frames))
         print(f"{sensor.info.chip}: {len(measured)} frames, {sensor.num_lost} lost")
     peaks = [rc.strongest_peak(frame, max_range=2.3) for frame in measured.frames()]
-    middle = measured.time + 0.5 * measured.radar.waveform.duration
+    middle = measured.time + measured.radar.middle
     errors = [peak.range - (distance(time) - 0.1) for peak, time in zip(peaks, middle, strict=True)]
     print(f"ball: range errors of {1e3 * np.sqrt(np.mean(np.square(errors))):.1f} mm (rms)")
 

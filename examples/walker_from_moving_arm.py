@@ -30,7 +30,7 @@ simulator = rc.Simulator(scene, radar, radar_motion=motion, field_of_view_deg=(9
 
 
 def main(output: Path, num_frames: int) -> None:
-    middle = 0.5 * radar.waveform.duration
+    middle = radar.middle
     recording = simulator.record(0.0, 0.1 * num_frames, rate=10.0)
     truth, time = recording.truth.select(["person/trunk"]).range[:, 0], recording.time + middle
     velocities = [motion.at(t).rotation.T @ motion.rate_at(t)[:, 3] for t in time]  # in the axes of the sensor

@@ -72,7 +72,7 @@ recording
 # `remove_static` takes off all that has the velocity of the ground: [moving radar](../ego-motion.md).
 
 # %%
-times = recording.time + 0.5 * radar.waveform.duration  # the middle of every frame
+times = recording.time + radar.middle  # the middle of every frame
 velocities = [radar_motion.at(t).rotation.T @ radar_motion.rate_at(t)[:, 3] for t in times]  # in the sensor's axes
 without_static = rc.remove_static(recording, velocities)
 trunk = recording.truth.select(["person/trunk"]).range[:, 0]

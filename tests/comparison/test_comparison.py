@@ -58,6 +58,16 @@ def scaled(recording: rc.Recording, factor: float) -> rc.Recording:
     return replace(recording, cube=(factor * recording.cube).astype(recording.cube.dtype))
 
 
+def test_estimated_offset_of_what_swings_has_no_bias_of_half_a_chirp() -> None:
+    """Chirps 1 ms apart: velocities that held half a chirp later would be of a clock 0.5 ms on, seven deviations."""
+    radar = rc.bgt60tr13c(num_chirps=64, chirp_interval=1e-3, frame_interval=70e-3)
+    ball = rc.Body(rc.shapes.sphere(0.05), motion=lambda t: rc.Pose([2.0 + 0.15 * np.cos(np.pi * t), 0.0, 0.0]))
+    one = rc.Simulator(rc.Scene([ball]), radar, resolution=16).record(0.0, 3.0, 14.0, progress=False)
+    other = replace(one, time=one.time - OFFSET, truth=None)
+    estimated = rc.compare(one, other, offset="auto", progress=False).sides[1].offset
+    assert abs(estimated.seconds - OFFSET) <= 3.0 * estimated.deviation <= 0.3e-3
+
+
 def test_simulated_measured_and_true_are_one_picture(simulated: rc.Recording, measured: rc.Recording) -> None:
     compared = rc.compare(simulated, measured, offset="auto", names=("simulated", "measured"), progress=False)
     a, b = compared.sides

@@ -285,6 +285,37 @@ def test_simulated_point_is_found_with_its_direction_at_the_middle_of_the_frame(
     np.testing.assert_array_equal(same.range, found.range)
 
 
+@pytest.mark.parametrize("window", ["hann", "blackman", ("kaiser", 8.0)])
+@pytest.mark.parametrize("delay", [0.0, 5e-3])
+def test_velocity_of_what_accelerates_is_that_of_the_middle_of_the_frame(delay: float, window: Any) -> None:
+    of = rc.Radar(radar(num_chirps=64, adc_delay=0.0).waveform.delayed(delay))
+    acceleration, velocity, wf = 5.0, 0.5, of.waveform
+    middle = delay + 0.5 * (wf.duration - delay)
+    # At the start of the frame: 2 m and 0.5 m/s in its middle.
+    distance = 2.0 - velocity * middle + 0.5 * acceleration * middle**2
+    there, rate, change = 2.0 / SPEED_OF_LIGHT * np.array([[distance], [velocity - acceleration * middle], [5.0]])
+    cube = rc.beat_signal(there, [1.0], wf, delay_rate=rate, delay_acceleration=change, tolerance=1e-7)
+    found, peak = rc.detect(cube, of, doppler_window=window), rc.strongest_peak(cube, of, doppler_window=window)
+    assert peak is not None
+    assert found.time == pytest.approx(middle)
+    # Half a chirp is 1 mm/s. What is left are 1.3 bins that the velocity crosses, which no tone does.
+    assert [found.velocity[0], peak.velocity] == pytest.approx([velocity, velocity], abs=0.45e-3)
+
+
+def test_time_of_detections_is_that_of_all_transmitters_in_turn() -> None:
+    wf = radar(num_chirps=64).waveform.replace(chirp_interval=3e-3)
+    tdm = rc.Radar(wf, tx=np.zeros((3, 3)), schedule=rc.Schedule.tdm(1e-3))
+    point = rc.PointTarget([3.0, 0.0, 0.0], velocity=[0.3, 0.0, 0.0])
+    frame = rc.Simulator(rc.Scene([point]), tdm, resolution=8).frame(0.5)
+    found = rc.detect(frame)
+    assert frame.truth is not None
+    assert found.time == pytest.approx(0.5 + 0.5 * tdm.duration)
+    assert abs(found.range[0] - (3.0 + 0.3 * found.time)) <= 0.05e-3  # a turn takes 0.3 mm
+    assert abs(found.range[0] - frame.truth.range[0]) <= 0.05e-3
+    estimate = rc.doppler_velocity(frame)
+    assert abs(estimate.range - (3.0 + 0.3 * found.time)) <= 0.05e-3
+
+
 def test_static_echoes_are_removed_and_moving_ones_stay() -> None:
     of = radar(num_channels=2)
     cube = 100.0 * target(of, 1.5, 0.0) + target(of, 3.0, 1.1) + 0.3 * noise(of, np.random.default_rng(11))

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from radarcore.processing.clutter import remove_mean
+from radarcore.processing.point_cloud import Detections
 from radarcore.processing.spectra import range_profile
 from radarcore.processing.tracking import track
 from radarcore.processing.tracks import assign_to_truth
 from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.radar import Radar
+from radarcore.radar.schedule import Schedule
+from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scene.body import PointTarget
 from radarcore.scene.scene import Scene
@@ -43,6 +47,22 @@ def test_simulated_targets_are_tracked_to_their_truth() -> None:
         assert np.abs(one.range - truth.range[:, 0])[later].max() < rec.radar.waveform.range_resolution
         assert np.abs(one.velocity - truth.velocity[:, 0])[later].max() < rec.radar.waveform.velocity_resolution
         assert np.abs(one.azimuth - truth.azimuth[:, 0])[later].max() < np.deg2rad(5.0)
+
+
+def test_target_of_doppler_division_is_one_track() -> None:
+    """Velocities are known modulo twice the radar's largest, a third of the waveform's."""
+    wf = bgt60tr13c(num_chirps=32, chirp_interval=400e-6).waveform
+    radar = Radar(wf, tx=np.zeros((3, 3)), schedule=Schedule.ddm())
+    velocity, period = -1.3 * radar.max_velocity, 2.0 * radar.max_velocity
+    frames = [Frame(np.zeros((1, 32, wf.num_samples)), 0.05 * k, radar) for k in range(30)]
+
+    def detector(frame: Frame) -> Detections:
+        distance = 6.0 + velocity * frame.time
+        return Detections([distance], [velocity + period], [np.nan], [np.nan], [20.0], time=frame.time)
+
+    (one,) = track(frames, detector=detector)
+    assert len(one.frame) == 30
+    assert one.velocity[-1] == pytest.approx(velocity, abs=0.02)
 
 
 def test_person_of_a_real_recording_is_tracked_throughout() -> None:

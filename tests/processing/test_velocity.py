@@ -121,7 +121,7 @@ def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
     frame = rc.Simulator(rc.Scene([target]), radar, tolerance=1e-9).frame()
     found = rc.up_down_velocity(*frame.sequences())
     # Up to 17 mm from one to the other: at times that are not theirs the velocity would be off by 0.1 m/s and more.
-    middle = 0.25 * (up.duration + down.duration)
+    middle = 0.5 * sum(part.radar.middle for part in frame.sequences())
     assert abs(found.velocity - VELOCITY) <= 1e-4
     assert abs(found.range - (RANGE + VELOCITY * middle)) <= 1e-5
     other = rc.up_down_velocity(*frame.sequences()[::-1])
@@ -229,7 +229,7 @@ def test_channels_may_have_their_chirps_later(is_real: bool) -> None:
     slow = UP.replace(chirp_interval=2.2e-3)
     radar = rc.Radar(slow, tx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]], schedule=rc.Schedule.tdm(interval=1.05e-3))
     rate = 2.0 * VELOCITY / SPEED_OF_LIGHT
-    delay = 2.0 * RANGE / SPEED_OF_LIGHT - 0.5 * rate * slow.duration
+    delay = 2.0 * RANGE / SPEED_OF_LIGHT - rate * radar.middle
     waveforms = [slow.replace(chirp_times=slow.chirp_times + offset) for offset in radar.channel_offsets]
     cube = np.concatenate([beat_signal_reference([delay], [1.0], wf, [rate]) for wf in waveforms])
     for estimator, bound in SINGLE:
@@ -246,7 +246,7 @@ def test_range_of_one_chirp_is_that_of_the_frame_with_transmitters_in_turn_too()
     found = rc.chirp_rate_velocity(frame)
     assert abs(found.velocity - VELOCITY) <= 1e-3
     # The second transmitter sees the target 8.6 mm farther away, and 5 % weaker: it counts less by 0.1 mm.
-    assert found.range == pytest.approx(RANGE + 0.5 * VELOCITY * one.duration, abs=2e-4)
+    assert found.range == pytest.approx(RANGE + VELOCITY * radar.middle, abs=2e-4)
 
 
 # Inputs

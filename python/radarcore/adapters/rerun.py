@@ -258,7 +258,7 @@ class Viewer:
         True
         """
         rr, waveform = self._rerun, frame.radar.waveform
-        self._at(frame.time + 0.5 * waveform.duration)
+        self._at(frame.time + frame.radar.middle)
         power = (np.abs(range_doppler(frame, window="hann")) ** 2).sum(axis=0)  # of all channels
         # A tensor has no axes but names: they say what a cell is.
         cell = waveform.range_axis(waveform.num_samples)[1], waveform.velocity_resolution

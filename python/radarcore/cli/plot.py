@@ -229,7 +229,7 @@ def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: i
         shown = np.linspace(times[0], times[-1], 4) if number is None else [times[_number(number, len(times))]]
         return plot.scene_from_above(simulation.scene, simulation.radar_motion, shown, field_of_view_deg=angles).figure
     time = times[_number(number, len(times))]
-    middle = time + 0.5 * simulation.radar.waveform.duration
+    middle = time + simulation.radar.middle
     if kind in OF_IMAGES:
         return OF_IMAGES[kind](simulator.depth_image(middle)).figure
     frame = _sequence(simulator.frame(time), sequence)

@@ -68,7 +68,7 @@ def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:
     times = frame_times(run.start, run.stop, run.rate)
     with notice.progress(times, "simulating", "frame", total=len(times)) as counted:
         for time in counted:
-            middle = time + 0.5 * simulation.radar.waveform.duration
+            middle = time + simulation.radar.middle
             viewer.show_poses(simulation.scene, middle, simulation.radar_motion)
             viewer.show_depth(simulator.depth_image(middle))
             yield simulator.frame(time).sequences()[0]

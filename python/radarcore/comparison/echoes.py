@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.processing.windows import window_weights
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording
 from radarcore.units import SPEED_OF_LIGHT
@@ -67,22 +67,22 @@ def echo(frame: Frame, distance: float, velocity: float) -> NDArray[np.complex12
     velocity : float
         Range rate [m/s].
     """
-    wf = frame.radar.waveform
-    fast, slow = _tones(wf, distance, velocity)
-    total = np.abs(fast).sum() * np.abs(slow).sum()
-    cells: NDArray[np.complex128] = np.einsum("ncs,c,s->n", frame.cube, slow, fast) / total
+    fast, slow = _tones(frame.radar, distance, velocity)
+    total = np.abs(fast).sum() * np.abs(slow[0]).sum()
+    cells: NDArray[np.complex128] = np.einsum("ncs,nc,s->n", frame.cube, slow, fast) / total
     return cells if np.iscomplexobj(frame.cube) else 2.0 * cells
 
 
-def _tones(wf: Waveform, distance: float, velocity: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Conjugate tones over fast and slow time, times the windows; without phase in their middles."""
+def _tones(radar: Radar, distance: float, velocity: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Conjugate tones (sample,) and (channel, chirp), times the windows; without phase in their middles."""
+    wf = radar.waveform
     doppler = 2.0 * velocity / wf.wavelength
     beat = 2.0 * wf.slope * distance / SPEED_OF_LIGHT + doppler
     # The Doppler frequency of the middle of the frame is also in the samples of each chirp.
     middle_of_sweep = wf.adc_delay + 0.5 * wf.num_samples / wf.sample_rate
-    middle_of_frame = 0.5 * wf.duration - middle_of_sweep
+    middle_of_frame = radar.middle - middle_of_sweep
     fast = np.exp(-2j * np.pi * beat * (wf.sample_times - middle_of_sweep))
-    slow = np.exp(-2j * np.pi * doppler * (wf.chirp_times - middle_of_frame))
+    slow = np.exp(-2j * np.pi * doppler * (np.add.outer(radar.channel_offsets, wf.chirp_times) - middle_of_frame))
     return (
         fast * window_weights("window", "hann", wf.num_samples),
         slow * window_weights("doppler_window", "hann", wf.num_chirps),

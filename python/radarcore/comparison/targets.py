@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import notice
+from radarcore.comparison.time_base import middles
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import track
@@ -95,7 +96,7 @@ def estimates(found: Found, truth: Truth, bodies: Sequence[str]) -> dict[str, Es
     """
     waveform = found.recording.radar.waveform
     owners = assign_to_truth(found.tracks, truth)
-    time = np.asarray(found.recording.time) + 0.5 * waveform.duration
+    time = middles(found.recording)
     result = {}
     for body in bodies:
         followers = [

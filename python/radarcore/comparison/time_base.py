@@ -54,7 +54,7 @@ class Dropped:
 
 def middles(recording: Recording, offset: float = 0.0) -> _Floats:
     """Middle of every frame, by the common base [s]: ranges, velocities and truth hold there."""
-    return np.asarray(recording.time) + 0.5 * recording.radar.waveform.duration + offset
+    return np.asarray(recording.time) + recording.radar.middle + offset
 
 
 def usual_interval(recording: Recording) -> float:

@@ -56,7 +56,7 @@ def owners_of(members: Members, num_bodies: int) -> NDArray[np.intp]:
 
 def middle_of(frame: Frame) -> float:
     """Time for which truth and labels hold [s]: the middle of the frame, of several sub-sequences of the first."""
-    return frame.time + 0.5 * frame.radar.waveform.duration
+    return frame.time + frame.radar.middle
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ def map_power(echo: Echo, radar: Radar) -> NDArray[np.float64]:
     """Power of paths in the cells of the map, summed over the channels, (doppler, range) [W]."""
     wf = radar.waveform
     # Velocities are those of the middle of the frame.
-    begin = radar.channel_offsets[:, None] - 0.5 * wf.duration
+    begin = radar.channel_offsets[:, None] - radar.middle
     samples = beat_signal(echo.delay + begin * echo.rate, echo.amplitude, wf, delay_rate=echo.rate)
     cells = range_doppler(np.ascontiguousarray(samples.real) if radar.is_real else samples, wf)
     power: NDArray[np.float64] = (cells.real**2 + cells.imag**2).sum(axis=0, dtype=np.float64)

@@ -474,7 +474,7 @@ def _plain(name: str) -> str:
 
 def _middles(recording: Recording) -> NDArray[np.float64]:
     """Time for which the truth of every frame holds [s]."""
-    return recording.time + 0.5 * recording.radar.waveform.duration
+    return recording.time + recording.radar.middle
 
 
 def _frame_interval(recording: Recording) -> float:

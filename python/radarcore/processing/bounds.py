@@ -315,7 +315,7 @@ def times_from_middle(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[
     """Slow time (chirp, 1) and fast time (1, sample), whose sum is 0 at the middle of the frame [s]."""
     middle = middle_of_chirp(waveform)
     fast = waveform.sample_times - middle
-    slow = waveform.chirp_times - (0.5 * waveform.duration - middle)
+    slow = waveform.chirp_times - (waveform.middle - middle)
     return slow[:, None], fast[None, :]
 
 
@@ -364,7 +364,7 @@ def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) ->
         delay = check.number("down_delay", down_delay, "s")
     else:
         delay = up.frame_interval if up.chirp_times[0] == down.chirp_times[0] else 0.0
-    half = 0.5 * (delay + 0.5 * down.duration - 0.5 * up.duration)  # between the middles
+    half = 0.5 * (delay + down.middle - up.middle)  # between the middles
     rows = [
         [wf.slope, beat_carrier(wf) + wf.slope * time]  # the range has moved by velocity * time
         for wf, time in ((up, -half), (down, half))

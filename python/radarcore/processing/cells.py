@@ -43,7 +43,7 @@ class Coordinates:
         """Time from the centre of the windows to the middle of the frame [s]."""
         wf = self.waveform
         centre = wf.chirp_times[0] + self.slow_centre * wf.chirp_interval + self._middle_fast
-        return float(0.5 * wf.duration - centre)
+        return float(wf.middle - centre)
 
     def at(self, beat: Any, doppler: Any) -> tuple[Any, Any]:
         """Range [m] and velocity [m/s], NaN for what is not told; `beat` has the sign of the slope [Hz]."""

@@ -82,7 +82,7 @@ def detect(
 
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
-    ``waveform.duration / 2`` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
+    `Radar.middle` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
     that their errors are correlated. A single chirp, and chirps at unequal intervals, tell no velocity, and their
     ranges keep the Doppler shift of the beat frequency; a CW radar tells no range.
 
@@ -184,7 +184,7 @@ def detect(
     noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
     trained = _with_noise(searched)
     rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(power, row, column + first, layout))
-    time = (frame.time if isinstance(frame, Frame) else 0.0) + 0.5 * wf.duration
+    time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
     if len(rows) == 0:
         return _none(time)
 

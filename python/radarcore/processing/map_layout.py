@@ -13,7 +13,7 @@ from radarcore.processing.cells import Coordinates
 from radarcore.processing.noise import rounding_per_energy
 from radarcore.processing.spectra import both_windows
 from radarcore.processing.tone_fit import REACH, Axes, axes_of
-from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.processing.windows import Window, centred_window, window_centre, window_weights
 from radarcore.radar.radar import Radar
 
 LEAST_GAIN = 0.05
@@ -138,7 +138,7 @@ def _kept_layout(radar: Radar, *settings: Any) -> Layout:
 def _new_layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> Layout:
     wf = radar.waveform
     fast = window_weights("window", window, wf.num_samples)
-    slow = window_weights("doppler_window", doppler_window, wf.num_chirps)
+    slow = centred_window("doppler_window", doppler_window, wf.num_chirps)
     centres = window_centre(fast), window_centre(slow)
     has_velocity = wf.has_uniform_chirps and bool(np.count_nonzero(slow) > 1)
     has_range = not wf.is_cw and bool(np.count_nonzero(fast) > 1)

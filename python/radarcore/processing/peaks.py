@@ -22,8 +22,8 @@ from radarcore.processing.inputs import (
 )
 from radarcore.processing.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.sidelobes import envelope
-from radarcore.processing.spectra import spectrum as spectrum_of
-from radarcore.processing.windows import Window, window_centre, window_weights
+from radarcore.processing.spectra import both_windows, transformed
+from radarcore.processing.windows import Window, centred_window, window_centre, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame, is_of_adc
@@ -50,9 +50,9 @@ class Peak:
     Parameters
     ----------
     range : float
-        Range at the middle of the frame, ``waveform.duration / 2`` [m]; NaN for a CW radar.
+        Range at the middle of the frame, `Radar.middle` [m]; NaN for a CW radar.
     velocity : float
-        Range rate, receding positive [m/s]; NaN for a single chirp.
+        Range rate at the middle of the frame, receding positive [m/s]; NaN for a single chirp.
     power : float
         ``abs(range_doppler(...))**2`` at the peak, added over channels.
     range_index, velocity_index : int
@@ -186,21 +186,15 @@ def strongest_peak(
     # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
     # of velocity (or range): that axis then has one cell.
     fast_weights = window_weights("window", window, waveform.num_samples)
-    slow_weights = window_weights("doppler_window", doppler_window, waveform.num_chirps)
+    slow_weights = centred_window("doppler_window", doppler_window, waveform.num_chirps)
     has_range = bool(np.count_nonzero(fast_weights) > 1) and not waveform.is_cw
     has_velocity = bool(np.count_nonzero(slow_weights) > 1)
     num_range = waveform.num_samples * (_PADDING if has_range else 1)
     num_velocity = waveform.num_chirps * (_PADDING if has_velocity else 1)
     power: NDArray[np.float64] | float = 0.0
+    weights = both_windows(fast_weights, slow_weights, num_velocity, samples.real.dtype)
     for channel in samples:
-        spectrum = spectrum_of(
-            channel,
-            waveform,
-            window=window,
-            doppler_window=doppler_window,
-            num_range_bins=num_range,
-            num_velocity_bins=num_velocity,
-        )
+        spectrum = transformed(channel * weights, waveform, num_range, num_velocity)
         power = power + np.square(spectrum.real, dtype=np.float64) + np.square(spectrum.imag, dtype=np.float64)
     if isinstance(power, float):  # no channels
         return None

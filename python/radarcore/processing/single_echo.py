@@ -75,7 +75,7 @@ class EchoInput(NamedTuple):
     samples: NDArray[Any]
     waveform: Waveform
     offsets: Array
-    """From ``waveform.chirp_times`` to the chirps of every channel, (channel,) [s]."""
+    """From the mean chirp of all channels to that of every channel, (channel,) [s]."""
     is_one: bool
     """One frame, not several."""
 
@@ -87,7 +87,7 @@ def checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = 
     if not isinstance(waveform, Waveform):
         of_channels = cube_and_radar(cube, waveform)[1].channel_offsets
         if of_channels.any():
-            offsets = of_channels
+            offsets = of_channels - of_channels.mean()
     require_range(wf)
     checked = checked_samples(
         samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples

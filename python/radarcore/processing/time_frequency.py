@@ -185,6 +185,8 @@ def spectrogram(
     to_middle = window_centre(weights) * wf.chirp_interval + (
         wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
     )
+    offsets = recording.radar.channel_offsets
+    to_middle += float(offsets.mean() if channel is None else offsets[check.index("channel", channel, len(offsets))])
     times, powers = [np.empty(0)], [np.empty((0, num_bins))]
     left: NDArray[Any] | None = None
     for index, profile in enumerate(_profiles(recording, channel, gate, window, remove_static)):
@@ -259,7 +261,7 @@ def range_time(
         power[i] = _power(profile).mean(axis=1).sum(axis=0)
     noise = known_noise(recording, window_weights("window", window, wf.num_samples))
     noise = noise and noise * _num_channels(recording, channel)
-    return RangeTime(recording.time + 0.5 * wf.duration, wf.range_axis(n)[:num_ranges], power, noise)
+    return RangeTime(recording.time + recording.radar.middle, wf.range_axis(n)[:num_ranges], power, noise)
 
 
 def _num_channels(recording: Recording, channel: int | None) -> int:

@@ -376,7 +376,7 @@ def track(
     items = iter(source.frames() if isinstance(source, Recording) else source)
     first = next(items, None)
     if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
-        settings = {"max_velocity": first.radar.waveform.max_velocity} | settings
+        settings = {"max_velocity": first.radar.max_velocity} | settings
     tracker = Tracker(**settings)
     times, states = [], []
     for item in items if first is None else chain([first], items):

@@ -208,8 +208,6 @@ def up_down_velocity(
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = checked_noise(noise)
     searches = [_beat_fit(given, ranges, fastest, window) for given in both]
-    for equation, given in zip(equations, both, strict=True):
-        equation[1] += 2.0 / SPEED_OF_LIGHT * given.waveform.slope * _later(given)
 
     rows: list[Echo] = []
     for frames in zip(both[0].samples, both[1].samples, strict=True):
@@ -373,7 +371,7 @@ def _from_frequency_change(
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = checked_noise(noise)
-    search, later = _beat_fit(given, ranges, fastest, window), _later(given)
+    search = _beat_fit(given, ranges, fastest, window)
     weights = _weights(wf, window)
 
     def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
@@ -386,7 +384,7 @@ def _from_frequency_change(
         velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
         # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
         shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
-        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift) - velocity * later
+        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
         return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
 
     return measured(given, measure)
@@ -418,14 +416,6 @@ def _beat_fit(
         return fit_phase(frame, phase, gradients, np.array(start)[told], weights, per_chirp=True)
 
     return search
-
-
-def _later(given: EchoInput) -> float:
-    """From the mean of the waveform's chirps to the time of the mean beat frequency of `_beat_fit` [s].
-
-    Of single chirps the change is not fitted, and the frequency is that at the mean of the channels' times.
-    """
-    return float(given.offsets.mean()) if given.waveform.num_chirps == 1 else 0.0
 
 
 def _in_place(parameters: Array, told: list[int]) -> Array:

@@ -26,6 +26,20 @@ def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64
     return _weights(name, window, length, periodic=True)
 
 
+def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
+    """A periodic window half a step on, (length,), read-only: it is symmetric about the middle of its samples.
+
+    What accelerates then has the velocity of the middle of the frame, not of half a chirp later. Of two samples one
+    counts, as with a periodic window: they tell no frequency.
+    """
+    if window is None or length < 3:
+        return window_weights(name, window, length)
+    if isinstance(window, str) and window in _COSINES:
+        return check.frozen(_sum_of_cosines(_COSINES[window], 2 * length + 1)[1::2])
+    longer = _weights(name, window, length + 1, periodic=False)
+    return check.frozen(0.5 * (longer[1:] + longer[:-1]))
+
+
 def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Symmetric window, as over the elements of an array, (length,)."""
     with warnings.catch_warnings():

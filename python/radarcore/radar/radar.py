@@ -260,6 +260,14 @@ class Radar(Twinned):
         return max(waveform.duration for waveform in self.waveforms) + float(self._tx_offsets.max())
 
     @property
+    def middle(self) -> float:
+        """Middle of a frame after its start [s], where ranges, velocities and truth hold; of the first sub-sequence.
+
+        `Waveform.middle`, and half of the time that the turns of TDM take.
+        """
+        return self.waveform.middle + 0.5 * float(self.channel_offsets.max())
+
+    @property
     def max_velocity(self) -> float:
         """Largest unambiguous velocity [m/s]: the least of the waveforms'; with DDM over the number of transmitters."""
         is_ddm = self.schedule is not None and self.schedule.kind == "ddm"

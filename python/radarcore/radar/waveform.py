@@ -423,6 +423,11 @@ class Waveform(Twinned):
         """Duration from the start of the first ramp to the last sample of the last chirp [s]."""
         return float(self.chirp_times[-1] + self.sample_times[-1])
 
+    @property
+    def middle(self) -> float:
+        """Middle between the start of the first ramp and the end of the last, after the start of the frame [s]."""
+        return 0.5 * (float(self.chirp_times[0]) + self.duration)
+
     def delay_times(self, num_nodes: int) -> NDArray[np.float64]:
         """Chebyshev times of the first kind on ``[0, duration]``, increasing [s], (num_nodes,).
 
