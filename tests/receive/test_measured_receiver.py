@@ -166,6 +166,7 @@ def test_bgt60tr24_has_two_transmitters_and_a_square_of_receivers() -> None:
         rc.bgt60tr24(num_chirp=3)
 
 
+@pytest.mark.filterwarnings("ignore:receiver.full_scale")  # it clips, as the chip does
 @pytest.mark.parametrize(
     ("schedule", "num_channels"),
     [(None, 8), (rc.Schedule.tdm(), 8), (rc.Schedule.ddm(), 4), (rc.Schedule.steered(azimuth=0.2), 4)],
@@ -254,6 +255,7 @@ def test_scene_files_that_contradict_themselves_are_refused(old: str, new: str, 
         rc.load_scene(path)
 
 
+@pytest.mark.filterwarnings("ignore:receiver.full_scale")  # it clips, as the chip does
 def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_the_registers() -> None:
     scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
     source = Simulated(rc.Simulator(scene, measured(), resolution=8))

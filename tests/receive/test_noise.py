@@ -40,6 +40,7 @@ def test_deviation_of_a_million_samples_is_that_of_k_t_f_fs(output: str, gain_db
     assert np.sqrt(np.mean(np.abs(n) ** 2) / expected) == pytest.approx(1.0, abs=3e-3)
 
 
+@pytest.mark.filterwarnings("ignore:receiver.low_pass. expected at most half the sample rate")  # aliases are wanted
 @pytest.mark.parametrize("output", ["real", "iq"])
 @pytest.mark.parametrize(("order", "low_pass"), [(1, 300e3), (4, 515e3), (7, 1.6e6)])
 def test_power_behind_the_low_pass_is_that_of_its_noise_bandwidth(output: str, order: int, low_pass: float) -> None:

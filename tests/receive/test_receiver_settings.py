@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
+import warnings
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ ALL: dict[str, Any] = {
     "output": "iq",
     "noise_figure_db": 12.0,
     "phase_noise": ((100e3, -80.0), (1e6, -105.0)),
-    "leakage": rc.Leakage(level_db=(-30.0, -40.0), delay=1e-10, step_db=-50.0),
+    "leakage": rc.Leakage(level_db=(-70.0, -80.0), delay=1e-10, step_db=-90.0),
     "rx_phase_deg": (0.0, -75.0),
     "high_pass": 80e3,
     "high_pass_order": 2,
@@ -176,6 +178,8 @@ NAN, INF = float("nan"), float("inf")
         ({"chirp_offset_lsb": (1.0, -1.0)}, ValueError, "chirp_offset_lsb: expected zero or a positive number"),
         ({"segment_offset_lsb": NAN}, ValueError, "segment_offset_lsb: expected a finite number"),
         ({"adc_odd_width": 2.5}, ValueError, "adc_odd_width: expected at most 2"),
+        ({"phase_noise": [(1e5, 1.0)]}, ValueError, r"phase_noise\[0\]\[1\]: expected at most 0 \[dBc/Hz\], got 1"),
+        ({"high_pass": 6e5, "low_pass": 5e5}, ValueError, "high_pass: expected less than low_pass, 500000 Hz, got 6"),
     ],
 )
 def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -184,11 +188,81 @@ def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: typ
 
 
 @pytest.mark.parametrize(
+    ("leakage", "message"),
+    [
+        ({"level_db": 1.0}, r"level_db: expected at most 0 \[dB\], got 1"),
+        ({"level_db": (-30.0, 0.5)}, r"level_db\[1\]: expected at most 0 \[dB\], got 0.5"),
+        ({"echo_db": 20.0}, r"echo_db: expected at most 0 \[dB\], got 20"),
+        ({"step_db": 3.0}, r"step_db: expected at most 0 \[dB\], got 3"),
+        ({"delay": 17e-6}, r"receiver\.leakage\.delay: expected at most the ramp, 1.6e-05 s, got 1.7e-05 s"),
+        ({"echo_delay": 1.0}, r"receiver\.leakage\.echo_delay: expected at most the ramp, 1.6e-05 s, got 1 s"),
+    ],
+)
+def test_leakage_that_gains_or_comes_after_the_ramp_is_refused(leakage: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(leakage=rc.Leakage(**leakage)))
+
+
+@pytest.mark.parametrize(
+    ("filters", "warning"),
+    [
+        ({"low_pass": 1e6}, None),
+        (
+            {"low_pass": 1.2e6},
+            r"receiver\.low_pass: expected at most half the sample rate, 1e\+06 Hz, got 1\.2e\+06 Hz",
+        ),
+        ({"high_pass": 1.2e6}, r"receiver\.high_pass: expected at most half the sample rate"),
+    ],
+)
+def test_filters_beyond_half_the_sample_rate_are_warned_of(filters: dict[str, float], warning: str | None) -> None:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        rc.Simulator(SCENE, rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**filters)), resolution=8).frame()
+    assert len(told) == (warning is not None)
+    assert warning is None or re.search(warning, str(told[0].message))
+
+
+@pytest.mark.parametrize(
+    ("settings", "warning"),
+    [
+        ({"gain_db": 35.0}, None),
+        ({"gain_db": 70.0}, r"receiver\.full_scale: .* % of the samples are beyond it and clip"),
+        ({"gain_db": -5.0}, r"receiver\.adc_bits: the signal uses 2 of 256 codes"),
+        ({"gain_db": -60.0}, r"receiver\.adc_bits: the signal uses 2 of 256 codes"),
+        ({"gain_db": -60.0, "dc_offset": 0.1}, r"receiver\.adc_bits: the signal uses 1 of 256 codes"),
+        ({"gain_db": 0.0, "adc_bits": 1}, None),
+        ({"gain_db": 0.0, "adc_bits": None}, None),
+    ],
+)
+def test_adc_that_clips_or_uses_two_codes_is_warned_of_once(settings: dict[str, Any], warning: str | None) -> None:
+    """An echo of 1 m^2 at 1 m: its samples, and thus shares, are those of a tone of its amplitude."""
+    receiver = rc.Receiver(**({"output": "real", "full_scale": 0.1, "adc_bits": 8} | settings))
+    scene = rc.Scene([rc.PointTarget([1.0, 0.0, 0.0])])
+    ideal = rc.Simulator(scene, rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")), resolution=8).frame().cube
+    sim = rc.Simulator(scene, rc.Radar(WAVEFORM, receiver=receiver), resolution=8)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        stats = sim.frame().stats
+        sim.frame(0.1)
+    tone = ideal * np.sqrt(100.0) * 10.0 ** (settings["gain_db"] / 20.0) / 0.1 + settings.get("dc_offset", 0.0)
+    assert stats["clipped_share"] == np.mean(abs(tone) > 1.0)
+    if receiver.adc_bits is not None:
+        codes = np.rint(0.5 * (np.clip(tone, -1.0, 1.0) + 1.0) * (2**receiver.adc_bits - 1))
+        assert stats["used_codes_share"] == (np.ptp(codes) + 1) / 2**receiver.adc_bits
+    assert [re.search(str(warning), str(each.message)) is not None for each in told] == [True] * (warning is not None)
+
+
+def test_adc_without_a_signal_is_not_warned_of() -> None:
+    radar = rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real", full_scale=0.1, adc_bits=8))
+    assert rc.Simulator(rc.Scene(), radar, resolution=8).frame().stats["clipped_share"] == 0.0
+
+
+@pytest.mark.parametrize(
     ("settings", "name"),
     [
         ({"rx_phase_deg": (0.0, 1.0, 2.0)}, "rx_phase_deg"),
         ({"dc_offset": (0.0,)}, "dc_offset"),
-        ({"leakage": rc.Leakage(level_db=(1.0, 2.0, 3.0))}, r"leakage\.level_db"),
+        ({"leakage": rc.Leakage(level_db=(-1.0, -2.0, -3.0))}, r"leakage\.level_db"),
         ({"leakage": rc.Leakage(step_db=0.0, step_phase_deg=(1.0, 2.0, 3.0))}, r"leakage\.step_phase_deg"),
     ],
 )
@@ -222,7 +296,7 @@ def test_all_effects_work_with_any_waveform_and_precision(
     if output == "real":
         settings |= {"iq_gain_db": None, "iq_phase_deg": None}
     if waveform.slope == 0.0:
-        settings["high_pass"] = None
+        settings |= {"high_pass": None, "low_pass": 4e3}
     radar = rc.Radar(waveform, rx=RX, receiver=rc.Receiver(**settings))
     scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
     cube = rc.Simulator(scene, radar, resolution=8, tolerance=tolerance).frame().cube
@@ -234,6 +308,7 @@ def test_all_effects_work_with_any_waveform_and_precision(
     assert abs(cube.real).max() <= 1.0
 
 
+@pytest.mark.filterwarnings("ignore:receiver.full_scale")  # it clips, as the chip does
 def test_depth_images_are_received_too() -> None:
     distance = np.full((16, 16), 0.5)
     radar = rc.bgt60tr13c(receiver="measured", num_chirps=4)

@@ -188,7 +188,7 @@ def frame_from_depth(
     ideals = [_simulate(image, motion, part, settings, start, at) for part in radar.sequences()]
     for ideal in ideals:
         doubts.of_frame(ideal, ())
-    cube = received([ideal.cube for ideal in ideals], radar, start, seed=settings.seed)
+    cube, use = received([ideal.cube for ideal in ideals], radar, start, seed=settings.seed)
 
     # Statistics and truth.
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
@@ -196,6 +196,7 @@ def frame_from_depth(
     num_paths = ideals[0].counts()["paths"]
     stats: dict[str, Any] = {
         **counts,
+        **doubts.of_adc(use),
         "rays_cast": image.distance.size,
         "rays_hit": num_hit,
         "paths_skipped": num_hit - num_paths,

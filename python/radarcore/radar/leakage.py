@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from radarcore import check
-from radarcore.radar.levels import level
+from radarcore.radar.levels import non_positive_level
 
 PerReceiver = float | tuple[float, ...]
 """One number for all receivers, or one of each."""
@@ -20,7 +21,8 @@ PER_RECEIVER = ("level_db", "phase_deg", "echo_db", "echo_phase_deg", "step_db",
 class Leakage:
     """Leakage from a transmitter to the receivers: tones of very low frequency, and what turning on leaves.
 
-    All are the same in every chirp. Levels and phases are numbers, or sequences with one per receiver.
+    All are the same in every chirp. Levels, at most 0 dB, and phases are numbers, or sequences with one per receiver.
+    Delays are at most that of the ramp.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ class Leakage:
         put = object.__setattr__
         for name in ("level_db", "echo_db", "step_db"):
             if (value := getattr(self, name)) is not None:
-                put(self, name, per_receiver(name, value, "dB", is_level=True))
+                put(self, name, per_receiver(name, value, "dB", one=non_positive_level))
         for name in ("delay", "echo_delay"):
             put(self, name, check.non_negative(name, getattr(self, name), "s"))
         for name in ("phase_deg", "echo_phase_deg", "step_phase_deg"):
@@ -89,9 +91,10 @@ class Leakage:
         return [(level_db, delay, phase_deg) for level_db, delay, phase_deg in both if level_db is not None]
 
 
-def per_receiver(name: str, value: Any, unit: str, *, is_level: bool = False) -> PerReceiver:
-    """A number, or a tuple of them with one per receiver."""
-    one = level if is_level else check.number
+def per_receiver(
+    name: str, value: Any, unit: str, *, one: Callable[[str, object, str], float] = check.number
+) -> PerReceiver:
+    """A number, or a tuple of them with one per receiver, each checked by `one`."""
     if isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1:
         if len(value) == 0:
             raise ValueError(f"{name}: expected a number, or one per receiver, got none")

@@ -140,11 +140,7 @@ class Radar(Twinned):
         put(self, "receiver", receiver)
         put(self, "polarization", antennas.polarization(polarization))
         if receiver is not None:
-            check_receivers(receiver, len(self.rx))
-            if receiver.high_pass is not None and any(each.slope == 0.0 for each in (waveform, *more_waveforms)):
-                raise ValueError(
-                    "receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz"
-                )
+            check_receivers(receiver, len(self.rx), (waveform, *more_waveforms))
         put(self, "schedule", schedule)
         put(self, "more_waveforms", tuple(more_waveforms))
         if schedule is not None:

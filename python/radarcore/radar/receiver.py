@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.radar.leakage import PER_RECEIVER, Leakage, PerReceiver, check_per_receiver, per_receiver
-from radarcore.radar.levels import level
+from radarcore.radar.levels import level, non_positive_level
+from radarcore.radar.waveform import Waveform
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
 MAX_ORDER = 16
 """Largest order of a filter."""
+
+_BAND_MARGIN = 1.05
+"""Largest frequency of a filter over half the sample rate without a warning: filters are not sharp."""
 
 MAX_BITS = 24
 """Most bits of an ADC: float32 holds every code."""
@@ -35,9 +39,9 @@ class Receiver:
     noise_figure_db : float, optional
         Noise figure [dB] at 290 K; None: no noise.
     phase_noise : sequence of (float, float), optional
-        Phase noise of the oscillator: offsets from the carrier [Hz] and single-sideband levels there [dBc/Hz],
-        straight lines between them over the logarithm of the offset and beyond them; -20 dB per decade for a single
-        pair. Echoes have that of now against that of a delay ago: near ones are hardly touched.
+        Phase noise of the oscillator: offsets from the carrier [Hz] and single-sideband levels there, at most 0
+        [dBc/Hz], straight lines between them over the logarithm of the offset and beyond them; -20 dB per decade for a
+        single pair. Echoes have that of now against that of a delay ago: near ones are hardly touched.
     leakage : Leakage, optional
         From the transmitters into the receivers.
     rx_phase_deg : sequence of float, optional
@@ -71,6 +75,18 @@ class Receiver:
     adc_odd_width : float, optional
         Width of the odd codes, in steps, from a quarter of the codes on; of the even ones below. The others are as much
         wider. None: 1.
+
+    Raises
+    ------
+    ValueError
+        For phase noise above 0 dBc/Hz, a high-pass from the low-pass on, and settings without those that they need.
+
+    Warns
+    -----
+    UserWarning
+        `Radar`: for a filter beyond half the sample rate. `Simulator`: once each for a signal of which more than 0.1 %
+        clips, and one that uses at most two codes of the ADC; `Frame.stats` has ``clipped_share`` and
+        ``used_codes_share``.
 
     See Also
     --------
@@ -166,6 +182,8 @@ class Receiver:
         for name in ("iq_gain_db", "iq_phase_deg"):
             if getattr(self, name) is not None and self.output == "real":
                 raise ValueError(f"{name}: expected None for a real receiver, got {getattr(self, name):g}")
+        if self.high_pass is not None and self.low_pass is not None and self.high_pass >= self.low_pass:
+            raise ValueError(f"high_pass: expected less than low_pass, {self.low_pass:g} Hz, got {self.high_pass:g} Hz")
 
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
         """Settings of some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
@@ -224,14 +242,27 @@ def is_plain(receiver: Receiver) -> bool:
     return all(getattr(receiver, name) == value for name, value in _NEUTRAL)
 
 
-def check_receivers(receiver: Receiver, num_rx: int) -> None:
-    """Refuse settings with one number per receiver for another number of receivers."""
+def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Waveform]) -> None:
+    """Refuse settings for another number of receivers or other ramps, and warn of filters outside of their band."""
     check_per_receiver("receiver.rx_phase_deg", receiver.rx_phase_deg, num_rx)
     check_per_receiver("receiver.dc_offset", receiver.dc_offset, num_rx)
     check_per_receiver("receiver.chirp_offset_lsb", receiver.chirp_offset_lsb, num_rx)
     if receiver.leakage is not None:
         for name in PER_RECEIVER:
             check_per_receiver(f"receiver.leakage.{name}", getattr(receiver.leakage, name), num_rx)
+        shortest = min(wf.adc_delay + wf.num_samples / wf.sample_rate for wf in waveforms)
+        for name in ("delay", "echo_delay"):
+            if (delay := getattr(receiver.leakage, name)) > shortest:
+                raise ValueError(f"receiver.leakage.{name}: expected at most the ramp, {shortest:g} s, got {delay:g} s")
+    if receiver.high_pass is not None and any(wf.is_cw for wf in waveforms):
+        raise ValueError("receiver.high_pass: expected None for a radar without a sweep, whose echoes are at 0 Hz")
+    half = 0.5 * waveforms[0].sample_rate
+    for name in ("high_pass", "low_pass"):
+        if (getattr(receiver, name) or 0.0) > _BAND_MARGIN * half:
+            notice.warn(
+                f"receiver.{name}: expected at most half the sample rate, {half:g} Hz, got {getattr(receiver, name):g} "
+                "Hz: what it passes beyond aliases"
+            )
 
 
 _MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")
@@ -265,5 +296,5 @@ def _phase_noise(value: Any) -> tuple[tuple[float, float], ...]:
     if offsets[0] <= 0.0 or (offsets[1:] <= offsets[:-1]).any():
         raise ValueError(f"phase_noise: expected positive, increasing offsets [Hz], got {offsets.tolist()}")
     for k, (_, decibels) in enumerate(pairs.tolist()):
-        level(f"phase_noise[{k}][1]", decibels, "dBc/Hz")
+        non_positive_level(f"phase_noise[{k}][1]", decibels, "dBc/Hz")
     return tuple((offset, decibels) for offset, decibels in pairs.tolist())

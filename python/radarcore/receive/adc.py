@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,39 @@ _SEGMENTS = 16
 
 IMPEDANCE = 50.0
 """Impedance of the receiver's input [ohm]."""
+
+
+class Use(NamedTuple):
+    """Use of the range of an ADC: numbers beyond it, all numbers, and the lowest and highest before clipping."""
+
+    num_clipped: int
+    size: int
+    lowest: float
+    highest: float
+
+    @property
+    def clipped_share(self) -> float:
+        """Share of the numbers beyond full scale."""
+        return self.num_clipped / self.size
+
+    def num_codes(self, bits: int) -> int:
+        """Number of codes from the lowest to the highest."""
+        low, high = (round(0.5 * (min(max(end, -1.0), 1.0) + 1.0) * (2**bits - 1)) for end in self[2:])
+        return int(high - low + 1)
+
+    def stats(self, receiver: Receiver) -> dict[str, Any]:
+        """Shares for `Frame.stats`."""
+        bits = receiver.adc_bits
+        codes = {} if bits is None else {"used_codes_share": self.num_codes(bits) / 2**bits}
+        return {"clipped_share": self.clipped_share, **codes}
+
+
+def use_of_all(uses: list[Use]) -> Use | None:
+    """Use by the sub-sequences of a frame together; None for none."""
+    if not uses:
+        return None
+    clipped, sizes, lowest, highest = zip(*uses, strict=True)
+    return Use(sum(clipped), sum(sizes), min(lowest), max(highest))
 
 
 def gain(receiver: Receiver) -> float:
@@ -71,9 +104,12 @@ def adc_errors(receiver: Receiver, numbers: NDArray[Any], num_rx: int, draws: Dr
         numbers += noise
 
 
-def quantise(receiver: Receiver, numbers: NDArray[Any]) -> None:
+def quantise(receiver: Receiver, numbers: NDArray[Any]) -> Use:
     """Clip to full scale and round to codes, in place: sample ``2 code / (2^bits - 1) - 1``."""
-    np.clip(numbers, -1.0, 1.0, out=numbers)
+    lowest, highest, num_clipped = float(numbers.min()), float(numbers.max()), 0
+    if lowest < -1.0 or highest > 1.0:
+        num_clipped = int(np.count_nonzero(np.abs(numbers) > 1.0))
+        np.clip(numbers, -1.0, 1.0, out=numbers)
     if receiver.adc_bits is not None:
         codes = 2**receiver.adc_bits - 1
         numbers += 1.0
@@ -87,6 +123,7 @@ def quantise(receiver: Receiver, numbers: NDArray[Any]) -> None:
         numbers *= 2.0
         numbers /= codes
         numbers -= 1.0
+    return Use(num_clipped, numbers.size, lowest, highest)
 
 
 def _round_unevenly(levels: NDArray[Any], odd_width: float, first: float) -> None:

@@ -19,7 +19,9 @@ from radarcore.receive.noise import kick, thermal_noise
 from radarcore.receive.phase_noise import phase_differences
 
 
-def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> NDArray[Any]:
+def receive(
+    ideal: NDArray[Any], radar: Radar, start: float, *, seed: int, uses: list[adc.Use] | None = None
+) -> NDArray[Any]:
     """Cube as the radar's receiver delivers it, in the precision of the ideal one, whose memory it takes over.
 
     The noise belongs to the seed and to the start of the frame [s]: any frame can be made again by itself.
@@ -33,6 +35,8 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> ND
     start : float
         Start of the frame [s].
     seed : int
+    uses : list, optional
+        Receives the use of the ADC's range, of a receiver with a full scale.
     """
     receiver = radar.receiver or Receiver()
     if is_plain(receiver):
@@ -45,7 +49,7 @@ def receive(ideal: NDArray[Any], radar: Radar, start: float, *, seed: int) -> ND
         signal = np.ascontiguousarray(signal.real)
     elif signal.size < ideal.size:
         signal = signal.copy()  # without the memory of the parts
-    return _digitised(signal, receiver, radar, draws)
+    return _digitised(signal, receiver, radar, draws, [] if uses is None else uses)
 
 
 def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
@@ -106,7 +110,9 @@ def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex
     return by_offset if len(offsets) == 1 else by_offset[:, of_channel]
 
 
-def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+def _digitised(
+    samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws, uses: list[adc.Use]
+) -> NDArray[Any]:
     """Samples behind I/Q imbalance, noise, gain, offsets and ADC; in place."""
     waveform, num_channels = radar.waveform, radar.num_channels
     if receiver.iq_gain_db is not None or receiver.iq_phase_deg is not None:
@@ -124,5 +130,5 @@ def _digitised(samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: D
     if receiver.adc_bits is not None:
         adc.adc_errors(receiver, numbers, len(radar.rx), draws)
     if receiver.full_scale is not None:
-        adc.quantise(receiver, numbers)
+        uses.append(adc.quantise(receiver, numbers))
     return samples

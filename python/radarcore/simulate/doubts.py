@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import hypot
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from radarcore import _core, notice
 from radarcore.motion.protocol import poses_at
 from radarcore.radar import beam
 from radarcore.radar.radar import Radar
+from radarcore.receive.adc import Use
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
@@ -38,6 +40,12 @@ _FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
 
 _COMPRESSES = 1e-4
 """Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
+
+_CLIPS = 1e-3
+"""Share of samples that clip above which a spectrum is hardly that of the echoes."""
+
+_FEWEST_CODES = 2
+"""Codes of an ADC with which a signal is no longer told from its sign."""
 
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
@@ -252,6 +260,24 @@ class Doubts:
                 f"adaptive sampling ended at its finest cells or its ray_budget: {cells_not_split} cells have a larger "
                 "residual error than rcs_floor asks for"
             )
+
+    def of_adc(self, use: Use | None) -> dict[str, Any]:
+        """Warn of a signal that clips, or that hardly an ADC's code tells from none; shares for `Frame.stats`."""
+        receiver = self._radar.receiver
+        if use is None or receiver is None:
+            return {}
+        if use.clipped_share > _CLIPS and self._is_new("clipping"):
+            notice.warn(
+                f"receiver.full_scale: {100.0 * use.clipped_share:.2g} % of the samples are beyond it and clip; less "
+                "gain_db or a larger full_scale keeps them"
+            )
+        bits = receiver.adc_bits or 0
+        if bits > 1 and use.lowest < use.highest and use.num_codes(bits) <= _FEWEST_CODES and self._is_new("codes"):
+            notice.warn(
+                f"receiver.adc_bits: the signal uses {use.num_codes(bits)} of {2**bits} codes; more gain_db or a "
+                "smaller full_scale resolves it"
+            )
+        return use.stats(receiver)
 
     def of_interference(self, power: float) -> None:
         """Warn of an interferer whose power at a receiver [W] drives real ones out of their linear range."""

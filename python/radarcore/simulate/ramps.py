@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
+from radarcore.receive.adc import Use, use_of_all
 from radarcore.receive.chain import receive
 
 _SEED_STEP = 0x9E3779B97F4A7C15
@@ -32,8 +33,8 @@ def received(
     *,
     seed: int,
     disturb: Callable[[int, NDArray[Any]], None] | None = None,
-) -> NDArray[Any]:
-    """Cube of a frame as the receivers deliver it, (channel, chirp, sample).
+) -> tuple[NDArray[Any], Use | None]:
+    """Cube of a frame as the receivers deliver it, (channel, chirp, sample), and its use of the ADC's range.
 
     Parameters
     ----------
@@ -46,13 +47,14 @@ def received(
     disturb : function, optional
         Of the number of a sub-sequence and the samples at its receivers, to which it adds what others send.
     """
-    parts = []
+    parts: list[NDArray[Any]] = []
+    uses: list[Use] = []
     for number, (cube, part) in enumerate(zip(cubes, radar.sequences(), strict=True)):
         samples = _at_receivers(cube, part)
         if disturb is not None:
             disturb(number, samples)
-        parts.append(receive(samples, part, start, seed=(seed + number * _SEED_STEP) % 2**64))
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        parts.append(receive(samples, part, start, seed=(seed + number * _SEED_STEP) % 2**64, uses=uses))
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), use_of_all(uses)
 
 
 def _at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:

@@ -19,6 +19,7 @@ from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
+from radarcore.receive.adc import Use
 from radarcore.recording.codes import adc_codes
 from radarcore.recording.frame import Frame, truth_of_rows
 from radarcore.recording.recording import Recording
@@ -406,10 +407,10 @@ class Simulator(Settings):
             # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
             threads = max(1, self._num_threads // side_by_side)
             engines = [self._new_engines(threads) for _ in range(side_by_side)]
-        for start, ideals, cube, others in in_order(self._received, placed, engines, _stop):
+        for start, ideals, cube, others, use in in_order(self._received, placed, engines, _stop):
             for ideal in ideals:
                 self._doubts.of_frame(ideal, self.scene.names)
-            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg} | others
+            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg} | others | self._doubts.of_adc(use)
             self._doubts.of_sampling(stats.get("cells_not_split", 0))
             self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
             rows = ideals[0].truth
@@ -450,8 +451,8 @@ class Simulator(Settings):
 
     def _received(
         self, engines: Engines, placed: Placed, ask: Ask
-    ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], dict[str, Any]]:
-        """Start [s], ideal frame of every sub-sequence, cube as received and counts of interference, of a motion.
+    ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], Counts, Use | None]:
+        """Start [s], ideal frames of sub-sequences, cube, counts of interference and use of the ADC, of a motion.
 
         It may run beside others: `ask` calls motions, which are functions of users.
         """
@@ -464,8 +465,8 @@ class Simulator(Settings):
             counts.append(self._interferences[number].add_to(cube, engines[number], start, ask))
 
         disturb = interfere if self.scene.interferers else None
-        cube = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
-        return start, ideals, cube, counted(counts)
+        cube, use = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
+        return start, ideals, cube, counted(counts), use
 
     @staticmethod
     def _ideal(
