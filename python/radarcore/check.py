@@ -135,6 +135,22 @@ def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return angles
 
 
+def below(name: str, values: NDArray[np.float64], most: float, unit: str) -> NDArray[np.float64]:
+    """Values whose magnitudes are below a limit, or a ValueError."""
+    if (np.abs(values) >= most).any():
+        got = values.flat[np.abs(values).argmax()]
+        raise ValueError(f"{name}: expected less than {most:.0e} {unit}, got {got:g}")
+    return values
+
+
+def time(name: str, value: object) -> float:
+    """A time [s], at most hundreds of times the seconds since 1970: fewer than the milliseconds since then."""
+    result = number(name, value, "s")
+    if abs(result) > _LONGEST_TIME:
+        raise ValueError(f"{name}: expected up to {_LONGEST_TIME:g} s, got {result:g} s; seconds?")
+    return result
+
+
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Times of a series in increasing order, at least two, read-only.
 

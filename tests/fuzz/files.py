@@ -136,7 +136,7 @@ name = "table"
 shape = { kind = "mesh", path = "mesh.obj", scale = 0.2 }
 material = "oak"
 materials = { steel = "metal", glass = { reflection = -0.5, albedo = 0.2 } }
-pose = { position = [3, 0, 0.5], quaternion = [1, 0, 0, 0] }
+pose = { position = [3, 0, 0.5], wxyz = [1, 0, 0, 0] }
 
 [[body]]
 name = "ball"

@@ -322,6 +322,12 @@ ZERO = [0.0, 0.0, 0.0]
         (rc.Linear, (rc.Pose(), ZERO, [NAN, 0.0, 0.0]), ValueError, "angular_velocity: expected finite numbers"),
         (rc.Linear, (rc.Pose(), [0.0, -4e8, 0.0]), ValueError, r"velocity: expected less than 3e\+08 m/s, got -4e\+08"),
         (rc.Linear, (rc.Pose(), ZERO, [0.0, 1e300, 0.1]), ValueError, r"expected less than 1e\+07 rad/s, got 1e\+300"),
+        (
+            rc.PointTarget,
+            (ZERO, 1.0, [4e8, 0.0, 0.0]),
+            ValueError,
+            r"velocity: expected less than 3e\+08 m/s, got 4e\+08",
+        ),
         (rc.Linear, (rc.Pose(), ZERO, "fast"), TypeError, r"angular_velocity: expected numbers of shape \(3,\)"),
     ],
 )

@@ -24,12 +24,8 @@ def people(name: str) -> list[rc.Body]:
     [
         (lambda: [PLATE, rc.PointTarget([1.0, 0.0, 0.0]), PLATE], "'plate' at index 0 and 2"),
         (lambda: people("human") + people("human"), "'human/pelvis' at index 0 and 16"),
-        (
-            lambda: [rc.PointTarget([1, 0, 0], name="body 1"), rc.Body(PLATE.mesh)],
-            "'body 1' at index 0 and 1",
-        ),
     ],
-    ids=["bodies", "people", "name of an unnamed one"],
+    ids=["bodies", "people"],
 )
 def test_bodies_of_one_name_are_refused(make: Callable[[], Any], message: str) -> None:
     with pytest.raises(ValueError, match=f"bodies: expected names that differ, got {message}"):
@@ -39,6 +35,19 @@ def test_bodies_of_one_name_are_refused(make: Callable[[], Any], message: str) -
 def test_bodies_of_different_names_or_none_are_a_scene() -> None:
     unnamed = [rc.Body(PLATE.mesh), rc.Body(PLATE.mesh)]
     assert rc.Scene([*unnamed, *people("ann"), *people("bob")]).names[:3] == ("body 0", "body 1", "ann/pelvis")
+
+
+def test_default_names_leave_those_that_others_have_been_given() -> None:
+    def point(name: str | None = None) -> rc.PointTarget:
+        return rc.PointTarget([1.0, 0.0, 0.0], name=name)
+
+    assert rc.Scene([point("point 1"), point(), point()]).names == ("point 1", "point 3", "point 2")
+    names = rc.Scene([point(), point(), point("point 0"), point("point 1"), rc.Body(PLATE.mesh)]).names
+    assert names[2:] == ("point 0", "point 1", "body 4")
+    assert len(set(names)) == 5
+    radar = rc.Interferer(rc.bgt60tr13c(), rc.Pose())
+    scene = rc.Scene([point("interferer 0"), radar])
+    assert scene.interferer_names != scene.names
 
 
 def test_scene_files_refuse_names_that_two_bodies_have(tmp_path: Path) -> None:

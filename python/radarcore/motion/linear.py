@@ -60,7 +60,7 @@ class Linear:
             ("velocity", velocity, SPEED_OF_LIGHT, "m/s"),
             ("angular_velocity", angular_velocity, FASTEST_TURN, "rad/s"),
         ):
-            put(self, name, check.frozen(_below(name, check.array(name, value, (3,)), most, unit)))
+            put(self, name, check.frozen(check.below(name, check.array(name, value, (3,)), most, unit)))
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -76,11 +76,3 @@ class Linear:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
         turning = cross_matrix(self.angular_velocity) @ self.at(time).rotation
         return transforms(turning, self.velocity)
-
-
-def _below(name: str, values: Matrix, most: float, unit: str) -> Matrix:
-    """Values that are smaller than the largest that there is."""
-    if (np.abs(values) >= most).any():
-        got = values[np.abs(values).argmax()]
-        raise ValueError(f"{name}: expected less than {most:.0e} {unit}, got {got:g}")
-    return values

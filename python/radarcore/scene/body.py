@@ -16,6 +16,7 @@ from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material
+from radarcore.units import SPEED_OF_LIGHT
 
 
 @check.knows_keywords
@@ -132,5 +133,6 @@ class PointTarget:
         put = object.__setattr__
         put(self, "position", check.frozen(checked_position("position", position)))
         put(self, "rcs", check.non_negative("rcs", rcs, "m^2"))
-        put(self, "velocity", check.frozen(check.array("velocity", velocity, (3,))))
+        speeds = check.below("velocity", check.array("velocity", velocity, (3,)), SPEED_OF_LIGHT, "m/s")
+        put(self, "velocity", check.frozen(speeds))
         put(self, "name", name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ class Scene:
     interferers : tuple of Interferer
         Other radars, as given.
     names : tuple of str
-        One per body, all different; unnamed ones are called "body 3" or "point 3".
+        One per body, all different; unnamed ones are called "body 3" or "point 3" by their place in the scene.
     interferer_names : tuple of str
         Likewise; unnamed ones are called "interferer 0".
     parts : Parts
@@ -132,12 +133,17 @@ class Scene:
                 )
         self.bodies: tuple[Body | PointTarget, ...] = tuple(body for body in given if not isinstance(body, Interferer))
         self.interferers: tuple[Interferer, ...] = tuple(body for body in given if isinstance(body, Interferer))
-        self.names: tuple[str, ...] = tuple(
-            body.name or f"{'body' if isinstance(body, Body) else 'point'} {i}" for i, body in enumerate(self.bodies)
-        )
-        self.interferer_names: tuple[str, ...] = tuple(
-            interferer.name or f"interferer {i}" for i, interferer in enumerate(self.interferers)
-        )
+        names = {body.name for body in given}
+        more = count(len(given))
+
+        def name_of(body: Body | PointTarget | Interferer, number: int) -> str:
+            """Its name; of an unnamed one by its number, or by a further one where another has that name."""
+            kind = "body" if isinstance(body, Body) else "point" if isinstance(body, PointTarget) else "interferer"
+            free = (name for k in chain([number], more) if (name := f"{kind} {k}") not in names)
+            return body.name or next(free)
+
+        self.names: tuple[str, ...] = tuple(name_of(body, i) for i, body in enumerate(self.bodies))
+        self.interferer_names: tuple[str, ...] = tuple(name_of(other, i) for i, other in enumerate(self.interferers))
         _check_names(self.names + self.interferer_names)
         self.parts: Parts = Parts.of(self.bodies)
 
