@@ -53,6 +53,130 @@ def test_angles_in_degrees_are_said_at_the_line_that_has_them(make: Call, messag
     assert [warning.filename for warning in caught] == [__file__]
 
 
+@pytest.mark.parametrize("mass", [7.0, 70_000.0])
+def test_mass_that_nobody_has_at_that_height_is_refused(mass: float) -> None:
+    with pytest.raises(ValueError, match=rf"mass: expected 18.4 to 796 kg for a height of 1.75 m, got {mass:g}"):
+        Human(height=1.75, mass=mass)
+    assert [Human(height=h, mass=m, speed=0.5).mass for h, m in ((0.5, 3.5), (1.75, 40.0), (1.85, 635.0))] == [
+        3.5,
+        40.0,
+        635.0,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rc.Material.dielectric(-4), "permittivity: expected eps' of at least 1, .* got -4"),
+        (lambda: rc.Material.dielectric(0.4 - 0.01j), "permittivity: expected eps' of at least 1, .* got "),
+        (
+            lambda: rc.Material.dielectric(2.5, roughness=50.0),
+            r"roughness: expected at most 1 m, got 50; micrometres\?",
+        ),
+        (
+            lambda: rc.materials["wood"].with_surface(roughness=50.0),
+            r"roughness: expected at most 1 m, got 50; micrometres\?",
+        ),
+    ],
+)
+def test_surface_that_there_is_not_is_refused(make: Call, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_conductors_and_a_vacuum_are_dielectrics() -> None:
+    assert rc.Material.dielectric(1.0).reflectance == 0.0
+    copper = rc.Material.dielectric(-2.6e4 - 1.7e7j)  # Drude's law at 60 GHz
+    assert 0.999 < copper.reflectance < 1.0
+
+
+MS = 1e3
+"""Milliseconds per second: a factor that is forgotten."""
+
+
+def joints(times: list[float]) -> object:
+    return JointTrajectory(times, np.outer(times, [0.5e-3, -0.2e-3]))
+
+
+def poses(times: list[float]) -> list[rc.Pose]:
+    """At 1.4 m/s and 1 rad/s, of times in milliseconds."""
+    return [rc.Pose.from_rpy([1.4e-3 * time, 0.0, 0.0], [0.0, 0.0, 1e-3 * time]) for time in times]
+
+
+def live(times: list[float]) -> rc.Live:
+    body = rc.Live()
+    for time, pose in zip(times, poses(times), strict=True):
+        body.update(time, pose, velocity=[1.4, 0.0, 0.0])
+    return body
+
+
+def live_group(times: list[float]) -> rc.LiveGroup:
+    group = rc.LiveGroup(2)
+    for time, pose in zip(times, poses(times), strict=True):
+        group.update(time, [rc.Pose(), pose])
+    return group
+
+
+@pytest.mark.parametrize("rate", [100.0, 30.0])
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda times: rc.Trajectory(times, poses(times)), "times, poses"),
+        (joints, "times, angles"),
+        (
+            lambda times: rc.Deformation(times, [PLATE.mesh.vertices + 1.4e-3 * time for time in times]),
+            "times, vertices",
+        ),
+        (live, "time"),
+        (live_group, "time"),
+    ],
+    ids=["Trajectory", "JointTrajectory", "Deformation", "Live", "LiveGroup"],
+)
+def test_times_in_milliseconds_are_said_once(make: Callable[[list[float]], object], name: str, rate: float) -> None:
+    times = [MS * k / rate for k in range(12)]
+    message = rf"^{name}: expected times in seconds, got steps of {MS / rate:.3g} s .* faster than .*milliseconds\?"
+    with pytest.warns(UserWarning, match=message) as caught:
+        make(times)
+    assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_motions_that_are_slow_or_have_long_steps_are_in_seconds() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        breath = [rc.Pose([1.0 + 5e-3 * (k % 2), 0.0, 0.0]) for k in range(6)]
+        rc.Trajectory(5.0 * np.arange(6), breath)  # six times a minute
+        rc.Trajectory([0.0, 60.0, 120.0], [rc.Pose([x, 0.0, 0.0]) for x in (0.0, 5.0, 0.0)])  # a walk to and fro
+        rc.Trajectory([0.0, 60.0, 120.0], [rc.Pose([x, 0.0, 0.0]) for x in (0.0, 1e-4, 0.0)])  # noise of a place
+        live([0.0, 1.0, 2.0])
+        seldom = rc.Live()
+        for time in (0.0, 60.0, 120.0, 180.0):
+            seldom.update(time, rc.Pose([1.0, 0.0, 0.0]))  # at rest
+
+
+def far_apart(interval: float) -> list[rc.Pose]:
+    return [rc.Pose([1e9 * interval * k, 0.0, 0.0]) for k in range(3)]
+
+
+def test_speeds_beyond_those_of_light_are_refused_of_every_motion() -> None:
+    times = [0.0, 1e-3, 2e-3]
+    message = r"expected less than 3e\+08 m/s.*, got -?1e\+09"
+    with pytest.raises(ValueError, match=f"times, poses: {message}"):
+        rc.Trajectory(times, far_apart(1e-3))
+    with pytest.raises(ValueError, match=f"times, vertices: {message}"):
+        rc.Deformation(times, [PLATE.mesh.vertices + pose.position for pose in far_apart(1e-3)])
+    body = rc.Live()
+    body.update(0.0, rc.Pose())
+    with pytest.raises(ValueError, match=f"poses: {message}"):
+        body.update(1e-3, far_apart(1e-3)[1])
+    assert body.newest == 0.0  # nothing is lost, nothing is kept
+    body.update(1e-3, rc.Pose([1e-3, 0.0, 0.0]))
+    with pytest.raises(ValueError, match=r"time: expected times up to 1e\+12 s, got 1.7e\+12"):
+        body.update(1.7e12, rc.Pose())  # milliseconds since 1970
+    turned = [[0.0], [1.0], [0.0]]
+    with pytest.raises(ValueError, match=r"times, angles: expected less than 3e\+08 m/s or rad/s, got"):
+        JointTrajectory([0.0, 1e-9, 2e-9], turned)
+
+
 def test_turns_lengths_and_angles_of_what_keeps_turning_are_no_degrees() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.motion.ends import Ends
+from radarcore.motion.ends import Ends, check_steps
 from radarcore.motion.function import derivative
 from radarcore.sealed import sealed
 
@@ -54,6 +54,8 @@ class Deformation:
         self.times: NDArray[np.float64] = check.increasing("times", times)
         self.vertices: NDArray[np.float64] = check.frozen(check.array("vertices", vertices, (len(self.times), None, 3)))
         self._spline = CubicSpline(self.times, self.vertices, bc_type="natural")
+        steps = np.linalg.norm(np.diff(self.vertices, axis=0), axis=2).max(axis=1, initial=0.0)
+        check_steps("times, vertices", self.times, steps)
         self._ends = Ends("Deformation", self.times, beyond)
 
     @property

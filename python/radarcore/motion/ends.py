@@ -6,16 +6,54 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
+from radarcore.units import SPEED_OF_LIGHT
 
 BEYOND = ("hold", "continue", "error")
 """Ways to go on beyond the ends of a series."""
 
 _Floats = NDArray[np.float64]
 
+# Steps of a motion in seconds are hardly longer than this [s], and the motion slower than this [m/s or rad/s], at once.
+# A chest that breathes six times a minute is at its ends every 5 s; 100 poses per second in milliseconds are steps of
+# 10 "s", and 20 m/s are 20 mm/s.
+LONG_STEP, _SLOW = 5.0, 0.02
+# Shorter steps are noise of a body at rest [m or rad].
+_NOISE = 1e-3
+
 # Rounding of times [s]: at least this, and some steps of the numbers.
 _SLACK, _STEPS = 1e-9, 4.0
 # Speeds below this are rest [m/s or rad/s].
 _AT_REST = 1e-6
+
+
+def steps_between(maps: _Floats) -> _Floats:
+    """Distances, or angles where these are larger, from each of the maps (n, ..., 3, 4) to the next, (n - 1, ...)."""
+    changes = np.diff(maps, axis=0)
+    # The norm of the change of a rotation is that of a small angle times the root of two.
+    turned = np.sqrt(0.5 * np.square(changes[..., :3]).sum(axis=(-2, -1)))
+    return np.asarray(np.maximum(turned, np.linalg.norm(changes[..., 3], axis=-1)))
+
+
+def warn_of_milliseconds(name: str, times: _Floats, steps: _Floats) -> bool:
+    """Warn of times that are hardly seconds: a motion has long steps, and is too slow in each; True if so.
+
+    `steps`: how far it goes from each time to the next, (n - 1,) [m or rad].
+    """
+    intervals = np.diff(times)
+    is_slow = len(steps) > 1 and steps.max() > _NOISE and bool((steps < _SLOW * intervals).all())
+    if not (is_slow and np.median(intervals) > LONG_STEP):
+        return False
+    notice.warn(
+        f"{name}: expected times in seconds, got steps of {np.median(intervals):.3g} s in which nothing is faster than "
+        f"{1e3 * (steps / intervals).max():.2g} mm/s or mrad/s; milliseconds?"
+    )
+    return True
+
+
+def check_steps(name: str, times: _Floats, steps: _Floats) -> None:
+    """Refuse steps of a series, (n - 1,) [m or rad], that are too fast, and warn of times in milliseconds."""
+    check.below(name, steps / np.diff(times), SPEED_OF_LIGHT, "m/s or rad/s")
+    warn_of_milliseconds(name, times, steps)
 
 
 class Ends:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
 from radarcore.geometry.pose import Matrix, Pose, as_pose, checked_maps, transforms
+from radarcore.motion.ends import LONG_STEP, steps_between, warn_of_milliseconds
 from radarcore.motion.linear import FASTEST_TURN
 from radarcore.motion.links import LinkMotion
 from radarcore.motion.uniform import Uniform
@@ -101,7 +102,7 @@ class LiveGroup:
         0.0
         """
         number = self._num_bodies
-        at = check.number("time", time, "s")
+        at = check.time("time", time)
         if isinstance(poses, Sequence) and any(isinstance(pose, Pose) for pose in poses):
             poses = [_map_of(cast(Pose, pose)) for pose in poses]
         maps = checked_maps("poses", cast(ArrayLike, poses), number)
@@ -272,6 +273,7 @@ class _Known:
     def __init__(self) -> None:
         self.updates: tuple[Update, ...] = ()
         self._told = False
+        self._took_milliseconds = False
 
     def add(self, update: Update) -> None:
         """One more update."""
@@ -285,6 +287,11 @@ class _Known:
             )
         newest = followed(earlier[-1], update) if earlier else (update,)
         self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
+        if newest[-1].interval > LONG_STEP and not self._took_milliseconds:
+            last = self.updates[-3:]
+            times, maps = np.array([one.time for one in last]), np.array([one.maps for one in last])
+            steps = steps_between(maps).max(axis=1)
+            self._took_milliseconds = warn_of_milliseconds("time", times, steps)
 
     def of(self, times: ArrayLike) -> tuple[tuple[Update, ...], Matrix]:
         """Updates for poses at times (n,) [s], and these; or an error if there are none."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
-from radarcore.motion.ends import Ends
+from radarcore.motion.ends import Ends, check_steps, steps_between
 from radarcore.motion.pieces import Pieces
 from radarcore.sealed import sealed
 
@@ -92,6 +92,7 @@ class Trajectory:
             float(max(np.abs(self._positions[k](end, 1)).max(), np.abs(self._rotations[k](end, 1)).max()))
             for k, end in ((0, self.times[0]), (-1, self.times[-1]))
         ]
+        check_steps("times, poses", self.times, steps_between(transforms(rotations, positions)))
         self._ends = Ends("Trajectory", self.times, beyond, (speeds[0], speeds[1]))
 
     @property

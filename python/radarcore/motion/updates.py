@@ -10,8 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.geometry.pose import Matrix, cross_matrix, rotation_vectors, rotations_about, transforms
+from radarcore.motion.linear import FASTEST_TURN
 from radarcore.motion.uniform import Uniform
+from radarcore.units import SPEED_OF_LIGHT
 
 
 class Rates(NamedTuple):
@@ -71,6 +74,8 @@ def followed(before: Update, update: Update) -> tuple[Update, Update]:
         return before, replace(update, interval=interval)
     turned = rotation_vectors(update.maps[..., :3] @ np.swapaxes(before.maps[..., :3], -1, -2))
     differences = (update.maps[..., 3] - before.maps[..., 3]) / interval, turned / interval
+    check.below("poses", differences[0], SPEED_OF_LIGHT, "m/s from the update before")
+    check.below("poses", differences[1], FASTEST_TURN, "rad/s from the update before")
     # The slope in the middle of two differences is that of the parabola; a first update has one neighbour.
     share = before.interval / (before.interval + interval) if before.interval > 0.0 else 1.0
     middle = [

@@ -15,6 +15,9 @@ from radarcore.units import SPEED_OF_LIGHT
 _REFERENCE_FREQUENCY = 60e9
 """Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
+_ROUGHEST = 1.0
+"""Rms height of a surface beyond which it has to be a mesh [m]."""
+
 _SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 """Weights of both polarisations at the antennas; None: without a polarisation."""
 
@@ -119,9 +122,11 @@ class Material:
         Parameters
         ----------
         permittivity : complex, ItuPermittivity or ColeCole
-            Relative permittivity ``eps' - j eps''``, or its law over frequency.
+            Relative permittivity ``eps' - j eps''``, or its law over frequency. ``eps'`` is at least 1, but for
+            conductors, whose ``eps''`` is larger than its magnitude.
         roughness : float
-            Rms height of the surface [m]; power that it takes from the specular part is scattered after Lambert's law.
+            Rms height of the surface, up to 1 m; power that it takes from the specular part is scattered after
+            Lambert's law.
         thickness : float, optional
             Thickness of a slab with air behind it [m]; default: a half-space.
         scattering : float, optional
@@ -247,6 +252,10 @@ class Material:
     def _finish(self, roughness: float, thickness: float | None, scattering: float | None) -> None:
         """Set the surface of a dielectric, and its reflection at normal incidence."""
         height = check.non_negative("roughness", roughness, "m")
+        if height > _ROUGHEST:
+            raise ValueError(
+                f"roughness: expected at most {_ROUGHEST:g} m, got {height:g}; micrometres? 50e-6 is 50 um"
+            )
         part = None if scattering is None else check.number("scattering", scattering)
         if part is not None and not 0.0 <= part <= 1.0:
             raise ValueError(f"scattering: expected a number from 0 to 1, got {scattering!r}")

@@ -112,6 +112,8 @@ def as_permittivity(value: object) -> Permittivity:
     eps = check.complex_number("permittivity", value)
     if eps.imag > 0.0 or eps == 0.0:
         raise ValueError(f"permittivity: expected eps' - j eps'' with eps'' >= 0, got {value!r}")
+    if eps.real < 1.0 and -eps.imag <= abs(eps.real):
+        raise ValueError(f"permittivity: expected eps' of at least 1, that of a vacuum, or a conductor, got {value!r}")
     return eps
 
 

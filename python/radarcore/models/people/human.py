@@ -23,6 +23,9 @@ from radarcore.sealed import sealed
 _TALLEST = 3.0
 """Height above which it is hardly that of a person in metres [m]."""
 
+_MASS_INDICES = (6.0, 260.0)
+"""Mass over the square of the height, beyond which nobody has lived [kg/m^2]: reported are 7.5 to 251."""
+
 
 @check.knows_keywords
 @sealed
@@ -58,7 +61,8 @@ class Human:
     Raises
     ------
     ValueError
-        For a height above 3 m, a speed above the model's limit, and for a path with legs too short for its turns.
+        For a height above 3 m, a mass that nobody has at that height, a speed above the model's limit, and for a path
+        with legs too short for its turns.
 
     See Also
     --------
@@ -102,6 +106,12 @@ class Human:
         self.start_time: float = check.number("start_time", start_time, "s")
         self.phase: float = check.number("phase", phase)
         self.mass: float = 70.0 * (self.height / 1.75) ** 2 if mass is None else check.positive("mass", mass, "kg")
+        lightest, heaviest = (index * self.height**2 for index in _MASS_INDICES)
+        if not lightest <= self.mass <= heaviest:
+            raise ValueError(
+                f"mass: expected {lightest:.3g} to {heaviest:.3g} kg for a height of {self.height:g} m, "
+                f"got {self.mass:g}"
+            )
         self._walk = Walk(self.height, self.speed, self.path, self.start_time, self.phase)
         self._spheroids = spheroids(self.height, self.mass)
         self._figure = Figure(self._walk, skeleton(self.height), _lift(self.height, self.speed, self.mass))

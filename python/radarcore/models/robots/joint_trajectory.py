@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check, notice
 from radarcore.geometry.pose import Matrix
 from radarcore.models.robots.joint import Joint, Jointed
-from radarcore.motion.ends import Ends
+from radarcore.motion.ends import Ends, check_steps
 from radarcore.sealed import sealed
 
 
@@ -67,6 +67,7 @@ class JointTrajectory:
         check.choice("ends", ends, ("rest", "moving"))
         self._spline = CubicSpline(self.times, values, bc_type="clamped" if ends == "rest" else "natural")
         self._derivative = self._spline.derivative()
+        check_steps("times, angles", self.times, np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0))
         self._ends = Ends("JointTrajectory", self.times, beyond)
         if arm is not None:
             for excess in self.excesses(arm):
