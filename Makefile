@@ -45,7 +45,7 @@ help:
 	@echo "make clean    remove everything that was built, the environment included"
 
 demo: $(VENV)/built
-	$(BIN)/radarcore demo
+	$(BIN)/radarcore demo --overwrite
 
 # Two checks at a time, quick ones first. A check says its name as it starts; what a command prints follows in one piece
 # when it ends. After a failure no further check starts.

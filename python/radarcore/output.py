@@ -45,6 +45,9 @@ _STARTS: dict[str, tuple[bytes, ...]] = {
 _SAME = {".jpeg": ".jpg", ".hdf5": ".h5", ".htm": ".html"}
 """Other suffixes of the same kind."""
 
+_OTHERS = (".bin", ".csv", ".json", ".mat", ".toml", ".tar", ".txt", ".zip")
+"""Suffixes of other files, which no new folder gets."""
+
 
 def already_exists(path: Path, what: str) -> FileExistsError:
     """Error for a path that exists."""
@@ -62,8 +65,17 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
+def check_folder_name(path: Path) -> None:
+    """Refuse a new folder with the name of a file: other programs would take it for one."""
+    kind = path.suffix.lower()
+    if (kind in _STARTS or kind in _SAME or kind in _OTHERS) and not path.exists():
+        bags = "; adapters.ros.write_frames writes frames into a bag" if kind in (".mcap", ".db3", ".bag") else ""
+        raise ValueError(f"{path}: expected the name of a folder, got that of a file {kind}{bags}")
+
+
 def make_folder(path: Path) -> None:
     """Make a folder with its parents; it may exist."""
+    check_folder_name(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -151,6 +163,22 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
     """Write a text, whole or not at all."""
     with new_file(path, overwrite=overwrite) as part:
         part.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[None]:
+    """A new file that grows in place; it is removed again where nothing got into it."""
+    try:
+        path.open("xb").close()
+    except FileExistsError:
+        raise already_exists(path, "a file; delete it, or choose another name") from None
+    except OSError as error:
+        raise _refused(error, path) from error
+    try:
+        yield
+    finally:
+        if path.is_file() and path.stat().st_size == 0:
+            path.unlink()
 
 
 def refuse_source(name: str, path: Path, source: Path) -> None:

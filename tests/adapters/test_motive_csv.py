@@ -227,7 +227,7 @@ def test_saved_capture_is_read_back(axes: str, tmp_path: Path) -> None:
         assert list(places) == list(expected)
         for name in expected:
             np.testing.assert_allclose(places[name], expected[name], atol=1e-9)
-    with pytest.raises(FileExistsError, match=r"again.csv: exists; give overwrite=True to replace it"):
+    with pytest.raises(FileExistsError, match="got a file; overwrite=True replaces it"):
         write_motive_csv(tmp_path / "again.csv", capture)
 
 

@@ -179,7 +179,16 @@ def test_sub_sequence_is_the_one_that_was_chosen(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     picture = tmp_path / "picture.png"
-    arguments = ["plot", str(of_two_sequences[source]), "-o", str(picture), "--kind", kind, *chosen(kind)]
+    arguments = [
+        "plot",
+        str(of_two_sequences[source]),
+        "-o",
+        str(picture),
+        "--overwrite",
+        "--kind",
+        kind,
+        *chosen(kind),
+    ]
     assert main([*arguments, "--sequence", "1"]) == 0
     if kind == "chirp":
         second = picture.read_bytes()
@@ -238,7 +247,16 @@ def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
 ) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     picture = tmp_path / "picture.png"
-    arguments = ["plot", str(of_two_sequences["recording"]), "-o", str(picture), "--kind", kind, *chosen(kind)]
+    arguments = [
+        "plot",
+        str(of_two_sequences["recording"]),
+        "-o",
+        str(picture),
+        "--overwrite",
+        "--kind",
+        kind,
+        *chosen(kind),
+    ]
     assert main([*arguments, "--sequence", "1"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -249,13 +267,13 @@ def test_bare_samples_are_drawn_and_described_with_the_radar_of_a_file(
     np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
     picture = tmp_path / "picture.png"
     for config in (scene, recording / "meta.json"):
-        arguments = ["-o", str(picture), "--kind", "map", "--config", str(config)]
+        arguments = ["-o", str(picture), "--overwrite", "--kind", "map", "--config", str(config)]
         assert main(["plot", str(tmp_path / "bare.npy"), *arguments]) == 0
     capsys.readouterr()
     assert main(["info", str(tmp_path / "bare.npy"), "--config", str(scene), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["cube [frame, channel, chirp, sample]"] == list(np.load(recording / "cube.npy").shape)
-    assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(picture)]) == 1
+    assert main(["plot", str(tmp_path / "bare.npy"), "-o", str(tmp_path / "other.png")]) == 1
     assert (
         "bare.npy: expected the radar's settings, got an array (3, 3, 8, 128) of float32 without any"
         in capsys.readouterr().err

@@ -122,7 +122,7 @@ def test_results_are_replaced_only_when_told_to(
     (tmp_path / "detections.csv").write_text("mine\n")
     assert main(["process", str(recording), "-o", str(tmp_path)]) == 1
     message = capsys.readouterr().err
-    assert "detections.csv: expected no such file, got results; --overwrite replaces them" in message
+    assert "detections.csv: expected no such path, got a file; --overwrite replaces it" in message
     assert (tmp_path / "detections.csv").read_text() == "mine\n"
     assert main(["process", str(recording), "-o", str(tmp_path), "--overwrite"]) == 0
     assert len(rows(tmp_path / "detections.csv")) == 24

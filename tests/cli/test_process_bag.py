@@ -93,12 +93,23 @@ def test_a_bag_with_samples_is_drawn(recording: Path, tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_recording_is_never_replaced_by_its_own_results(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with ros.BagWriter(tmp_path / "take.mcap") as bag:
+        ros.write_frames(bag, rc.Recording.load(recording), start_ns=START_NS)
+    before = (tmp_path / "take.mcap").read_bytes()
+    assert main(["process", f"{tmp_path}/take.mcap", "--bag", f"{tmp_path}/take.mcap", "--overwrite"]) == 1
+    assert "--bag: expected a place outside the source, got" in capsys.readouterr().err
+    assert (tmp_path / "take.mcap").read_bytes() == before
+
+
 def test_bad_use_is_refused(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["process", str(recording), "--samples"]) == 1
     assert capsys.readouterr().err == "radarcore: --samples: expected --bag as well, got none\n"
-    (tmp_path / "take.mcap").write_bytes(b"x")
+    (tmp_path / "take.mcap").write_bytes(b"\x89MCAP0\r\n")
     assert main(["process", str(recording), "--bag", str(tmp_path / "take.mcap")]) == 1
-    assert "expected no such path, got a bag; --overwrite replaces it" in capsys.readouterr().err
+    assert "expected no such path, got a file; --overwrite replaces it" in capsys.readouterr().err
     assert main(["process", str(recording), "--bag", str(tmp_path / "take.mcap"), "--overwrite"]) == 0
     assert main(["process", str(tmp_path / "take.mcap")]) == 1
     assert "expected a bag with frames of a radar, got none; there are /radar/map" in capsys.readouterr().err

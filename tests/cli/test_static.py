@@ -72,7 +72,7 @@ def at(frame: int) -> float:
 
 @pytest.mark.parametrize("kind", ["overview", "detections"])
 def test_map_of_a_sensors_frame_shows_what_moves(leaky: Path, figures: list[Any], kind: str) -> None:
-    arguments = ["plot", str(leaky), "-o", "picture.png", "--kind", kind, "--frame", "12"]
+    arguments = ["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "12"]
     assert main(arguments) == main([*arguments, "--keep-static"]) == 0
     bin_width = rc.Recording.load(leaky).radar.waveform.range_resolution
     moving, everything = (next(ax for ax in figure.axes if ax.images) for figure in figures)
@@ -84,7 +84,7 @@ def test_map_of_a_sensors_frame_shows_what_moves(leaky: Path, figures: list[Any]
 
 def test_history_and_profile_of_a_sensors_recording_show_what_moves(leaky: Path, figures: list[Any]) -> None:
     for kind in ("range-time", "range-profile"):
-        assert main(["plot", str(leaky), "-o", "picture.png", "--kind", kind, "--frame", "12"]) == 0
+        assert main(["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "12"]) == 0
     history, profile = (figure.axes[0] for figure in figures)
     bin_width = rc.Recording.load(leaky).radar.waveform.range_resolution
     assert START - bin_width < range_of_brightest(history.images[0]) < at(20) + bin_width
@@ -95,7 +95,7 @@ def test_history_and_profile_of_a_sensors_recording_show_what_moves(leaky: Path,
 @pytest.mark.parametrize("kind", ["overview", "range-time", "range-profile"])
 def test_offsets_of_chirps_are_not_what_is_seen_first(kind: str, faint: Path, figures: list[Any]) -> None:
     """At the default gain they are louder than a person, at 0 m and all velocities, and differ from chirp to chirp."""
-    assert main(["plot", str(faint), "-o", "picture.png", "--kind", kind, "--frame", "2"]) == 0
+    assert main(["plot", str(faint), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "2"]) == 0
     drawn = next(ax for ax in figures[0].axes if kind != "overview" or ax.images)
     if kind == "range-profile":
         ranges, levels = drawn.lines[0].get_data()
@@ -117,7 +117,7 @@ def test_live_view_leaves_out_offsets_of_chirps(faint: Path) -> None:
 
 
 def test_samples_of_a_sensor_are_drawn_as_they_are(leaky: Path, figures: list[Any]) -> None:
-    assert main(["plot", str(leaky), "-o", "picture.png", "--kind", "chirp", "--frame", "3"]) == 0
+    assert main(["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", "chirp", "--frame", "3"]) == 0
     drawn = figures[0].axes[0].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, 1e3 * rc.Recording.load(leaky).cube[3, 0, 0], rtol=1e-6)
 
@@ -140,7 +140,7 @@ def test_tracks_of_a_sensors_recording_are_what_moves(leaky: Path, capsys: pytes
 def test_what_stands_still_in_a_simulation_stays(simulated: rc.Recording, figures: list[Any], tmp_path: Path) -> None:
     """It was put there; the truth of the recording tells."""
     simulated.save(tmp_path / "recording")
-    assert main(["plot", str(tmp_path / "recording"), "-o", "picture.png", "--kind", "map"]) == 0
+    assert main(["plot", str(tmp_path / "recording"), "-o", "picture.png", "--overwrite", "--kind", "map"]) == 0
     assert "static" not in figures[0].axes[0].get_title()
 
 
@@ -149,5 +149,5 @@ def test_single_chirp_of_a_sensor_is_drawn(leaky: Path, figures: list[Any], tmp_
     some = rc.Recording.load(leaky)[:1]
     radar = replace(some.radar, waveform=some.radar.waveform.replace(num_chirps=1, frame_interval=25e-3))
     rc.Recording(some.cube[:, :, :1], some.time, radar, source=some.source).save(tmp_path / "one")
-    assert main(["plot", str(tmp_path / "one"), "-o", "picture.png", "--kind", "range-profile"]) == 0
+    assert main(["plot", str(tmp_path / "one"), "-o", "picture.png", "--overwrite", "--kind", "range-profile"]) == 0
     assert "static" not in figures[0].axes[0].get_title()

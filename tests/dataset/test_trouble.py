@@ -5,12 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import resource
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -20,6 +18,7 @@ import pytest
 
 import radarcore as rc
 from deadly_work import Deadly
+from full_disk import largest_file
 from radarcore.dataset import executors
 from radarcore.dataset.shards import Done
 from varied_scenes import digests, write_scene
@@ -109,17 +108,6 @@ def test_what_is_beside_a_dataset_or_in_its_folder_of_parts_is_left_alone(tmp_pa
     (path / ".partial" / "notes.txt").write_text("mine")
     rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
     assert (path / ".partial" / "notes.txt").read_text() == "mine"
-
-
-@contextmanager
-def largest_file(num_bytes: int) -> Iterator[None]:
-    """No file may grow beyond a size: writing fails as on a disk that is full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_full_disk_names_the_file_and_what_is_complete_stays(tmp_path: Path) -> None:

@@ -395,7 +395,7 @@ def test_pictures_are_written_by_the_time_of_frames_and_at_the_end(tmp_path: Pat
 def test_simulated_frames_show_what_is_static_and_measured_ones_do_not(tmp_path: Path) -> None:
     def last(truth: Truth | None) -> NDArray[Any]:
         frames = [Frame(frame(0.8, 0.0, i).cube, i * INTERVAL, RADAR, truth) for i in range(3)]
-        plot.view(frames, output=tmp_path)
+        plot.view(frames, output=tmp_path, overwrite=True)
         return np.asarray(imread(tmp_path / "view-000002.png"))
 
     zero = np.zeros(1)

@@ -11,6 +11,8 @@ import pytest
 
 import radarcore as rc
 from boards import TRANSPORTS, Numbered, number_of, opened, plugged
+from comlib_boards import Pipe, Ramp
+from full_disk import largest_file
 from radarcore.recording.codes import to_samples
 from radarcore.sensor import (
     FramesLostWarning,
@@ -24,12 +26,15 @@ from radarcore.sensor import (
 )
 from radarcore.sensor.bgt60.registers import start_words
 from radarcore.sensor.bgt60.settings import Settings, registers_of
+from radarcore.sensor.comlib.board import ComLibBoard
+from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata.packets import Version
+from radarcore.sensor.transport import Capture
 from short_requests import shorten_requests
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
@@ -259,7 +264,48 @@ def test_captured_conversation_plays_without_the_board(tmp_path):
         with pytest.raises(SensorError, match="expected"):
             list(sensor.frames(1))
     with plugged(Controller(Numbered()), "vendor") as (where, _), pytest.raises(ValueError, match="capture: expected"):
-        open_sensor("usb:058b:0252", capture=path, **where)
+        open_sensor("usb:058b:0252", capture=tmp_path / "other.jsonl", **where)
+    # It is the only one of its name.
+    content = path.read_bytes()
+    with (
+        plugged(Controller(Numbered()), "cdc") as (where, _),
+        pytest.raises(FileExistsError, match="got a file; delete it, or choose another name"),
+    ):
+        open_sensor("usb:058b:0251", capture=path, **where)
+    assert path.read_bytes() == content
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_capture_of_either_protocol_plays_without_its_name(tmp_path):
+    captured = {"comlib": tmp_path / "comlib.jsonl", "strata": tmp_path / "strata.jsonl"}
+    ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), captured["comlib"])).close()
+    with plugged(Controller(Numbered()), "cdc") as (where, _):
+        open_sensor("usb:058b:0251", capture=captured["strata"], **where).close()
+    for protocol, path in captured.items():
+        with open_sensor(f"capture:{path}") as sensor:
+            assert sensor.info.protocol == protocol
+
+
+def test_capture_on_a_full_disk_is_one_error_and_plays_up_to_it(tmp_path):
+    """The board goes on, and is stopped as ever."""
+    path = tmp_path / "capture.jsonl"
+    controller = Controller(Numbered(), speed=None)
+    with (
+        plugged(controller, "cdc") as (where, _),
+        open_sensor("usb:058b:0251", capture=path, queue_size=4096, **where) as sensor,
+    ):
+        sensor.configure(SMALL)
+        with (
+            largest_file(path.stat().st_size + 20_001),
+            pytest.raises(SensorError, match=r"capture\.jsonl: File too large; the capture ends here"),
+        ):
+            list(sensor.frames())
+        assert len(list(sensor.frames(5))) == 5
+    assert path.read_bytes().endswith(b"}\n")
+    with open_sensor(f"capture:{path}", queue_size=4096) as sensor:
+        sensor.configure(SMALL)
+        with pytest.raises(SensorError, match="the capture ends here"):
+            list(sensor.frames())
 
 
 def test_recorded_frames_keep_codes_losses_and_settings(tmp_path):

@@ -19,6 +19,7 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion
+from radarcore.output import check_file, make_folder
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.spectra import range_doppler
 from radarcore.processing.tracks import TrackState
@@ -90,8 +91,10 @@ class Viewer:
     Parameters
     ----------
     path : path, optional
-        An ``.rrd`` file, which is replaced: ``rerun run.rrd`` opens it, here or on another machine. Default: the viewer
-        is opened on this one.
+        An ``.rrd`` file: ``rerun run.rrd`` opens it, here or on another machine. Default: the viewer is opened on this
+        one.
+    overwrite : bool
+        Replace such a file that is there.
 
     Raises
     ------
@@ -117,7 +120,7 @@ class Viewer:
     True
     """
 
-    def __init__(self, path: str | os.PathLike[str] | None = None) -> None:
+    def __init__(self, path: str | os.PathLike[str] | None = None, *, overwrite: bool = False) -> None:
         try:
             import rerun
         except ImportError as error:
@@ -131,7 +134,8 @@ class Viewer:
         if path is None:
             self._stream.spawn(default_blueprint=self._layout())
         else:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            check_file(Path(path), overwrite=overwrite, kind=".rrd")
+            make_folder(Path(path).parent)
             try:
                 self._stream.save(Path(path), default_blueprint=self._layout())
             except RuntimeError as error:  # a folder that cannot be written to

@@ -12,12 +12,13 @@ from cyclopts import Parameter
 from radarcore import check, plot
 from radarcore.adapters.ros.bags import is_bag
 from radarcore.cli.captured import motions_of, name_of
-from radarcore.cli.options import File, Flag, Json, Method, Metres, OutputFile, Seconds
+from radarcore.cli.options import File, Flag, Json, Method, Metres, OutputFile, Overwrite, Seconds
 from radarcore.cli.source import load_recording
 from radarcore.cli.terminal import Table, show
 from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.comparison import Comparison, compare
+from radarcore.output import check_file
 from radarcore.processing.detection import detect
 
 _RADAR = "radar"
@@ -46,6 +47,7 @@ def run(
     max_range: Metres = None,
     range_only: Flag = False,
     time: Seconds = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Compare, print the tables, and write the report or the picture.
@@ -81,7 +83,7 @@ def run(
     time : float
         time of the maps (default: the middle)
     """
-    _check_output(output)
+    _check_output(output, overwrite)
     sources = [text for text in (a, b) if text is not None]
     wishes = {"method": method, "min_range": min_range, "max_range": max_range}
     chosen: dict[str, Any] = {name: value for name, value in wishes.items() if value is not None}
@@ -102,7 +104,7 @@ def run(
         _show(compared)
     if output is not None:
         write = compared.report if output.suffix.lower() == _PAGE else compared.figure
-        write(output, time=time, max_range=max_range)
+        write(output, time=time, max_range=max_range, overwrite=overwrite)
         if not as_json:
             print(f"\n{output}")
 
@@ -114,13 +116,14 @@ def _show(compared: Comparison) -> None:
         show(Table(table.header, table.rows, report.lines(table), table.title, table.note))
 
 
-def _check_output(path: Path | None) -> None:
+def _check_output(path: Path | None, overwrite: bool) -> None:
     """Refuse an output that could not be written, before work is done."""
     if path is None:
         return
     if path.suffix.lower() not in (_PAGE, *_PICTURES):
         kinds = ", ".join((_PAGE, *_PICTURES))
         raise ValueError(f"{path}: expected a report or a picture ({kinds}), got suffix {path.suffix!r}")
+    check_file(path, overwrite=overwrite)
     plot.require()
 
 

@@ -11,9 +11,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, Output, RemoveStatic, Source, whole_number
+from radarcore.cli.options import Count, Metres, Output, Overwrite, RemoveStatic, Source, whole_number
 from radarcore.cli.source import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.static import moving, moving_frame, removes_static
+from radarcore.output import check_file
 from radarcore.plot import canvas
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
@@ -88,6 +89,7 @@ def run(
     max_range: Metres = None,
     max_velocity: Annotated[float | None, Parameter(metavar="V")] = None,
     remove_static: RemoveStatic = None,
+    overwrite: Overwrite = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Draw a recording or a scene file.
@@ -125,6 +127,7 @@ def run(
         max_range=max_range,
         max_velocity=max_velocity,
         remove_static=remove_static,
+        overwrite=overwrite,
     )
     print(output)
 
@@ -137,6 +140,7 @@ def draw(
     frame: int | None = None,
     sequence: int = 0,
     config: Description = NOTHING_SAID,
+    overwrite: bool = False,
     **view: Any,
 ) -> None:
     """Draw a recording or a scene file.
@@ -155,6 +159,8 @@ def draw(
         Number of the sub-sequence, of radars with several.
     config : Description
         Of bare samples.
+    overwrite : bool
+        Replace a picture that is there.
     **view
         `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
         `remove_static`: take off what stands still throughout, of a frame of a scene what does within the frame.
@@ -165,6 +171,7 @@ def draw(
     suffixes = (".png", ".pdf", ".svg", ".jpg")
     if picture.suffix.lower() not in suffixes:
         raise ValueError(f"{picture}: expected a picture ({', '.join(suffixes)}), got suffix {picture.suffix!r}")
+    check_file(picture, overwrite=overwrite)
     chosen = {name: value for name, value in view.items() if value is not None}
     if wrong := sorted(
         name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ())
@@ -172,7 +179,7 @@ def draw(
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
         raise ValueError(f"{wrong[0]}: expected a picture of kind {kinds}, got {kind!r}")
     if kind in FIGURES:
-        chosen["path"] = picture
+        chosen |= {"path": picture, "overwrite": overwrite}
     if source.suffix == ".toml":
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
@@ -182,7 +189,7 @@ def draw(
         # Nobody goes on with these axes, so that the place of their titles is known.
         for ax in figure.axes:
             canvas.entitle(ax, ax.get_title())
-        canvas.save(figure, picture)
+        canvas.save(figure, picture, overwrite=overwrite)
 
 
 def _of_recording(recording: Recording, path: Path, kind: str, number: int | None, view: dict[str, Any]) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import errno
 import json
 import time
 from collections.abc import Iterator, Sequence
@@ -18,9 +17,10 @@ from cyclopts import Parameter
 from radarcore import check, notice
 from radarcore.cli.bag_results import ResultBag
 from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, RemoveStatic, Source, whole_number
-from radarcore.cli.source import NOT_BARE, AnyReader, BareSamples, open_recording
+from radarcore.cli.source import NOT_BARE, AnyReader, BareSamples, open_recording, path_and_topic
 from radarcore.cli.static import moving, removes_static
 from radarcore.cli.terminal import Table, show
+from radarcore.output import Lock, check_file, make_folder, refuse_source
 from radarcore.processing.detection import detect
 from radarcore.processing.point_cloud import Detections
 from radarcore.processing.tracking import Tracker
@@ -107,6 +107,8 @@ def run(
     began = time.perf_counter()
     if samples and bag is None:
         raise ValueError("--samples: expected --bag as well, got none")
+    if bag is not None:
+        refuse_source("--bag", bag, path_and_topic(source)[0])
     with ExitStack() as files:
         reader = files.enter_context(open_recording(source, bare.description))
         write = _writers(output, overwrite, files) if output is not None else None
@@ -184,15 +186,14 @@ def _results(path: Path, reader: AnyReader, files: ExitStack, *, with_samples: b
 
 def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:
     """A function that writes the results of a frame; each is in the files before the next comes."""
-    taken = [directory / name for name in FILES if (directory / name).exists()]
-    if taken and not overwrite:
-        raise FileExistsError(
-            errno.EEXIST, "expected no such file, got results; overwrite=True replaces them", taken[0]
-        )
-    directory.mkdir(parents=True, exist_ok=True)
+    headers = dict(zip(FILES, (_OF_DETECTIONS, _OF_TRACKS), strict=True))
+    for name in headers:
+        check_file(directory / name, overwrite=overwrite)
+    make_folder(directory)
+    files.enter_context(Lock(directory))
     opened = [files.enter_context((directory / name).open("w", newline="", encoding="utf-8")) for name in FILES]
     writers = [csv.writer(file, lineterminator="\n") for file in opened]
-    for writer, header in zip(writers, (_OF_DETECTIONS, _OF_TRACKS), strict=True):
+    for writer, header in zip(writers, headers.values(), strict=True):
         writer.writerow(header)
 
     def write(index: int, found: Detections, states: list[TrackState]) -> None:

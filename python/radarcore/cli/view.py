@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
-from radarcore.cli.options import OutputFile, RemoveStatic, Source
+from radarcore.cli.options import OutputFile, Overwrite, RemoveStatic, Source
 from radarcore.cli.source import NOT_BARE, BareSamples, open_recording
 from radarcore.cli.static import moving, removes_static
 from radarcore.processing.detection import detect
@@ -25,6 +25,7 @@ def run(
     *,
     output: OutputFile = None,
     remove_static: RemoveStatic = None,
+    overwrite: Overwrite = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
     """Show every frame: what is there, what the radar sees of it, and what is detected and tracked.
@@ -46,7 +47,7 @@ def run(
             f"{source}: expected no --remove-static with a scene file, whose frames are shown as they come"
         )
     number = 0
-    with Viewer(output) as viewer:
+    with Viewer(output, overwrite=overwrite) as viewer:
         is_scene = source.suffix == ".toml"
         frames = _of_scene(source, viewer) if is_scene else _of_recording(source, bare.description, remove_static)
         tracker: Tracker | None = None

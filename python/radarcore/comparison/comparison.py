@@ -22,6 +22,7 @@ from radarcore.comparison.statistics import TargetErrors, target_errors
 from radarcore.comparison.targets import Estimates, estimates, found_in, thing_of
 from radarcore.comparison.time_base import dropped_frames, middles, usual_interval
 from radarcore.motion.protocol import AnyMotion
+from radarcore.output import check_file, write_text
 from radarcore.processing.point_cloud import Detections
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
@@ -68,7 +69,12 @@ class Comparison(Record):
         return facts(self)
 
     def figure(
-        self, path: AnyPath | None = None, *, time: float | None = None, max_range: float | None = None
+        self,
+        path: AnyPath | None = None,
+        *,
+        time: float | None = None,
+        max_range: float | None = None,
+        overwrite: bool = False,
     ) -> Figure:
         """Range-velocity maps side by side, and range and velocity of both recordings over the truth.
 
@@ -80,10 +86,14 @@ class Comparison(Record):
             Time of the maps, by the common base [s]; default: the middle of what the recordings have in common.
         max_range : float, optional
             End of the range axes [m]; default: a little beyond the targets.
+        overwrite : bool
+            Replace a picture that is there.
         """
-        return draw(self, path, time=time, max_range=max_range)
+        return draw(self, path, time=time, max_range=max_range, overwrite=overwrite)
 
-    def report(self, path: AnyPath, *, time: float | None = None, max_range: float | None = None) -> None:
+    def report(
+        self, path: AnyPath, *, time: float | None = None, max_range: float | None = None, overwrite: bool = False
+    ) -> None:
         """Write tables and pictures as one HTML file, which needs no other.
 
         Parameters
@@ -92,10 +102,11 @@ class Comparison(Record):
             Missing parents are made.
         time, max_range
             As in `figure`.
+        overwrite : bool
+            Replace a report that is there.
         """
-        page = html(self, time=time, max_range=max_range)
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        Path(path).write_text(page, encoding="utf-8")
+        check_file(Path(path), overwrite=overwrite, kind=".html")
+        write_text(Path(path), html(self, time=time, max_range=max_range), overwrite=overwrite)
 
 
 @check.knows_keywords

@@ -47,8 +47,10 @@ def draw(
     *,
     time: float | None = None,
     max_range: float | None = None,
+    overwrite: bool = False,
 ) -> Figure:
     """The figure of `Comparison.figure`."""
+    canvas.picture(path, overwrite)
     sides = comparison.sides
     when = _middle(sides) if time is None else _within(sides, check.number("time", time, "s"))
     end = _range_end(comparison) if max_range is None else check.positive("max_range", max_range, "m")
@@ -95,7 +97,7 @@ def draw(
     for ax, names in named:
         is_map = ax not in (ranges, velocities)
         canvas.place_names_in_layout(ax, names, outline="black" if is_map else "white", above_first=not is_map)
-    canvas.save(figure, path)
+    canvas.save(figure, path, overwrite=overwrite)
     return figure
 
 

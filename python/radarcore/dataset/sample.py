@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore.dataset.files import renamed
+from radarcore.output import write_text
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.simulation import simulation
@@ -124,15 +125,21 @@ class Sample:
         for time in frame_times(found.run.start, found.run.stop, found.run.rate):
             yield simulator.frame(float(time))
 
-    def save(self, path: str | PathLike[str]) -> None:
+    def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the scene file, for `load_scene` and the command line.
 
         Files that it names are then found from where it is written to.
 
+        Parameters
+        ----------
+        path : path
+        overwrite : bool
+            Replace a file that is there.
+
         Raises
         ------
         FileExistsError
-            When there is such a file.
+            When there is such a file, unless it is to be replaced.
 
         See Also
         --------
@@ -153,8 +160,7 @@ class Sample:
             return name if Path(name).is_absolute() else Path(os.path.relpath(source / name, folder)).as_posix()
 
         tables = renamed(self._tables, moved)
-        with target.open("x", encoding="utf-8") as file:
-            file.write(f"{self._header}{toml_text(tables)}")
+        write_text(target, f"{self._header}{toml_text(tables)}", overwrite=overwrite)
 
     def is_about(self, path: str, message: str) -> bool:
         """True if a message names the key at a path, and the value that was drawn for it."""

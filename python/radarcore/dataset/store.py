@@ -12,7 +12,7 @@ from radarcore.dataset.files import keep
 from radarcore.dataset.layout import TEXT, Layout, Variable
 from radarcore.dataset.plan import FORMAT, VERSION, Plan
 from radarcore.dataset.shardfile import LEVEL
-from radarcore.output import PartFolder, already_exists, is_empty
+from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty
 
 
 def zarr() -> Any:
@@ -27,6 +27,7 @@ def zarr() -> Any:
 def create(path: Path, plan: Plan) -> None:
     """Make the group with all its variables, whole or not at all."""
     package = zarr()
+    check_folder_name(path)
     with PartFolder(path) as part:
         if path.exists() and not (path.is_dir() and is_empty(path)):
             raise already_exists(path, "a dataset that another process has made meanwhile; resume=True goes on with it")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from radarcore import check, notice
 from radarcore.dataset.export import attributes_of, made_of, opened_samples, refuse_dataset, those_made
 from radarcore.dataset.samples import Samples
-from radarcore.output import PartFolder, already_exists, is_empty
+from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty
 
 _FORMAT = "radarcore webdataset"
 """Mark of the folders that are made here."""
@@ -73,6 +73,7 @@ def to_webdataset(
     size = check.count("samples_per_tar", samples_per_tar)
     samples, folder = opened_samples(dataset), Path(out)
     refuse_dataset(samples, folder)
+    check_folder_name(folder)
     replaced = _replaced(folder, overwrite)
     with PartFolder(folder) as part:
         target = part.folder / folder.name

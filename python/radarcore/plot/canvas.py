@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.output import check_file, new_file
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
@@ -97,11 +98,25 @@ def dpi_for(path: str | os.PathLike[str] | None) -> int:
     return SHOWN_DPI if path is None else WRITTEN_DPI
 
 
-def save(figure: Figure, path: str | os.PathLike[str] | None, *, is_laid_out: bool = False) -> None:
+def picture(path: str | os.PathLike[str] | None, overwrite: bool) -> Path | None:
+    """Path of a picture that may be written there, if anywhere; without a suffix matplotlib's own is added."""
+    if path is None:
+        return None
+    from matplotlib import rcParams
+
+    file = Path(path)
+    file = file if file.suffix else file.with_name(f"{file.name}.{rcParams['savefig.format']}")
+    check_file(file, overwrite=overwrite)
+    return file
+
+
+def save(
+    figure: Figure, path: str | os.PathLike[str] | None, *, overwrite: bool = False, is_laid_out: bool = False
+) -> None:
     """Write a figure, if anywhere; missing parents are made. One that was made for the file is then one to be shown."""
-    if path is not None:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        write(figure, path, dpi=WRITTEN_DPI, is_laid_out=is_laid_out)
+    if (file := picture(path, overwrite)) is not None:
+        with new_file(file, overwrite=overwrite) as part:
+            write(figure, part, dpi=WRITTEN_DPI, is_laid_out=is_laid_out)
         figure.dpi = SHOWN_DPI
 
 

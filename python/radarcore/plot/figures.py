@@ -34,6 +34,7 @@ def overview(
     max_range: float | None = None,
     max_velocity: float | None = None,
     moving: Frame | None = None,
+    overwrite: bool = False,
 ) -> Figure:
     """Frame at a glance: depth, reflectance, one chirp, and power over range and velocity, truth as crosses.
 
@@ -52,6 +53,8 @@ def overview(
     moving : Frame, optional
         The frame without what stands still, such as `remove_mean` gives: its powers are drawn, and the chirp as it
         was received.
+    overwrite : bool
+        Replace a picture that is there.
 
     Returns
     -------
@@ -70,6 +73,7 @@ def overview(
     >>> len(figure.axes) >= 2
     True
     """
+    canvas.picture(path, overwrite)
     wf = frame.radar.waveform
     seen, told = (frame, "") if moving is None else (moving, ", static echoes removed")
     names: list[tuple[Axes, list[Name]]] = []
@@ -100,7 +104,7 @@ def overview(
         canvas.lay_out(figure)
     for ax, points in names:
         canvas.place_names_in_layout(ax, points)
-    canvas.save(figure, path, is_laid_out=bool(names))
+    canvas.save(figure, path, overwrite=overwrite, is_laid_out=bool(names))
     return figure
 
 
@@ -116,6 +120,7 @@ def experiment(
     window_length: int | None = None,
     remove_static: bool = True,
     path: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
 ) -> Figure:
     """A recording at a glance: the scene from above, power over range and velocity, tracks and spectrogram.
 
@@ -139,6 +144,8 @@ def experiment(
         Leave out of the spectrogram what stands still throughout.
     path : path, optional
         Save here, in the format of the suffix; missing parents are made.
+    overwrite : bool
+        Replace a picture that is there.
 
     Returns
     -------
@@ -158,6 +165,7 @@ def experiment(
     >>> len(figure.axes) > 3
     True
     """
+    canvas.picture(path, overwrite)
     history.check_recording(recording)
     above.check_scene(scene)
     colors = dict.fromkeys(scene.names, canvas.GREY)
@@ -199,7 +207,7 @@ def experiment(
     canvas.lay_out(figure)
     canvas.place_names_in_layout(from_above, scene_names, outline="white")
     canvas.place_names_in_layout(on_map, map_names)
-    canvas.save(figure, path, is_laid_out=True)
+    canvas.save(figure, path, overwrite=overwrite, is_laid_out=True)
     return figure
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.output import new_file
+from radarcore.output import check_folder_name, new_file
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import CUBE_TYPES, TRUTH_FIELDS, Kind, Truth, frame_shape, kind_of
 from radarcore.recording.npy import ArrayFile, read_npz
@@ -115,6 +115,8 @@ def format_of(path: Path) -> str:
     """Format by the suffix of the path."""
     if path.suffix in (".zarr", ".h5", ".hdf5", ".npy", ".mat"):
         raise ValueError(f"path: expected a directory or an .npz file, got {str(path)!r}")
+    if path.suffix != ".npz":
+        check_folder_name(path)
     # Any other name is that of a directory: dates and versions have dots.
     return "npz" if path.suffix == ".npz" else "directory"
 

@@ -77,6 +77,10 @@ class SensorDisconnectedError(SensorError, ConnectionError):
     """
 
 
+class CaptureError(SensorError):
+    """The file of a conversation cannot be written any further; the conversation goes on."""
+
+
 class ProtocolError(SensorError):
     """The board's answer is not what the protocol allows.
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from radarcore import check, notice
+from radarcore.output import claimed
 from radarcore.sensor import transport
 from radarcore.sensor.board import Board, BoardInfo
 from radarcore.sensor.comlib.board import ComLibBoard
@@ -88,12 +92,15 @@ def open_sensor(
     queue_size : int
         Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
     capture : path, optional
-        File to write every byte to and from the board into, of a port with a byte stream.
+        New file to write every byte to and from the board into, of a port with a byte stream. On a disk that is full
+        it ends with an error, once; the conversation goes on.
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
 
     Raises
     ------
+    FileExistsError
+        When there is such a file as `capture`.
     SensorNotFoundError
         When there is no board, or nothing at `port`.
     SensorError
@@ -121,6 +128,18 @@ def open_sensor(
     """
     if protocol is not None:
         check.choice("protocol", protocol, PROTOCOLS)
+    with nullcontext() if capture is None else claimed(Path(capture)):
+        return _opened(port, protocol, queue_size, capture, usb_backend)
+
+
+def _opened(
+    port: str | Port | None,
+    protocol: str | None,
+    queue_size: int,
+    capture: str | PathLike[str] | None,
+    usb_backend: Any,
+) -> Sensor:
+    """The sensor at a port, or at the first with a board."""
     if port is not None:
         return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
     failures, reasons = [], []
@@ -157,20 +176,25 @@ def _connect(
     port: str | Port, protocol: str | None, usb_backend: Any, capture: str | PathLike[str] | None = None
 ) -> Board:
     """The board at a port."""
+    protocols: tuple[str, ...]
+    open_stream: Callable[[], Stream]
     if isinstance(port, str) and port.startswith(_CAPTURE):
-        path = port.removeprefix(_CAPTURE)
-        return _comlib(Replay(path), 1.0) if protocol == "comlib" else _strata(StreamLink(Replay(path)), 1.0)
-    if isinstance(port, str):
-        port = _port_of(port, usb_backend)
-    if port.kind == "usb-vendor":
-        if capture is not None:
-            raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
-        return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
-    protocols = _protocols_of(port) if protocol is None else (protocol,)
+        place, protocols = port.removeprefix(_CAPTURE), PROTOCOLS[::-1]
+        open_stream = partial(Replay, place)
+    else:
+        port = _port_of(port, usb_backend) if isinstance(port, str) else port
+        if port.kind == "usb-vendor":
+            if capture is not None:
+                raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
+            return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
+        place, protocols = port.path, _protocols_of(port)
+        open_stream = partial(transport.open_stream, port, usb_backend=usb_backend)
+    if protocol is not None:
+        protocols = (protocol,)
     timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
     failures: dict[str, SensorError] = {}
     for name in protocols:
-        stream = transport.open_stream(port, usb_backend=usb_backend)
+        stream = open_stream()
         if capture is not None:
             stream = _captured(stream, capture)
         try:
@@ -180,9 +204,9 @@ def _connect(
                 raise
             failures[name] = error
     reasons = "; ".join(
-        f"{_SPELLED[name]}: {str(error).removeprefix(f'{port.path}: ')}" for name, error in failures.items()
+        f"{_SPELLED[name]}: {str(error).removeprefix(f'{place}: ')}" for name, error in failures.items()
     )
-    raise SensorError(f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
+    raise SensorError(f"{place}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
 
 
 def _protocols_of(port: Port) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.adapters.optitrack.axes import AXES, motive_positions, motive_quaternions
 from radarcore.adapters.optitrack.capture import MotionCapture
+from radarcore.output import check_file, new_file
 
 Array = NDArray[np.float64]
 
@@ -52,8 +53,7 @@ def write_motive_csv(
     """
     check.choice("axes", axes, AXES)
     file = Path(path)
-    if file.exists() and not overwrite:
-        raise FileExistsError(f"{file}: exists; give overwrite=True to replace it")
+    check_file(file, overwrite=overwrite, kind=".csv")
     kinds, names, quantities, letters = [], [], [], []
     columns: list[Array] = []
 
@@ -79,7 +79,10 @@ def write_motive_csv(
     first |= dict.fromkeys(["Total Frames in Take", "Total Exported Frames"], str(len(capture)))
     first |= {"Rotation Type": "Quaternion", "Length Units": "Meters", "Coordinate Space": "Global"}
     values = np.column_stack(columns) if columns else np.zeros((len(capture), 0))
-    with file.open("w", encoding="utf-8", newline="") as stream:
+    with (
+        new_file(file, overwrite=overwrite, kind=".csv") as part,
+        part.open("w", encoding="utf-8", newline="") as stream,
+    ):
         lines = csv.writer(stream)
         lines.writerow([cell for pair in first.items() for cell in pair])
         lines.writerow([])

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from radarcore.cli import terminal
 from radarcore.cli.demo import experiment
-from radarcore.cli.options import Count, Json, Output, Seconds
+from radarcore.cli.options import Count, Flag, Json, Output, Seconds
 
 
 def run(
@@ -19,6 +19,7 @@ def run(
     output: Output = Path("out/demo"),
     duration: Seconds = None,
     ray_budget: Count = None,
+    overwrite: Flag = False,
     robots: Annotated[bool | None, Parameter(negative="--no-robots")] = None,
     as_json: Json = False,
 ) -> None:
@@ -28,6 +29,8 @@ def run(
     ----------
     output : path
         directory
+    overwrite : bool
+        replace scene, recording and picture of an earlier run
     duration : float
         seconds (default: 5)
     ray_budget : int
@@ -40,6 +43,7 @@ def run(
         duration=duration,
         ray_budget=ray_budget,
         with_robots=robots,
+        overwrite=overwrite,
         say=_silent if as_json else terminal.show,
     )
     if as_json:

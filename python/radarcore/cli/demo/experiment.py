@@ -19,6 +19,8 @@ from radarcore.cli import terminal
 from radarcore.comparison.statistics import TargetErrors, target_errors
 from radarcore.comparison.targets import estimates, found_in
 from radarcore.models.robots import data
+from radarcore.output import check_file, write_text
+from radarcore.recording.writer import check_room
 from radarcore.scenefile.load import load_scene
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
@@ -47,6 +49,7 @@ def run(
     duration: float | None = None,
     ray_budget: int | None = None,
     with_robots: bool | None = None,
+    overwrite: bool = False,
     say: Callable[[str | terminal.Table], None] = terminal.show,
 ) -> dict[str, Any]:
     """Simulate, record, compare and draw; results go to `say`, lines and a table, and are returned.
@@ -61,6 +64,8 @@ def run(
         Largest number of rays of a cast; default: that of `Simulator`.
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
+    overwrite : bool
+        Replace those of an earlier run.
     """
     if duration is not None:
         check.positive("duration", duration, "s")
@@ -69,9 +74,10 @@ def run(
     plot.require()
     if with_robots is None:
         with_robots = data.is_available()
-    directory.mkdir(parents=True, exist_ok=True)
-    file = directory / "scene.toml"
-    file.write_text(scene_text(with_robots), encoding="utf-8")
+    file, path, picture = directory / "scene.toml", directory / "recording", directory / "experiment.png"
+    check_room(path, overwrite)
+    check_file(picture, overwrite=overwrite)
+    write_text(file, scene_text(with_robots), overwrite=overwrite)
     simulation = load_scene(file)
     changes: dict[str, Any] = {}
     if duration is not None:
@@ -90,12 +96,11 @@ def run(
     say(f"{len(simulation.scene.bodies)} bodies, {simulation.scene.num_triangles} triangles, {extra}")
 
     # Simulate and record.
-    path = directory / "recording"
     began = time.perf_counter()
     with warnings.catch_warnings():
         # The feet of the person are faster than max_velocity for a few frames, as docs/demo.md says.
         warnings.filterwarnings("ignore", message=".*has a radial speed of")
-        recording = simulation.record(path=path, overwrite=True)
+        recording = simulation.record(path=path, overwrite=overwrite)
     elapsed = time.perf_counter() - began
     real_time_factor = len(recording) / settings.rate / elapsed
     say(
@@ -119,7 +124,6 @@ def run(
     say(_table(errors))
 
     # One picture.
-    picture = directory / "experiment.png"
     plot.experiment(
         recording,
         simulation.scene,
@@ -128,6 +132,7 @@ def run(
         field_of_view_deg=settings.field_of_view_deg,
         max_range=6.0,
         path=picture,
+        overwrite=overwrite,
     )
     say("")
     say(f"scene {file}, recording {path}, picture {picture}")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import sys
 
-from radarcore.cli.options import Json, OutputFile
+from radarcore.cli.options import Json, OutputFile, Overwrite
 from radarcore.cli.sensor.options import Port
 from radarcore.cli.terminal import Table, show, show_facts
+from radarcore.output import write_text
 
 
 def run_list(*, as_json: Json = False) -> int:
@@ -44,7 +45,7 @@ def run_info(port: Port = None, /, *, as_json: Json = False) -> None:
         show_facts(texts, max(map(len, facts)))
 
 
-def run_report(*, output: OutputFile = None) -> None:
+def run_report(*, output: OutputFile = None, overwrite: Overwrite = False) -> None:
     """Collect the USB descriptors of the boards, for a bug report.
 
     Parameters
@@ -67,5 +68,5 @@ def run_report(*, output: OutputFile = None) -> None:
     if output is None:
         print(text, end="")
     else:
-        output.write_text(text)
+        write_text(output, text, overwrite=overwrite)
         print(f"{output}: {len(report['usb'])} boards on USB, {len(report['ports'])} ports")

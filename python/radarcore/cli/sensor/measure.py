@@ -128,6 +128,7 @@ def run_view(
     /,
     *,
     output: OutputFolder = None,
+    overwrite: Flag = False,
     frames: Count = None,
     speed: Speed = 1.0,
     every: Annotated[float, Parameter(metavar="S")] = 1.0,
@@ -142,6 +143,8 @@ def run_view(
         recording, scene file (TOML), or port of a board (default: the first board that responds)
     output : path
         write pictures to DIR, open no window
+    overwrite : bool
+        replace pictures of an earlier view
     frames : int
         end after N frames
     speed : float
@@ -163,6 +166,7 @@ def run_view(
         plot.view(
             islice(shown, frames),
             output=output,
+            overwrite=overwrite,
             every=every,
             title=title,
             max_range=settings.max_range,

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from cyclopts import Parameter
 
 from radarcore._core import __version__
-from radarcore.cli.options import Json, OutputFile
+from radarcore.cli.options import Json, OutputFile, Overwrite
 from radarcore.cli.sensor.options import Port
 from radarcore.cli.terminal import show_result
+from radarcore.output import check_file, write_text
 
 if TYPE_CHECKING:
     from radarcore.sensor.checks import Check
@@ -30,6 +31,7 @@ def run(
     duration: Annotated[float, Parameter(metavar="S")] = 2.5,
     as_json: Json = False,
     output: OutputFile = None,
+    overwrite: Overwrite = False,
     capture: Annotated[Path | None, Parameter(metavar="FILE")] = None,
 ) -> int:
     """Check a board: identity, registers, test pattern, noise, frame rate; the status is 1 if a check failed.
@@ -48,6 +50,8 @@ def run(
     from radarcore.sensor import SensorError, open_sensor
     from radarcore.sensor.checks import Check
 
+    if output is not None:
+        check_file(output, overwrite=overwrite)
     began = time.monotonic()
     checks: list[Check] = []
     board: dict[str, Any] | None = None
@@ -85,7 +89,7 @@ def run(
         took = f"in {results['seconds']:.1f} s"
         print(f"{count['PASS']} passed, {count['FAIL']} failed, {count['SKIP']} skipped {took}")
     if output is not None:
-        output.write_text(json.dumps(results | _descriptors(), indent=2) + "\n")
+        write_text(output, json.dumps(results | _descriptors(), indent=2) + "\n", overwrite=overwrite)
     if not as_json and (has_failed or output is not None):
         print(_advice(port, output))
     return int(has_failed)

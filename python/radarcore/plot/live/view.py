@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.output import new_file
 from radarcore.plot import canvas
 from radarcore.processing.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
@@ -186,8 +187,14 @@ class LiveView:
         if time.perf_counter() - self._texts_painted >= _TEXT_INTERVAL:
             self._paint(self._text_axes)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the figure as a PNG picture; missing parents are made.
+
+        Parameters
+        ----------
+        path : path
+        overwrite : bool
+            Replace a picture that is there.
 
         See Also
         --------
@@ -208,13 +215,13 @@ class LiveView:
 
         painting: Any = self.figure.canvas
         if not painting.supports_blit:
-            canvas.save(self.figure, path)
+            canvas.save(self.figure, path, overwrite=overwrite)
             return
         # The pixels that are painted anyway: several times quicker than `savefig`.
         self._texts_painted = -np.inf
         self.draw()
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        imsave(path, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
+        with new_file(Path(path), overwrite=overwrite, kind=".png") as part:
+            imsave(part, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
 
     def _make_axes(self) -> None:
         """Make the axes, and the artists in them that change."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radarcore import check
+from radarcore.output import already_exists, make_folder
 from radarcore.plot import canvas
 from radarcore.plot.live.view import SIZE, LiveView
 from radarcore.recording.frame import Frame
@@ -39,6 +40,7 @@ def view(
     frames: Iterable[Frame],
     *,
     output: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
     every: float = 1.0,
     title: str = "",
     remove_static: bool | None = None,
@@ -59,6 +61,8 @@ def view(
         Frames of one radar: a sensor's, a recording's, a simulator's.
     output : path, optional
         Directory for PNG pictures instead of a window; made if missing. Default without a window: ``out/view``.
+    overwrite : bool
+        Replace pictures of an earlier view that are there.
     every : float
         A picture whenever this much time of the frames has passed [s], and one of the last frame.
     title : str
@@ -109,13 +113,13 @@ def view(
         return LiveView(first.radar, figure=figure, title=title, remove_static=removes, **options)
 
     if output is not None:
-        return _write(frames, live, Path(output), every, tell)
+        return _write(frames, live, Path(output), every, tell, overwrite)
     figure = _new_window(title)
     if figure is not None:
         tell(f"key {STATIC_KEY} shows or removes what stands still; close the window or press Ctrl-C to end")
         return _play(frames, lambda first: live(first, figure), figure, paced=paced, hold=hold)
     tell("no window: there is no display, or matplotlib has no backend for it; writing pictures")
-    return _write(frames, live, OUTPUT, every, tell)
+    return _write(frames, live, OUTPUT, every, tell, overwrite)
 
 
 def _write(
@@ -124,8 +128,11 @@ def _write(
     directory: Path,
     every: float,
     say: Callable[[str], None],
+    overwrite: bool,
 ) -> int:
     """A picture of every so many seconds, and one of the last frame however the frames end."""
+    if not overwrite and (taken := next(directory.glob("view-*.png"), None)) is not None:
+        raise already_exists(taken, "a picture of an earlier view; overwrite=True replaces it")
     live: LiveView | None = None
     num_frames = num_pictures = 0
     is_shown, due = True, 0.0
@@ -133,14 +140,14 @@ def _write(
     def picture() -> None:
         nonlocal num_pictures, is_shown
         if live is not None and not is_shown:
-            live.save(directory / f"view-{num_frames - 1:06d}.png")
+            live.save(directory / f"view-{num_frames - 1:06d}.png", overwrite=overwrite)
             num_pictures, is_shown = num_pictures + 1, True
 
     try:
         for frame in frames:
             if live is None:
                 live, due = live_of(frame), frame.time + every
-                directory.mkdir(parents=True, exist_ok=True)
+                make_folder(directory)
                 say(f"{directory}: a picture every {every:g} s")
             live.update(frame)
             num_frames, is_shown = num_frames + 1, False

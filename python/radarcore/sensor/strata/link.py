@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from radarcore.sensor.errors import (
+    CaptureError,
     ProtocolError,
     RequestError,
     SensorDisconnectedError,
@@ -93,8 +94,11 @@ class _Inbox:
         self._queue.put(error)
 
     def check(self) -> None:
-        if self._failure is not None:
-            raise type(self._failure)(*self._failure.args) from self._failure
+        failure = self._failure
+        if failure is not None:
+            if isinstance(failure, CaptureError):
+                self._failure = None  # once: the board is as it was
+            raise type(failure)(*failure.args) from failure
 
     def take(self, timeout: float) -> list[DataPacket | Damage]:
         items: list[DataPacket | Damage] = []
@@ -105,11 +109,10 @@ class _Inbox:
                 item = self._queue.get_nowait()
         except queue.Empty:
             return items
-        if not items:
+        if items or not isinstance(item, CaptureError):
             self._queue.put(item)  # for the next call as well
+        if not items:
             self.check()
-        else:
-            self._queue.put(item)
         return items
 
     def discard(self, quiet: float) -> None:
@@ -161,7 +164,10 @@ class _Reading(ABC):
     def _read(self) -> None:
         try:
             while not self._is_closed:
-                self._poll()
+                try:
+                    self._poll()
+                except CaptureError as error:
+                    self._inbox.fail(error)
         except SensorError as error:
             self._inbox.fail(error)
 

@@ -12,11 +12,12 @@ import os
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from radarcore import check
-from radarcore.sensor.errors import ProtocolError, SensorDisconnectedError
+from radarcore.sensor.errors import CaptureError, ProtocolError, SensorDisconnectedError
 from radarcore.sensor.transport.stream import Stream, drained
 
 FORMAT = "radarcore capture"
@@ -45,7 +46,10 @@ class Capture:
     Raises
     ------
     OSError
-        The file cannot be written, here and in all calls.
+        The file cannot be made.
+    CaptureError
+        Once, in the call after the one whose bytes could not be written (a full disk). The file then ends with its last
+        whole line; the conversation goes on without it.
     """
 
     def __init__(self, stream: Stream, path: str | os.PathLike[str]) -> None:
@@ -53,29 +57,37 @@ class Capture:
         self._stream = stream
         self._start = time.monotonic()
         self._lock = threading.Lock()
-        self._file = Path(path).open("w", encoding="utf-8", buffering=1)  # noqa: SIM115  # `close` closes it
+        self._path = Path(path)
+        self._file = self._path.open("wb", buffering=0)
+        self._num_whole = 0  # bytes of whole lines
+        self._is_closed = False
+        self._failure: CaptureError | None = None
         self._write_line({"format": FORMAT, "version": VERSION, "stream": stream.name, "started": time.time()})
 
     def read(self, size: int, timeout: float) -> bytes:
         """Received bytes, 1 to `size`; none if none came within `timeout` [s]."""
+        self._raise_once()
         data = self._stream.read(size, timeout)
         self._note("read", data)
         return data
 
     def write(self, data: bytes, timeout: float) -> None:
         """Send all of `data`, or raise `SensorTimeoutError` when `timeout` [s] is over."""
+        self._raise_once()
         # Noted before it is sent, since another thread may have the answer before this one goes on.
         self._note("write", data)
         self._stream.write(data, timeout)
 
     def discard(self) -> None:
         """Discard received bytes, as the stream does; it is written down nevertheless."""
+        self._raise_once()
         self._note("discard", drained(self._stream))
 
     def close(self) -> None:
         """Close the stream and the file; may be called twice."""
         self._stream.close()
         with self._lock:
+            self._is_closed = True
             self._file.close()
 
     def _note(self, direction: str, data: bytes) -> None:
@@ -85,9 +97,26 @@ class Capture:
 
     def _write_line(self, line: dict[str, Any]) -> None:
         with self._lock:
-            if self._file.closed:
+            if self._is_closed:
                 raise SensorDisconnectedError(f"{self.name}: the port has been closed")
-            self._file.write(json.dumps(line) + "\n")
+            if self._file.closed:
+                return
+            data = memoryview(f"{json.dumps(line)}\n".encode())
+            num_whole = self._num_whole + len(data)
+            try:
+                while data:  # a disk that runs full takes a part
+                    data = data[self._file.write(data) :]
+                self._num_whole = num_whole
+            except OSError as error:
+                self._failure = CaptureError(f"{self._path}: {error.strerror}; the capture ends here")
+                with suppress(OSError):
+                    self._file.truncate(self._num_whole)
+                self._file.close()
+
+    def _raise_once(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
 
 class Replay:
