@@ -182,6 +182,40 @@ def test_damaged_file_is_an_error_that_names_the_place(old: bytes, new: bytes, m
         read_motive_csv(path)
 
 
+def test_types_that_are_not_read_are_told_by_name(tmp_path: Path) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
+    lines = path.read_text().splitlines()
+    head = next(k for k, line in enumerate(lines) if line.startswith("Frame"))
+    kinds, names = (next(k for k in range(head) if lines[k].startswith(f",{label},")) for label in ("Type", "Name"))
+    added = {kinds: 2 * ",Trained Markerset Bone" + ",Force Plate", names: 2 * ",hand:Wrist" + ",plate 1"}
+    added[head - 1], added[head] = 2 * ",Position" + ",Fx", ",X,Y,"
+    path.write_text("".join(line + added.get(k, "") + "\n" for k, line in enumerate(lines)))
+    told = r"left out: Trained Markerset Bone \(hand:Wrist\), Force Plate \(plate 1\)$"
+    with pytest.warns(UserWarning, match=rf"t1.csv: expected types Rigid Body, Bone, .*; {told}"):
+        assert read_motive_csv(path).names == ("radar", "person")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
+def test_encodings_with_a_mark_are_read(tmp_path: Path, encoding: str) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
+    whole, text = read_motive_csv(path), path.read_bytes().decode()
+    path.write_bytes((("\ufeff" + text) if encoding == "utf-16-be" else text).encode(encoding))
+    np.testing.assert_array_equal(read_motive_csv(path)["radar"].position, whole["radar"].position)
+    path.write_bytes(text.encode("utf-16-le"))
+    with pytest.raises(ValueError, match=r"t1.csv: expected text in UTF-8, got zeros between letters"):
+        read_motive_csv(path)
+
+
+@pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabulators")])
+def test_files_of_spreadsheets_are_told_by_their_separator(tmp_path: Path, mark: str, name: str) -> None:
+    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
+    path.write_text(path.read_text().replace(",", mark).replace(".", ","))
+    with pytest.raises(
+        ValueError, match=rf"t1.csv: expected commas between cells and points in numbers, got {name}, as"
+    ):
+        read_motive_csv(path)
+
+
 def test_file_without_frames_is_an_error(tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:7]))

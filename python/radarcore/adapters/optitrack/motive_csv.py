@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
@@ -20,9 +21,8 @@ from radarcore.adapters.optitrack.capture import CapturedBody, MotionCapture
 Array = NDArray[np.float64]
 
 _UNITS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
-_BODIES = {"Rigid Body", "Bone"}
-_BODY_MARKERS = {"Rigid Body Marker", "Bone Marker"}
-_MARKERS = {"Marker"}
+_BODIES, _MARKERS = ("Rigid Body", "Bone"), ("Marker",)
+_KINDS = (*_BODIES, "Rigid Body Marker", "Bone Marker", *_MARKERS)
 _ERRORS = {"mean marker error", "error per marker"}
 
 _LABELS = ("type", "name", "id")
@@ -54,7 +54,8 @@ class _Header:
 def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_unit: str | None = None) -> MotionCapture:
     """Read a take that Motive exported as CSV file.
 
-    Frames without a body or a marker are NaN there. A file that ends too early is read up to there, with a warning.
+    Frames without a body or a marker are NaN there. A file that ends too early is read up to there, with a warning;
+    another warning names columns of types that are not read, such as those of force plates.
 
     Parameters
     ----------
@@ -70,7 +71,8 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     Raises
     ------
     ValueError
-        When the file is no such export, has Euler angles or no unit, or a line has other things than numbers.
+        When the file is no such export, has other separators than commas, Euler angles or no unit, or a line has other
+        things than numbers.
 
     See Also
     --------
@@ -88,7 +90,7 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     """
     check.choice("axes", axes, AXES)
     file = Path(path)
-    text = file.read_text(encoding="utf-8-sig", errors="replace")
+    text = _text(file)
     rows = _rows(file, text)
     header = _header(file, rows)
     unit = _unit(file, header.settings, length_unit)
@@ -119,6 +121,23 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
         start_time=header.settings.get("Capture Start Time", ""),
         take=header.settings.get("Take Name", ""),
     )
+
+
+def _text(file: Path) -> str:
+    """Text of a file, by its byte-order mark, with commas between its cells."""
+    data = file.read_bytes()
+    is_wide = data.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
+    text = data.decode("utf-16" if is_wide else "utf-8-sig", "replace")
+    first = text.partition("\n")[0]
+    if "\0" in first:
+        raise ValueError(f"{file.name}: expected text in UTF-8, got zeros between letters: save it as UTF-8")
+    for mark, name in ((";", "semicolons"), ("\t", "tabulators")):
+        if first.startswith(f"Format Version{mark}"):
+            raise ValueError(
+                f"{file.name}: expected commas between cells and points in numbers, got {name}, as a spreadsheet saves "
+                "them; take the file that Motive exported"
+            )
+    return text
 
 
 def _rows(file: Path, text: str) -> Iterator[list[str]]:
@@ -159,6 +178,12 @@ def _header(file: Path, rows: Iterator[list[str]]) -> _Header:
         raise ValueError(f"{file.name}: expected lines of types and names above 'Frame', got {len(above)}")
     kinds, names, ids = _labelled(file, above[:-1])
     items = list(_items(kinds, names, ids, above[-1], lines[-1]))
+    others = {
+        kind: _cell(names, column) for column, kind in enumerate(kinds) if column > 1 and kind not in {"", *_KINDS}
+    }
+    if others:
+        text = ", ".join(f"{kind} ({name})" if name else kind for kind, name in others.items())
+        notice.warn(f"{file.name}: expected types {', '.join(_KINDS)}; left out: {check.printable(text)}")
     for item in items:
         _check_columns(file, item)
     return _Header(settings, items, len(lines[-1]), len(lines))
@@ -182,7 +207,7 @@ def _items(
     """Bodies and markers, each with its columns, in the order of the file; other things are left out."""
     known: dict[tuple[str, str, str], _Item] = {}
     for column, kind in enumerate(kinds):
-        if column < 2 or kind not in _BODIES | _BODY_MARKERS | _MARKERS:
+        if column < 2 or kind not in _KINDS:
             continue
         name, number, quantity, letter = (_cell(line, column) for line in (names, ids, quantities, letters))
         key = (kind, name, number)
