@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bz2
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -51,6 +53,21 @@ def write_bag(path: Path, format: str, num: int = NUM) -> Path:
             time = START_NS + k * EVERY_NS
             bag.write("/array", array_of(k), time, type=ARRAY)
             bag.write("/arm/pose", {"header": header_of(time), "pose": pose_of([k, 0.0, 0.0])}, time, type=POSE)
+    return path
+
+
+def packed_bag(path: Path, num_zeros: int) -> Path:
+    """A ROS 1 bag of a chunk of zeros, packed by bz2, without its index: some hundred bytes."""
+
+    def record(data: bytes, **fields: bytes) -> bytes:
+        named = [name.encode() + b"=" + value for name, value in fields.items()]
+        header = b"".join(struct.pack("<I", len(field)) + field for field in named)
+        return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+
+    first = record(b"", op=b"\x03", index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4))
+    size = struct.pack("<I", num_zeros)
+    packed = record(bz2.compress(bytes(num_zeros)), op=b"\x05", compression=b"bz2", size=size)
+    path.write_bytes(b"#ROSBAG V2.0\n" + first + packed)
     return path
 
 

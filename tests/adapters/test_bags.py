@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tracemalloc
 import warnings
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from ros_bags import (
     cut,
     file_of,
     header_of,
+    packed_bag,
     pose_of,
     read_cut,
     write_bag,
@@ -529,3 +531,26 @@ def test_writer_that_is_interrupted_before_it_begins_leaves_nothing(
     with pytest.raises(KeyboardInterrupt):
         BagWriter(tmp_path / "take.mcap")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_small_bags_do_not_fill_the_memory(tmp_path: Path) -> None:
+    """200 MB of zeros in some hundred bytes of bz2, in a bag without an index and in a whole one."""
+    small = packed_bag(tmp_path / "small.bag", 200_000_000)
+    assert small.stat().st_size < 1000
+    from rosbags.rosbag1 import Writer
+
+    with Writer(whole := tmp_path / "whole.bag") as bag:
+        bag.set_compression(bag.CompressionFormat.BZ2)
+        connection = bag.add_connection("/array", ARRAY, typestore=typestore(1))
+        bag.write(connection, START_NS, bytes(100_000_000))
+    tracemalloc.start()
+    with pytest.raises(
+        ValueError, match=r"small.bag: expected a bag, got a damaged one \(a chunk of \d+ bytes unpacks to"
+    ):
+        BagReader(small)
+    told = r"whole.bag: .* a chunk of \d+ bytes unpacks to more than 67108864"
+    with pytest.warns(UserWarning, match=told), BagReader(whole) as read:
+        assert list(read.messages()) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 180e6

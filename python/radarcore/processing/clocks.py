@@ -21,8 +21,11 @@ _REACH = 4.0
 _GRID = 0.2
 """Step of the common grid, in standard deviations of the kernel: parabolas give peaks to a fraction of it."""
 
-_BLOCK = 20_000
-"""Points of the grid at once: some 10 MB."""
+_BLOCK = 400_000
+"""Samples in the windows of the points of the grid that are smoothed at once: some 20 MB."""
+
+_SPARSEST = 100.0
+"""Most points of the grid per sample: records with longer gaps have times of several clocks in them."""
 
 _SHORTEST_OVERLAP = 20.0
 """Least common time, in standard deviations of the kernel, and ..."""
@@ -176,8 +179,16 @@ def _record(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 
 def _smoothed(name: str, times: Array, values: Array, width: float, step: float) -> _Smooth:
     """Slopes of lines fitted to the values under a Gaussian window that moves over a grid."""
-    grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
-    blocks = np.array_split(grid, 1 + len(grid) // _BLOCK)
+    num_points = (times[-1] - times[0]) / step
+    if num_points > _SPARSEST * len(times):
+        k = int(np.diff(times).argmax())
+        raise ValueError(
+            f"times_{name}: expected times of one record, got {len(times)} samples over {times[-1] - times[0]:g} s, "
+            f"with nothing between {times[k]:g} and {times[k + 1]:g} s"
+        )
+    grid = times[0] + step * np.arange(int(num_points) + 1)
+    most = np.searchsorted(times, times + 2.0 * _REACH * width, side="right") - np.arange(len(times))  # in a window
+    blocks = np.array_split(grid, 1 + len(grid) * int(most.max()) // _BLOCK)
     total, middle, moment, mean, product = np.hstack([_moments(times, values, block, width) for block in blocks])
     # At ends and gaps the samples in the window lie to one side, and the slope is that of another time.
     typical = width * np.sqrt(2.0 * np.pi) / np.median(np.diff(times))

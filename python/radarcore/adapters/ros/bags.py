@@ -9,7 +9,7 @@ import errno
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from heapq import merge
 from itertools import groupby
 from os import PathLike
@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_bags import database_size, sequential_reader, unpacked_message
+from radarcore.adapters.ros.cut_bags import database_size, most_unpacked, sequential_reader, unpacked, unpacked_message
 from radarcore.adapters.ros.typestore import need_rosbags, typestore
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -325,6 +325,7 @@ class BagReader:
             with ExitStack() as stack:
                 for reader in readers:
                     stack.enter_context(reader)
+                    _bound_chunks(reader)
                 self._stack = stack.pop_all()
         except PermissionError:
             raise
@@ -332,7 +333,7 @@ class BagReader:
             if not fallbacks:
                 raise ValueError(f"{self.path}: expected a bag, got a damaged one ({_line(error)})") from error
             readers = [self._stack.enter_context(reader) for reader in fallbacks]
-            cuts = [reader.cut for reader in readers if reader.cut is not None]
+            cuts = [check.printable(reader.cut) for reader in readers if reader.cut is not None]
             if cuts and not any(reader.connections for reader in readers):
                 raise ValueError(f"{self.path}: expected a bag, got a damaged one ({cuts[0]})") from error
             # Whole files with topics of other encodings are read without those, and without a warning.
@@ -403,6 +404,23 @@ def _check_database(file: Path) -> None:
         left = file.with_name(file.name + end)
         if left.exists() and left.stat().st_size > 0:
             raise ValueError(f"its writer left {left.name}")
+
+
+def _bound_chunks(reader: Any) -> None:
+    """Make a reader of rosbags refuse chunks that unpack to far more than their size."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag1.reader import decompressors
+
+    if isinstance(reader, Reader1):
+        names = {function: name for name, function in decompressors.items()}
+        for place, chunk in reader.chunks.items():
+            bounded = partial(unpacked, names[chunk.decompressor])
+            reader.chunks[place] = chunk._replace(decompressor=bounded)
+        return
+    for storage in [getattr(reader, "storage", None), *getattr(reader, "storages", ())]:
+        for chunk in getattr(storage, "chunks", ()):  # of MCAP
+            if chunk.uncompressed_size > most_unpacked(chunk.compressed_size):
+                raise ValueError(f"a chunk of {chunk.compressed_size} bytes says it has {chunk.uncompressed_size}")
 
 
 def _line(error: Exception) -> str:

@@ -25,6 +25,9 @@ SQLITE_MAGIC = b"SQLite format 3\0"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """Start of a message that is packed; others of ROS 2 start with zero (CDR)."""
 
+_MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
+"""A chunk unpacks to at most this many bytes, or times its size: a few bytes may stand for gigabytes of zeros."""
+
 Record = tuple[int, int, bytes]
 """Number of a connection, time [ns] and message."""
 
@@ -146,7 +149,7 @@ class McapFile(SequentialReader):
         size, checksum = struct.unpack_from("<QI", data, 16)
         (compression,), at = _texts(data, 28, 1)
         (packed,) = struct.unpack_from("<Q", data, at)
-        content = _unpacked(compression, data[at + 8 : at + 8 + packed])
+        content = unpacked(compression, data[at + 8 : at + 8 + packed])
         if len(content) == size and checksum and crc32(content) != checksum:
             raise CutError("the checksum of a chunk is wrong")
         found: list[Record] = []
@@ -193,7 +196,7 @@ class Ros1File(SequentialReader):
             yield struct.unpack("<I", header["conn"])[0], seconds * 1_000_000_000 + nanoseconds, data
 
     def _chunk(self, header: dict[str, bytes], data: bytes) -> Iterator[Record]:
-        content = _unpacked(header["compression"].decode(), data)
+        content = unpacked(header["compression"].decode(), data)
         found: list[Record] = []
         try:
             for inner, entry in _ros1_records(BytesIO(content), len(content)):
@@ -259,7 +262,7 @@ def sequential_reader(path: Path) -> SequentialReader:
 
 def unpacked_message(data: bytes) -> bytes:
     """A message of ROS 2, which may be packed by itself: metadata.yaml says so, where there is one."""
-    return _unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
+    return unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
 
 
 def database_size(path: Path) -> int:
@@ -351,16 +354,25 @@ def _texts(data: bytes, at: int, count: int) -> tuple[list[str], int]:
     return found, at
 
 
-def _unpacked(compression: str, data: bytes) -> bytes:
+def most_unpacked(size: int) -> int:
+    """Most bytes to which a chunk of a size may unpack."""
+    return max(_MOST_UNPACKED, _MOST_RATIO * size)
+
+
+def unpacked(compression: str, data: bytes) -> bytes:
     """Content of a chunk; of one that is cut as much as there is."""
     if compression in ("", "none"):
         return data
+    most = most_unpacked(len(data))
     try:
-        return bytes(_decompressor(compression).decompress(data))
+        content = bytes(_decompressor(compression).decompress(data, most + 1))
     except (RuntimeError, OSError, EOFError, ValueError) as error:
         raise CutError(f"a chunk is damaged ({error})") from error
     except Exception as error:  # zstd has an error of its own, whose module depends on the version of Python
         raise CutError(f"a chunk is damaged ({error})") from error
+    if len(content) > most:
+        raise CutError(f"a chunk of {len(data)} bytes unpacks to more than {most}")
+    return content
 
 
 def _decompressor(compression: str) -> Any:
