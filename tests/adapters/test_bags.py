@@ -539,8 +539,9 @@ def test_small_bags_do_not_fill_the_memory(tmp_path: Path) -> None:
     assert small.stat().st_size < 1000
     from rosbags.rosbag1 import Writer
 
-    with Writer(whole := tmp_path / "whole.bag") as bag:
-        bag.set_compression(bag.CompressionFormat.BZ2)
+    writer = Writer(whole := tmp_path / "whole.bag")
+    writer.set_compression(writer.CompressionFormat.BZ2)
+    with writer as bag:
         connection = bag.add_connection("/array", ARRAY, typestore=typestore(1))
         bag.write(connection, START_NS, bytes(100_000_000))
     tracemalloc.start()
