@@ -96,7 +96,7 @@ def test_emulated_board_counts_radars_of_its_type_alone():
 
 
 def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
-    """FSTAT and the status of every SPI answer have it; the next function is refused, once."""
+    """FSTAT and the status of every SPI answer have it; the next function of registers is refused, once."""
     controller = Controller(Numbered(), speed=1000.0)
     settings = Settings.from_radar(rc.bgt60tr13c(num_samples=64, num_chirps=16, frame_interval=25e-3))
     image = registers_of(settings, 3072)
@@ -108,7 +108,8 @@ def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
     def execute(word):
         return controller.handle(Request.transfer(*AT_CHIP, packets.encode_commands([word])))
 
-    assert execute(FSTAT << 25).status == 0x05
+    burst = Request.transfer(Code.COMPONENT, Component.AVIAN, 0x0410, bytes([1, FSTAT]))
+    assert [controller.handle(burst).status for _ in range(2)] == [0x05, 0]
     (answer,) = packets.decode_values(execute(FSTAT << 25).payload)
     assert answer >> 24 & 0x08
     assert answer & 1 << 23
@@ -271,7 +272,13 @@ def test_answer_that_says_nothing_is_refused_with_the_port(monkeypatch, link):
         StrataBoard(link)
 
 
-def test_function_that_only_tells_of_an_overflow_is_asked_again(link):
-    board = StrataBoard(link)
-    link._stream.board.controller.chip.overflow()
+def test_function_that_only_tells_of_an_overflow_is_asked_again(link, monkeypatch):
+    """By firmware that tells it of EXECUTE, too."""
+    board, handle, left = StrataBoard(link), Controller.handle, [1]
+
+    def complaining(self, request):
+        response = handle(self, request)
+        return packets.Response(request.kind, 0x05) if request.index == AT_CHIP[2] and left and left.pop() else response
+
+    monkeypatch.setattr(Controller, "handle", complaining)
     assert board.temperature() == pytest.approx(25.0, abs=0.3)

@@ -207,8 +207,9 @@ class Controller:
             self.chip.reset()
             self.chip.complains = False
             return b""
-        # An overflow is told once, by the next function that touches registers; it does its work all the same.
-        complains = self.chip.complains
+        # The next function of the registers tells of an overflow, once, and does its work all the same. EXECUTE is a
+        # function of the protocol.
+        complains = self.chip.complains and index >> 4 & 0xF == Avian.REGISTERS_SET >> 4 & 0xF
         answer = self._registers(kind, index, request.payload)
         if complains:
             self.chip.complains = False
