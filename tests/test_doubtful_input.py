@@ -221,3 +221,43 @@ def test_vertical_angle_of_a_rendered_image_in_radians_is_said() -> None:
 @pytest.mark.parametrize("view", [(2.0, 2.0), (0.1, 0.1), (1.0, 120.0), (0.916713, 0.916713)])
 def test_narrow_fields_of_view_are_fields_of_view(view: tuple[float, float]) -> None:
     rc.Simulator(rc.Scene([PLATE]), RADAR, field_of_view_deg=view)  # warnings are errors here
+
+
+WF = RADAR.waveform
+READERS: dict[str, Callable[[object], object]] = {  # of an array of two or three numbers, each by its name in messages
+    "position": lambda value: rc.Pose(value),
+    "velocity": lambda value: rc.PointTarget([1.0, 0.0, 0.0], velocity=value),
+    "points": lambda value: rc.Pose().apply(value),
+    "azimuth": lambda value: rc.GaussianPattern(3.0, 60.0, 40.0).gain(value, 0.0),
+    "elevation": lambda value: rc.IsotropicPattern().gain(0.0, value),
+    "cos_incidence": lambda value: rc.materials["glass"].response(60e9, value),
+    "range": lambda value: rc.Truth(("a", "b", "c"), value, [0.0] * 3, [0.0] * 3, [0.0] * 3),
+    "snr_db": lambda value: rc.doppler_bound(WF.replace(num_chirps=4), value),
+    "times": lambda value: rc.Linear(rc.Pose(), velocity=[1.0, 0.0, 0.0]).poses_at(value),
+    "directions": lambda value: rc.rcs(rc.shapes.sphere(0.1), 60e9, value),
+    "delay": lambda value: rc.beat_signal(value, [1.0, 1.0, 1.0], WF),
+    "power": lambda value: rc.cfar(value, guard=0, training=1, false_alarm_rate=0.1),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_arrays_take_real_numbers_alone(name: str) -> None:
+    """NumPy drops imaginary parts with a warning, and reads text and dates as numbers without one."""
+    given: list[object] = [
+        np.array([1.0 + 1.0j, 0.0, 0.0]),
+        ["1", "0", "0"],
+        np.array(["1", 0.0, 0.0], dtype=object),
+        np.array([1, 0, 0], dtype="datetime64[s]"),
+    ]
+    for value in given:
+        with pytest.raises(TypeError, match=rf"{name}: expected (real )?numbers.*, got "):
+            READERS[name](value)
+
+
+def test_weights_of_arrays_take_numbers_alone() -> None:
+    for make in (
+        lambda value: rc.Schedule.steered(weights=value),
+        lambda value: rc.array_pattern(rc.bgt60tr13c(), rx_weights=value, azimuth=[0.0]),
+    ):
+        with pytest.raises(TypeError, match=r"weights: expected numbers.*, got list of <U2"):
+            make(["1", "1j", "0"])

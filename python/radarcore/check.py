@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import notice
 
 _Called = TypeVar("_Called", bound=Callable[..., Any])
+_Number = TypeVar("_Number", np.float64, np.complex128)
 
 _LONGEST_TIME = 1e12
 """Largest time of a series [s], hundreds of times the seconds since 1970."""
@@ -107,12 +108,40 @@ def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
     return str(value)
 
 
+def numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.float64]:
+    """Real numbers as an array, NaN among them; a TypeError for text, dates and complex numbers.
+
+    NumPy alone reads text as numbers and drops imaginary parts. The shape is for messages: it is not checked.
+    """
+    return _numbers(name, value, shape, np.float64)
+
+
+def complex_numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.complex128]:
+    """Numbers as a complex array, NaN among them; a TypeError for text and dates. The shape is for messages."""
+    return _numbers(name, value, shape, np.complex128)
+
+
+def _numbers(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...] | None, dtype: type[_Number]
+) -> NDArray[_Number]:
+    if type(value) is np.ndarray and value.dtype == dtype:
+        return value
+    kind = "numbers" + ("" if shape is None else f" of shape {shape_text(shape)}")
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind == "O" and not any(isinstance(each, str | bytes) for each in given.flat):
+            given = given.astype(dtype)
+    except (TypeError, ValueError) as error:  # no numbers, or rows of different lengths
+        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}") from error
+    if given.dtype.kind not in ("biuf" if dtype is np.float64 else "biufc"):
+        of = "" if isinstance(value, str | bytes) else f" of {given.dtype}"
+        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}{of}")
+    return given.astype(dtype, copy=False)
+
+
 def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """A finite f64 array of the given shape (None: any length), copied so that later changes do not reach it."""
-    try:
-        result = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name}: expected numbers of shape {shape_text(shape)}, got {type(value).__name__}") from error
+    result = np.array(numbers(name, value, shape), order="C")
     if len(result.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, result.shape, strict=True)
     ):

@@ -386,7 +386,7 @@ FLAT = np.full((8, 8), 2.0)
         ({"reflectance": -0.1}, ValueError, "reflectance: expected numbers from 0 to 1"),
         ({"reflectance": np.nan}, ValueError, "reflectance: expected numbers from 0 to 1"),
         ({"reflectance": np.ones((4, 8))}, ValueError, "reflectance: expected one number or shape"),
-        ({"albedo": "matt"}, TypeError, "albedo: expected numbers from 0 to 1"),
+        ({"albedo": "matt"}, TypeError, "albedo: expected numbers, got"),
         ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
         ({"camera": (60.0, 180.0)}, ValueError, "field_of_view_deg: expected angles"),
         ({"camera": 60.0}, ValueError, "field_of_view_deg: expected shape"),

@@ -70,7 +70,7 @@ class MovingTargets:
 
     def at(self, times: ArrayLike) -> Truth:
         """Truth at times of the common base [s]; NaN in gaps of the motions, and for what is not before the radar."""
-        wanted = np.asarray(times, dtype=np.float64)
+        wanted = check.numbers("times", times)
         rows = np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan)
         radar_known = known_at(self._radar, wanted)
         for k, name in enumerate(self.names):
@@ -118,7 +118,7 @@ class RecordedTruth:
     """
 
     def __init__(self, times: ArrayLike, truth: Truth) -> None:
-        self.times: NDArray[np.float64] = np.asarray(times, dtype=np.float64)
+        self.times: NDArray[np.float64] = check.numbers("times", times)
         self.truth: Truth = truth
         self.names: tuple[str, ...] = truth.names
 
@@ -129,7 +129,7 @@ class RecordedTruth:
 
     def at(self, times: ArrayLike) -> Truth:
         """Truth at times of the common base [s]; NaN beyond the frames, in gaps, and where a neighbour has none."""
-        wanted = np.asarray(times, dtype=np.float64)
+        wanted = check.numbers("times", times)
         if len(self.times) == 0:
             return Truth(self.names, *np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan))
         right = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.depth import surfaces
 from radarcore.geometry.camera import Camera
 
@@ -93,10 +94,7 @@ def fractions(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np
     """Image of numbers from 0 to 1; grey levels count as fractions of the largest."""
     given = np.asarray(value)
     largest = float(np.iinfo(given.dtype).max) if given.dtype in (np.uint8, np.uint16) else 1.0
-    try:
-        fraction = given.astype(np.float64) / largest
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: expected numbers from 0 to 1, got {given.dtype}") from None
+    fraction = check.numbers(name, given) / largest
     if fraction.shape not in ((), shape):
         raise ValueError(f"{name}: expected one number or shape {shape}, got {fraction.shape}")
     if not ((fraction >= 0.0) & (fraction <= 1.0 + 1e-9)).all():
@@ -113,7 +111,7 @@ def normals_of(
         if min(ray.shape) < 2:
             raise ValueError(f"normals: expected normals with an image of {ray.shape[0]} x {ray.shape[1]} pixels")
         return surfaces.normals(ray, camera, noise)
-    given = np.asarray(normals, dtype=np.float64)
+    given = check.numbers("normals", normals)
     if given.shape != (*ray.shape, 3):
         raise ValueError(f"normals: expected shape {(*ray.shape, 3)}, got {given.shape}")
     length = np.linalg.norm(given, axis=-1, keepdims=True)

@@ -225,7 +225,7 @@ class Pose:
         array([[1. , 0. , 0.5],
                [1.1, 0. , 0.5]])
         """
-        return product(np.asarray(points, dtype=np.float64), self.rotation.T) + self.position
+        return product(check.numbers("points", points), self.rotation.T) + self.position
 
     def at(self, time: float) -> Pose:  # noqa: ARG002  # every motion has `at`
         """The pose at a time [s]: constant."""

@@ -86,7 +86,7 @@ class Ends:
 
     def split(self, times: ArrayLike) -> tuple[_Floats, _Floats]:
         """Times within the series, and time during which the velocity of the end goes on after or before [s]."""
-        wanted = np.asarray(times, dtype=np.float64)
+        wanted = check.numbers("times", times)
         inside = np.clip(wanted, self._first, self._last)
         if (wanted != inside).any():
             self._check(wanted)
@@ -94,7 +94,7 @@ class Ends:
 
     def moves(self, times: ArrayLike) -> NDArray[np.bool_]:
         """True at times where the series has a velocity: not beyond ends that are held, but for rounding."""
-        wanted = np.asarray(times, dtype=np.float64)
+        wanted = check.numbers("times", times)
         within = (self._first - self._slack <= wanted) & (wanted <= self._last + self._slack)
         return within | (self._kind == "continue")
 

@@ -68,7 +68,7 @@ class Linear:
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        elapsed = np.asarray(times, dtype=np.float64)[:, None]
+        elapsed = check.numbers("times", times)[:, None]
         turned = rotations_about(elapsed * self.angular_velocity) @ self.pose.rotation
         return transforms(turned, self.pose.position + elapsed * self.velocity)
 

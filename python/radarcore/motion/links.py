@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, as_pose
 from radarcore.motion.protocol import newest_update
 from radarcore.sealed import sealed
@@ -51,7 +51,7 @@ class LinkMotion:
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group.link_poses_at(np.asarray(times, dtype=np.float64))[:, self.member]
+        return self.group.link_poses_at(check.numbers("times", times))[:, self.member]
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
@@ -60,4 +60,4 @@ class LinkMotion:
 
     def rates_at(self, times: ArrayLike) -> Matrix:
         """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self.group.link_rates_at(np.asarray(times, dtype=np.float64))[:, self.member]
+        return self.group.link_rates_at(check.numbers("times", times))[:, self.member]

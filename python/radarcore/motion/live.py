@@ -295,7 +295,7 @@ class _Known:
 
     def of(self, times: ArrayLike) -> tuple[tuple[Update, ...], Matrix]:
         """Updates for poses at times (n,) [s], and these; or an error if there are none."""
-        updates, wanted = self.updates, np.asarray(times, dtype=np.float64)
+        updates, wanted = self.updates, check.numbers("times", times)
         if not updates:
             raise ValueError("Live: expected an update before any pose is asked for, got none; see Live.update")
         if (first := wanted.min(initial=np.inf)) < updates[0].time - _FAR_BEFORE:
@@ -331,7 +331,7 @@ def _rates(
     """Checked rates (body, 3), zero where they are unknown, and which those are, (body,)."""
     if values is None:
         return np.zeros((number, 3)), np.ones(number, dtype=np.bool_)
-    given = np.asarray(values, dtype=np.float64)
+    given = check.numbers(name, values, (number, 3))
     unknown = np.zeros(number, dtype=np.bool_)
     if given.shape == (number, 3):
         unknown |= np.isnan(given).all(axis=-1)

@@ -56,7 +56,7 @@ class Pieces:
 
     def known(self, times: ArrayLike) -> NDArray[np.bool_]:
         """True at times within a piece, but for rounding."""
-        wanted = np.asarray(times, dtype=np.float64)
+        wanted = check.numbers("times", times)
         piece = self._nearest(wanted)
         is_known: NDArray[np.bool_] = (wanted >= self._first[piece] - self._slack) & (
             wanted <= self._last[piece] + self._slack

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose, transforms
 
 
@@ -79,5 +80,5 @@ def poses_at(motion: Motion, times: ArrayLike) -> Matrix:
 
 def one_by_one(motion: Motion, times: ArrayLike) -> Matrix:
     """``[rotation | position]`` by `Motion.at`, time by time, (n, 3, 4)."""
-    poses = [motion.at(time) for time in np.asarray(times, dtype=np.float64).tolist()]
+    poses = [motion.at(time) for time in check.numbers("times", times).tolist()]
     return np.array([transforms(pose.rotation, pose.position) for pose in poses]).reshape(-1, 3, 4)

@@ -83,7 +83,7 @@ def scene_colors(scene: Scene, times: ArrayLike, first: Iterable[str] = ()) -> d
 
     The parts of one thing, such as the links of an arm, have one colour.
     """
-    dense = _dense(np.asarray(times, dtype=np.float64))
+    dense = _dense(check.numbers("times", times))
     chosen = list(dict.fromkeys(map(canvas.thing, first)))
     moving = [name for name, body in zip(scene.names, scene.bodies, strict=True) if _moves(body, dense)]
     others = [thing for thing in dict.fromkeys(map(canvas.thing, moving)) if thing not in chosen]

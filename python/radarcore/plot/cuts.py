@@ -114,7 +114,7 @@ def array_pattern(
     axis = check.choice("cut", cut, tuple(_AXIS))
     attribute = PARTS[check.choice("part", part, tuple(PARTS))]
     depth = check.positive("dynamic_range_db", dynamic_range_db, "dB")
-    to = np.zeros(2) if steer is None else np.resize(np.append(np.asarray(steer, np.float64), 0.0), 2)
+    to = np.zeros(2) if steer is None else np.resize(np.append(check.numbers("steer", steer), 0.0), 2)
     angle_deg = np.linspace(-90.0, 90.0, 1801)
 
     def gain(through: NDArray[np.float64], to: Steer) -> NDArray[np.float64]:

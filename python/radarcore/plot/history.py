@@ -426,10 +426,7 @@ def _track(name: str, track: object, quantity: str) -> tuple[NDArray[np.float64]
             raise TypeError(
                 f"estimates[{name!r}]: expected a dict or an object with time and {quantity}, got one without {key}"
             )
-        try:
-            columns.append(np.asarray(values, dtype=np.float64))
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"estimates[{name!r}]: expected numbers in {key}, got {values!r}") from error
+        columns.append(check.numbers(f"estimates[{name!r}].{key}", values))
     time, values = columns
     if time.ndim != 1 or time.shape != values.shape:
         raise ValueError(

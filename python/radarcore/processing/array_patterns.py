@@ -153,10 +153,7 @@ def _weights(name: str, given: ArrayLike | None, positions: NDArray[np.float64])
     number = len(positions)
     if given is None:
         return np.ones(number, np.complex128)
-    try:
-        weights = np.asarray(given, dtype=np.complex128)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name}_weights: expected numbers of shape ({number},), got {given!r}") from error
+    weights = check.complex_numbers(f"{name}_weights", given, (number,))
     if weights.shape != (number,):
         raise ValueError(f"{name}_weights: expected shape ({number},), got {weights.shape}")
     if not np.isfinite(weights).all() or not weights.any():

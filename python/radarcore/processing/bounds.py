@@ -425,10 +425,7 @@ def _weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDAr
 
 def _information(snr_db: ArrayLike, is_real: bool, num_channels: int) -> NDArray[np.float64]:
     """Inverse of the variance of the phase of a sample, over the channels."""
-    try:
-        level = np.asarray(snr_db, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"snr_db: expected numbers [dB], got {snr_db!r}") from error
+    level = check.numbers("snr_db", snr_db)
     per_sample = (1.0 if is_real else 2.0) * check.count("num_channels", num_channels)
     information: NDArray[np.float64] = per_sample * 10.0 ** (0.1 * level)
     return information

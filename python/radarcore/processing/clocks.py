@@ -166,7 +166,7 @@ def clock_offset(
 def _record(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """Times and values where these are known."""
     when = check.increasing(f"times_{name}", times)
-    what = np.asarray(values, dtype=np.float64)
+    what = check.numbers(f"values_{name}", values, when.shape)
     if what.shape != when.shape:
         raise ValueError(f"values_{name}: expected shape {when.shape}, one value per time, got {what.shape}")
     if np.isinf(what).any():

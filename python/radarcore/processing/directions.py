@@ -184,10 +184,7 @@ def plane_waves(
 
 
 def _snapshots(values: ArrayLike, num_channels: int) -> _Complexes:
-    try:
-        snapshots = np.asarray(values, dtype=np.complex128)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"snapshots: expected numbers (n, {num_channels}), got {type(values).__name__}") from error
+    snapshots = check.complex_numbers("snapshots", values, (None, num_channels))
     if snapshots.ndim != 2 or snapshots.shape[1] != num_channels:
         raise ValueError(f"snapshots: expected shape (n, {num_channels}), got {snapshots.shape}")
     return snapshots
@@ -197,10 +194,7 @@ def _per_detection(name: str, values: ArrayLike | None, number: int) -> _Reals |
     """One number per detection, NaN among them."""
     if values is None:
         return None
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name}: expected numbers of shape ({number},), got {type(values).__name__}") from error
+    numbers = check.numbers(name, values, (number,))
     if numbers.shape != (number,):
         raise ValueError(f"{name}: expected shape ({number},), got {numbers.shape}")
     return numbers

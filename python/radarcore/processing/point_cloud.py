@@ -95,10 +95,7 @@ def detections_of_rows(rows: NDArray[np.float64], covariance: NDArray[np.float64
 
 def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Numbers, NaN among them, read-only."""
-    try:
-        numbers = np.array(value, dtype=np.float64, ndmin=1)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name}: expected numbers of shape {shape}, got {type(value).__name__}") from error
+    numbers = np.array(check.numbers(name, value, shape), ndmin=1)
     if numbers.shape != shape:
         raise ValueError(f"{name}: expected shape {check.shape_text(shape)}, got {numbers.shape}")
     return check.frozen(numbers)

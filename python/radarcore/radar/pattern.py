@@ -54,7 +54,7 @@ class IsotropicPattern(Twinned):
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together."""
-        shape = np.broadcast(np.asarray(azimuth), np.asarray(elevation)).shape
+        shape = np.broadcast(*_direction(azimuth, elevation)).shape
         return np.full(shape, power_from_db(self.gain_db))
 
     @cached_property
@@ -114,7 +114,8 @@ class GaussianPattern(Twinned):
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together."""
         peak, a, b = self._parameters
-        return np.asarray(peak * np.exp(-a * np.square(azimuth) - b * np.square(elevation)), dtype=np.float64)
+        az, el = _direction(azimuth, elevation)
+        return np.asarray(peak * np.exp(-a * np.square(az) - b * np.square(el)), dtype=np.float64)
 
     @property
     def _parameters(self) -> tuple[float, float, float]:
@@ -226,7 +227,7 @@ class TabulatedPattern(Twinned):
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together; 0 outside of the table."""
-        az, el = np.broadcast_arrays(np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64))
+        az, el = np.broadcast_arrays(*_direction(azimuth, elevation))
         within = np.where(np.abs(az) > np.pi, np.arctan2(np.sin(az), np.cos(az)), az)
         return self._core.gain(within.ravel(), np.ascontiguousarray(el).ravel()).reshape(az.shape)
 
@@ -277,6 +278,10 @@ def pattern_from_dict(values: Mapping[str, Any]) -> Pattern:
     parameters = dict(values)
     kind = check.choice("pattern kind", parameters.pop("kind", None), tuple(_KINDS))
     return _KINDS[kind](**parameters)
+
+
+def _direction(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return check.numbers("azimuth", azimuth), check.numbers("elevation", elevation)
 
 
 def _warn_of_gain(

@@ -238,7 +238,7 @@ class Schedule:
         """The schedule that `to_dict` described."""
         values = dict(values)
         if values.get("weights") is not None:
-            pairs = np.asarray(values["weights"], dtype=np.float64)
+            pairs = check.numbers("weights", values["weights"])
             if pairs.ndim < 2 or pairs.shape[-1] != 2:
                 raise ValueError(f"weights: expected pairs of real and imaginary parts, got shape {pairs.shape}")
             values["weights"] = pairs[..., 0] + 1j * pairs[..., 1]
@@ -293,10 +293,7 @@ def _turns(value: ArrayLike) -> NDArray[np.float64]:
 
 
 def _weights(value: ArrayLike) -> NDArray[np.complex128]:
-    try:
-        weights = np.array(value, dtype=np.complex128)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"weights: expected complex numbers (tx,) or (chirp, tx), got {value!r}") from error
+    weights = np.array(check.complex_numbers("weights", value))
     if weights.ndim not in (1, 2) or weights.size == 0:
         raise ValueError(f"weights: expected shape (tx,) or (chirp, tx), got {weights.shape}")
     if not np.isfinite(weights).all():

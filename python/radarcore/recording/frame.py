@@ -83,10 +83,7 @@ class Truth:
             bodies = len(self.names)
             raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
         for name in TRUTH_FIELDS:
-            try:
-                values = np.array(getattr(self, name), dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise TypeError(f"{name}: expected numbers of shape {shape}, got {getattr(self, name)!r}") from error
+            values = np.array(check.numbers(name, getattr(self, name), shape))
             if values.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
             object.__setattr__(self, name, check.frozen(values))

@@ -223,7 +223,7 @@ class Material:
         """
         if polarization not in _SEEN:
             raise ValueError(f"polarization: expected None, 'te' or 'tm', got {polarization!r}")
-        cosines = np.asarray(cos_incidence, dtype=np.float64)
+        cosines = check.numbers("cos_incidence", cos_incidence)
         if not ((cosines >= 0.0) & (cosines <= 1.0)).all():
             bad = cosines[~((cosines >= 0.0) & (cosines <= 1.0))].flat[0]
             raise ValueError(f"cos_incidence: expected cosines from 0 to 1, got {bad:g}")

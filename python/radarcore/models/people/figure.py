@@ -138,7 +138,7 @@ class Figure:
     def _along_the_path(self, times: ArrayLike, orders: int) -> Floats:
         """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
         walk = self._walk
-        elapsed = np.asarray(times, dtype=np.float64) - walk.start_time
+        elapsed = check.numbers("times", times) - walk.start_time
         turns, root = self._gait(walk.phase + elapsed / walk.cycle_duration, orders, _TURNS)
         place, heading, curvature = walk.path.points_at(walk.speed * elapsed)
         turns[0, :, 0] += heading[:, None]

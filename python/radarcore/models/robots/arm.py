@@ -478,11 +478,11 @@ class MovingArm:
 
         In the order of ``arm.links``.
         """
-        return self._link_poses(np.asarray(times, dtype=np.float64))[..., :3, :]
+        return self._link_poses(check.numbers("times", times))[..., :3, :]
 
     def link_rates_at(self, times: ArrayLike) -> Matrix:
         """Time derivatives of `link_poses_at`, (n, num_links, 3, 4)."""
-        return self._link_rates(np.asarray(times, dtype=np.float64))[..., :3, :]
+        return self._link_rates(check.numbers("times", times))[..., :3, :]
 
     def _link_poses(self, times: Matrix) -> Matrix:
         """Maps of all links to the world at several times, (n, num_links, 4, 4)."""
