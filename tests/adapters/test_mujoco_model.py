@@ -417,3 +417,19 @@ def test_what_is_not_of_the_model_is_refused() -> None:
         UserWarning, match=r"^groups: expected some with geoms that are seen, got \(3,\); the model has \[0\]"
     ):
         LiveModel(model, groups=(3,))
+
+
+def test_urdf_of_other_kinds_is_read_or_told(tmp_path: Any) -> None:
+    """Origins by quaternions, x y z w: a quarter turn about z; shapes of one kind alone; macros."""
+    half, path = np.sqrt(0.5), tmp_path / "robot.urdf"
+    origin = f'<origin xyz="1 0 0" quat_xyzw="0 0 {half} {half}"/>'
+    box = f'<visual>{origin}<geometry><box size="1 2 3"/></geometry></visual>'
+    path.write_text(f'<robot name="r"><link name="a">{box}</link></robot>')
+    (body,) = LiveModel(spec_from_urdf(path, geometry="visual").compile()).bodies
+    corners = body.motion.at(0.0).apply(body.mesh.vertices)
+    np.testing.assert_allclose([corners.min(axis=0), corners.max(axis=0)], [[0, -0.5, -1.5], [2, 0.5, 1.5]], atol=1e-9)
+    with pytest.warns(UserWarning, match=r"no link has a <collision> shape.*; geometry='visual' takes its 1 of kind"):
+        spec_from_urdf(path)
+    path.write_text(path.read_text().replace("1 2 3", "1 2 ${height}"))
+    with pytest.raises(ValueError, match="got one with macros of xacro"):
+        spec_from_urdf(path)

@@ -86,3 +86,18 @@ def test_poses_of_gazebo_are_rotations_by_named_parts_of_quaternions() -> None:
     assert list(poses) == ["robot"]
     # A quarter turn to the left: forward becomes left.
     np.testing.assert_allclose(poses["robot"].apply([1.0, 0.0, 0.0]), [1.0, 3.0, 3.0], rtol=0, atol=1e-15)
+
+
+def test_links_of_one_name_are_kept_apart_by_their_numbers() -> None:
+    """On pose/info every model has its "link"; entities have numbers."""
+    still = SimpleNamespace(w=1.0, x=0.0, y=0.0, z=0.0)
+    names = [("cart", 8), ("link", 9), ("wall", 13), ("link", 14)]
+    entries = [
+        SimpleNamespace(name=name, id=number, position=SimpleNamespace(x=number, y=0.0, z=0.0), orientation=still)
+        for name, number in names
+    ]
+    poses = gazebo.from_gz_poses(SimpleNamespace(pose=entries))
+    places = {name: pose.position[0] for name, pose in poses.items()}
+    assert places == {"cart": 8.0, "link [9]": 9.0, "wall": 13.0, "link [14]": 14.0}
+    with pytest.raises(ValueError, match=r"different names or numbers \(id\), got 'link \[9\]' twice"):
+        gazebo.from_gz_poses(SimpleNamespace(pose=2 * entries[1:2]))

@@ -132,6 +132,24 @@ def test_missing_files_are_named(tmp_path):
     [
         ("</robot>", "", r"\d\d: no element found"),
         ('<link name="elbow"/>', '<link name="elbow">', r"\d\d: mismatched tag"),
+        (
+            '<link name="tip"/>',
+            '<link name="${tip}"/>',
+            "expected a URDF file, got one with macros of xacro; expand it",
+        ),
+        ('<link name="tip"/>', '<xacro:tool name="tip"/>', "expected a URDF file, got one with macros of xacro"),
+        (
+            '<robot name="machine">',
+            '<robot name="m" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" value="1"/>',
+            "expected a URDF file, got one with macros of xacro",
+        ),
+        (
+            'rpy="0.4 -0.5 0.6"',
+            'rpy="0 0 0" quat_xyzw="0 0 0 1"',
+            "joint 'rail', origin: expected rpy or quat_xyzw, got",
+        ),
+        ('rpy="0.4 -0.5 0.6"', 'quat_xyzw="0 0 1"', "joint 'rail', quat_xyzw: expected 4 numbers, got '0 0 1'"),
+        ('rpy="0.4 -0.5 0.6"', 'quat_xyzw="0 0 0 0"', "joint 'rail', origin: .*zero"),
         ("robot", "sdf", "expected <robot>, got <sdf>"),
         ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2"', "joint 'rail', xyz: expected 3 numbers, got '0.1 0.2'"),
         ('velocity="0.5"', 'velocity="fast"', "joint 'rail', velocity: expected 1 number, got 'fast'"),
@@ -161,6 +179,33 @@ def test_bad_urdf_says_where_and_what(tmp_path, old, new, message):
     path.write_text(text.replace(old, new))
     with pytest.raises(ValueError, match=rf"machine\.urdf:.*{message}"):
         RobotArm.from_urdf(path)
+
+
+def test_quaternions_of_urdf_1_1_turn_origins(tmp_path):
+    """A quarter turn about z, x y z w: the cylinder's axis of the box's link lies along x all the same."""
+    half = np.sqrt(0.5)
+    text = URDF.replace('rpy="0.4 -0.5 0.6"', f'quat_xyzw="0 0 {half} {half}"')
+    text = text.replace('rpy="0 1.5707963267948966 0"', f'quat_xyzw="0 {half} 0 {half}"')
+    arm = RobotArm.from_urdf(write_urdf(tmp_path, text))
+    np.testing.assert_allclose(arm.link_pose("slide", [0, 0, 0]).rotation, about("z", 0.5 * np.pi), atol=ROUNDING)
+    np.testing.assert_allclose(arm.links["base"].bounds, [[-0.2, -0.15, -0.1], [1.3, 0.15, 0.1]], atol=1e-9)
+
+
+def test_expanded_files_of_xacro_are_read(tmp_path):
+    """They keep its namespace."""
+    text = URDF.replace('<robot name="machine">', '<robot name="m" xmlns:xacro="http://www.ros.org/wiki/xacro">')
+    assert RobotArm.from_urdf(write_urdf(tmp_path, text)).name == "m"
+
+
+@pytest.mark.parametrize(("kind", "other"), [("collision", "visual"), ("visual", "collision")])
+def test_shapes_of_the_other_kind_alone_are_told(tmp_path, kind, other):
+    shape = f'<{other}><geometry><box size="0.5 0.5 0.5"/></geometry></{other}>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="base">{shape}</link></robot>')
+    with pytest.warns(
+        UserWarning, match=rf"r\.urdf: no link has a <{kind}> shape.*; meshes='{other}' takes its 1 of kind"
+    ):
+        assert RobotArm.from_urdf(tmp_path / "r.urdf", meshes=kind).links == {"base": None}
+    assert RobotArm.from_urdf(tmp_path / "r.urdf", meshes=None).links == {"base": None}
 
 
 def test_mimicking_joints_are_announced(tmp_path):

@@ -6,6 +6,7 @@ They come with Gazebo: ``from gz.transport import Node``, ``node.subscribe(Image
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,8 @@ def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> 
 def from_gz_poses(message: Any) -> dict[str, Pose]:
     """Poses of a ``gz.msgs.Pose_V`` by name, as on ``/world/NAME/pose/info``.
 
-    Those of models are in the world, those of links in their model, those of sensors and visuals in their link.
+    Those of models are in the world, those of links in their model, those of sensors and visuals in their link. Several
+    of one name, as the links of two models, are kept apart by their entity's number: ``"link [12]"``.
 
     See Also
     --------
@@ -98,10 +100,15 @@ def from_gz_poses(message: Any) -> dict[str, Pose]:
     >>> rc.adapters.gazebo.from_gz_poses(message)["cart"].position.tolist()
     [1.0, 2.0, 0.5]
     """
+    counts = Counter(str(entry.name) for entry in message.pose)
     poses: dict[str, Pose] = {}
     for entry in message.pose:
-        p, q = entry.position, entry.orientation
-        poses[str(entry.name)] = Pose.from_quaternion([p.x, p.y, p.z], wxyz=[q.w, q.x, q.y, q.z])
+        p, q, name = entry.position, entry.orientation, str(entry.name)
+        if counts[name] > 1:
+            name = f"{name} [{entry.id}]"
+        if name in poses:
+            raise ValueError(f"pose: expected entities of different names or numbers (id), got {name!r} twice")
+        poses[name] = Pose.from_quaternion([p.x, p.y, p.z], wxyz=[q.w, q.x, q.y, q.z])
     return poses
 
 

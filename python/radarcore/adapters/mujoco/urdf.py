@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 
 from radarcore import check, notice
 from radarcore.adapters.mujoco.library import mujoco_module
+from radarcore.models.robots.urdf import parsed, warn_of_no_shapes
 
 GEOMETRIES = ("collision", "visual")
 
@@ -72,7 +73,11 @@ def spec_from_urdf(
     check.choice("geometry", geometry, GEOMETRIES)
     file = Path(path).resolve()
     folders = {name: Path(folder) for name, folder in (packages or {}).items()}
-    root = ET.parse(file).getroot()
+    root = parsed(file)
+    warn_of_no_shapes(file, root, geometry, "geometry")
+    for origin in root.iter("origin"):
+        if (quaternion := origin.attrib.pop("quat_xyzw", None)) is not None:  # of URDF 1.1: MuJoCo leaves it out
+            origin.set("rpy", _rpy(quaternion, file))
     root.insert(0, ET.Element("mujoco"))
     ET.SubElement(root[0], "compiler", _COMPILER)
     left_out: list[str] = []
@@ -87,6 +92,17 @@ def spec_from_urdf(
     if left_out:
         notice.warn(f"{file}: MuJoCo reads STL, OBJ and MSH; {len(left_out)} meshes are left out, as {left_out[0]}")
     return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+
+
+def _rpy(quaternion: str, file: Path) -> str:
+    """Roll, pitch and yaw of the text of a quaternion."""
+    from scipy.spatial.transform import Rotation  # takes longer to load than the rest
+
+    try:
+        rotation = Rotation.from_quat([float(word) for word in quaternion.split()])
+    except ValueError as error:
+        raise ValueError(f"{file}: quat_xyzw: expected a quaternion, got {quaternion!r}") from error
+    return " ".join(map(repr, rotation.as_euler("xyz", suppress_warnings=True).tolist()))
 
 
 def _is_readable(mesh: ET.Element, left_out: list[str]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -17,6 +18,9 @@ from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh, merged_mesh
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots.joint import Joint
+
+_XACRO = re.compile(rb"</?(?:\{[^}]*xacro/?\}|xacro:)|\$\{|\$\((?:find|arg|eval|env|optenv) ")
+"""Elements of xacro, with and without a declared namespace, and its expressions."""
 
 
 class Part(NamedTuple):
@@ -59,12 +63,9 @@ def read(
     if geometry not in ("collision", "visual", None):
         raise ValueError(f"meshes: expected 'collision', 'visual' or None, got {geometry!r}")
     reader = _Reader(Path(path), dict(package_directories or {}), held)
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise ValueError(f"{fspath(path)}:{error.position[0]}: {error}") from None
-    if root.tag != "robot":
-        raise reader.error(f"expected <robot>, got <{root.tag}>")
+    root = parsed(path)
+    if geometry is not None:
+        warn_of_no_shapes(path, root, geometry, "meshes")
     links = {}
     for element in root.iterfind("link"):
         name = reader.attribute(element, "name", "link")
@@ -72,6 +73,41 @@ def read(
     if not links:
         raise reader.error("expected at least one <link>, got none")
     return Model(root.get("name", "robot"), [reader.joint(element) for element in root.iterfind("joint")], links)
+
+
+def parsed(path: str | PathLike[str]) -> ET.Element:
+    """The <robot> of a URDF file."""
+    try:
+        root = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        if _XACRO.search(Path(path).read_bytes()):
+            raise _unexpanded(path) from None
+        raise ValueError(f"{fspath(path)}:{error.position[0]}: {error}") from None
+    if root.tag != "robot":
+        raise ValueError(f"{fspath(path)}: expected <robot>, got <{root.tag}>")
+    if any(
+        _XACRO.search(text.encode())
+        for element in root.iter()
+        for text in (f"<{element.tag}", *element.attrib.values())
+    ):
+        raise _unexpanded(path)
+    return root
+
+
+def warn_of_no_shapes(path: str | PathLike[str], root: ET.Element, geometry: str, argument: str) -> None:
+    """Warn of a robot all of whose shapes are of the other kind than an argument says."""
+    other = "visual" if geometry == "collision" else "collision"
+    if root.find(f"link/{geometry}") is None and (shapes := root.findall(f"link/{other}")):
+        notice.warn(
+            f"{fspath(path)}: no link has a <{geometry}> shape, so the robot has no bodies; {argument}={other!r} takes "
+            f"its {len(shapes)} of kind <{other}>"
+        )
+
+
+def _unexpanded(path: str | PathLike[str]) -> ValueError:
+    return ValueError(
+        f"{fspath(path)}: expected a URDF file, got one with macros of xacro; expand it first: xacro FILE > robot.urdf"
+    )
 
 
 def shapes_of(model: Model) -> dict[str, Mesh | None]:
@@ -111,7 +147,12 @@ class _Reader:
         if origin is None:
             return Pose()
         xyz, rpy = (self.numbers(origin.get(name, "0 0 0"), 3, f"{where}, {name}") for name in ("xyz", "rpy"))
+        quaternion = origin.get("quat_xyzw")  # URDF 1.1
+        if quaternion is not None and "rpy" in origin.attrib:
+            raise self.error(f"{where}, origin: expected rpy or quat_xyzw, got both")
         try:
+            if quaternion is not None:
+                return Pose.from_quaternion(xyz, xyzw=self.numbers(quaternion, 4, f"{where}, quat_xyzw"))
             return Pose.from_rpy(xyz, rpy)
         except ValueError as error:
             raise self.error(f"{where}, origin: {error}") from error
