@@ -6,6 +6,8 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from radarcore.recording.infineon import settings_of
+
 
 def measured_facts(source: Mapping[str, Any]) -> dict[str, Any]:
     """Board, date, receivers and gains, by name with unit; of others than sensors nothing.
@@ -39,13 +41,11 @@ def _parts(source: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         if not name.endswith(".json") or not isinstance(text, str):
             continue
         try:
-            values = json.loads(text)
+            values = settings_of(text, name) if name.endswith("config.json") else json.loads(text)
         except ValueError:  # somebody's own file: info is about the rest
             continue
         if isinstance(values, dict):
-            config = values.get("device_config")
-            shape = config.get("fmcw_single_shape") if isinstance(config, dict) else None
-            yield shape if isinstance(shape, dict) else values
+            yield values
 
 
 def _sensor(source: Mapping[str, Any], known: dict[str, Any]) -> str | None:

@@ -69,7 +69,7 @@ def configuration(path: Path) -> Configuration:
     keys = values.keys() if isinstance(values, dict) else ()
     if "mmWaveDevices" in keys:
         return _of_ti(_studio_settings(path, ti_studio.device_beside(path)), path)
-    if "device_config" in keys or "fmcw_single_shape" in keys or "start_frequency_Hz" in keys:
+    if infineon.is_config(values):
         return Configuration(infineon.radar_of(_text(path), str(path)), has_codes=True)
     return Configuration(radar_from_json(data, str(path)))
 

@@ -55,6 +55,12 @@ _SENSOR = {
     "sdk_version": f"radarcore {_core.__version__}",
     "uuid": "0",
 }
+_OLD_NAMES = {"lower_frequency_Hz": "start_frequency_Hz", "upper_frequency_Hz": "end_frequency_Hz"}
+"""Names of older SDKs."""
+_SEQUENCES = frozenset(("sequence", "loop"))
+"""Keys of a sequence."""
+_OF_CHIRP = {"num_samples": "num_samples_per_chirp", "lp_cutoff_Hz": "aaf_cutoff_Hz"}
+"""Names in a sequence by those in a config.json that differ."""
 _PLACE = {"hostname": "unknown", "username": ""}
 
 
@@ -139,7 +145,7 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
 
 def radar_of(config: str, where: str) -> Radar:
     """The radar of the text of a config.json."""
-    return _radar(_parsed_config(config, where)[1], where)
+    return _radar(settings_of(config, where), where)
 
 
 def _has_arrays(path: Path) -> bool:
@@ -200,18 +206,65 @@ def _check_sensor(text: str, where: str) -> str:
     return description
 
 
+def settings_of(config: str, where: str) -> dict[str, Any]:
+    """Settings of a chirp of the text of a config.json, by today's names."""
+    return _parsed_config(config, where)[1]
+
+
+def is_config(values: object) -> bool:
+    """True for the content of a config.json."""
+    keys = {"device_config", "fmcw_single_shape", "start_frequency_Hz", *_OLD_NAMES, *_SEQUENCES}
+    return isinstance(values, list) or (isinstance(values, dict) and not keys.isdisjoint(values))
+
+
 def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Content of config.json, and the part of it with the settings of a chirp."""
+    """Content of config.json, and the part of it with the settings of a chirp.
+
+    Sequences and old names become the settings of today's.
+    """
     values = parsed_json(text.removeprefix("\ufeff"), where)
+    config = values.get("device_config", values) if isinstance(values, dict) else values
+    if (isinstance(config, list) and config) or (isinstance(config, dict) and not _SEQUENCES.isdisjoint(config)):
+        shape = _of_sequence(config, where)
+        return {"device_config": {"fmcw_single_shape": shape}}, shape
     if not isinstance(values, dict):
         raise ValueError(f"{where}: expected an object, got {type(values).__name__}")
-    config = values.get("device_config", values)
     if isinstance(config, dict):
         shape = config.get("fmcw_single_shape", config)  # without that name: of older tools
-        if isinstance(shape, dict) and (shape is not config or "start_frequency_Hz" in shape):
-            return values, shape
+        if isinstance(shape, dict):
+            for old, new in _OLD_NAMES.items():
+                if new not in shape and old in shape:
+                    shape[new] = shape.pop(old)
+            if shape is not config or "start_frequency_Hz" in shape:
+                return values, shape
     got = ", ".join(map(repr, config)) if isinstance(config, dict) else type(config).__name__
     raise ValueError(f"{where}: expected a device_config of 'fmcw_single_shape', got {got or 'none'}")
+
+
+def _of_sequence(sequence: Any, where: str) -> dict[str, Any]:
+    """Settings of the tree that the SDK has for a chip: a loop of frames, in it a loop of chirps, in it a chirp."""
+    tree = sequence.get("sequence", sequence) if isinstance(sequence, dict) else sequence
+    frames = _only_element(tree, "loop", "loop of frames", where)
+    chirps = _only_element(frames.get("sub_sequence"), "loop", "loop of chirps", where)
+    chirp = _only_element(chirps.get("sub_sequence"), "chirp", "chirp", where)
+    return {_OF_CHIRP.get(name, name): value for name, value in chirp.items()} | {
+        "frame_repetition_time_s": frames.get("repetition_time_s"),
+        "chirp_repetition_time_s": chirps.get("repetition_time_s"),
+        "num_chirps_per_frame": chirps.get("num_repetitions"),
+    }
+
+
+def _only_element(sequence: Any, key: str, what: str, where: str) -> dict[str, Any]:
+    """Content of the only element of a sequence."""
+    (element,) = sequence if isinstance(sequence, list) and len(sequence) == 1 else (sequence,)
+    if isinstance(element, dict) and isinstance(found := element.get(key), dict):
+        return found
+    names = ", ".join(map(repr, element)) if isinstance(element, dict) else ""
+    got = names or (f"{len(element)} elements" if isinstance(element, list) else type(element).__name__)
+    raise ValueError(
+        f"{where}: expected a sequence of one chirp in a loop of chirps in a loop of frames, got {got} in place of the "
+        f"{what}"
+    )
 
 
 def _radar(shape: dict[str, Any], where: str) -> Radar:

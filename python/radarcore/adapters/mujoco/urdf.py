@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 from radarcore import check, notice
 from radarcore.adapters.mujoco.library import mujoco_module
-from radarcore.models.robots.urdf import parsed, warn_of_no_shapes
+from radarcore.geometry.urdf_files import parsed, warn_of_no_shapes
 
 GEOMETRIES = ("collision", "visual")
 
