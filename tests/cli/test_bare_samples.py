@@ -119,3 +119,13 @@ def test_what_is_missing_is_one_line(
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
+
+
+def test_variable_of_an_npz_file_is_named_by_an_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "radar.toml").write_text(TOML)
+    np.savez(tmp_path / "a.npz", adc=CODES.astype(float), other=CODES.astype(float))
+    words = ["info", str(tmp_path / "a.npz"), "--config", str(tmp_path / "radar.toml"), "--json"]
+    assert main([*words, "--variable", "adc"]) == 0
+    assert json.loads(capsys.readouterr().out)["cube [frame, channel, chirp, sample]"] == list(CODES.shape)
+    assert main(words) != 0
+    assert "--variable NAME" in capsys.readouterr().err

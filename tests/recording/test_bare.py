@@ -189,6 +189,33 @@ def test_several_variables_of_a_mat_file_are_named(tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded.cube, 2.0 * CUBE)
 
 
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_variables_of_an_npz_file_are_loaded_and_named(tmp_path: Path, save: Any) -> None:
+    path = tmp_path / "a.npz"
+    save(path, adc=CUBE, fs=2e6)
+    for given in ({}, {"variable": "adc"}):
+        np.testing.assert_array_equal(rc.Recording.load(path, radar=RADAR, **given).cube, CUBE)
+    save(path, one=CUBE.transpose(0, 2, 1, 3), two=CUBE, fs=2e6)
+    loaded = rc.Recording.load(path, radar=RADAR, shape="frame,chirp,rx,sample", variable="one")
+    np.testing.assert_array_equal(loaded.cube, CUBE)
+    every = r"got one \(3, 4, 2, 16\), two \(3, 2, 4, 16\), fs \(\)"
+    with pytest.raises(ValueError, match=rf"a\.npz: expected one array of samples, {every}; pass variable=..., --var"):
+        rc.Recording.load(path, radar=RADAR)
+    with pytest.raises(ValueError, match=rf"a\.npz: expected the variable 'three', {every}"):
+        rc.Recording.load(path, radar=RADAR, variable="three")
+    with pytest.raises(
+        ValueError, match=r"without cube; of other arrays pass config=... or radar=..., .*-variable NAME"
+    ):
+        rc.Recording.load(path)
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(ValueError, match=r"a\.npz: "):
+        rc.Recording.load(path, radar=RADAR, variable="two")
+    # A recording has its radar.
+    recording(3).save(tmp_path / "own.npz")
+    with pytest.raises(TypeError, match=r"variable: expected none, as .*own\.npz is no bare file, got 'cube'"):
+        rc.Recording.load(tmp_path / "own.npz", variable="cube")
+
+
 def test_mat_file_that_is_none_is_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "good.mat", {"adc": CUBE}, do_compression=True)
     good = (tmp_path / "good.mat").read_bytes()

@@ -45,7 +45,7 @@ class BareSamples:
     """numbers of a raw file: int16, uint16, >i2, float32"""
 
     variable: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """array of a .mat file, of several"""
+    """array of a .mat or .npz file, of several"""
 
     @property
     def description(self) -> Description:

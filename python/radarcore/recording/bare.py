@@ -20,14 +20,17 @@ from radarcore.recording.codes import to_samples
 from radarcore.recording.configuration import Configuration, configuration, is_setup
 from radarcore.recording.description import Description
 from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, check_radar, frame_shape
-from radarcore.recording.native import Stored
-from radarcore.recording.npy import HEADER_ERRORS, Converted
+from radarcore.recording.native import Stored, is_native
+from radarcore.recording.npy import HEADER_ERRORS, Converted, npz_shapes, read_npz
 
 UNKNOWN = "unknown"
 """``source["cube_unit"]`` of samples that were no integers: nothing says that they are in sqrt(W)."""
 
-_ARRAYS = (".npy", ".mat")
+_ARRAYS = (".npy", ".mat", ".npz")
 """Suffixes of files that say what their numbers are."""
+
+_SEVERAL = (".mat", ".npz")
+"""Suffixes of files of several arrays."""
 
 _RAW = (".bin", ".raw", ".dat")
 """Suffixes of raw files; others are raw where they are described."""
@@ -36,8 +39,10 @@ _RAW = (".bin", ".raw", ".dat")
 def is_bare(path: Path, description: Description) -> bool:
     """True for files that need a description."""
     suffix = path.suffix.lower()
-    if not path.is_file() or suffix == ".npz":
+    if not path.is_file():
         return False
+    if suffix == ".npz":  # a recording, unless it is described and none
+        return bool(description.given) and not is_native(path)
     if description.given or suffix in _ARRAYS or is_setup(path):
         return True
     return suffix in _RAW and not zipfile.is_zipfile(path)  # a recording may have any name
@@ -76,12 +81,15 @@ def _configuration(path: Path, description: Description) -> Configuration | None
 def _array(path: Path, description: Description) -> NDArray[Any]:
     """Array of a file, mapped into memory where that can be; all numbers of a raw one, or its bytes."""
     suffix = path.suffix.lower()
-    if suffix != ".mat":
-        description.refuse(path, "no .mat file", "variable")
+    if suffix not in _SEVERAL:
+        description.refuse(path, "no .mat file and no .npz file", "variable")
     if suffix in _ARRAYS:
         description.refuse(path, f"a {suffix} file, which has the type of its numbers", "dtype")
     if suffix == ".npy":
         return _npy(path)
+    if suffix == ".npz":
+        name = matlab.chosen(path, npz_shapes(path), description.variable)
+        return read_npz(path, (name,))[name]
     if suffix == ".mat":
         return matlab.array(path, description.variable)
     return _raw(path, description.dtype or "uint8")

@@ -24,7 +24,7 @@ class Description:
     dtype : str, optional
         Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``">u2"``.
     variable : str, optional
-        Name of the array in a ``.mat`` file.
+        Name of the array in a ``.mat`` or ``.npz`` file.
     """
 
     radar: Radar | None = None

@@ -36,7 +36,7 @@ def _of_old(path: Path, variable: str | None) -> NDArray[Any]:
     """Array of a file of version 5 to 7.2."""
     with _readable(path):
         file = MatFile(path)
-    name = _chosen(path, {name: found.shape for name, found in file.variables.items()}, variable)
+    name = chosen(path, {name: found.shape for name, found in file.variables.items()}, variable)
     with _readable(path):
         return file.read(name)
 
@@ -55,7 +55,7 @@ def _of_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
     with file:
         with _readable(path):
             shapes = {name: tuple(item.shape[::-1]) for name, item in file.items() if isinstance(item, h5py.Dataset)}
-        name = _chosen(path, shapes, variable)
+        name = chosen(path, shapes, variable)
         with _readable(path):
             values: NDArray[Any] = file[name][()]
     return values.transpose()
@@ -70,7 +70,7 @@ def _readable(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: damaged or not a MAT file ({str(error)[:_LONGEST_REASON]})") from error
 
 
-def _chosen(path: Path, shapes: dict[str, tuple[int, ...]], variable: str | None) -> str:
+def chosen(path: Path, shapes: dict[str, tuple[int, ...]], variable: str | None) -> str:
     """Name of the variable with the samples."""
     text = ", ".join(f"{name} {check.shape_text(shape)}" for name, shape in shapes.items()) or "none"
     if variable is not None:

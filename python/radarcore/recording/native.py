@@ -33,6 +33,9 @@ VERSION = 1
 UNITS = {"cube": "sqrt(W)", "time": "s", "range": "m", "velocity": "m/s", "azimuth": "rad", "elevation": "rad"}
 TRUTH_FILES = tuple(f"truth_{name}" for name in TRUTH_FIELDS)
 
+_NPZ_NAMES = ("meta", "time", "cube")
+"""Arrays that an .npz file has in any case."""
+
 _DTYPES = dict.fromkeys(("time", *TRUTH_FILES), ("float64",)) | {"lost": ("int32",), "cube": CUBE_TYPES}
 """Names of the dtypes that the arrays may have."""
 
@@ -89,14 +92,25 @@ def load_directory(path: Path, mmap: bool) -> Stored:
     return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
 
 
+def is_native(path: Path) -> bool:
+    """True for an .npz file with the settings of a recording."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "meta.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile, ValueError):
+        return False
+
+
 def load_npz(path: Path) -> Stored:
     """Content of an .npz file."""
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: expected a recording's directory or .npz file, got another or a damaged file")
     arrays = read_npz(path, ("meta", *_DTYPES))
-    names = ("meta", "time", "cube")
-    if missing := set(names) - arrays.keys():
-        raise ValueError(f"{path}: expected a recording with {', '.join(names)}, got one without {sorted(missing)[0]}")
+    if missing := set(_NPZ_NAMES) - arrays.keys():
+        raise ValueError(
+            f"{path}: expected a recording with {', '.join(_NPZ_NAMES)}, got one without {sorted(missing)[0]}; of "
+            "other arrays pass config=... or radar=..., --config FILE, and variable=..., --variable NAME"
+        )
     meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
     if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
         raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")

@@ -6,7 +6,8 @@ import math
 import os
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
@@ -203,18 +204,33 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
         raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 
+def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Shapes of the arrays of an .npz file by name; ValueError, with the path, for a damaged one."""
+    shapes = {}
+    with path.open("rb") as file, _readable_npz(path), zipfile.ZipFile(file) as archive:
+        for info in archive.infolist():
+            with archive.open(info) as member:
+                shapes[info.filename.removesuffix(".npy")] = read_header(member, info.filename)[0]
+    return shapes
+
+
 def read_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     """Arrays of an .npz file that have one of some names; ValueError, with the path, for a damaged one.
 
     No array is made before it is known that the file can hold it.
     """
-    with path.open("rb") as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-                return {name: _member(archive, members[name]) for name in names if name in members}
-        except Exception as error:  # whatever zipfile and zlib raise for damaged bytes, the user wants the path
-            raise ValueError(f"{path}: damaged .npz file ({str(error)[:_LONGEST_REASON]})") from error
+    with path.open("rb") as file, _readable_npz(path), zipfile.ZipFile(file) as archive:
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        return {name: _member(archive, members[name]) for name in names if name in members}
+
+
+@contextmanager
+def _readable_npz(path: Path) -> Iterator[None]:
+    """Makes a ValueError with the path of whatever zipfile and zlib raise for damaged bytes."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"{path}: damaged .npz file ({str(error)[:_LONGEST_REASON]})") from error
 
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:

@@ -313,7 +313,7 @@ class Recording(Stored):
             A recording's directory, an ``.npz`` file, or a recording folder of Infineon's tools: the one with
             ``RadarIfxAvian_00`` in it, or that. Such a folder says nothing of when frames came: their times are
             multiples of the interval that was asked of the board, which may be off by a per mille. Bare samples,
-            ``.npy``, ``.mat`` or a raw file of numbers, together with `radar` or `config`: frames
+            ``.npy``, ``.mat``, ``.npz`` or a raw file of numbers, together with `radar` or `config`: frames
             ``[frame, channel, chirp, sample]``, or one, an interval apart; integers become float32 counts. A raw
             capture of TI's DCA1000, ``.bin``, with a `config` of TI, or its ``.setup.json``.
         mmap : bool
@@ -331,7 +331,7 @@ class Recording(Stored):
         dtype : str, optional
             Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``"uint16"``, ``">i2"``.
         variable : str, optional
-            Name of the array in a ``.mat`` file, where several could be meant.
+            Name of the array in a ``.mat`` or ``.npz`` file, where several could be meant.
 
         Raises
         ------
