@@ -17,8 +17,8 @@ import natnet_packets as made
 import radarcore as rc
 from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, MotionCaptureServer, NatNetError
 
-QUIET = 0.2
-"""Time-out of tests in which nothing comes [s]."""
+QUIET, PATIENT = 0.5, 10.0
+"""Time-outs where nothing comes, and where packets do [s]: a busy machine is late."""
 
 
 def swing(t: float) -> rc.Pose:
@@ -168,7 +168,7 @@ def test_late_frames_and_other_packets_are_left_out() -> None:
     packets.insert(3, made.packet(8, b"hello\0"))
     with (
         fake_server(answers((4, 1), *packets)) as port,
-        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
     ):
         frames = client.frames()
         assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.03, 1.04]
@@ -266,7 +266,7 @@ def test_live_motions_begin_again_with_the_take_and_keep_the_newest_frame_alone(
     live = rc.Live()
     with (
         MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
+        MotionCaptureClient(command_port=server.command_port, timeout=PATIENT) as client,
         client.follow({"radar": live}) as follower,
     ):
         for t in np.tile(TAKE, 3):
@@ -284,7 +284,7 @@ def test_skeletons_and_assets_have_names_with_their_owner() -> None:
     sent_frame = made.frame((4, 1), 1, [BODY], 1.0, everything=True)
     with (
         fake_server(answers((4, 1), sent_frame)) as port,
-        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
     ):
         assert client.names == ("radar", "Fred:Hip", "Fred:Chest", "Tool:Grip")
         assert list(next(client.frames()).poses) == ["radar", "Fred:Hip", "Tool:Grip"]
@@ -295,7 +295,7 @@ def test_takes_that_are_played_back_have_the_time_of_the_take() -> None:
     packet = packet[:-38] + made.pack("<d3Qhi", 7.25, 0, 0, 0, 0, 0)
     with (
         fake_server(answers((3, 0), packet)) as port,
-        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
+        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
     ):
         assert next(client.frames()).time == 7.25
         assert client.clock_offset is None
@@ -312,7 +312,7 @@ def test_missing_server_is_an_error_with_its_address_within_the_time_out() -> No
     before = time.monotonic()
     with (
         pytest.raises(
-            TimeoutError, match=rf"no answer .* server at 127\.0\.0\.1:{port} within 0\.2 s: does Motive run"
+            TimeoutError, match=rf"no answer .* server at 127\.0\.0\.1:{port} within 0\.5 s: does Motive run"
         ),
         MotionCaptureClient(command_port=port, timeout=QUIET),
     ):
@@ -325,7 +325,7 @@ def test_server_without_frames_is_an_error_with_a_hint() -> None:
         MotionCaptureServer(MOTIONS) as server,
         MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
     ):
-        with pytest.raises(TimeoutError, match=r"no frame from .* within 0\.2 s \(to this client alone\): is it live"):
+        with pytest.raises(TimeoutError, match=r"no frame from .* within 0\.5 s \(to this client alone\): is it live"):
             next(client.frames())
         with pytest.raises(TimeoutError, match="no frame"), client.follow() as follower:
             follower.wait(1)

@@ -87,8 +87,9 @@ def read_obj(folder: Path) -> None:
     mesh = load_mesh(path)
     assert np.isfinite(mesh.vertices).all()
     assert mesh.triangles.max(initial=0) < len(mesh.vertices)
-    parts = load_meshes(path, split_by="material")
-    assert sum(len(part.triangles) for part in parts.values()) == len(mesh.triangles)
+    parts = load_meshes(path, split_by="material").values()
+    # Facets that two parts list in both windings are one of the whole.
+    assert sum(len(part.triangles) + part.num_merged for part in parts) == len(mesh.triangles) + mesh.num_merged
 
 
 # Scene files.
