@@ -268,7 +268,7 @@ def test_24_bit_z_buffer_costs_what_its_steps_say_and_warns() -> None:
         frame = frame_of(z_buffer(planar, 24), **options)
     step = planar[np.isfinite(planar)].max() ** 2 * (FAR - NEAR) / (FAR * NEAR * 2**24)
     expected = 720.0 * step / np.sqrt(12.0) / WAVEFORM.wavelength
-    assert frame.stats["quantisation_phase_deg"] == pytest.approx(expected, rel=0.05)
+    assert frame.stats["quantisation_phase_deg"] == pytest.approx(expected, rel=1e-4)  # a step of the depth
     assert 0.002 < error(frame, reference) < np.deg2rad(expected)
     # A near plane ten times as far away: a tenth of the error, and no warning.
     with warnings.catch_warnings():

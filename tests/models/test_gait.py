@@ -127,23 +127,23 @@ def test_posture_is_all_angles_of_both_sides_at_once(relative_speed):
 
 @pytest.mark.parametrize("relative_speed", SPEEDS)
 def test_angles_and_rates_join_from_cycle_to_cycle(relative_speed):
-    for derivative, tolerance in ((0, 1e-6), (1, 1e-3)):  # 1e-9 of a cycle times the next derivative
+    for derivative, tolerance in ((0, 1e-6), (1, 1e-4)):  # 1e-9 of a cycle times the next derivative
         before, after = every_angle(np.array([1.0 - 1e-9, 1e-9]), relative_speed, derivative).T
         np.testing.assert_allclose(before, after, atol=tolerance)
     t = np.random.default_rng(2).uniform(-3.0, 3.0, 100)
     for function in FUNCTIONS:
         now, later = np.array(function(t, relative_speed)), np.array(function(t + 7.0, relative_speed))
-        np.testing.assert_allclose(now, later, atol=1e-9)
+        np.testing.assert_allclose(now, later, rtol=0.0, atol=1e-11)
 
 
 def test_speed_changes_angles_without_a_jump_except_the_hips_at_1_3():
     t = np.linspace(0.0, 1.0, 2001)
     for change, hips_jump in ((0.5, 0.0), (1.3, 0.65)):
         jumps = np.abs(every_angle(t, change + 1e-9) - every_angle(t, change - 1e-9)).max(axis=1)
-        assert jumps[0] == pytest.approx(hips_jump, abs=0.02)  # a doubled point parts there and changes its slope
-        assert jumps[1:].max() < 1e-5  # 1e-9 of a change of speed
+        assert jumps[0] == pytest.approx(hips_jump, abs=1e-3)  # a doubled point parts there and changes its slope
+        assert jumps[1:].max() < 1e-6  # 1e-9 of a change of speed
         root = np.abs(gait.root_translation(t, change + 1e-9) - gait.root_translation(t, change - 1e-9))
-        assert root.max() < 1e-8
+        assert root.max() < 1e-9
 
 
 def test_cycle_of_a_walk_at_1_4_m_per_s():

@@ -68,14 +68,14 @@ def test_clutter_falls_and_a_weak_walker_becomes_the_strongest_peak(speed: float
     assert strongest(clutter.cube) - strongest(filtered.cube) >= (50.0 if output == "iq" else 40.0)
     for velocity in (-1.1, 1.3):
         alone = frame([walker(velocity, speed)], speed, radar(output))
-        assert abs(strongest(alone.cube) - strongest(rc.remove_static(alone, [speed, 0.0, 0.0]).cube)) <= 0.5  # [dB]
+        assert abs(strongest(alone.cube) - strongest(rc.remove_static(alone, [speed, 0.0, 0.0]).cube)) <= 0.1  # [dB]
         both = with_cube(clutter, clutter.cube + alone.cube)
         limits = {"min_range": 3.0 * CHIP.waveform.range_resolution}
         before = rc.strongest_peak(both.cube, CHIP.waveform, **limits)  # type: ignore[arg-type]
         after = rc.strongest_peak(rc.remove_static(both, [speed, 0.0, 0.0]).cube, CHIP.waveform, **limits)  # type: ignore[arg-type]
         assert abs(before.velocity - velocity) > 0.5  # clutter
         assert abs(after.velocity - velocity) <= 0.1 * CHIP.waveform.velocity_resolution
-        assert abs(after.range - (1.5 + 0.5 * CHIP.waveform.duration * velocity)) <= 0.01
+        assert abs(after.range - (1.5 + 0.5 * CHIP.waveform.duration * velocity)) <= 1e-4
 
 
 def test_the_walker_of_the_demo_is_found_while_the_arm_moves() -> None:
@@ -111,7 +111,7 @@ def test_phases_of_receivers_do_not_change_what_is_left(output: str) -> None:
             found * np.exp(-1j * np.deg2rad(phases))[:, None, None], expected, atol=1e-5 * np.abs(plain.cube).max()
         )
     # Without the phases it is 2 dB more. Real samples keep a little of the wrong sign of frequencies.
-    assert abs(strongest(found) - strongest(expected)) <= 0.5
+    assert abs(strongest(found) - strongest(expected)) <= 0.02
 
 
 @pytest.mark.parametrize("method", ["doppler", "space-time"])

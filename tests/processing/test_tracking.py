@@ -425,7 +425,8 @@ def test_smoothing_bridges_a_turn_that_was_not_seen() -> None:
     np.testing.assert_array_equal(plain.is_detected, smooth.is_detected)
     errors = [np.abs(one.velocity - values[:, 0, 1])[hidden].max() for one in (plain, smooth)]
     assert errors[0] > 0.2  # 12 frames at 1 m/s^2
-    assert errors[1] < 0.02
+    # Between exact points the smoothed track is a cubic, of which the turn is one.
+    assert errors[1] < 1e-5
     assert (smooth.deviation[hidden, 0] < plain.deviation[hidden, 0]).all()
     np.testing.assert_array_equal(smooth.state[-1], plain.state[-1])  # there is nothing later
 
@@ -456,7 +457,7 @@ def test_recording_is_tracked_by_a_detector_of_its_frames() -> None:
         return detections([[2.0 + 1.2 * limit * frame.time, float(fast)]], frame.time)
 
     (one,) = track(rec, detector=detector, max_speed=2.0 * limit, **POINTS)
-    assert abs(one.velocity[-1] - 1.2 * limit) < 0.1
+    assert abs(one.velocity[-1] - 1.2 * limit) < 1e-5  # exact points at an even speed
     assert len(track(rec.frames(), detector=detector, max_speed=2.0 * limit, **POINTS)) == 1
     # Taken as they are, they contradict the ranges.
     assert len(track(rec, detector=detector, max_velocity=None, max_speed=2.0 * limit, **POINTS)) == 0

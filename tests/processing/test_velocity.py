@@ -72,7 +72,7 @@ def test_estimates_of_one_echo_without_noise_are_exact(
     samples = echo(waveform, RANGE, VELOCITY)
     for estimator, bound in SINGLE:
         found = estimator(samples.real if is_real else samples, waveform, window=window, max_velocity=1.2)
-        deviation = bound(waveform, 80.0)
+        deviation = bound(waveform, 110.0)
         # Far below the noise of any receiver: real samples take their mirror image off step by step.
         assert abs(found.velocity - VELOCITY) <= deviation.velocity
         assert abs(found.range - RANGE) <= deviation.range
@@ -84,7 +84,7 @@ def test_a_pair_of_chirps_tells_range_and_velocity(num_chirps: int, is_real: boo
     waveforms = UP.replace(num_chirps=num_chirps), DOWN.replace(num_chirps=num_chirps)
     samples = [one.real if is_real else one for one in pair(*waveforms)]
     found = rc.up_down_velocity(*samples, *waveforms)
-    bound = rc.up_down_bound(*waveforms, 80.0)
+    bound = rc.up_down_bound(*waveforms, 110.0)
     assert abs(found.velocity - VELOCITY) <= bound.velocity
     assert abs(found.range - RANGE) <= bound.range
     swapped = rc.up_down_velocity(*samples[::-1], *waveforms[::-1], down_delay=-waveforms[0].frame_interval)
@@ -101,8 +101,8 @@ def test_frames_of_a_pair_bring_their_times() -> None:
         for wf, since, time in ((up, -half, 2.0), (down, half, 2.0 + gap))
     ]
     found = rc.up_down_velocity(*frames)
-    assert abs(found.velocity - VELOCITY) <= 1e-6  # 2 mm of migration would count 0.2 m/s
-    assert abs(found.range - RANGE) <= 1e-8
+    assert abs(found.velocity - VELOCITY) <= 1e-7  # 2 mm of migration would count 0.2 m/s
+    assert abs(found.range - RANGE) <= 1e-9
 
 
 @pytest.mark.filterwarnings("ignore:'point 0' has a radial speed")  # beyond what Doppler could tell
@@ -122,17 +122,17 @@ def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
     found = rc.up_down_velocity(*frame.sequences())
     # Up to 17 mm from one to the other: at times that are not theirs the velocity would be off by 0.1 m/s and more.
     middle = 0.5 * sum(part.radar.middle for part in frame.sequences())
-    assert abs(found.velocity - VELOCITY) <= 1e-4
+    assert abs(found.velocity - VELOCITY) <= 5e-6
     assert abs(found.range - (RANGE + VELOCITY * middle)) <= 1e-5
     other = rc.up_down_velocity(*frame.sequences()[::-1])
-    assert other.velocity == pytest.approx(found.velocity, abs=1e-6)
+    assert other.velocity == pytest.approx(found.velocity, abs=1e-12)
     cubes = rc.up_down_velocity(*(part.cube for part in frame.sequences()), *radar.sequences())
     assert (cubes.range, cubes.velocity) == (found.range, found.velocity)
     bound = rc.up_down_bound(up, down, found.snr_db, num_channels=radar.num_channels)  # type: ignore[arg-type]
     assert found.velocity_std == pytest.approx(float(bound.velocity))
     recording = rc.Recording.from_frames([frame, rc.Frame(frame.cube, 1.0, radar, frame.truth)])
     both = rc.up_down_velocity(*recording.sequences())
-    np.testing.assert_allclose(both.velocity, found.velocity, atol=1e-6)
+    np.testing.assert_allclose(both.velocity, found.velocity, rtol=1e-12)
 
 
 def test_changes_of_the_frequency_tell_velocities_beyond_those_of_doppler() -> None:
@@ -142,7 +142,7 @@ def test_changes_of_the_frequency_tell_velocities_beyond_those_of_doppler() -> N
     assert rc.chirp_rate_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
     # Doppler's is another one, a whole number of intervals away but for the carrier's own error.
     alias = rc.doppler_velocity(samples, UP).velocity
-    assert abs(alias - 0.3) <= UP.velocity_resolution
+    assert abs(alias - 0.3) <= 1e-3  # 2.27 m/s of an interval times 1e-4 of the carrier
 
 
 def test_an_echo_smeared_within_the_chirp_is_found_by_dechirping() -> None:
@@ -234,8 +234,8 @@ def test_channels_may_have_their_chirps_later(is_real: bool) -> None:
     cube = np.concatenate([beat_signal_reference([delay], [1.0], wf, [rate]) for wf in waveforms])
     for estimator, bound in SINGLE:
         found = estimator(cube.real if is_real else cube, radar)
-        assert abs(found.velocity - VELOCITY) <= bound(slow, 80.0).velocity
-        assert abs(found.range - RANGE) <= bound(slow, 80.0).range
+        assert abs(found.velocity - VELOCITY) <= bound(slow, 110.0).velocity
+        assert abs(found.range - RANGE) <= bound(slow, 110.0).range
 
 
 def test_range_of_one_chirp_is_that_of_the_frame_with_transmitters_in_turn_too() -> None:
@@ -276,11 +276,11 @@ def test_the_strongest_echo_within_the_limits_is_measured() -> None:
     samples = echo(UP, 0.35, -0.2, 3.0) + echo(UP, RANGE, VELOCITY)
     limits = {"min_range": 0.6, "max_range": 0.9, "window": "hann"}
     found = rc.doppler_velocity(samples, UP, doppler_window="hann", **limits)  # type: ignore[arg-type]
-    assert abs(found.velocity - VELOCITY) <= 0.01 * UP.velocity_resolution
-    assert abs(found.range - RANGE) <= 0.01 * UP.range_resolution
+    assert abs(found.velocity - VELOCITY) <= 1e-5 * UP.velocity_resolution
+    assert abs(found.range - RANGE) <= 1e-5 * UP.range_resolution
     by_velocity = rc.doppler_velocity(samples, UP, min_velocity=0.0, window="hann", doppler_window="hann")
     assert by_velocity.velocity == pytest.approx(found.velocity)
-    assert abs(rc.range_migration_velocity(samples, UP, **limits).velocity - VELOCITY) <= 0.05  # type: ignore[arg-type]
+    assert abs(rc.range_migration_velocity(samples, UP, **limits).velocity - VELOCITY) <= 1e-3  # type: ignore[arg-type]
 
 
 def test_known_noise_gives_the_bound_itself() -> None:

@@ -179,8 +179,8 @@ def test_mirror_between_two_antennas_is_at_the_length_of_the_bent_way() -> None:
     phase = np.exp(-2j * np.pi / wavelength * length)
     # Waves of the edges turn by several turns over these sides and cancel in the mean.
     mean = np.mean(sums) / (-mirror * phase)
-    assert abs(mean) == pytest.approx(1.0, abs=0.1)
-    assert np.angle(mean) == pytest.approx(0.0, abs=0.1)
+    assert abs(mean) == pytest.approx(1.0, abs=0.02)
+    assert np.angle(mean) == pytest.approx(0.0, abs=0.02)
 
 
 def test_delays_of_every_pair_are_exact_distances_from_one_cast() -> None:

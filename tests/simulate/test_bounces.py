@@ -183,8 +183,8 @@ def test_ghost_of_a_moving_ball_has_the_doppler_of_its_path() -> None:
     step = 1e-3
     rate = (ghost_length(BALL + step * velocity) - ghost_length(BALL - step * velocity)) / (2.0 * step)
     peak = rc.strongest_peak(sim.frame().cube, waveform, min_range=np.linalg.norm(BALL) + 0.1)
-    assert peak.range == pytest.approx(0.5 * ghost_length(), abs=0.2 * waveform.range_resolution)
-    assert peak.velocity == pytest.approx(0.5 * rate, abs=0.1 * waveform.velocity_resolution)
+    assert peak.range == pytest.approx(0.5 * ghost_length(), abs=0.02 * waveform.range_resolution)
+    assert peak.velocity == pytest.approx(0.5 * rate, abs=0.01 * waveform.velocity_resolution)
     assert abs(0.5 * rate - velocity @ BALL / np.linalg.norm(BALL)) > waveform.velocity_resolution
 
 

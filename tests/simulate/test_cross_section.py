@@ -14,6 +14,13 @@ WAVELENGTH = 299_792_458.0 / FREQUENCY
 FRONT = [-1.0, 0.0, 0.0]
 
 
+PLATE = 10.0 * np.log10(4.0 * np.pi * 0.1**4 / WAVELENGTH**2)
+"""Square of 10 cm that faces the wave [dBsm]."""
+
+EXACT = 1e-9
+"""Faces are integrated in closed form: only rounding is left [dB]."""
+
+
 def dbsm(mesh: rc.Mesh | rc.Body, directions: Any = FRONT, **options: Any) -> Any:
     return 10.0 * np.log10(rc.rcs(mesh, FREQUENCY, directions, **options))
 
@@ -26,11 +33,12 @@ def horizontal(azimuth: Any) -> np.ndarray:
 
 REFLECTORS = {
     # Mesh, reflections, cross-section for a wave along x [dBsm]; the echoes of the plates of a dihedral are not in it.
-    "plate": (lambda: rc.shapes.plate(0.1, 0.1), 1, 17.0187, 0.01),
-    "sphere": (lambda: rc.shapes.sphere(0.1), 1, -15.0285, 0.2),
+    "plate": (lambda: rc.shapes.plate(0.1, 0.1), 1, PLATE, EXACT),
+    # Geometrical optics; physical optics differs by 0.006 dB, with its edge of the shadow, and the taper has no edge.
+    "sphere": (lambda: rc.shapes.sphere(0.1), 1, -15.0285, 0.02),
     "dihedral": (lambda: rc.shapes.dihedral(0.1), 2, 20.0290, 0.1),
     "triangular trihedral": (lambda: rc.shapes.trihedral(0.1), 3, 12.2475, 0.3),
-    "square trihedral": (lambda: rc.shapes.trihedral(0.1, shape="square"), 3, 21.7899, 0.3),
+    "square trihedral": (lambda: rc.shapes.trihedral(0.1, shape="square"), 3, 21.7899, 0.003),
 }
 
 
@@ -48,7 +56,7 @@ def test_reflector_has_its_cross_section(name: str, polarization: Any) -> None:
 def test_cylinder_broadside_has_its_cross_section() -> None:
     radius, length = 0.05, 0.1
     expected = 10.0 * np.log10(2.0 * np.pi * radius * length**2 / WAVELENGTH)
-    assert dbsm(rc.shapes.cylinder(radius, length)) == pytest.approx(expected, abs=0.2)
+    assert dbsm(rc.shapes.cylinder(radius, length)) == pytest.approx(expected, abs=0.01)  # 0.004 dB to physical optics
 
 
 def test_tilted_plate_has_the_lobes_of_its_side() -> None:
@@ -56,7 +64,7 @@ def test_tilted_plate_has_the_lobes_of_its_side() -> None:
     x = 2.0 * np.pi / WAVELENGTH * side * np.sin(tilt)
     expected = 4.0 * np.pi * side**4 / WAVELENGTH**2 * (np.cos(tilt) * np.sinc(x / np.pi)) ** 2
     got = rc.rcs(rc.shapes.plate(side, side), FREQUENCY, horizontal(tilt))
-    np.testing.assert_allclose(10 * np.log10(got), 10 * np.log10(expected), atol=0.1)
+    np.testing.assert_allclose(10 * np.log10(got), 10 * np.log10(expected), atol=EXACT)
 
 
 def test_plate_mirrors_into_another_direction_and_back() -> None:
@@ -66,7 +74,7 @@ def test_plate_mirrors_into_another_direction_and_back() -> None:
     for polarization in (None, "vertical", "horizontal"):
         for directions, receiver in ((there, back), (back, there)):
             got = dbsm(plate, directions, receiver=receiver, polarization=polarization)
-            assert got == pytest.approx(expected, abs=0.01)
+            assert got == pytest.approx(expected, abs=EXACT)
     assert dbsm(plate, there) < expected - 30.0
 
 
@@ -88,9 +96,9 @@ def test_dihedral_keeps_its_cross_section_over_azimuth_and_its_plates_take_over_
     both = dbsm(rc.shapes.dihedral(0.1), horizontal(azimuth), max_bounces=2)
     # The aperture of the two bounces falls with 2 a sin(45 degrees - azimuth) b.
     expected = 20.0290 + 20.0 * np.log10(np.sin(0.25 * np.pi - azimuth) / np.sin(0.25 * np.pi))
-    np.testing.assert_allclose(both, expected, atol=1.0)
+    np.testing.assert_allclose(both, expected, atol=0.2)
     facing = dbsm(rc.shapes.dihedral(0.1), horizontal(0.25 * np.pi), max_bounces=2)
-    assert facing == pytest.approx(17.0187, abs=0.1)
+    assert facing == pytest.approx(PLATE, abs=EXACT)  # the other plate is seen edge-on
 
 
 def test_directions_come_one_by_one_or_many_and_threads_do_not_matter() -> None:
@@ -188,8 +196,8 @@ def test_large_solids_have_the_cross_sections_of_their_faces(outline: np.ndarray
         around = azimuth_deg + np.linspace(-0.2, 0.2, 9)
         got = rc.rcs(mesh, 77e9, azimuth_deg=around)
         expected = extruded_cross_section(outline, width, np.deg2rad(around))
-        assert 10.0 * np.log10(got.mean() / expected.mean()) == pytest.approx(0.0, abs=0.05), azimuth_deg
-        np.testing.assert_allclose(got, expected, atol=0.02 * expected.max())
+        assert 10.0 * np.log10(got.mean() / expected.mean()) == pytest.approx(0.0, abs=EXACT), azimuth_deg
+        np.testing.assert_allclose(got, expected, atol=EXACT * expected.max())
 
 
 def test_large_corner_has_the_cross_section_of_its_aperture() -> None:
@@ -218,7 +226,7 @@ def test_doubled_triangles_count_once() -> None:
     twice = rc.Mesh(
         np.vstack([plate.vertices] * 2), np.vstack([plate.triangles, plate.triangles + len(plate.vertices)])
     )
-    assert dbsm(twice) == pytest.approx(17.0187, abs=0.01)
+    assert dbsm(twice) == pytest.approx(PLATE, abs=EXACT)
 
 
 def test_bodies_have_their_materials_and_matt_ones_scatter() -> None:
