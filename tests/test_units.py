@@ -47,3 +47,8 @@ def test_frequencies_are_read_with_their_unit(text: str, frequency: float) -> No
 def test_frequencies_without_a_unit_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="expected a frequency with its unit"):
         frequency_of(text)
+
+
+def test_powers_of_noise_are_compared_within_their_relative_tolerance() -> None:
+    assert pytest.approx(4e-15, rel=0.1) == 4.3e-15
+    assert pytest.approx(4e-15, rel=0.1) != 5e-15
