@@ -264,6 +264,16 @@ def test_person_of_many_detections_is_one_track() -> None:
     assert len(track(stream(values), cluster_distance=None, cluster_velocity=None)) > 4
 
 
+def test_extents_are_deviations_that_detections_have_as_well() -> None:
+    """As if detections were less certain by the place on the target, seen 2 m away, and by its parts' velocities."""
+    extents = {"extent": 0.3, "velocity_extent": 0.25}
+    larger = np.hypot(ERRORS, [0.3, 0.25, 0.15, 0.15])
+    values, times = np.array([2.0, 0.0, 0.2, -0.1]), np.arange(10) / RATE
+    (one,) = track([detections(values, time) for time in times], **POINTS | extents)
+    (other,) = track([detections(values, time, larger) for time in times], **POINTS)
+    np.testing.assert_allclose(one.state_covariance, other.state_covariance, rtol=0.0, atol=1e-12)
+
+
 def pairs_of(tracks: Any, variances: Any, measured: Any) -> list[tuple[int, int]]:
     """Pairs of tracks (track, 2) of a variance each and of detections (detection, 2) of variance 1/2."""
     covariance = np.multiply.outer(np.array(variances), np.eye(2))

@@ -121,6 +121,21 @@ def test_overflow_without_data_is_told_once_and_stays_until_the_fifo_is_reset():
     controller.close()
 
 
+def test_fill_level_of_the_fifo_is_in_words_of_two_samples():
+    """FSTAT counts words of 24 bits, of two codes of 12 bits each."""
+    controller = Controller(Numbered())
+    settings = Settings.from_radar(rc.bgt60tr13c(num_samples=64, num_chirps=16, frame_interval=25e-3))
+    controller.chip.execute(start_words(registers_of(settings, 3072)))  # a frame: 3 x 16 x 64 samples
+    deadline = time.monotonic() + 20.0
+    while not controller.chip.has_samples(1) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    for words in (1536, 1036, 536, 36):
+        (answer,) = controller.chip.execute([FSTAT << 25])
+        assert answer & 0xFFFFFF == words
+        controller.chip.take(1000)
+    controller.close()
+
+
 AT_CHIP = (Code.COMPONENT, Component.AVIAN, 0x0130)
 VERSION = Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16)
 UUID = Request.read(Code.BOARD_INFO, Info.UUID, 0, 16)

@@ -78,6 +78,26 @@ def test_ghost_has_the_level_and_the_angles_of_geometrical_optics() -> None:
         assert sine == pytest.approx(arrives_from[1] / np.linalg.norm(arrives_from), abs=0.01)
 
 
+@pytest.mark.parametrize(("tx_width", "rx_width"), [(np.inf, 30.0), (30.0, np.inf), (30.0, 50.0)])
+def test_both_ends_of_a_ghost_have_the_gain_of_their_own_directions(tx_width: float, rx_width: float) -> None:
+    """Straight ahead to the ball, 36 degrees aside to its image: 17 dB less in a beam of 30 degrees."""
+    point = touched(SENSOR, image_of(SENSOR))
+    isotropic = 20.0 * np.log10(abs(reflected_by_ball(SENSOR, image_of(SENSOR))))
+    tx, rx = (
+        rc.GaussianPattern(0.0, width, width) if np.isfinite(width) else rc.IsotropicPattern()
+        for width in (tx_width, rx_width)
+    )
+    radar = rc.Radar(tone(), tx_patterns=[tx], rx_patterns=[rx])
+    ends = point, image_of(point)
+    for last, view in ((0, "wide"), (1, "wide"), (1, "close")):
+        paths = bounce_paths(simulator([ball(), wall()], radar, **VIEWS[view]))
+        received = np.where(paths.body == last, phasors(paths), 0.0).sum()
+        # A wave that leaves for the image comes back from the ball, and the other way round.
+        azimuths = np.rad2deg([np.arctan2(ends[i][1], ends[i][0]) for i in (1 - last, last)])
+        gains = -40.0 * np.log10(2.0) * (azimuths / [tx_width, rx_width]) ** 2
+        assert 20.0 * np.log10(abs(received)) == pytest.approx(isotropic + gains.sum(), abs=0.4)
+
+
 def person_and_wall() -> tuple[list[rc.Body], rc.Body]:
     person = rc.models.Human(speed=0.0, path=[[2.2, 0.3], [0.0, 0.3]])
     upright = rc.shapes.plate(4.0, 2.0)
