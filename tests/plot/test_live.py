@@ -215,6 +215,14 @@ def test_frames_of_the_same_moment_share_a_column() -> None:
     assert np.isfinite(taken.history).all(axis=1).sum() == 1
 
 
+def test_unknown_losses_count_as_none() -> None:
+    first, second = frame(), frame(number=1)
+    told = (
+        Frame(each.cube, each.time, RADAR, stats={"lost_before": lost}) for each, lost in ((first, None), (second, 2))
+    )
+    assert stream(told).num_lost == 2
+
+
 def test_headline_tells_number_time_rate_and_losses() -> None:
     live = plot.LiveView(RADAR, title="Hall $2")
     assert "frame" not in texts(live)

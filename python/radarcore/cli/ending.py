@@ -18,8 +18,11 @@ class Ended(KeyboardInterrupt):
     """A signal has told the command to end."""
 
     def __init__(self, number: int) -> None:
-        super().__init__(f"ended by {signal.Signals(number).name}")
+        super().__init__(number)
         self.number = number
+
+    def __str__(self) -> str:
+        return f"ended by {signal.Signals(self.number).name}"
 
 
 class _Signals:

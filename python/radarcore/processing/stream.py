@@ -169,7 +169,7 @@ class Stream:
             self._times.clear()
         self._times.append(frame.time)
         self.num_frames += 1
-        self.num_lost += int(frame.stats.get("lost_before", 0))
+        self.num_lost += frame.lost_before or 0
 
         self.level = np.full_like(self.level, np.nan)
         self.detections = []

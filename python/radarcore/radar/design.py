@@ -47,14 +47,18 @@ class WishError(ValueError):
     """
 
     def __init__(self, wish: str, possible: float, beside: str, got: float) -> None:
+        super().__init__(wish, possible, beside, got)
+        self.wish: str = wish
+        self.possible: float = possible
+
+    def __str__(self) -> str:
+        wish, possible, beside, got = self.args
         is_least = wish in _LEAST
         # Four digits, to the side on which it can be had.
         step = 10.0 ** (math.floor(math.log10(possible)) - 3) if 0.0 < possible < math.inf else 1.0
         number = step * (math.ceil if is_least else math.floor)(possible / step) if possible < math.inf else possible
         side = "at least" if is_least else "at most"
-        super().__init__(f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}")
-        self.wish: str = wish
-        self.possible: float = possible
+        return f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}"
 
     def is_better_than(self, other: WishError) -> bool:
         """True if more can be had of the same wish than by another error."""
