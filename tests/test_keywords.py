@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 import radarcore as rc
@@ -141,3 +142,38 @@ def test_checked_callables_stay_what_they_are() -> None:
     assert (rc.detect.__doc__ or "").startswith("Detect")
     assert pickle.loads(pickle.dumps(rc.detect)) is rc.detect
     assert pickle.loads(pickle.dumps(rc.Pose([1.0, 2.0, 3.0]))) == rc.Pose([1.0, 2.0, 3.0])
+
+
+def flags() -> Iterator[Any]:
+    """Public functions, classes and methods with arguments that are True or False, and the names of these."""
+    made_by_decoders = {"TrackState", "VirtualBoard", "BodyState", "MarkerState", "NatNetFrame", "ServerInfo"}
+    found: dict[str, Callable[..., Any]] = {}
+    for module in [*FACES, *FILES, rc.dataset]:
+        for value in (getattr(module, name) for name in dir(module)):
+            if inspect.isfunction(value):
+                found[value.__qualname__] = value
+            elif inspect.isclass(value) and value.__name__ not in made_by_decoders:
+                methods = [each for name, each in vars(value).items() if name == "__init__" or name[0] != "_"]
+                functions = [getattr(each, "__func__", each) for each in methods]
+                found |= {each.__qualname__: each for each in functions if inspect.isfunction(each)}
+    for name, called in found.items():
+        if not called.__module__.startswith("radarcore"):
+            continue
+        options = [each.name for each in inspect.signature(called).parameters.values() if each.annotation == "bool"]
+        if options:
+            yield pytest.param(called, options, id=name)
+
+
+@pytest.mark.parametrize(("called", "options"), list(flags()))
+def test_flags_take_true_or_false_alone(called: Callable[..., Any], options: list[str]) -> None:
+    for name in options:
+        for value in ("no", "False", 0, None):
+            with pytest.raises(TypeError, match=rf"^{name}: expected True or False, got {value!r}$"):
+                called(**{name: value})
+
+
+def test_flags_may_come_from_numpy_and_without_their_keywords() -> None:
+    true: Any = np.True_
+    assert rc.Simulator(rc.Scene(), rc.bgt60tr13c(), end_points=true).end_points is True
+    with pytest.raises(TypeError, match="boxes: expected True or False, got 'no'"):
+        rc.dataset.Labels(True, "no")  # type: ignore[arg-type]

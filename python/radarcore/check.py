@@ -100,6 +100,13 @@ def index(name: str, value: object, length: int) -> int:
     return result % length
 
 
+def flag(name: str, value: object) -> bool:
+    """True or False: any text would be true."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name}: expected True or False, got {value!r}")
+    return bool(value)
+
+
 def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
     """Word out of a few choices."""
     if value not in choices:
@@ -245,7 +252,7 @@ def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
 
 
 def knows_keywords(called: _Called) -> _Called:
-    """The class or function, which then says what an unknown keyword is near to and which arguments need keywords."""
+    """The class or function, which then checks the names of keywords, which arguments need them, and all flags."""
     if isinstance(called, type):
         called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1)  # type: ignore[misc]  # of this class alone
         return called
@@ -254,13 +261,14 @@ def knows_keywords(called: _Called) -> _Called:
 
 
 def _with_known_keywords(owner: str, function: Callable[..., Any], num_bound: int) -> Callable[..., Any]:
-    """A function behind a check of its arguments' names; its first ones are what it is bound to."""
+    """A function behind a check of its arguments' names and of its flags; its first ones are what it is bound to."""
     parameters = list(signature(function).parameters.values())
     kinds = {each.kind for each in parameters}
     takes_any_keyword, takes_any_number = Parameter.VAR_KEYWORD in kinds, Parameter.VAR_POSITIONAL in kinds
     known = {each.name: None for each in parameters[num_bound:] if each.kind is not Parameter.POSITIONAL_ONLY}.keys()
     named = [f"{each.name}=" for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
     most = len(parameters) - len(named) - takes_any_keyword
+    flags = [(place, each.name) for place, each in enumerate(parameters) if each.annotation in ("bool", bool)]
 
     @wraps(function)
     def checked(*args: Any, **given: Any) -> Any:
@@ -272,6 +280,11 @@ def _with_known_keywords(owner: str, function: Callable[..., Any], num_bound: in
             raise TypeError(
                 f"{owner}: expected {first}keywords {expected}, got {len(args) - num_bound} positional values"
             )
+        for place, name in flags:
+            if name in given:
+                flag(name, given[name])
+            elif place < len(args):
+                flag(name, args[place])
         return function(*args, **given)
 
     return checked

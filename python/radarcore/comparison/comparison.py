@@ -68,6 +68,7 @@ class Comparison(Record):
         """
         return facts(self)
 
+    @check.knows_keywords
     def figure(
         self,
         path: AnyPath | None = None,
@@ -91,6 +92,7 @@ class Comparison(Record):
         """
         return draw(self, path, time=time, max_range=max_range, overwrite=overwrite)
 
+    @check.knows_keywords
     def report(
         self, path: AnyPath, *, time: float | None = None, max_range: float | None = None, overwrite: bool = False
     ) -> None:

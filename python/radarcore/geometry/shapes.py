@@ -230,8 +230,6 @@ def cylinder(
     """
     radius, segments = check.positive("radius", radius, "m"), _segments(radius, segments, sagitta)
     half = 0.5 * check.positive("length", length, "m")
-    if not isinstance(caps, bool | np.bool_):
-        raise TypeError(f"caps: expected True or False, got {caps!r}")
     bottom, top = _ring(radius, -half, segments), _ring(radius, half, segments)
     ring = np.arange(segments)
     vertices, triangles = [bottom, top], [_side(ring, ring + segments)]

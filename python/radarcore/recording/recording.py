@@ -170,6 +170,7 @@ class Recording(Stored):
         for index in range(len(self)):
             yield self[index]
 
+    @check.knows_keywords
     def replay(self, *, speed: float | None = 1.0, loop: bool = False) -> Iterator[Frame]:
         """The frames in order, each when it is due: the first at once, the others by their times.
 
@@ -249,6 +250,7 @@ class Recording(Stored):
         times = np.array([frame.time for frame in kept])
         return cls(np.stack([frame.cube for frame in kept]), times, first.radar, truth, source, lost)
 
+    @check.knows_keywords
     def save(self, path: str | os.PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
         """Write to disk.
 

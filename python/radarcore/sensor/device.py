@@ -250,6 +250,7 @@ class Sensor:
         finally:
             self._board.stop(is_silent=is_silent)
 
+    @check.knows_keywords
     def record(
         self,
         path: str | PathLike[str],

@@ -66,7 +66,7 @@ class Settings:
             "tolerance": check_tolerance(self.tolerance),
             "method": check.choice("method", self.method, METHODS),
             "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
-            "end_points": bool(self.end_points),
+            "end_points": check.flag("end_points", self.end_points),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
             "max_bounces": None if self.max_bounces is None else check_max_bounces(self.max_bounces),
             "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),

@@ -237,6 +237,7 @@ class Simulator(Settings):
         for time in frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate):
             yield self.frame(time)
 
+    @check.knows_keywords
     def record(
         self,
         start: float,

@@ -109,6 +109,7 @@ class CoppeliaSim:
         known = [self._path(handle) for handle in self.sim.getObjectsInTree(self.sim.handle_scene)]
         raise CoppeliaSimError(f"no object {path!r} in the scene; {check.near_names(path, known)}")
 
+    @check.knows_keywords
     def bodies(
         self, *paths: str, material: Material | None = None, still: bool = False, hidden: bool = False
     ) -> list[Body]:

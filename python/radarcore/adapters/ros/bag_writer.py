@@ -119,6 +119,7 @@ class BagWriter:
     ) -> None:
         self.close()
 
+    @check.knows_keywords
     def add_topic(self, topic: str, type: str, *, latched: bool = False) -> None:
         """Make a topic before its first message; needed for one that is latched, and one without messages.
 

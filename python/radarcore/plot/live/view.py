@@ -133,7 +133,7 @@ class LiveView:
     def remove_static(self, value: bool) -> None:
         if value != self._stream.remove_static:
             self._stream.forget()
-        self._stream.remove_static = bool(value)
+        self._stream.remove_static = check.flag("remove_static", value)
         canvas.entitle(self._history_axes, f"Range over time, static echoes {'removed' if value else 'shown'}")
         self._still = {}
         self._show()
@@ -187,6 +187,7 @@ class LiveView:
         if time.perf_counter() - self._texts_painted >= _TEXT_INTERVAL:
             self._paint(self._text_axes)
 
+    @check.knows_keywords
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the figure as a PNG picture; missing parents are made.
 

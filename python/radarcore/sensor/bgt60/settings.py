@@ -195,10 +195,7 @@ class Settings:
         for name in ("num_samples", "num_chirps", "rx_mask", "tx_power_level", "if_gain_db", "num_frames"):
             put(self, name, check.count(name, getattr(self, name), -sys.maxsize))
         for name in ("is_transmitting", "has_test_pattern"):
-            value = getattr(self, name)
-            if not isinstance(value, bool | np.bool_):
-                raise TypeError(f"{name}: expected True or False, got {value!r}")
-            put(self, name, bool(value))
+            put(self, name, check.flag(name, getattr(self, name)))
 
     @property
     def rx_indices(self) -> tuple[int, ...]:
