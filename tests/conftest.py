@@ -1,5 +1,7 @@
 """Before any test is loaded: MuJoCo draws without a display, by a library that it chooses when it is imported.
 
+Tests that need an extra which is not installed are skipped, and say how to install it.
+
 Commands do not see the width and the colours of the terminal that started the tests.
 
 Where `pytest.approx` is given a relative tolerance, it has no other one: by default pytest also allows 1e-12, which is
@@ -12,7 +14,14 @@ from __future__ import annotations
 
 import gc
 import os
+import re
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from ctypes.util import find_library
+from functools import cache
+from importlib.metadata import distributions
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -40,3 +49,52 @@ pytest.approx = _approx_without_floor
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+
+
+MODULES = {
+    "coppelia": {"cbor2", "coppeliasim_zmqremoteapi_client", "zmq"},
+    "dask": {"dask", "distributed"},
+    "hdf5": {"h5py"},
+    "mesh": {"collada", "trimesh"},
+    "mujoco": {"mujoco"},
+    "plot": {"matplotlib"},
+    "rerun": {"rerun"},
+    "robots": {"example_robot_data"},
+    "ros": {"rosbags"},
+    "usb": {"libusb_package", "serial", "usb"},
+    "zarr": {"google_crc32c", "numcodecs", "xarray", "zarr"},
+}
+"""Modules of the extras, which some tests import by themselves."""
+
+
+@cache
+def is_installed(extra: str) -> bool:
+    """Whether all packages of an extra of radarcore are there."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = {re.split(r"[^\w-]", requirement)[0] for requirement in project["optional-dependencies"][extra]}
+    return wanted <= {re.sub(r"[-_.]+", "-", found.metadata["Name"]).lower() for found in distributions()}
+
+
+@contextmanager
+def skipping_without_extra() -> Iterator[None]:
+    try:
+        yield
+    except ImportError as error:
+        named = re.search(r"pip install radarcore\[(\w+)\]", str(error))
+        module = (error.name or "").partition(".")[0]
+        extra = named[1] if named else next((extra for extra in MODULES if module in MODULES[extra]), None)
+        if extra is None or is_installed(extra):
+            raise
+        pytest.skip(f"needs the extra `{extra}`: pip install radarcore[{extra}]")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup() -> Iterator[None]:
+    with skipping_without_extra():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Iterator[None]:
+    with skipping_without_extra():
+        return (yield)

@@ -16,8 +16,6 @@ from radarcore.cli.main import main
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
-NEEDS = {"mujoco.md": "mujoco"}
-"""Packages that the examples of a page need, called as their extras."""
 LINK = re.compile(r"\]\(([^()\s]+)\)")
 
 
@@ -81,8 +79,6 @@ WITH_ANOTHER_SIDE = ("sensor.md", "coppeliasim.md")
 def test_python_examples_run_and_print_what_the_page_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if (package := NEEDS.get(page.name)) is not None:
-        pytest.importorskip(package, reason=f"needs the extra `{package}`: pip install radarcore[{package}]")
     monkeypatch.chdir(tmp_path)
     run_python(page, capsys)
 

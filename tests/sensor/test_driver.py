@@ -238,6 +238,7 @@ def test_board_left_measuring_is_taken_over():
     ],
 )
 def test_other_boards_are_refused_by_name(identity, message):
+    pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
     with plugged(Controller(Noise(), identity=identity), "cdc") as (where, _):
         with pytest.warns(RuntimeWarning, match=message):
             assert list_sensors(**where) == []

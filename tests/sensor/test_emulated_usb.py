@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import errno
+from importlib import import_module
 from typing import Any
 
 import pytest
-import usb.core
-import usb.util
 
 from emulated_ports import bus_with
 from radarcore.sensor.emulator.usb import cdc_device, vendor_device
 from small_boards import Loopback, Requests
+
+usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
+import_module("usb.util")
 
 
 def test_transfer_that_does_not_fit_overflows() -> None:

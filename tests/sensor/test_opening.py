@@ -246,6 +246,7 @@ def shorten_comlib(monkeypatch: pytest.MonkeyPatch, longest: float) -> None:
 
 
 def test_boards_left_out_of_the_list_are_told_with_their_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
     shorten_comlib(monkeypatch, 0.2)
     bus = EmulatedBus()
     controllers = [Controller(Noise(), identity=OLD), Controller(Noise()), Controller(Noise())]

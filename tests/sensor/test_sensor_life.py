@@ -221,6 +221,7 @@ def test_temperature_may_be_asked_for_while_measuring_starts_anew():
 
 @pytest.mark.skipif(os.name != "posix", reason="needs a pty")
 def test_interrupted_programs_end_soon_and_leave_the_board_alone():
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     program = (
         "import sys, radarcore as rc\n"
         "with rc.open_sensor(sys.argv[1], protocol='strata') as sensor:\n"
@@ -246,6 +247,7 @@ def test_interrupted_programs_end_soon_and_leave_the_board_alone():
 @pytest.mark.skipif(os.name != "posix", reason="needs a pty")
 def test_interrupt_at_any_moment_leaves_a_sensor_that_measures():
     """Ctrl-C comes between calls of functions; here it comes, one after the other, behind many of a measurement."""
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     program = (
         "import _thread, sys, time, radarcore as rc\n"
         "def measure(num_frames, moment):\n"

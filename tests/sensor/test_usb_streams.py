@@ -7,17 +7,19 @@ import random
 import subprocess
 import sys
 import time
+from importlib import import_module
 from typing import Any
 
 import pytest
-import usb.core
-import usb.util
 
 from emulated_ports import bus_with, stream_to, vendor_port_to
 from radarcore.sensor.emulator.usb import cdc_device, vendor_device
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
 from radarcore.sensor.transport import UDEV_RULE, Stalled, UsbStream, find_ports, open_stream, open_vendor_port
 from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
+
+usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
+import_module("usb.util")
 
 
 def test_open_board_is_taken_from_the_driver_and_given_back() -> None:
