@@ -59,6 +59,7 @@ RNG = np.random.default_rng(5)
 BUNCHED = np.ceil(TRUE / 0.1 - 1e-9) * 0.1 + 50e-6 * (np.arange(-1, NUM - 1) % 4)
 """Four poses every 0.1 s, 50 us apart: stamps of reception."""
 JITTER = np.sort(TRUE + RNG.uniform(0.0, 0.03, NUM))
+SLIGHT = TRUE + RNG.uniform(0.0, 0.005, NUM)
 HICCUP = np.where(np.arange(NUM) == 80, TRUE + 0.024, TRUE)
 IRREGULAR = np.cumsum(RNG.uniform(0.002, 0.05, NUM))
 GAP = TRUE + 1.5 * (np.arange(NUM) >= 100)
@@ -77,6 +78,7 @@ LATE = np.r_[0:80, 84, 85, 80:84, 86:NUM]
             5e-3,
         ),
         (JITTER, TRUE, ["make speeds of", "regular times take their place"], 5e-3),
+        (SLIGHT, TRUE, ["make speeds of", "regular times take their place, up to 0.00"], 5e-3),
         (HICCUP, TRUE, ["0.001 to 0.049 s apart", "make speeds of 12.5 m/s (0.5", "up to 0.024 s earlier"], 1e-9),
         (BUNCHED + GAP - TRUE, GAP, ["in bunches", "no messages from"], 5e-3),
         (IRREGULAR, IRREGULAR, [], 1e-6),

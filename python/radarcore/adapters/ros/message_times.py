@@ -23,13 +23,16 @@ _LONG_GAP, _MANY = 0.2, 5.0
 """A gap in a series is at least this long [s], and this many times as long as the usual interval."""
 
 _SHORT = 0.7
-"""Intervals below this share of the mean one are suspect. The mean is 1.33 periods if one of four messages is lost."""
+"""Intervals below this share of the mean are suspect. The mean is 1.33 periods if one of four messages is lost."""
 
 _WINDOW, _NUM_INTERVALS, _NUM_PAUSES = 0.1, 5.0, 2.0
 """Jitter and bunches hardly change speeds over windows of this time [s], this many mean intervals, and pauses."""
 
 _TOO_FAST, _NOISE = 2.0, 0.05
 """Speeds of suspect intervals are wrong if they exceed this multiple of the windows' by more than this [m/s]."""
+
+_CLEARLY, _SLIGHT = 0.25, 0.02
+"""Regular times are clearly better by this ratio of squared errors; stamps are slightly wrong by this speed [m/s]."""
 
 _PAUSE = 3.0
 """Times the usual pause between bunches beyond which a pause is a gap in the series."""
@@ -139,30 +142,31 @@ def _evened(name: str, times_ns: Nanoseconds, values: Values, unit: str) -> Nano
     pause = float(np.median(intervals[intervals >= intervals.mean()]))
     is_gap = intervals > _PAUSE * pause
     mean = float(intervals[~is_gap].mean())
-    is_suspect = intervals < _SHORT * mean
     window = max(_WINDOW, _NUM_INTERVALS * mean, _NUM_PAUSES * pause)
-    if not is_suspect.any() or times[-1] < window:
+    if times[-1] < window:
         return times_ns
 
     # Compare the speeds of short intervals with those over windows.
-    speed = float((steps[is_suspect] / intervals[is_suspect]).max())
+    speed = float((steps / intervals)[intervals < _SHORT * mean].max(initial=0.0))
     begins = np.flatnonzero(times <= times[-1] - window)
     ends = np.searchsorted(times, times[begins] + window)
     spans = times[ends] - times[begins]
     usual_speed = float((np.linalg.norm(values[ends] - values[begins], axis=1) / spans).max())
-    if speed <= _TOO_FAST * usual_speed + _NOISE:
-        return times_ns
+    is_too_fast = speed > _TOO_FAST * usual_speed + _NOISE
 
-    # Regular times count if the values are smoother over them, away from gaps.
+    # Compare how well every pose lies between its neighbours, by the stamps and in the middle, away from gaps.
     inner = ~(is_gap[:-1] | is_gap[1:])
     share = (intervals[1:] / (intervals[:-1] + intervals[1:]))[:, None]
-    errors = [
-        np.linalg.norm(values[1:-1] - weight * values[:-2] - (1.0 - weight) * values[2:], axis=1)[inner]
+    by_stamps, by_number = (
+        float(np.square(values[1:-1] - weight * values[:-2] - (1.0 - weight) * values[2:])[inner].sum())
         for weight in (share, 0.5)
-    ]
+    )
+    is_jitter = by_number < _CLEARLY * by_stamps and by_stamps > inner.sum() * (_SLIGHT * mean) ** 2
+    if not (is_too_fast or is_jitter):
+        return times_ns
+
     evened = _regular(times, np.flatnonzero(is_gap) + 1)
-    is_smoother = float((errors[1] ** 2).sum()) < float((errors[0] ** 2).sum())
-    if is_smoother and (np.diff(evened) > 0.0).all():
+    if by_number < by_stamps and (np.diff(evened) > 0.0).all():
         moved = float(np.abs(evened - times).max())
         end = f"regular times take their place, up to {moved:.3g} s earlier"
         times_ns = times_ns[0] + np.round(evened * _SECOND).astype(np.int64)
@@ -170,7 +174,7 @@ def _evened(name: str, times_ns: Nanoseconds, values: Values, unit: str) -> Nano
         end = "they are kept, and velocities are wrong there"
     span = f"{intervals.min():.3g} to {intervals[~is_gap].max():.3g} s apart, {mean:.3g} s on average"
     notice.warn(
-        f"{name}: stamps in bunches or with jitter, {span}, make speeds of {speed:.3g} {unit} "
+        f"{name}: stamps in bunches or with jitter, {span}, make speeds of {max(speed, usual_speed):.3g} {unit} "
         f"({usual_speed:.3g} {unit} over {window:.3g} s); {end}"
     )
     return times_ns
