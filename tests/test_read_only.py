@@ -15,6 +15,7 @@ PLATE = rc.shapes.plate(0.2, 0.2)
 POSES = [rc.Pose(), rc.Pose([1.0, 0.0, 0.0])]
 RADAR = rc.bgt60tr13c()
 SCENE = rc.Scene([rc.Body(PLATE, motion=rc.Pose([0.5, 0.0, 0.0])), rc.PointTarget([0.8, 0.0, 0.0])])
+FRAME = rc.Simulator(rc.Scene(), rc.Radar(RADAR.waveform)).frame()
 RECORDING = rc.Simulator(SCENE, RADAR, resolution=8).record(0.0, 0.2, 10.0, progress=False)
 
 ATTRIBUTES: list[tuple[Any, str]] = [
@@ -126,3 +127,15 @@ def test_subclass_has_attributes_of_its_own_beside_those_that_are_read_only(
         with pytest.raises(AttributeError, match=name):
             change()
     assert getattr(made, name) is before or getattr(made, name) == before
+
+
+def test_frames_keep_their_samples_whatever_becomes_of_the_array() -> None:
+    cube, codes = FRAME.cube.real.copy(), np.zeros(FRAME.cube.shape, np.uint16)
+    frame = rc.Frame(cube, 0.0, FRAME.radar, raw=codes)
+    cube += 1.0
+    codes += np.uint16(1)
+    assert frame.raw is not None
+    assert not frame.raw.any()
+    np.testing.assert_array_equal(frame.cube, FRAME.cube.real)
+    part = RECORDING[1:]
+    assert np.shares_memory(part[0].cube, RECORDING.cube)  # views, as they say

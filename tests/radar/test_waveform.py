@@ -188,6 +188,29 @@ def test_replace_keeps_the_delay_of_a_waveform_that_starts_late() -> None:
     assert longer.frame_interval == pytest.approx(800e-6, rel=4 * EPS)  # that of the chirps, as where it was delayed
 
 
+@pytest.mark.parametrize(
+    "changes", [{"num_samples": 200}, {"num_samples": 50}, {"sample_rate": 2e6}, {"adc_delay": 5e-6}]
+)
+@pytest.mark.parametrize("delay", [0.0, 1e-3])
+def test_intervals_that_were_back_to_back_are_so_again(delay: float, changes: dict[str, Any]) -> None:
+    basic: dict[str, Any] = {"start_frequency": 60e9, "slope": 1e12, "sample_rate": 1e6, "num_samples": 100}
+    settings = basic | {"num_chirps": 4}
+
+    def made(**intervals: float) -> rc.Waveform:
+        return rc.Waveform(**settings, **intervals).delayed(delay)
+
+    def expected(**intervals: float) -> rc.Waveform:
+        return rc.Waveform(**settings | changes, **intervals)
+
+    for intervals in ({}, {"frame_interval": 5e-3}, {"chirp_interval": 300e-6, "frame_interval": 5e-3}):
+        found, wanted = made(**intervals).replace(**changes), expected(**intervals)
+        assert found.chirp_interval == pytest.approx(wanted.chirp_interval, rel=1e-12)
+        assert found.frame_interval == pytest.approx(wanted.frame_interval, rel=1e-12)
+        np.testing.assert_allclose(found.chirp_times, delay + wanted.chirp_times, rtol=1e-12)
+    kept = made().replace(**changes, chirp_interval=300e-6)
+    assert kept.chirp_interval == pytest.approx(300e-6, rel=1e-12)
+
+
 STAGGERED = (400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)).tolist()
 
 

@@ -390,10 +390,10 @@ def test_recording_prints_nothing_when_progress_is_off_or_nobody_watches(capfd: 
 def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sim, received = small(), chain.receive
 
-    def interrupted(ideal: Any, radar: rc.Radar, start: float, *, seed: int) -> Any:
+    def interrupted(ideal: Any, radar: rc.Radar, start: float, **options: Any) -> Any:
         if start > 0.06:
             raise KeyboardInterrupt
-        return received(ideal, radar, start, seed=seed)
+        return received(ideal, radar, start, **options)
 
     monkeypatch.setattr(ramps, "receive", interrupted)
     with pytest.raises(KeyboardInterrupt):
@@ -506,7 +506,7 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
     with pytest.raises(ValueError, match=message):
         simulator([]).record(*times, progress=False)
     with pytest.raises(ValueError, match=message):
-        next(simulator([]).frames(*times))
+        simulator([]).frames(*times)  # before the first frame is asked for
 
 
 @pytest.mark.parametrize(

@@ -123,8 +123,8 @@ class Sample:
         """
         found = self.simulation()
         simulator = found.simulator(threads=threads)
-        for time in frame_times(found.run.start, found.run.stop, found.run.rate):
-            yield simulator.frame(float(time))
+        times = frame_times(found.run.start, found.run.stop, found.run.rate)
+        return (simulator.frame(float(time)) for time in times)
 
     @check.knows_keywords
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:

@@ -16,7 +16,7 @@ from radarcore.dataset.layout import STATUS
 from radarcore.dataset.samples import Samples
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
+from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth, frame_of
 
 Arrays = Mapping[str, NDArray[Any]]
 """Variables of a sample."""
@@ -111,7 +111,7 @@ def frames_of(samples: Samples, index: int, arrays: Arrays, numbers: Sequence[in
     for number in numbers:
         truth = Truth(names, *(row[number] for row in rows)) if has_truth else None
         cube = arrays["cube"][number]
-        yield Frame(cube, float(arrays["time"][number]), radar, truth, raw=adc_codes(cube, radar))
+        yield frame_of(cube, float(arrays["time"][number]), radar, truth, raw=adc_codes(cube, radar))
 
 
 def _radar_of(samples: Samples, index: int) -> Radar:

@@ -14,7 +14,7 @@ from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, frame_of
 from radarcore.simulate.doubts import Doubts
 from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.settings import Settings, core_settings
@@ -205,7 +205,7 @@ def frame_from_depth(
         "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
     }
     truth = None if body is None else motion.truth(image, num_bodies)
-    return Frame(cube, start, radar, truth, stats, adc_codes(cube, radar))
+    return frame_of(cube, start, radar, truth, stats, adc_codes(cube, radar))
 
 
 def _simulate(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, unit_of
+from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, frame_of, unit_of
 from radarcore.recording.recording import Recording
 
 Samples = ArrayLike | Frame | Recording
@@ -81,7 +81,7 @@ def with_samples(frame: Frame | Recording, cube: NDArray[Any], radar: Radar, del
     unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
     told = {} if unit is None else {"cube_unit": PARTS_OF_FULL_SCALE if unit == FULL_SCALE else unit}
     if isinstance(frame, Frame):
-        return replace(frame, cube=cube, radar=radar, time=frame.time + delay, raw=None, stats=frame.stats | told)
+        return frame_of(cube, frame.time + delay, radar, frame.truth, frame.stats | told)
     return replace(frame, cube=cube, radar=radar, time=frame.time + delay, source=frame.source | told)
 
 

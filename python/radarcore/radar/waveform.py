@@ -296,7 +296,8 @@ class Waveform(Twinned):
     def replace(self, **changes: Any) -> Waveform:
         """Copy of the waveform with some parameters changed.
 
-        A new number of chirps or chirp interval replaces the list of chirp times, of which the first stays.
+        A new number of chirps or chirp interval replaces the list of chirp times, of which the first stays. Intervals
+        of chirps or frames that were back to back are so again.
 
         See Also
         --------
@@ -313,6 +314,9 @@ class Waveform(Twinned):
         back_to_back = self._default_frame_interval - delay
         if self.frame_interval == back_to_back or (delay and isclose(self.frame_interval, back_to_back)):
             changes.setdefault("frame_interval", None)
+        is_gapless = self.has_uniform_chirps and isclose(self.chirp_interval, self._sweep, rel_tol=1e-12)
+        if is_gapless and "chirp_times" not in changes and {"num_samples", "sample_rate", "adc_delay"} & changes.keys():
+            changes.setdefault("chirp_interval", None)
         is_new = bool({"num_chirps", "chirp_interval"} & changes.keys())
         if "chirp_times" in changes or not (is_new or (self.has_uniform_chirps and delay == 0.0)):
             return replace(self, **changes)
@@ -357,9 +361,13 @@ class Waveform(Twinned):
         )
 
     @property
+    def _sweep(self) -> float:
+        """Duration of a ramp, to the end of its last sample [s]."""
+        return self.adc_delay + self.num_samples / self.sample_rate
+
+    @property
     def _default_frame_interval(self) -> float:
-        sweep = self.adc_delay + self.num_samples / self.sample_rate
-        return float(self.chirp_times[-1]) + max(self.chirp_interval, sweep)
+        return float(self.chirp_times[-1]) + max(self.chirp_interval, self._sweep)
 
     @cached_property
     def has_uniform_chirps(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -136,7 +136,7 @@ class Frame:
     Parameters
     ----------
     cube : (channel, chirp, sample) complex64, complex128, float32 or float64
-        Beat signal, I/Q or real.
+        Beat signal, I/Q or real; copied.
     time : float
         Start of the first chirp [s].
     radar : Radar
@@ -172,6 +172,12 @@ class Frame:
     raw: NDArray[np.uint16] | None = None
 
     def __post_init__(self) -> None:
+        self._check()
+        # Later changes to the caller's arrays must not reach the frame.
+        object.__setattr__(self, "cube", self.cube.copy())
+        object.__setattr__(self, "raw", None if self.raw is None else self.raw.copy())
+
+    def _check(self) -> None:
         check_radar(self.radar)
         object.__setattr__(self, "cube", checked_cube(self.cube, frame_shape(self.radar)))
         object.__setattr__(self, "time", check.number("time", self.time, "s"))
@@ -211,7 +217,7 @@ class Frame:
         chirps = chirps_of(radars)
         raws = [None if self.raw is None else self.raw[:, part] for part in chirps]
         return tuple(
-            replace(self, cube=self.cube[:, part], radar=radar, raw=raw)
+            frame_of(self.cube[:, part], self.time, radar, self.truth, self.stats, raw)
             for radar, part, raw in zip(radars, chirps, raws, strict=True)
         )
 
@@ -223,6 +229,21 @@ class Frame:
         if (count := check.count('stats["lost_before"]', num_lost, 0)) > _MAX_LOST:
             raise ValueError(f'stats["lost_before"]: expected at most {_MAX_LOST}, got {count}')
         return count
+
+
+def frame_of(
+    cube: NDArray[Any],
+    time: float,
+    radar: Radar,
+    truth: Truth | None = None,
+    stats: dict[str, Any] | None = None,
+    raw: NDArray[np.uint16] | None = None,
+) -> Frame:
+    """Frame of arrays that only the package has, or of views: they are not copied."""
+    frame = object.__new__(Frame)
+    vars(frame).update(cube=cube, time=time, radar=radar, truth=truth, stats={} if stats is None else stats, raw=raw)
+    frame._check()
+    return frame
 
 
 def bodies_text(truth: Truth | None) -> str:

@@ -31,6 +31,7 @@ from radarcore.recording.frame import (
     check_truth,
     checked_cube,
     chirps_of,
+    frame_of,
     frame_shape,
     kind_of,
     unit_of,
@@ -49,7 +50,7 @@ class Recording(Stored):
     Parameters
     ----------
     cube : (frame, channel, chirp, sample) complex64, complex128, float32 or float64
-        Beat signal, I/Q or real.
+        Beat signal, I/Q or real; kept, not copied, as it may be large or on disk.
     time : (frame,) array_like
         Start of every frame [s], each after that of the frame before.
     radar : Radar
@@ -136,7 +137,7 @@ class Recording(Stored):
         stats: dict[str, Any] = {} if self.lost is None else {"lost_before": int(self.lost[index])}
         if not self._has_codes and (unit := self.source.get("cube_unit")) is not None:
             stats["cube_unit"] = unit
-        return Frame(
+        return frame_of(
             cube,
             float(self.time[index]),
             self.radar,

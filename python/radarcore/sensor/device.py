@@ -20,7 +20,7 @@ from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import FULL_SCALE, Frame
+from radarcore.recording.frame import FULL_SCALE, Frame, frame_of
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options
@@ -208,7 +208,7 @@ class Sensor:
                     stats["lost_reason"] = ", ".join(losses.reasons)
                 if raw.device_time is not None:
                     stats["device_time"] = raw.device_time
-                yield Frame(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
+                yield frame_of(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
                 num_given += 1
         except BaseException as error:
             if self._reader is reader:

@@ -21,7 +21,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
 from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import Frame, truth_of_rows
+from radarcore.recording.frame import Frame, frame_of, truth_of_rows
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
@@ -234,8 +234,9 @@ class Simulator(Settings):
         >>> [round(frame.time, 3) for frame in simulator.frames(0.0, 0.1, rate=40.0)]
         [0.0, 0.025, 0.05, 0.075]
         """
-        for time in frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate):
-            yield self.frame(time)
+        # The times are checked here and now, not at the first frame.
+        times = frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate)
+        return (self.frame(time) for time in times)
 
     @check.knows_keywords
     def record(
@@ -419,7 +420,7 @@ class Simulator(Settings):
             self._hide_points(rows)
             self._doubts.of_velocities(self.scene.names, rows[1])
             truth = truth_of_rows(self.scene.names, rows)
-            yield Frame(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
+            yield frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""

@@ -111,15 +111,18 @@ def frames(
             if to - data.time <= _ROUNDING or (every > 0 and count % every == 0):
                 live.update(data, by_differences=follow or None)
 
-    live.update(data)
-    number = 0
-    while duration is None or number * period < duration - _ROUNDING:
-        begin = start + number * period
-        if follow:
-            # The poses before the start say how fast the motion is there.
-            advance(begin - step, exactly=False)
-        advance(begin)
-        if follow:
-            advance(begin + frame_duration, every=stride, exactly=False)
-        yield simulator.frame(begin)
-        number += 1
+    def stepped() -> Iterator[Frame]:
+        live.update(data)
+        number = 0
+        while duration is None or number * period < duration - _ROUNDING:
+            begin = start + number * period
+            if follow:
+                # The poses before the start say how fast the motion is there.
+                advance(begin - step, exactly=False)
+            advance(begin)
+            if follow:
+                advance(begin + frame_duration, every=stride, exactly=False)
+            yield simulator.frame(begin)
+            number += 1
+
+    return stepped()
