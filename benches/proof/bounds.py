@@ -59,6 +59,10 @@ def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[B
             for row in mirror
             if (row.sampling, row.setting) == (sampling, setting) and row.case.name.startswith(kinds)
         ]
+        if rows and setting == "default":
+            what = "adaptive, default, single bodies, any turn and frequency"
+            yield Bound(what, "level [dB]", PAPER, 1.2, [row.largest_level for row in rows])
+            yield Bound(what, "phase [rad]", PAPER, 0.18, [row.largest_phase for row in rows])
         if rows:
             what, is_typical = f"{sampling}, {name}", setting == "256"
             yield Bound(what, "level [dB]", PAPER, level, [row.level for row in rows], is_typical)

@@ -193,11 +193,11 @@ def decibels(ratio: Any) -> Any:
         return 20.0 * np.log10(np.abs(ratio))
 
 
-def errors(got: Phasors, expected: Phasors) -> tuple[float, float, float]:
-    """Rms of level [dB] over all turns and frequencies, that of the worst turn, and rms of phase [rad]."""
+def errors(got: Phasors, expected: Phasors) -> tuple[float, float, float, float, float]:
+    """Rms of level [dB] over all turns and frequencies, of the worst turn, and rms of phase [rad]; largest of both."""
     ratio = got / expected
-    level = decibels(ratio)
-    return rms(level), max(map(rms, level)), rms(np.angle(ratio))
+    level, phase = decibels(ratio), np.angle(ratio)
+    return rms(level), max(map(rms, level)), rms(phase), float(abs(level).max()), float(abs(phase).max())
 
 
 def floor_text(rcs_floor: float) -> str:

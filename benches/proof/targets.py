@@ -109,6 +109,10 @@ class Measured:
     """Error of the worst turn [dB]."""
     phase: float
     """[rad]."""
+    largest_level: float
+    """At the worst frequency of the worst turn [dB]."""
+    largest_phase: float
+    """Likewise [rad]."""
     rays: int
     """Of the first turn."""
     paths: int
@@ -137,6 +141,16 @@ def measured(
     return Measured(case, sampling, setting, *numbers, stats["rays_cast"], stats["paths"], seconds)
 
 
+def measured_by_default(case: Case, run: Run, repeats: int = 0) -> Measured:
+    """Errors of `Simulator(scene, radar)`, but for the field of view."""
+    return measured(case, run, "adaptive", "default", _side(case), {}, repeats)
+
+
+def _side(case: Case) -> int:
+    """Cells of adaptive sampling: turned by parts of one, a target in the narrowest image would leave it."""
+    return max(num_cells(case.field_of_view_deg), 6)
+
+
 def mirror_results(run: Run) -> Iterator[list[Measured]]:
     """Every target with every sampling and resolution or floor."""
     for case in cases():
@@ -147,16 +161,13 @@ def mirror_results(run: Run) -> Iterator[list[Measured]]:
             for sampling in (("footprint",) if is_point else ("footprint", "point"))
             for side in sides
         ]
-        # Turned by parts of a cell, a target in the narrowest image would leave it.
-        cells = max(num_cells(case.field_of_view_deg), 6)
         ways += [
-            ("adaptive", floor_text(x), cells, {"rcs_floor": x, "ray_budget": math.inf})
+            ("adaptive", floor_text(x), _side(case), {"rcs_floor": x, "ray_budget": math.inf})
             for x in run.floors
             if not is_point
         ]
-        if not is_point:
-            ways.append(("adaptive", "default", cells, {}))
-        yield [measured(case, run, *way, run.repeats) for way in ways]
+        rows = [measured(case, run, *way, run.repeats) for way in ways]
+        yield rows if is_point else [*rows, measured_by_default(case, run, run.repeats)]
 
 
 def mirror_rows(results: list[list[Measured]], run: Run) -> Iterator[list[str]]:
