@@ -31,8 +31,8 @@ STATIC_TRANSFORMS = "/tf_static"
 class BagMotions:
     """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
 
-    Times count from `start_ns`, so that they are exact to a nanosecond. They are the stamps in the headers, mended where
-    these cannot be right, with a warning: zero, stamps of reception, or a second run; the page of bags says how.
+    Times count from `start_ns`, so that they are exact to a nanosecond. They are the stamps in the headers. Stamps that
+    cannot be right are mended with a warning: zeros, stamps of reception, a second run; the page of bags says how.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.adapters.ros.message_times import message_times, unpacked, warn_of_gap
@@ -188,15 +188,19 @@ def pose_numbers(message: Any) -> tuple[float, ...]:
     return p.x, p.y, p.z, q.x, q.y, q.z, q.w
 
 
-def poses_of(rows: Sequence[tuple[float, ...]]) -> tuple[Pose, ...]:
-    """Poses of many rows of `pose_numbers`, together: recordings have 100,000 of them."""
+def poses_of(rows: ArrayLike) -> tuple[Pose, ...]:
+    """Poses of many rows of `pose_numbers`."""
+    return tuple(map(as_pose, _maps_of(rows)))
+
+
+def _maps_of(rows: ArrayLike) -> NDArray[np.float64]:
+    """``[rotation | position]`` of many rows of `pose_numbers`, (n, 3, 4): recordings have 100,000 of them."""
     numbers = check.array("position and orientation", rows, (None, 7))
     positions, quaternions = numbers[:, :3], numbers[:, 3:]
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if (is_zero := lengths[:, 0] == 0.0).any():
         raise ValueError(f"orientation: expected a quaternion, got zeros at index {int(is_zero.argmax())}")
-    rotations = rotations_of(np.roll(quaternions / lengths, 1, axis=1))
-    return tuple(map(as_pose, transforms(rotations, positions)))
+    return transforms(rotations_of(np.roll(quaternions / lengths, 1, axis=1)), positions)
 
 
 class SeriesRows:
@@ -217,24 +221,25 @@ class SeriesRows:
     @property
     def is_seen(self) -> bool:
         """True if any of the poses is finite and has a quaternion."""
-        return any(map(_is_pose, self._rows))
+        return bool(self._seen().any())
 
     def series(self, frame_id: str) -> PoseSeries:
         """The poses that are finite and have a quaternion, at mended times; an error without any."""
-        seen = [k for k, row in enumerate(self._rows) if _is_pose(row)] if self.is_seen else range(len(self._rows))
-        poses = poses_of([self._rows[k] for k in seen])
-        values = np.array([[*pose.position, *(pose.rotation.ravel() / np.sqrt(2.0))] for pose in poses])  # 1 m per rad
-        stamps, received = [self._stamps[k] for k in seen], [self._received[k] for k in seen]
+        seen = np.flatnonzero(self._seen()) if self.is_seen else np.arange(len(self._rows))
+        maps = _maps_of(np.array(self._rows)[seen])
+        values = np.column_stack([maps[..., 3], maps[..., :3].reshape(-1, 9) / np.sqrt(2.0)])  # 1 m per rad
+        stamps, received = [self._stamps[k] for k in seen.tolist()], [self._received[k] for k in seen.tolist()]
         times, kept = message_times(self._name, stamps, received, values, "m/s")
-        return PoseSeries(times, tuple(poses[k] for k in kept.tolist()), frame_id)
+        return PoseSeries(times, tuple(map(as_pose, maps[kept])), frame_id)
 
     def last(self) -> Pose:
-        """The last pose that is finite and has a quaternion."""
-        return poses_of([row for row in self._rows if _is_pose(row)] or self._rows)[-1]
+        """The last pose that is finite and has a quaternion; an error without any."""
+        return poses_of(np.array(self._rows)[self._seen()] if self.is_seen else self._rows)[-1]
 
-
-def _is_pose(numbers: tuple[float, ...]) -> bool:
-    return all(map(isfinite, numbers)) and any(numbers[3:])
+    def _seen(self) -> NDArray[np.bool_]:
+        numbers = np.array(self._rows)
+        seen: NDArray[np.bool_] = np.isfinite(numbers).all(axis=1) & numbers[:, 3:].any(axis=1)
+        return seen
 
 
 @check.knows_keywords
