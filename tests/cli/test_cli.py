@@ -313,6 +313,44 @@ def test_info_is_one_fact_per_line(scene: Path, recording: Path, capsys: pytest.
         assert lines["sample rate"].strip() == "2 MHz"
 
 
+def test_info_of_a_scene_that_varies_lists_what_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        """
+radar.preset = "bgt60tr13c"
+[[body]]
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
+material = { choice = ["metal", "wood"] }
+repeat = 2
+pose = { position = [{ uniform = [1.5, 2.5] }, 0.0, 0.0] }
+"""
+    )
+    assert main(["info", str(scene), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["bodies"] == ["body 0 0", "body 0 1"]
+    assert facts["varies"]["body.body 0 1.material"] == "choice metal, wood"
+    assert facts["varies"]["body.body 0 0.pose.position[0]"] == "uniform 1.5, 2.5 [m]"
+    assert main(["info", str(scene)]) == 0
+    assert "  body.body 0 0.material  choice metal, wood\n" in capsys.readouterr().out
+    # Where a sample is needed, all lines say so.
+    scene.write_text(scene.read_text().replace("repeat = 2\n", ""))
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "rec")]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all(line.endswith("got a distribution, which radarcore.dataset.Variation draws from") for line in lines)
+
+
+def test_recording_in_place_of_a_scene_is_told_what_it_is_good_for(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rc.Recording.load(recording).save(tmp_path / "rec.npz")
+    for source, got in ((recording, "a folder"), (tmp_path / "rec.npz", "an .npz file")):
+        assert main(["simulate", str(source), "-o", str(tmp_path / "out")]) == 1
+        message = f"expected a scene file (TOML), got {got}; of a recording load_radar and --radar take the radar"
+        assert message in capsys.readouterr().err
+        assert rc.load_radar(source) == rc.Recording.load(recording).radar
+
+
 def test_info_of_what_is_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(tmp_path)]) == 1
     assert "expected a recording" in capsys.readouterr().err

@@ -77,6 +77,11 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
     again = ["--frames", "2", "--overwrite", "--radar", str(scene), "--chirps", "4"]
     assert main(["sensor", "record", port, "-o", str(output), *again]) == 0
     assert rc.Recording.load(output).cube.shape == (2, 3, 4, 128)
+    # Of a recording as well, and of its description.
+    for radar in (output, output / "meta.json"):
+        same = ["-o", str(tmp_path / "same"), "--overwrite", "--frames", "1", "--radar", str(radar)]
+        assert main(["sensor", "record", port, *same]) == 0
+        assert rc.Recording.load(tmp_path / "same").cube.shape == (1, 3, 4, 128)
 
 
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
@@ -122,6 +127,7 @@ def test_report_is_json(capsys, tmp_path):
         (["view", "/dev/none", "-o", "pictures", "--frames", "-3"], "--frames: expected at least 1, got -3"),
         (["view", "/dev/none", "-o", "pictures", "--every", "0"], "--every: expected a positive number"),
         (["view", "none.toml"], "none.toml"),
+        (["view", "COMPLETE"], "no such recording, scene file or port"),
         (["view", "no/such/recording"], "no such recording, scene file or port"),
         (["serve", "none.toml"], "none.toml"),
         (["serve", "no/such/recording"], "no/such/recording"),

@@ -102,6 +102,24 @@ def test_wide_tables_are_coloured_and_whole(on_terminal, recording: Path, capsys
     assert cells(shown) == cells(plain)
 
 
+def test_names_do_not_command_the_terminal(
+    on_terminal, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names of bodies and files may hold anything; what a terminal would obey is shown as text."""
+    monkeypatch.chdir(tmp_path)
+    name = "ev\x1b]0;il\x07\u202e\x9b31m"
+    body = rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name=name)
+    rc.Simulator(rc.Scene([body]), rc.bgt60tr13c(num_chirps=16), seed=1).record(0.0, 0.2, path=name, progress=False)
+    for words in (["info", name], ["compare", name], ["process", name], ["info", f"{name}.toml"]):
+        status = int(words[1].endswith(".toml"))
+        assert main(words) == status
+        plain = capsys.readouterr()
+        shown = on_terminal(*words, status=status) + capsys.readouterr().err
+        for text in (plain.out + plain.err, ESCAPE.sub("", shown)):
+            assert not any(letter in text for letter in "\x1b\x07\u202e\x9b"), words
+            assert r"ev\x1b]0;il\x07\u202e\x9b31m" in text.replace("\n", "")
+
+
 def test_tracks_are_a_table(on_terminal, recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["process", str(recording)]) == 0
     plain = capsys.readouterr().out.splitlines()

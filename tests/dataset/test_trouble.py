@@ -19,6 +19,7 @@ import pytest
 import radarcore as rc
 from deadly_work import Deadly
 from full_disk import largest_file
+from radarcore.cli.main import main
 from radarcore.dataset import executors
 from radarcore.dataset.shards import Done
 from varied_scenes import digests, write_scene
@@ -184,6 +185,50 @@ def test_damage_is_found_and_named(tmp_path: Path) -> None:
     lines[1]["files"]["cube/c/1/0/0/0/0"][1] = hashlib.sha256(data).hexdigest()
     journal.write_text(json.dumps(lines[1]) + "\n")
     assert rc.dataset.verify(path).faults == ("sample 2: expected the same bits when simulated again, got others",)
+
+
+@pytest.mark.parametrize(
+    ("damage", "what"),
+    [
+        (lambda group: group.update(zarr_format=9), "damaged one"),
+        (lambda group: group["attributes"].pop("seed"), "a damaged one without seed"),
+        (lambda group: group["consolidated_metadata"]["metadata"].pop("status"), "a damaged one without status"),
+        (lambda group: group["consolidated_metadata"]["metadata"]["cube"].pop("shape"), "damaged one"),
+        (
+            lambda group: group["consolidated_metadata"]["metadata"]["time"].pop("dimension_names"),
+            "without axes of time",
+        ),
+    ],
+)
+def test_damaged_group_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Any], object], what: str
+) -> None:
+    scene, path = write_scene(tmp_path), tmp_path / "out"
+    rc.dataset.make(scene, path, count=1, workers=1)
+    group = json.loads((path / "zarr.json").read_text())
+    damage(group)
+    (path / "zarr.json").write_text(json.dumps(group))
+    for words in (["info"], ["verify"], ["scene", "0"], ["export", "-o", "out.h5", "--format", "hdf5"]):
+        assert main(["dataset", words[0], str(path), *words[1:]]) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{path}: expected a dataset, got " in line
+        assert what in line
+    assert main(["dataset", "make", str(scene), "-o", str(path), "--count", "1", "--resume"]) == 1
+    assert what in capsys.readouterr().err
+
+
+def test_names_that_would_share_a_column_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(
+        'radar.preset = "bgt60tr13c"\n'
+        + "".join(
+            f'[[point]]\nname = "{name}"\nposition = [{{ uniform = [1.0, 2.0] }}, {y}, 0.0]\n'
+            for y, name in enumerate(("a/b", "a_b"))
+        )
+    )
+    message = r"differ in more than / and _, got 'point\.a/b\.position\[0\]' and 'point\.a_b\.position\[0\]'"
+    with pytest.raises(ValueError, match=message):
+        rc.dataset.make(tmp_path / "scene.toml", tmp_path / "out", count=1, workers=1)
+    assert not (tmp_path / "out").exists()
 
 
 def test_distribution_out_of_range_names_sample_and_key(tmp_path: Path) -> None:

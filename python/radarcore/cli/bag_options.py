@@ -25,7 +25,7 @@ class BagOptions:
     """with a scene file: motions of kind "bag" are those recorded; without: depth images become the frames"""
 
     radar: File = None
-    """radar at the depth camera: scene file, or meta.json of a recording"""
+    """radar at the depth camera: scene file, recording, or its meta.json"""
 
     depth_topic: _Topic = None
     """depth images (default: the only ones)"""

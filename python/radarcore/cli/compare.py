@@ -106,7 +106,7 @@ def run(
         write = compared.report if output.suffix.lower() == _PAGE else compared.figure
         write(output, time=time, max_range=max_range, overwrite=overwrite)
         if not as_json:
-            print(f"\n{output}")
+            show(f"\n{output}")
 
 
 def _show(compared: Comparison) -> None:

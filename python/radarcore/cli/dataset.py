@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from radarcore.cli.options import Count, Flag, Json, Output, Seconds, whole_number
-from radarcore.cli.terminal import complain, show_facts
+from radarcore.cli.terminal import complain, show, show_facts
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.making import make
@@ -93,7 +93,7 @@ def run_make(
         result = {"dataset": str(output), "samples": len(dataset), "frames": frames, "failed": len(failed)}
         print(json.dumps(result | {"seconds": seconds}, indent=2))
     else:
-        print(f"{output}: {len(dataset)} samples, {frames} frames, {len(failed)} failed; {seconds:.1f} s")
+        show(f"{output}: {len(dataset)} samples, {frames} frames, {len(failed)} failed; {seconds:.1f} s")
     return 1 if len(failed) == len(dataset) else 0
 
 
@@ -134,7 +134,7 @@ def run_info(dataset: Folder, /, *, as_json: Json = False) -> None:
     if as_json:
         print(json.dumps(facts, indent=2))
         return
-    print(opened)
+    show(opened)
     texts = facts | {
         "samples": ", ".join(f"{number} {name}" for name, number in facts["samples"].items()),
         "axes": ", ".join(f"{name} {length}" for name, length in opened.sizes.items()),
@@ -194,7 +194,7 @@ def run_export(
         formats.to_webdataset(dataset, output, samples_per_tar=samples_per_tar, overwrite=overwrite)
     else:
         formats.to_mcap(dataset, output, sample=sample, overwrite=overwrite)
-    print(output)
+    show(output)
 
 
 def labels_of_names(names: str) -> Labels:

@@ -15,7 +15,10 @@ from radarcore.cli.folder_info import folder_facts
 from radarcore.cli.measured import measured_facts
 from radarcore.cli.options import Json, Source
 from radarcore.cli.source import NOT_BARE, BareSamples, load_recording, path_and_topic
-from radarcore.cli.terminal import show_facts
+from radarcore.cli.terminal import show, show_facts
+from radarcore.dataset.tree import varies
+from radarcore.dataset.variation import Parameter as Varying
+from radarcore.dataset.variation import Variation
 from radarcore.geometry.files import SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.recording.description import Description
@@ -24,6 +27,7 @@ from radarcore.recording.reader import RecordingReader
 from radarcore.recording.recording import facts_of_frames
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.read import values_of
 from radarcore.simulate.times import frame_times
 from radarcore.summary import line
 
@@ -58,7 +62,9 @@ def run(
 def _texts(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Names and values as text; of topics and recordings an entry each."""
     for name, value in facts.items():
-        if name in ("topics", "recordings"):
+        if name == "varies":
+            yield name, f"{len(value)} values of samples"
+        if name in ("topics", "recordings", "varies"):
             yield from ((f"  {entry}", text) for entry, text in value.items())
         else:
             yield line(name, value)
@@ -78,12 +84,13 @@ def _show_mesh(path: Path, scale: float, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"mesh": str(path), **report.facts(), "verdicts": report.verdicts}, indent=2))
     else:
-        print(report)
+        show(report)
 
 
 def _scene_facts(path: Path) -> dict[str, Any]:
-    """Content of a scene file, by name with unit."""
-    simulation = load_scene(path)
+    """Content of a scene file, by name with unit; of one that varies that of its first sample."""
+    variation = Variation.load(path) if varies(values_of(path)) else None
+    simulation = load_scene(path) if variation is None else variation.sample(0).simulation()
     scene, run = simulation.scene, simulation.run
     return {
         "scene": str(path),
@@ -95,7 +102,14 @@ def _scene_facts(path: Path) -> dict[str, Any]:
         "stop [s]": run.stop,
         "rate [Hz]": run.rate,
         **simulation.radar.facts(),
+        **({} if variation is None else {"varies": {one.path: _range(one) for one in variation.parameters}}),
     }
+
+
+def _range(parameter: Varying) -> str:
+    """Distribution of a value that varies, as text."""
+    ends = (f"{end:g}" if isinstance(end, float) else str(end) for end in parameter.ends)
+    return f"{parameter.kind} {', '.join(ends)}{f' [{parameter.unit}]' if parameter.unit else ''}"
 
 
 def _recording_facts(path: Path, config: Description) -> dict[str, Any]:

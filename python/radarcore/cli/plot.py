@@ -14,6 +14,7 @@ from radarcore import check, plot
 from radarcore.cli.options import Count, Metres, Output, Overwrite, RemoveStatic, Source, whole_number
 from radarcore.cli.source import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.static import moving, moving_frame, removes_static
+from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas
 from radarcore.processing.clutter import remove_mean
@@ -129,7 +130,7 @@ def run(
         remove_static=remove_static,
         overwrite=overwrite,
     )
-    print(output)
+    show(output)
 
 
 def draw(

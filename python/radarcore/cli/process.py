@@ -139,14 +139,14 @@ def run(
     if as_json:
         print(json.dumps(summary, indent=2))
         return
-    print(f"{source}: {len(reader)} frames, {num_detections} detections, {len(tracks)} tracks")
+    show(f"{source}: {len(reader)} frames, {num_detections} detections, {len(tracks)} tracks")
     if tracks:
         show(_table(tracks))
-    print(f"{elapsed:.1f} s, {duration / elapsed:.2g} x real time")
+    show(f"{elapsed:.1f} s, {duration / elapsed:.2g} x real time")
     if output is not None:
-        print(" ".join(str(output / name) for name in FILES))
+        show(" ".join(str(output / name) for name in FILES))
     if bag is not None:
-        print(bag)
+        show(bag)
 
 
 def _table(tracks: dict[int, _Summary]) -> Table:

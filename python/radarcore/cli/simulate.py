@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from radarcore.cli import bag
 from radarcore.cli.bag_options import NO_BAG, BagOptions
 from radarcore.cli.options import Count, Flag, Json, Output
+from radarcore.cli.terminal import show
 from radarcore.scenefile.load import load_scene
 
 
@@ -60,4 +61,4 @@ def run(
         print(json.dumps(summary, indent=2))
     else:
         shape = " x ".join(map(str, recording.cube.shape[1:]))
-        print(f"{output}: {len(recording)} frames of {shape} samples in {elapsed:.1f} s, {ratio:.2f} x real time")
+        show(f"{output}: {len(recording)} frames of {shape} samples in {elapsed:.1f} s, {ratio:.2f} x real time")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated
 
 from cyclopts import Group, Parameter
@@ -56,9 +56,11 @@ class BareSamples:
 NOT_BARE = BareSamples()
 
 
-def path_and_topic(source: str | Path) -> tuple[Path, str]:
+def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
     """Path, and topic of a bag or nothing."""
-    head, separator, tail = str(source).rpartition(":/")
+    # A path of Windows has lost the slash of the topic; the colon of its drive is followed by no topic of a bag.
+    text = source if isinstance(source, str) else source.as_posix()
+    head, separator, tail = text.rpartition(":/")
     return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(source), "")
 
 

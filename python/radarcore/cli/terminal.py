@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TextIO
 
+from radarcore.check import printable
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -53,16 +55,17 @@ def is_coloured(stream: TextIO | None = None) -> bool:
     return chosen.isatty() and not os.environ.get("NO_COLOR") and kind not in ("", "dumb")
 
 
-def show(content: str | Table) -> None:
-    """Print a line or a table."""
+def show(content: object) -> None:
+    """Print a table, or the text of anything else."""
     if isinstance(content, Table) and is_coloured():
         _print(*_parts(content))
     else:
-        print(content)
+        print(_printable(str(content)))
 
 
 def show_facts(facts: Iterable[tuple[str, str]], width: int) -> None:
     """Print names, padded to a width, and values, one a line; a name that is indented is an entry of the one above."""
+    facts = [(_printable(label), _printable(text)) for label, text in facts]
     if not is_coloured():
         for label, text in facts:
             print(f"{label}  {text}" if label.startswith(" ") else f"{label:<{width}}  {text}")
@@ -80,6 +83,7 @@ def show_facts(facts: Iterable[tuple[str, str]], width: int) -> None:
 
 def show_result(result: str, text: str) -> None:
     """Print the line of a check that passed, failed or was skipped, at once."""
+    text = _printable(text)
     if is_coloured():
         from rich.text import Text
 
@@ -91,7 +95,7 @@ def show_result(result: str, text: str) -> None:
 
 def complain(text: str, kind: str = "error") -> None:
     """Print a line of an error or a warning, to the stream of errors."""
-    prefix = "radarcore: warning:" if kind == "warning" else "radarcore:"
+    prefix, text = "radarcore: warning:" if kind == "warning" else "radarcore:", _printable(text)
     if not is_coloured(sys.stderr):
         print(f"{prefix} {text}", file=sys.stderr)
         return
@@ -107,17 +111,22 @@ def _parts(table: Table) -> Iterable[RenderableType]:
     from rich.text import Text
 
     if table.title:
-        yield Text(table.title, style=_TITLE)
+        yield Text(_printable(table.title), style=_TITLE)
     if table.rows:
         grid = Grid(box=SIMPLE_HEAD, header_style=_LABEL, pad_edge=False, show_edge=False)
         for place, name in enumerate(table.header):
             side: Literal["left", "right"] = "left" if place < table.num_left else "right"
-            grid.add_column(Text(name), justify=side, vertical="bottom", no_wrap=True)
+            grid.add_column(Text(_printable(name)), justify=side, vertical="bottom", no_wrap=True)
         for row in table.rows:
-            grid.add_row(*map(Text, row))
+            grid.add_row(*(Text(_printable(cell)) for cell in row))
         yield grid
     if table.note:
-        yield Text(table.note, style=_NOTE)
+        yield Text(_printable(table.note), style=_NOTE)
+
+
+def _printable(text: str) -> str:
+    """Text with escapes for what a terminal would obey: names of files, bodies, topics and boards may hold anything."""
+    return "\n".join(map(printable, text.split("\n")))
 
 
 def _print(*parts: RenderableType) -> None:

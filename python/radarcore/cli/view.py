@@ -10,6 +10,7 @@ from radarcore.adapters.rerun import Viewer
 from radarcore.cli.options import OutputFile, Overwrite, RemoveStatic, Source
 from radarcore.cli.source import NOT_BARE, BareSamples, open_recording
 from radarcore.cli.static import moving, removes_static
+from radarcore.cli.terminal import show
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import Tracker
 from radarcore.radar.radar import Radar
@@ -59,7 +60,7 @@ def run(
             viewer.show_tracks(tracker.update(found), found.time)
             number += 1
     shown = "the viewer" if output is None else output
-    print(f"{source}: {number} frames in {shown}")
+    show(f"{source}: {number} frames in {shown}")
 
 
 def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:

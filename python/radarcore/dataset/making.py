@@ -21,7 +21,7 @@ from radarcore.dataset.plan import planned
 from radarcore.dataset.recipe import Recipe
 from radarcore.dataset.shardfile import clear_partial
 from radarcore.dataset.shards import Done, Work, Worker
-from radarcore.dataset.store import attrs_of, create, zarr
+from radarcore.dataset.store import attrs_of, create, opened, zarr
 from radarcore.dataset.variation import Variation
 from radarcore.output import Lock, already_exists, is_empty
 
@@ -187,6 +187,7 @@ def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
         raise already_exists(target, what)
     if not resume:
         raise already_exists(target, "a dataset; resume=True goes on with it")
+    opened(target)  # refuses a damaged one
     settings: dict[str, Any] = json.loads(attrs["settings"])
     return settings
 

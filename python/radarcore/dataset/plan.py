@@ -151,10 +151,13 @@ def _fill_of(dtype: np.dtype[Any], attrs: dict[str, Any]) -> Any:
 
 def _parameters(recipe: Recipe) -> dict[str, Variable]:
     """A variable per parameter that varies."""
-    variables = {}
+    variables: dict[str, Variable] = {}
     for parameter in recipe.variation.parameters:
         # Zarr's names are those of folders.
         name = f"parameter.{parameter.path}".replace("/", "_")
+        if (other := variables.get(name)) is not None:
+            paths = f"{other.attrs['path']!r} and {parameter.path!r}"
+            raise ValueError(f"{recipe.variation.path}: expected names that differ in more than / and _, got {paths}")
         attrs = {"path": parameter.path, "distribution": parameter.kind}
         if parameter.unit:
             attrs["units"] = parameter.unit

@@ -14,6 +14,12 @@ from radarcore.dataset.plan import FORMAT, VERSION, Plan
 from radarcore.dataset.shardfile import LEVEL
 from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty
 
+_ARRAYS, _ATTRIBUTES = ("cube", "status"), ("scene_path", "scene", "seed", "radar", "settings")
+"""What every dataset has."""
+
+_LONGEST_REASON = 200
+"""Characters of another library's message."""
+
 
 def zarr() -> Any:
     """The package, or an ImportError that names the extra."""
@@ -88,7 +94,17 @@ def opened(path: Path) -> Any:
         raise ValueError(
             f"{path}: expected version {VERSION} (or older), got {attrs['version']!r}; a newer radarcore wrote it"
         )
-    return package.open_group(path, mode="r")
+    try:
+        group = package.open_group(path, mode="r")
+        arrays = dict(group.arrays())
+    except Exception as error:  # of zarr: whatever damaged metadata leads to
+        text = " ".join(str(error).split())[:_LONGEST_REASON]
+        raise ValueError(f"{path}: expected a dataset, got a damaged one ({text or type(error).__name__})") from error
+    lacking = [name for name in _ARRAYS if name not in arrays] + [name for name in _ATTRIBUTES if name not in attrs]
+    lacking += [f"axes of {name}" for name, array in arrays.items() if not array.metadata.dimension_names]
+    if lacking:
+        raise ValueError(f"{path}: expected a dataset, got a damaged one without {', '.join(lacking)}")
+    return group
 
 
 def attrs_of(path: Path) -> dict[str, Any] | None:

@@ -58,6 +58,13 @@ class Found:
     copy: int = 0
 
 
+def varies(values: object) -> bool:
+    """True for tables of a scene file with a distribution, or an entry that comes in copies."""
+    if isinstance(values, dict):
+        return is_distribution(values) or "repeat" in values or any(map(varies, values.values()))
+    return isinstance(values, list) and any(map(varies, values))
+
+
 def prepared(values: dict[str, Any]) -> dict[str, Any]:
     """The tables with `Varied` and `Repeated` in the place of what stands for them, and a name for every entry.
 

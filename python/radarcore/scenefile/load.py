@@ -8,6 +8,7 @@ from pathlib import Path
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.configuration import configuration
+from radarcore.recording.reader import RecordingReader
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.kept import Kept
@@ -66,7 +67,7 @@ def load_radar(path: str | PathLike[str]) -> Radar:
     path : path
         TOML, of which only the table ``[radar]`` counts; JSON: that of a recording, what `Radar.to_dict` gives,
         ``config.json`` of Infineon's tools, ``.mmwave.json`` or ``.setup.json`` of TI's mmWave Studio; or the commands
-        for the demo of TI's SDK, ``.cfg``.
+        for the demo of TI's SDK, ``.cfg``; or a recording, a folder or ``.npz``, without its samples.
 
     Raises
     ------
@@ -88,6 +89,8 @@ def load_radar(path: str | PathLike[str]) -> Radar:
     <Radar 60.05 to 61 GHz, 32 chirps of 128 samples, 1 TX, 3 RX, 40 Hz>
     """
     file = Path(path)
+    if file.is_dir() or file.suffix == ".npz":
+        return RecordingReader(file).radar
     if file.suffix != ".toml":
         return configuration(file).radar
     table = read.table(file).radar

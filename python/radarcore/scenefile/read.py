@@ -22,6 +22,8 @@ _MOST_LINES = 50
 DISTRIBUTIONS = ("uniform", "normal", "log_uniform", "integers", "choice")
 """Keys of a table that stands for a value of a variation: scene files have no such keys."""
 
+_DISTRIBUTION = "a distribution, which radarcore.dataset.Variation draws from"
+
 
 def table(file: Path) -> SceneTable:
     """The tables of a file, with every key known and of the right type."""
@@ -30,6 +32,11 @@ def table(file: Path) -> SceneTable:
 
 def values_of(file: Path) -> dict[str, Any]:
     """Tables of a TOML file."""
+    if file.is_dir() or file.suffix == ".npz":
+        got = "a folder" if file.is_dir() else "an .npz file"
+        raise ValueError(
+            f"{file}: expected a scene file (TOML), got {got}; of a recording load_radar and --radar take the radar"
+        )
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -154,6 +161,8 @@ def _fault(details: Any) -> _Fault:
     key = _key(details["loc"], is_unknown=kind == "extra_forbidden")
     if kind == "extra_forbidden":
         name = str(key.path[-1])
+        if name in DISTRIBUTIONS and len(key.path) > 1:
+            return _Fault(key.path[:-1], "a table", "", _DISTRIBUTION)
         near = check.near(name, key.known)
         meant = (*key.path[:-1], near[0]) if near else None
         known = key.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
@@ -175,7 +184,7 @@ def _value_text(value: object) -> str:
     """A value of the file as text, short."""
     if isinstance(value, dict):
         if any(name in value for name in DISTRIBUTIONS):
-            return "a distribution, which radarcore.dataset.Variation draws from"
+            return _DISTRIBUTION
         return f"a table, and no distribution {unknown(next(iter(value)), DISTRIBUTIONS)}" if value else "a table"
     if isinstance(value, bool):
         return str(value).lower()

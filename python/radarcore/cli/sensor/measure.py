@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -24,6 +25,7 @@ from radarcore.cli.sensor.settings import (
     sight,
     words_of_options,
 )
+from radarcore.cli.terminal import show
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
@@ -74,10 +76,10 @@ def run_record(
     with open_sensor(port, capture=capture) as sensor:
         with words_of_options():
             achieved = sensor.configure(wanted, **gains_of(settings))
-        print(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
+        show(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
         for line in (*_differences(wanted, achieved), *_gain(settings.gain, sensor.source())):
-            print(f"  {line}")
-        print(f"  {sight(achieved)}")
+            show(f"  {line}")
+        show(f"  {sight(achieved)}")
         began, before = time.perf_counter(), _written_at(output)
         try:
             recording = sensor.record(output, duration=duration, num_frames=frames, overwrite=overwrite)
@@ -88,7 +90,7 @@ def run_record(
             recording = Recording.load(output)  # as long as was wanted
         elapsed = time.perf_counter() - began
         lost = sensor.num_lost
-    print(f"{output}: {len(recording)} frames in {elapsed:.1f} s, {lost} lost")
+    show(f"{output}: {len(recording)} frames in {elapsed:.1f} s, {lost} lost")
 
 
 def _written_at(path: Path) -> int | None:
@@ -172,7 +174,7 @@ def run_view(
             max_range=settings.max_range,
             remove_static=remove_static,
             hold=not is_sensor,
-            say=print,
+            say=show,
         )
 
 
@@ -180,7 +182,7 @@ def _frames(
     source: str | None, speed: float | None, settings: BoardSettings, stack: ExitStack
 ) -> tuple[Iterator[Frame], str, bool]:
     """Frames of a source, its name, and true for a sensor."""
-    if source is not None and not source.startswith(("usb:", "/dev/", "COM")):
+    if source is not None and not _is_port(source):
         path = Path(source)
         if path.suffix == ".toml":
             refuse_settings(settings, source)
@@ -198,8 +200,15 @@ def _frames(
     sensor = stack.enter_context(open_sensor(source))
     with words_of_options():
         achieved = sensor.configure(wanted, **gains_of(settings))
-    print(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
+    show(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
     return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
+
+
+def _is_port(source: str) -> bool:
+    """True for the name of a port, or of a capture that stands for one; ``COM3`` is one, ``COMPLETE`` a file."""
+    return (
+        source.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", source, re.IGNORECASE) is not None
+    )
 
 
 def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:

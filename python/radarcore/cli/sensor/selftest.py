@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from radarcore._core import __version__
 from radarcore.cli.options import Json, OutputFile, Overwrite
 from radarcore.cli.sensor.options import Port
-from radarcore.cli.terminal import show_result
+from radarcore.cli.terminal import show, show_result
 from radarcore.output import check_file, write_text
 
 if TYPE_CHECKING:
@@ -87,11 +87,11 @@ def run(
     else:
         count = Counter(check.result for check in checks)
         took = f"in {results['seconds']:.1f} s"
-        print(f"{count['PASS']} passed, {count['FAIL']} failed, {count['SKIP']} skipped {took}")
+        show(f"{count['PASS']} passed, {count['FAIL']} failed, {count['SKIP']} skipped {took}")
     if output is not None:
         write_text(output, json.dumps(results | _descriptors(), indent=2) + "\n", overwrite=overwrite)
     if not as_json and (has_failed or output is not None):
-        print(_advice(port, output))
+        show(_advice(port, output))
     return int(has_failed)
 
 

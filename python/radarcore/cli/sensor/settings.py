@@ -52,7 +52,7 @@ class BoardSettings:
     """Wishes for the settings of a board."""
 
     radar: Annotated[Path | None, Parameter(metavar="SCENE")] = None
-    """take the radar of a scene file (TOML)"""
+    """take the radar of a scene file (TOML), a recording, or settings of a chip"""
 
     max_range: Metres = None
     """see at least so far [m] (default: 10); end of the range axis"""
@@ -102,9 +102,9 @@ def radar_of(settings: BoardSettings) -> Radar:
     if settings.radar is None:
         radar = _designed(wishes)
     else:
-        from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+        from radarcore.scenefile.load import load_radar  # takes longer to load than the rest
 
-        radar = _changed(load_scene(settings.radar).radar, wishes)
+        radar = _changed(load_radar(settings.radar), wishes)
     return radar if settings.rx is None else _with_receivers(radar, _indices(settings.rx))
 
 
