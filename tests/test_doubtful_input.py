@@ -134,10 +134,20 @@ def live_group(times: list[float]) -> rc.LiveGroup:
 )
 def test_times_in_milliseconds_are_said_once(make: Callable[[list[float]], object], name: str, rate: float) -> None:
     times = [MS * k / rate for k in range(12)]
-    message = rf"^{name}: expected times in seconds, got steps of {MS / rate:.3g} s .* faster than .*milliseconds\?"
+    message = rf"^{name}: expected times in seconds, got steps of {MS / rate:.4g} s .* faster than .*milliseconds\?"
     with pytest.warns(UserWarning, match=message) as caught:
         make(times)
     assert [warning.filename for warning in caught] == [__file__]
+
+
+@pytest.mark.parametrize(
+    ("make", "times"),
+    [(live, [0.0, 10.0]), (lambda times: rc.Trajectory(times, poses(times)), [0.0, 2000.0])],
+    ids=["Live", "Trajectory"],
+)
+def test_two_times_in_milliseconds_are_said(make: Callable[[list[float]], object], times: list[float]) -> None:
+    with pytest.warns(UserWarning, match=f"got steps of {times[1]:g} s in which .* 1.4 mm/s .*milliseconds"):
+        make(times)
 
 
 def test_motions_that_are_slow_or_have_long_steps_are_in_seconds() -> None:
@@ -146,6 +156,7 @@ def test_motions_that_are_slow_or_have_long_steps_are_in_seconds() -> None:
         breath = [rc.Pose([1.0 + 5e-3 * (k % 2), 0.0, 0.0]) for k in range(6)]
         rc.Trajectory(5.0 * np.arange(6), breath)  # six times a minute
         rc.Trajectory([0.0, 60.0, 120.0], [rc.Pose([x, 0.0, 0.0]) for x in (0.0, 5.0, 0.0)])  # a walk to and fro
+        rc.Trajectory([0.0, 60.0], [rc.Pose([x, 0.0, 0.0]) for x in (0.0, 0.1)])  # a slow stage
         rc.Trajectory([0.0, 60.0, 120.0], [rc.Pose([x, 0.0, 0.0]) for x in (0.0, 1e-4, 0.0)])  # noise of a place
         live([0.0, 1.0, 2.0])
         seldom = rc.Live()

@@ -17,6 +17,8 @@ _Floats = NDArray[np.float64]
 # A chest that breathes six times a minute is at its ends every 5 s; 100 poses per second in milliseconds are steps of
 # 10 "s", and 20 m/s are 20 mm/s.
 LONG_STEP, _SLOW = 5.0, 0.02
+# A single step may be longer: it is a whole motion [s].
+_LONG_MOTION = 100.0
 # Shorter steps are noise of a body at rest [m or rad].
 _NOISE = 1e-3
 
@@ -34,17 +36,16 @@ def steps_between(maps: _Floats) -> _Floats:
     return np.asarray(np.maximum(turned, np.linalg.norm(changes[..., 3], axis=-1)))
 
 
-def warn_of_milliseconds(name: str, times: _Floats, steps: _Floats) -> bool:
-    """Warn of times that are hardly seconds: a motion has long steps, and is too slow in each; True if so.
+def warn_of_milliseconds(name: str, intervals: _Floats, steps: _Floats, longest: float = LONG_STEP) -> bool:
+    """Warn of times that are hardly seconds: a motion has steps longer than `longest`, too slow in each; True if so.
 
-    `steps`: how far it goes from each time to the next, (n - 1,) [m or rad].
+    `steps`: how far it goes in each of the intervals, (n - 1,) [m or rad].
     """
-    intervals = np.diff(times)
-    is_slow = len(steps) > 1 and steps.max() > _NOISE and bool((steps < _SLOW * intervals).all())
-    if not (is_slow and np.median(intervals) > LONG_STEP):
+    is_slow = steps.max() > _NOISE and bool((steps < _SLOW * intervals).all())
+    if not (is_slow and np.median(intervals) > longest):
         return False
     notice.warn(
-        f"{name}: expected times in seconds, got steps of {np.median(intervals):.3g} s in which nothing is faster than "
+        f"{name}: expected times in seconds, got steps of {np.median(intervals):.4g} s in which nothing is faster than "
         f"{1e3 * (steps / intervals).max():.2g} mm/s or mrad/s; milliseconds?"
     )
     return True
@@ -52,8 +53,9 @@ def warn_of_milliseconds(name: str, times: _Floats, steps: _Floats) -> bool:
 
 def check_steps(name: str, times: _Floats, steps: _Floats) -> None:
     """Refuse steps of a series, (n - 1,) [m or rad], that are too fast, and warn of times in milliseconds."""
-    check.below(name, steps / np.diff(times), SPEED_OF_LIGHT, "m/s or rad/s")
-    warn_of_milliseconds(name, times, steps)
+    intervals = np.diff(times)
+    check.below(name, steps / intervals, SPEED_OF_LIGHT, "m/s or rad/s")
+    warn_of_milliseconds(name, intervals, steps, LONG_STEP if len(steps) > 1 else _LONG_MOTION)
 
 
 class Ends:

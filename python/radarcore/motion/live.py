@@ -288,10 +288,8 @@ class _Known:
         newest = followed(earlier[-1], update) if earlier else (update,)
         self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
         if newest[-1].interval > LONG_STEP and not self._took_milliseconds:
-            last = self.updates[-3:]
-            times, maps = np.array([one.time for one in last]), np.array([one.maps for one in last])
-            steps = steps_between(maps).max(axis=1)
-            self._took_milliseconds = warn_of_milliseconds("time", times, steps)
+            step = steps_between(np.array([one.maps for one in newest])).max(axis=1)
+            self._took_milliseconds = warn_of_milliseconds("time", np.array([newest[-1].interval]), step)
 
     def of(self, times: ArrayLike) -> tuple[tuple[Update, ...], Matrix]:
         """Updates for poses at times (n,) [s], and these; or an error if there are none."""
