@@ -133,7 +133,7 @@ def test_receding_interferer_has_a_tone_of_its_doppler_shift() -> None:
 def test_interferer_adds_to_the_echoes_and_changes_nothing_else() -> None:
     bodies = [rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, 0.0, 0.0])), rc.PointTarget([1.0, 0.2, 0.0])]
     radar = rc.Radar(FMCW)
-    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]))
+    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]), bounces=1)
     without, alone, both = (
         rc.Simulator(rc.Scene(parts), radar).frame(0.1) for parts in (bodies, [other], [*bodies, other])
     )
@@ -146,6 +146,16 @@ def test_interferer_adds_to_the_echoes_and_changes_nothing_else() -> None:
     single = 1e-6 * np.abs(direct.cube).max()  # complex64
     np.testing.assert_allclose(direct.cube - without.cube, alone.cube, rtol=0.0, atol=single)
     assert not np.array_equal(both.cube, direct.cube)  # the bodies reflect it
+
+
+def test_direct_path_alone_is_the_default(tmp_path: Path) -> None:
+    """Reflections made a frame 48 times slower."""
+    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([5.0, 1.0, 0.0]))
+    from_file = load(tmp_path, TABLE.replace("bounces = 0", "")).scene.interferers
+    for each in (other, *from_file):
+        sim = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0]), each]), rc.Radar(FMCW), resolution=8)
+        assert sim.frame().stats["interferers"] == 1
+        assert sim._interferences[0]._bounces == [None]
 
 
 def _without_bounces(other: rc.Interferer) -> rc.Interferer:
@@ -308,7 +318,7 @@ def test_interferers_beyond_the_model_are_refused(settings: dict[str, Any], mess
 
 def bounced(parts: list[Any], motion: Any, radar: rc.Radar | None = None, **options: Any) -> BouncePaths:
     """Paths over the scene at the middle of a frame."""
-    other = rc.Interferer(rc.Radar(FMCW, **options), motion)
+    other = rc.Interferer(rc.Radar(FMCW, **options), motion, bounces=1)
     sim = rc.Simulator(rc.Scene([*parts, other]), rc.Radar(FMCW) if radar is None else radar)
     bounces = sim._interferences[0]._bounces[0]
     assert bounces is not None
@@ -390,7 +400,7 @@ def test_pattern_of_the_interferer_counts_in_its_own_frame() -> None:
 def test_rates_follow_both_radars_and_the_body() -> None:
     moving = rc.PointTarget(POINT, velocity=[1.0, 2.0, 3.0])
     ours = rc.Linear(rc.Pose(), velocity=[10.0, 0.0, 0.0], angular_velocity=[0.0, 0.0, 3.0])
-    other = rc.Interferer(rc.Radar(FMCW), rc.Linear(PLACE, velocity=[3.0, -5.0, 1.0]))
+    other = rc.Interferer(rc.Radar(FMCW), rc.Linear(PLACE, velocity=[3.0, -5.0, 1.0]), bounces=1)
     sim = rc.Simulator(rc.Scene([moving, other]), rc.Radar(FMCW), radar_motion=ours)
     bounces = sim._interferences[0]._bounces[0]
     assert bounces is not None

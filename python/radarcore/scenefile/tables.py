@@ -456,7 +456,7 @@ class InterfererTable(PlacedTable):
     rate: float | None = _key(None, "Hz", "frames per second; default: one per frame_interval of its radar")
     drift_ppm: float = _key(0.0, "ppm", "how much faster its clock runs")
     start_phase: Literal["chirp", "frame"] = _key("chirp", "", "its oscillator has a random phase anew in every")
-    bounces: int = _key(1, "", "0: the direct path alone; 1: paths over one body as well")
+    bounces: int = _key(0, "", "0: the direct path alone; 1: paths over one body as well")
 
 
 class RunTable(Table):
