@@ -247,7 +247,7 @@ def test_poses_and_depth_images_give_the_same_target(simulator: coppeliasim.Copp
         assert abs(peak.range - truth) < half_a_bin
         assert abs(peak.velocity - PLATE_VELOCITY) < 0.5 * RADAR.waveform.velocity_resolution
     assert traced.truth is not None
-    assert traced.truth.velocity[0] == pytest.approx(PLATE_VELOCITY, abs=1e-3)
+    assert traced.truth.velocity[0] == pytest.approx(PLATE_VELOCITY, abs=1e-6)
 
 
 def test_everything_else_is_the_api_of_the_client(simulator: coppeliasim.CoppeliaSim, stub: Stub) -> None:

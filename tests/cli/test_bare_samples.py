@@ -44,7 +44,7 @@ def test_process_finds_the_target_of_a_capture(
     loudest = max((row for row in rows if row["frame"] == "0"), key=lambda row: float(row["snr_db"]))
     assert float(loudest["range"]) == pytest.approx(SCENE.range, abs=0.02)
     assert float(loudest["velocity"]) == pytest.approx(SCENE.velocity, abs=0.1)
-    assert float(loudest["azimuth_deg"]) == pytest.approx(20.0, abs=0.5)
+    assert float(loudest["azimuth_deg"]) == pytest.approx(20.0, abs=0.02)
 
 
 def test_leakage_of_a_capture_is_neither_drawn_nor_the_strongest_peak(

@@ -185,8 +185,8 @@ def test_poses_of_a_bag_move_the_bodies_and_the_sensor_of_a_scene(
         assert abs(distance - (1.9 - 0.9 * at_middle)) < 0.1 * wf.range_resolution
         assert abs(velocity + 0.9) < 0.1 * wf.velocity_resolution
         assert frame.truth is not None
-        assert frame.truth.velocity[0] == pytest.approx(-0.9, abs=1e-3)  # the nearest point that a ray hit
-        assert frame.truth.range[0] == pytest.approx(1.9 - 0.9 * at_middle, abs=2e-3)
+        assert frame.truth.velocity[0] == pytest.approx(-0.9, abs=1e-5)  # the nearest point that a ray hit
+        assert frame.truth.range[0] == pytest.approx(1.9 - 0.9 * at_middle, abs=2e-4)
     assert recording.source["bag"] == {"path": str(bag), "start_ns": START_NS}
 
 

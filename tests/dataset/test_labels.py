@@ -236,5 +236,5 @@ def test_labels_of_live_motions_are_those_of_the_frame() -> None:
         pose.update(time, rc.Pose([2.0 + time, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0])
         labels = labelled(simulator, ["cart"], EVERYTHING, time=time)
         np.testing.assert_allclose(labels["box_center"].values, [[2.0 + time + MIDDLE, 0.0, 0.0]], atol=1e-9)
-        assert labels["true_range"].values == pytest.approx(1.9 + time + MIDDLE, abs=1e-3)
+        assert labels["true_range"].values == pytest.approx(1.9 + time + MIDDLE, abs=1e-4)
         assert labels["visibility"].values == 1.0

@@ -88,8 +88,8 @@ def test_map_has_its_peak_where_the_labels_say(scene: Path) -> None:
         distance, velocity = labels["true_range"][0], labels["true_velocity"][0]
         assert abs(ranges[column] - distance) <= radar.waveform.range_resolution
         assert abs(velocities[row] - velocity) <= radar.waveform.velocity_resolution
-        assert velocity == pytest.approx(labels["body.ball.motion.velocity[0]"], abs=1e-3)
-        assert labels["box_size"][0] == pytest.approx([0.2, 0.2, 0.2], abs=1e-3)
+        assert velocity == pytest.approx(labels["body.ball.motion.velocity[0]"], abs=2e-5)
+        assert labels["box_size"][0] == pytest.approx([0.2, 0.2, 0.2], abs=1e-9)
         assert np.isnan(labels["true_range"][1]) == (labels["point.extra.repeat"] == 0)
 
 

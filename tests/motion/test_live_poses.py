@@ -77,7 +77,7 @@ def test_tumbling_motion_has_the_given_poses_and_rates_and_is_smooth(seed: int) 
     # Rates are the slopes of poses, by differences of fourth order.
     for time in (0.013, 0.06, 0.09):
         near, far = ((live.poses_at([time + h]) - live.poses_at([time - h]))[0] / (2 * h) for h in (1e-4, 2e-4))
-        np.testing.assert_allclose(live.rate_at(time), (4.0 * near - far) / 3.0, rtol=0, atol=1e-4), f"seed {seed}"
+        np.testing.assert_allclose(live.rate_at(time), (4.0 * near - far) / 3.0, rtol=0, atol=2e-6), f"seed {seed}"
 
 
 def test_rates_that_are_not_given_are_the_difference_of_two_updates() -> None:

@@ -180,7 +180,7 @@ def test_static_echoes_are_shown_or_removed() -> None:
 
 def test_slow_target_is_found_behind_leakage_40_db_above_it() -> None:
     (found,) = stream(approach(20, static=100.0)).detections
-    assert abs(found.range - (0.8 - 0.12 * INTERVAL * 19)) <= 0.25 * RADAR.waveform.range_resolution
+    assert abs(found.range - (0.8 - 0.12 * INTERVAL * 19)) <= 0.01 * RADAR.waveform.range_resolution
 
 
 def test_history_scrolls_by_time_and_shows_pauses() -> None:

@@ -249,7 +249,7 @@ def test_angles_at_the_horizon_say_nothing_and_end_no_track(clusters: dict[str, 
             one = Detections([2.0, 2.5], [0.0, 0.0], [1.5, -1.5], [0.4, 0.4], [20.0, 20.0], [huge, huge], k / RATE)
         (state,) = tracker.update(one)
         assert state.is_detected
-        assert state.azimuth == pytest.approx(0.3, abs=1e-3)
+        assert state.azimuth == pytest.approx(0.3, abs=1e-9)
     assert state.id == 0
 
 

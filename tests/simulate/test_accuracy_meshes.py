@@ -139,8 +139,8 @@ def test_a_wrong_weak_peak_is_an_error_of_peaks_alone() -> None:
     expected = point_at(1.0) + 0.2 * point_at(2.0)
     errors = profile_errors(point_at(1.0) + 0.1 * point_at(2.0), expected, 0.5, 3.0)
     # Two peaks: one right, one 6 dB off. A tenth of an amplitude is missing, re root(1 + 0.04).
-    assert (errors.strongest, errors.peaks) == pytest.approx((0.0, 6.0206 / np.sqrt(2.0)), abs=0.01)
-    assert errors.relative == pytest.approx(0.1 / np.sqrt(1.04), rel=1e-3)
+    assert (errors.strongest, errors.peaks) == pytest.approx((0.0, 6.0206 / np.sqrt(2.0)), abs=1e-3)
+    assert errors.relative == pytest.approx(0.1 / np.sqrt(1.04), rel=1e-6)
 
 
 def test_floor_is_the_level_of_echoes_where_there_are_none() -> None:
@@ -151,7 +151,7 @@ def test_floor_is_the_level_of_echoes_where_there_are_none() -> None:
     scale = 1e-3 * peak / np.sqrt(np.mean(level**2))
     errors = profile_errors(point_at(1.0) + scale * false, point_at(1.0), 1.7, 2.3)
     assert errors.floor == pytest.approx(-60.0, abs=0.1)
-    assert abs(errors.strongest) < 0.05
+    assert abs(errors.strongest) < 1e-6
 
 
 # --- real meshes ---------------------------------------------------------------------------------------------------

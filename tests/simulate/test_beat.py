@@ -143,7 +143,7 @@ def test_range_is_at_positive_frequency_of_an_up_chirp_and_negative_of_a_down_ch
     wf = waveform(slope=slope, num_chirps=1)
     samples = rc.beat_signal([2.0 * 1.5 / C], [1.0], wf, **STRICT)[0, 0]
     frequency = np.angle(samples[1:] / samples[:-1]) * wf.sample_rate / (2.0 * np.pi)
-    np.testing.assert_allclose(frequency, slope * 2.0 * 1.5 / C, rtol=1e-9)
+    np.testing.assert_allclose(frequency, slope * 2.0 * 1.5 / C, rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))

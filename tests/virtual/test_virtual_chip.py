@@ -94,8 +94,8 @@ def test_level_of_the_transmitter_scales_echoes_and_leakage() -> None:
     (off,) = measured(simulated, wide(is_transmitting=False), 4)
     swings = {level: ramp - off.mean(axis=(0, 2)) for level, ramp in ramps.items()}
     decibels = {level: 10.0 * np.log10((swing**2).mean() / (swings[31] ** 2).mean()) for level, swing in swings.items()}
-    assert decibels[0] == pytest.approx(-15.0, abs=0.2)
-    assert decibels[16] == pytest.approx(-15.0 * 15 / 31, abs=0.2)
+    assert decibels[0] == pytest.approx(-15.0, abs=0.02)
+    assert decibels[16] == pytest.approx(-15.0 * 15 / 31, abs=0.02)
     assert decibels[15] < decibels[16]
 
 
