@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from proof import embree, real_meshes
+from proof.bounds import SURFACE_BOUNDS
 from proof.closed_forms import cylinder_echo, sphere_echo
 from proof.dense import facets
 from proof.exact import Arc, Ellipsoid, Line, ellipsoid_nodes, exact_echo, is_occluded, revolution_nodes
@@ -72,6 +73,17 @@ def test_default_frame_of_a_mesh_has_the_echo_of_the_surface(target: Target) -> 
     assert errors[0].relative <= 0.06
     assert abs(errors[1].strongest) <= 0.3
     assert errors[1].relative < errors[0].relative
+
+
+@pytest.mark.parametrize("target", list(targets(FULL)), ids=lambda target: target.name)
+def test_default_frame_of_any_mesh_holds_the_bounds_of_the_page(target: Target) -> None:
+    expected = replace(target, num_nodes=300).echo()
+    reference = Dense((expected, expected), 0, *SPAN)
+    strongest, profile = next(bounds for kind, bounds in SURFACE_BOUNDS.items() if target.name.startswith(kind))
+    for fineness in range(FULL.finenesses):
+        errors = sampled(View("", "", target.scene(fineness), RADAR, rc.Pose()), DEFAULT, reference).errors
+        assert abs(errors.strongest) <= strongest
+        assert 100.0 * errors.relative <= profile
 
 
 def test_a_coarse_mesh_is_off_where_its_facets_are_flat() -> None:
