@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -154,6 +155,38 @@ def test_corner_whose_reflections_are_left_out_is_told_once(mesh: rc.Mesh) -> No
         with_corner(mesh, max_bounces=chosen).frame()
 
 
+def plain(mesh: rc.Mesh) -> rc.Mesh:
+    """The same triangles as no reflector."""
+    return rc.Mesh(mesh.vertices, mesh.triangles)
+
+
+REFLECTORS = {
+    "dihedral": rc.shapes.dihedral(0.1),
+    "trihedral": rc.shapes.trihedral(0.1),
+    "square": rc.shapes.trihedral(0.1, shape="square"),
+    "from another process": pickle.loads(pickle.dumps(rc.shapes.trihedral(0.1))),
+}
+
+
+@pytest.mark.parametrize("mesh", REFLECTORS.values(), ids=REFLECTORS)
+@pytest.mark.parametrize("max_bounces", [None, 1, 3])
+def test_reflector_that_shows_its_back_is_warned_of_once(mesh: rc.Mesh, max_bounces: int | None) -> None:
+    """`look_at` turns +x to the radar; half a turn more turns the opening, towards -x, to it."""
+    at = rc.Pose.look_at([2.0, 0.5, 0.1], target=[0.0, 0.0, 0.0])
+    opened = at @ rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, np.pi])
+    sidewards = at @ rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.7 * np.pi])
+    message = "'part' shows its back to the radar: a corner reflector opens towards -x"
+    for motion, is_back in ((at, True), (opened, False), (sidewards, False)):
+        parts = [body(mesh, motion), body(mesh, motion, "other")]
+        sim = rc.Simulator(rc.Scene(parts), RADAR, resolution=32, max_bounces=max_bounces)
+        told = [said for said in warned(lambda sim=sim: [sim.frame(), sim.frame(0.1)]) if "back" in said]
+        assert len(told) == is_back
+        assert all(said.startswith(message) for said in told)
+    # Behind the radar, and of a mesh that may be meant to be seen from there.
+    for away in (body(mesh, rc.Pose([-2.0, 0.0, 0.0])), body(plain(mesh), at)):
+        assert not [said for said in warned(lambda away=away: simulator(away).frame()) if "back" in said]
+
+
 def test_edges_that_return_one_reflection_are_not_corners() -> None:
     # Boxes have corners at their hidden back and round who is inside; a dihedral from behind is an edge; one that is
     # tilted returns the wave elsewhere.
@@ -163,6 +196,6 @@ def test_edges_that_return_one_reflection_are_not_corners() -> None:
         rc.Body(rc.shapes.box([0.5, 0.4, 0.3]), motion=rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.1, 0.2, 0.7])),
         rc.Body(rc.shapes.box(4.0)),
         rc.Body(rc.shapes.dihedral(0.1), motion=tilted),
-        rc.Body(rc.shapes.dihedral(0.1), motion=behind),
+        rc.Body(plain(rc.shapes.dihedral(0.1)), motion=behind),
     ):
         rc.Simulator(rc.Scene([body]), RADAR).frame()

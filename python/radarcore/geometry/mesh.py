@@ -68,6 +68,7 @@ class Mesh:
     __slots__ = (
         "_bounds",
         "_core",
+        "_is_reflector",
         "_sealed",
         "crease_angle_deg",
         "num_dropped",
@@ -85,6 +86,7 @@ class Mesh:
     shading: str
     _core: _core.Surface
     _bounds: NDArray[np.float64] | None
+    _is_reflector: bool
 
     def __init__(
         self,
@@ -113,6 +115,7 @@ class Mesh:
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
         self._bounds = None
+        self._is_reflector = False
         self.vertices.flags.writeable = False
         self.triangles.flags.writeable = False
         if len(rows) > 0 and len(self.triangles) == 0:
@@ -147,8 +150,8 @@ class Mesh:
         return np.cross(b - a, c - a)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        left_out = self.num_dropped, self.num_merged
-        return _restore_mesh, (self.vertices, self.triangles, left_out, self.crease_angle_deg, self.shading)
+        others = self.num_dropped, self.num_merged, self._is_reflector
+        return _restore_mesh, (self.vertices, self.triangles, others, self.crease_angle_deg, self.shading)
 
     def __repr__(self) -> str:
         dropped = f", {self.num_dropped} dropped" if self.num_dropped else ""
@@ -181,12 +184,18 @@ def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:
 
 
 def _restore_mesh(
-    vertices: ArrayLike, triangles: ArrayLike, left_out: tuple[int, int], crease_angle_deg: float, shading: str
+    vertices: ArrayLike, triangles: ArrayLike, others: tuple[int, int, bool], crease_angle_deg: float, shading: str
 ) -> Mesh:
     """Mesh from its pickle; the tree is built again."""
     mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
-    for name, number in zip(("num_dropped", "num_merged"), left_out, strict=True):
-        object.__setattr__(mesh, name, number)
+    for name, value in zip(("num_dropped", "num_merged", "_is_reflector"), others, strict=True):
+        object.__setattr__(mesh, name, value)
+    return mesh
+
+
+def as_reflector(mesh: Mesh) -> Mesh:
+    """The mesh, of which a simulator warns if the radar sees its back alone: all of its normals point away."""
+    object.__setattr__(mesh, "_is_reflector", True)
     return mesh
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh import Mesh, as_reflector
 
 __all__ = ["box", "capsule", "cylinder", "dihedral", "disc", "plate", "sphere", "trihedral"]
 
@@ -312,6 +312,10 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
         Normals towards the inside. Cross-section ``8 pi (width height / wavelength)^2`` on boresight, with
         two bounces; its range is that of the origin.
 
+    Notes
+    -----
+    `Pose.look_at` turns +x to its target, and so the back of the reflector: see `trihedral` for the turn.
+
     See Also
     --------
     shapes.trihedral : Returns the wave from directions above and below, too.
@@ -326,10 +330,11 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
     width = check.positive("width", width, "m")
     z = 0.5 * (width if height is None else check.positive("height", height, "m"))
     edge = sqrt(0.5) * width
-    return Mesh(
+    mesh = Mesh(
         [[0, 0, -z], [0, 0, z], [-edge, edge, -z], [-edge, edge, z], [-edge, -edge, -z], [-edge, -edge, z]],
         [[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]],
     )
+    return as_reflector(mesh)
 
 
 @check.knows_keywords
@@ -350,6 +355,11 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
         Cross-section on boresight, with three bounces: ``4 pi leg^4 / (3 wavelength^2)`` (triangular) or
         ``12 pi leg^4 / wavelength^2`` (square); its range is that of the apex.
 
+    Notes
+    -----
+    `Pose.look_at` turns +x to its target. Half a turn more about z opens the reflector towards it; a simulator warns of
+    one that shows its back.
+
     See Also
     --------
     shapes.dihedral : Two plates.
@@ -360,6 +370,11 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     >>> sigma = rc.rcs(rc.shapes.trihedral(0.1), 60e9, azimuth_deg=180.0, max_bounces=3)
     >>> print(f"{10 * np.log10(sigma[0]):.0f} dBsm")
     12 dBsm
+    >>> towards = rc.Pose.look_at([2.0, 1.0, 0.5], target=[0.0, 0.0, 0.0]) @ rc.Pose.from_rpy([0, 0, 0], [0, 0, np.pi])
+    >>> corner = rc.Body(rc.shapes.trihedral(0.1), motion=towards)
+    >>> frame = rc.Simulator(rc.Scene([corner]), rc.bgt60tr13c(num_chirps=16), max_bounces=3).frame()
+    >>> print(f"{rc.strongest_peak(frame).range:.2f} m")  # that of the apex
+    2.29 m
     """
     leg = check.positive("leg", leg, "m")
     shape = check.choice("shape", shape, ("triangular", "square"))
@@ -369,10 +384,10 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     apex, tips = np.zeros((1, 3)), np.array([1, 2, 3])
     following = np.roll(tips, -1)
     if shape == "triangular":
-        return Mesh(np.vstack([apex, edges]), np.column_stack([0 * tips, tips, following]))
+        return as_reflector(Mesh(np.vstack([apex, edges]), np.column_stack([0 * tips, tips, following])))
     corners = tips + 3
     triangles = np.vstack([np.column_stack([0 * tips, tips, corners]), np.column_stack([0 * tips, corners, following])])
-    return Mesh(np.vstack([apex, edges, edges + np.roll(edges, -1, axis=0)]), triangles)
+    return as_reflector(Mesh(np.vstack([apex, edges, edges + np.roll(edges, -1, axis=0)]), triangles))
 
 
 def _segments(radius: float, segments: int | None, sagitta: float, chords: float = 1.0) -> int:

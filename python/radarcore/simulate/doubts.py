@@ -175,6 +175,28 @@ class Doubts:
                 )
                 return
 
+    def of_backs(self, scene: Scene, placement: Placement, time: float) -> None:
+        """Warn of a corner reflector in the beam of which the sensor sees the back alone at a time [s]."""
+        reflectors = [mesh for mesh, body in enumerate(scene.parts.meshed) if body.mesh._is_reflector]
+        if not reflectors or not self._is_new("backs"):
+            return
+        poses = placement.poses_at(time)
+        sensor = poses[-1]
+        for mesh in reflectors:
+            turn, place, shape = poses[mesh, :, :3], poses[mesh, :, 3], scene.parts.meshed[mesh].mesh
+            corners = scene.parts.vertices_at(mesh, time)[shape.triangles]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            is_front = np.einsum("ij,ij->i", normals, (sensor[:, 3] - place) @ turn - corners[:, 0]) > 0.0
+            seen = (place - sensor[:, 3]) @ sensor[:, :3]
+            in_beam = beam.is_in_beam(self._radar.tx_patterns, self._radar.rx_patterns, seen[None])[0]
+            if in_beam and not is_front.any():
+                notice.warn(
+                    f"{scene.names[scene.parts.mesh_numbers[mesh]]!r} shows its back to the radar: a corner reflector "
+                    "opens towards -x, and Pose.look_at turns +x to its target; half a turn more about z, as by "
+                    "@ Pose.from_rpy([0, 0, 0], [0, 0, pi]), opens it towards the target"
+                )
+                return
+
     def of_sight(self, scene: Scene, placement: Placement, time: float) -> None:
         """Warn of a scene of which nothing is seen: where the nearest of its bodies lies at a time [s]."""
         if not scene.bodies or not self._is_new("sight"):

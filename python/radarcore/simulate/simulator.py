@@ -425,6 +425,7 @@ class Simulator(Settings):
     def _placed(self, starts: list[float]) -> Iterator[Placed]:
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
         self._doubts.of_place(self.scene, self._placement, starts[0])
+        self._doubts.of_backs(self.scene, self._placement, starts[0])
         if self.max_bounces is None:
             self._doubts.of_corners(self.scene, self._placement, starts[0], self.is_hidden)
         size = self._placement.frames_ahead(_NUM_TIMES)
