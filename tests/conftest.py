@@ -75,17 +75,33 @@ def is_installed(extra: str) -> bool:
     return wanted <= {re.sub(r"[-_.]+", "-", found.metadata["Name"]).lower() for found in distributions()}
 
 
+def skip_without_extra(error: BaseException) -> None:
+    """Skip the test if an extra is the reason of an error, and not installed."""
+    if isinstance(error, ImportError):
+        named = re.search(r"pip install radarcore\[(\w+)\]", str(error))
+        module = (error.name or "").partition(".")[0]
+        extra = named[1] if named else next((extra for extra in MODULES if module in MODULES[extra]), None)
+        if extra is not None and not is_installed(extra):
+            pytest.skip(f"needs the extra `{extra}`: pip install radarcore[{extra}]")
+
+
 @contextmanager
 def skipping_without_extra() -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        named = re.search(r"pip install radarcore\[(\w+)\]", str(error))
-        module = (error.name or "").partition(".")[0]
-        extra = named[1] if named else next((extra for extra in MODULES if module in MODULES[extra]), None)
-        if extra is None or is_installed(extra):
-            raise
-        pytest.skip(f"needs the extra `{extra}`: pip install radarcore[{extra}]")
+        skip_without_extra(error)
+        raise
+
+
+@pytest.fixture(autouse=True)
+def _commands_without_extra_skip(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands print errors, and return a status."""
+    if request.path.parent.name == "cli":
+        from radarcore.cli import main
+
+        lines = main._lines
+        monkeypatch.setattr(main, "_lines", lambda error: skip_without_extra(error) or lines(error))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -28,7 +28,6 @@ def test_example_measures_the_cart_and_leaves_out_the_gap(
 
 
 def test_frames_follow_a_stream_at_its_newest_update() -> None:
-    pytest.importorskip("radarcore.motion.live", reason="Live motions")
     from radarcore.adapters.optitrack import MotionCaptureClient, MotionCaptureServer
 
     live = rc.Live()

@@ -22,6 +22,7 @@ from radarcore.sensor.emulator.pty import PtyPort
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Five frames of an emulated board, of its first and third receiver at 40 dB."""
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     path = tmp_path_factory.mktemp("recorded") / "recording"
     with virtual_board(Numbered(), speed=4.0) as board, PtyPort(board) as port:
         settings = ["--rx", "1,3", "--gain", "40", "--power", "9", "--chirps", "4", "--samples", "32"]

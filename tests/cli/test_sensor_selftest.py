@@ -90,6 +90,7 @@ def test_port_without_a_board_fails_and_is_reported(capsys, tmp_path):
 
 
 def test_interrupted_test_leaves_a_board_that_does_not_measure():
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     board = controller(speed=1.0)
     with PtyPort(CdcBoard(board)) as pty, python(CLI, "sensor", "selftest", pty.path, "--only", "noise") as process:
         while not process.stdout.readline().startswith("PASS  noise, 23 dB, TX off"):

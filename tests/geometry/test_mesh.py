@@ -326,7 +326,7 @@ def test_only_obj_files_split(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", ["stl", "ply", "glb"])
 def test_other_formats_are_read_through_trimesh(tmp_path: Path, suffix: str) -> None:
-    trimesh = pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    trimesh = pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     path = tmp_path / f"part.{suffix}"
     trimesh.creation.box(extents=(0.1, 0.2, 0.3)).export(path)
     mesh = rc.load_mesh(path, scale=10.0)
@@ -335,7 +335,7 @@ def test_other_formats_are_read_through_trimesh(tmp_path: Path, suffix: str) -> 
 
 
 def test_format_that_nobody_reads_is_an_error_with_the_path(tmp_path: Path) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     with pytest.raises(ValueError, match=r"part\.xyzzy"):
         rc.load_mesh(written(tmp_path, "nonsense", "part.xyzzy"))
 

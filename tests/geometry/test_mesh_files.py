@@ -44,7 +44,7 @@ FILES = {
 @pytest.mark.parametrize("name", FILES)
 def test_file_of_another_kind_is_refused_by_its_name_and_beginning(tmp_path: Path, name: str) -> None:
     if not name.endswith(".obj"):
-        pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+        pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     path = tmp_path / name
     content, message = FILES[name]
     path.write_bytes(content)
@@ -55,7 +55,7 @@ def test_file_of_another_kind_is_refused_by_its_name_and_beginning(tmp_path: Pat
 
 
 def test_text_of_an_stl_file_is_an_stl_file(tmp_path: Path) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     path = tmp_path / "part.stl"
     path.write_text(
         "solid part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
@@ -86,7 +86,7 @@ def assert_box(mesh: rc.Mesh, low: Any = -0.5 * SIZES) -> None:
 
 def test_gltf_is_turned_to_z_up(tmp_path: Path) -> None:
     """glTF 2.0, 3.4: +Y is up, +Z towards the viewer: y and z of the file are z and -y here."""
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     corners, rows = (BOX.vertices[:, [0, 2, 1]] * [1, 1, -1]).astype("<f4"), BOX.triangles.astype("<u2")
     data = corners.tobytes() + rows.tobytes()
     views = [(0, corners.nbytes), (corners.nbytes, rows.nbytes)]
@@ -216,14 +216,14 @@ def test_stl_with_a_wrong_count_or_more_bytes_is_read_with_a_warning(
 
 
 def test_stl_that_ends_within_a_facet_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     (tmp_path / "cut.stl").write_bytes(b"made by hand".ljust(80) + struct.pack("<I", 12) + bytes(501))
     with pytest.raises(ValueError, match=r"cut\.stl: "):
         rc.load_mesh(tmp_path / "cut.stl")
 
 
 def test_packages_that_a_format_needs_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     monkeypatch.setitem(sys.modules, "cascadio", None)
     (tmp_path / "part.step").write_text("ISO-10303-21;")
     message = r"part\.step: reading \.step files needs trimesh and cascadio: pip install radarcore\[mesh\] cascadio"
@@ -233,7 +233,7 @@ def test_packages_that_a_format_needs_are_named(tmp_path: Path, monkeypatch: pyt
 
 def test_unit_that_trimesh_knows_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of formats for which it tells one, as 3DXML: the same box in millimetres."""
-    trimesh: ModuleType = pytest.importorskip("trimesh", reason="needs the extra `mesh`")
+    trimesh: ModuleType = pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     box = trimesh.Trimesh(1000.0 * BOX.vertices, BOX.triangles)
     box.units = "mm"
     monkeypatch.setattr(trimesh, "load_mesh", lambda path: box)

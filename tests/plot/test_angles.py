@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore import plot
 
-figure_module = pytest.importorskip("matplotlib.figure")
+figure_module = pytest.importorskip("matplotlib.figure", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 WAVEFORM = rc.Waveform(
     start_frequency=76.5e9, slope=30e12, sample_rate=4e6, num_samples=64, num_chirps=4, chirp_interval=60e-6

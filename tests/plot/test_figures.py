@@ -18,7 +18,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
 from radarcore.scene.scene import Scene
 
-matplotlib = pytest.importorskip("matplotlib")
+matplotlib = pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 figure_module = pytest.importorskip("matplotlib.figure")
 imread = pytest.importorskip("matplotlib.image").imread
 

@@ -16,7 +16,7 @@ from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
-figure_module = pytest.importorskip("matplotlib.figure")
+figure_module = pytest.importorskip("matplotlib.figure", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 
 def test_depth_image_has_azimuth_to_the_left_elevation_up_and_grey_misses() -> None:

@@ -15,7 +15,7 @@ from radarcore.geometry.pose import Pose
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.scene import Scene
 
-pytest.importorskip("matplotlib")
+pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 
 def level_at(ax: Any, x: float, y: float) -> float:

@@ -24,7 +24,7 @@ from radarcore.recording.frame import Frame, Truth
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 
-matplotlib = pytest.importorskip("matplotlib")
+matplotlib = pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 backend_bases = pytest.importorskip("matplotlib.backend_bases")
 imread = pytest.importorskip("matplotlib.image").imread
 

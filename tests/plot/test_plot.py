@@ -14,7 +14,7 @@ import pytest
 from picture_scenes import frame, image, recording, room
 from radarcore import plot
 
-pytest.importorskip("matplotlib")
+pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 
 def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

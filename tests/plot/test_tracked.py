@@ -14,7 +14,7 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.recording.frame import Truth
 from radarcore.recording.recording import Recording
 
-pytest.importorskip("matplotlib.figure")
+pytest.importorskip("matplotlib.figure", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 NUMBER = 20
 RADAR = bgt60tr13c(num_samples=16, num_chirps=4)

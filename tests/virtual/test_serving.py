@@ -396,6 +396,7 @@ def test_clients_that_end_half_way_leave_nothing_to_the_next(board):
 
 
 def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recording, tmp_path):
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     link = tmp_path / "radar"
     with serving(recording, "--link", link) as server:
         output = tmp_path / "rec"

@@ -296,6 +296,7 @@ def test_board_answers_while_a_frame_takes_long_to_simulate():
 
 
 def test_interrupted_server_and_recorder_that_is_told_to_end_do_so_well(swing, tmp_path):
+    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
     output = tmp_path / "rec"
     with served(swing, "--link", tmp_path / "port") as (port, server):
         assert port == str(tmp_path / "port")
