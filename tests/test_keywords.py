@@ -64,6 +64,11 @@ def test_every_function_with_options_names_the_near_one(called: Callable[..., An
             lambda: rc.Recording.load("here", mmaps=False),
             "Recording.load: unknown keyword 'mmaps'; did you mean 'mmap'?",
         ),
+        (
+            lambda: rc.Material(permittivity=3.0),
+            "Material: unknown keyword 'permittivity'; Material.dielectric takes it",
+        ),
+        (lambda: rc.Pose([1, 2, 3], xyzw=[0, 0, 0, 1]), "Pose: unknown keyword 'xyzw'; Pose.from_quaternion takes it"),
         (lambda: rc.Radar(zzz=1), "Radar: unknown keyword 'zzz'; known: waveform, "),
     ],
 )

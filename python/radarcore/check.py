@@ -243,25 +243,47 @@ def near_names(name: object, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"
 
 
-def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse an unknown keyword of a class or function with a TypeError that suggests near ones."""
+def keywords(owner: str, given: Iterable[str], known: Iterable[str], made: type | None = None) -> None:
+    """Refuse an unknown keyword of a class or function with a TypeError that suggests near ones.
+
+    Of the class that is `made`, another constructor that takes the keyword is named.
+    """
     names = list(known)
     for name in given:
         if name not in names:
-            raise TypeError(f"{owner}: unknown keyword {name!r}; {near_names(name, names)}")
+            takers = [f"{owner}.{other}" for other in _constructors(made, name)]
+            meant = f"{' and '.join(takers)} take{'s' * (len(takers) == 1)} it" if takers else near_names(name, names)
+            raise TypeError(f"{owner}: unknown keyword {name!r}; {meant}")
+
+
+def _constructors(made: type | None, keyword: str) -> list[str]:
+    """Names of the public class methods of a class that have a keyword."""
+    methods = (
+        {} if made is None else {name: value for name, value in vars(made).items() if isinstance(value, classmethod)}
+    )
+    return [
+        name
+        for name, method in methods.items()
+        if not name.startswith("_") and keyword in signature(method.__func__).parameters
+    ]
 
 
 def knows_keywords(called: _Called) -> _Called:
     """The class or function, which then checks the names of keywords, which arguments need them, and all flags."""
     if isinstance(called, type):
-        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1)  # type: ignore[misc]  # of this class alone
+        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1, called)  # type: ignore[misc]  # of this class alone
         return called
     owner = called.__qualname__  # of a method with its class
     return cast(_Called, _with_known_keywords(owner, called, int("." in owner)))
 
 
-def _with_known_keywords(owner: str, function: Callable[..., Any], num_bound: int) -> Callable[..., Any]:
-    """A function behind a check of its arguments' names and of its flags; its first ones are what it is bound to."""
+def _with_known_keywords(
+    owner: str, function: Callable[..., Any], num_bound: int, made: type | None = None
+) -> Callable[..., Any]:
+    """A function behind a check of its arguments' names and of its flags; its first ones are what it is bound to.
+
+    `made`: the class of a constructor.
+    """
     parameters = list(signature(function).parameters.values())
     kinds = {each.kind for each in parameters}
     takes_any_keyword, takes_any_number = Parameter.VAR_KEYWORD in kinds, Parameter.VAR_POSITIONAL in kinds
@@ -273,7 +295,7 @@ def _with_known_keywords(owner: str, function: Callable[..., Any], num_bound: in
     @wraps(function)
     def checked(*args: Any, **given: Any) -> Any:
         if not (takes_any_keyword or given.keys() <= known):
-            keywords(owner, given, known)
+            keywords(owner, given, known, made)
         if len(args) > most and named and not takes_any_number:
             expected = ", ".join(named[:_MOST_NAMED]) + (", ..." if len(named) > _MOST_NAMED else "")
             first = f"{most - num_bound} positional and then " if most > num_bound else ""

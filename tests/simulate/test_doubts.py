@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -119,8 +120,7 @@ def test_body_beyond_the_largest_velocity_is_said_once() -> None:
     [([-3.0, 0.0, 0.0], "3 m, azimuth 180 and elevation 0"), ([0.5, 0.0, 3.0], "3.041 m, azimuth 0 and elevation 81")],
 )
 def test_scene_of_which_nothing_is_seen_says_where_the_nearest_body_is(position: list[float], where: str) -> None:
-    empty = body(rc.Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint32)), name="empty")
-    parts = empty, body(PLATE, rc.Pose([-9.0, 0.0, 0.0]), "far"), body(PLATE, rc.Pose(position), "part")
+    parts = body(PLATE, rc.Pose([-9.0, 0.0, 0.0]), "far"), body(PLATE, rc.Pose(position), "part")
     for run in (
         lambda sim: [sim.frame(time) for time in (0.0, 0.1)],
         lambda sim: sim.record(0.0, 0.2, 10.0, progress=False),
@@ -128,6 +128,40 @@ def test_scene_of_which_nothing_is_seen_says_where_the_nearest_body_is(position:
         sim = simulator(*parts)
         (said,) = warned(lambda run=run, sim=sim: run(sim))
         assert said.startswith(f"no body is seen: the middle of the nearest, 'part', lies at {where} degrees from")
+
+
+def test_mesh_without_triangles_is_told() -> None:
+    empty, plate = body(rc.Mesh([], []), name="empty"), body(PLATE, rc.Pose([3.0, 0.0, 0.0]), "plate")
+    sim = simulator(plate, empty)
+    assert warned(lambda: [sim.frame(time) for time in (0.0, 0.1)]) == [
+        "the mesh of 'empty' has no triangles: it returns nothing"
+    ]
+    assert warned(lambda: simulator(empty).frame(0.0)) == ["no body is seen: none of them has a surface"]
+    (said,) = warned(lambda: rc.rcs(rc.Mesh([], []), 60e9, azimuth_deg=0.0))
+    assert said == "target: expected a mesh with triangles, got none: its cross-section is 0"
+
+
+@pytest.mark.parametrize("radius", [0.1, 1.0])
+def test_lone_body_far_away_is_told_by_its_range(radius: float) -> None:
+    """Of the small one no path comes back."""
+    sim = rc.Simulator(rc.Scene([body(rc.shapes.sphere(radius), rc.Pose([2000.0, 0.0, 0.0]))]), RADAR)
+    (said,) = warned(lambda: [sim.frame(time) for time in (0.0, 0.1)])
+    assert re.match(r"the scene reaches to 1999\.\d\d m, beyond max_range 47\.97 m of the waveform: ", said)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        body(PLATE, rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[-0.5, 0.0, 0.0])),
+        rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="part"),
+    ],
+)
+def test_times_since_1970_are_told(part: rc.Body | rc.PointTarget) -> None:
+    """At 0.5 m/s the body is 8.5e8 m away by then."""
+    with pytest.raises(ValueError, match=r"1700000000 s, as times since 1970 are: 'part' has moved to 8.5e\+08 m by"):
+        simulator(part).frame(1.7e9)
+    still = simulator(body(PLATE, rc.Pose([3.0, 0.0, 0.0])))
+    assert still.frame(1.7e9).time == 1.7e9
 
 
 def test_body_that_comes_into_view_later_in_a_recording_is_not_missed() -> None:

@@ -294,7 +294,11 @@ def test_people_and_arms_travel_to_other_processes() -> None:
 @pytest.mark.parametrize(
     ("motion", "error", "message"),
     [
-        (lambda time: np.eye(4), TypeError, r"pose: expected a function that returns Pose, got ndarray at 0 s"),
+        (
+            lambda time: np.eye(4),
+            TypeError,
+            r"pose: expected a function that returns Pose, got ndarray at 0 s; rc.Pose",
+        ),
         (lambda time: None, TypeError, r"pose: expected a function that returns Pose, got NoneType at"),
     ],
 )

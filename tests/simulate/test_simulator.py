@@ -523,7 +523,16 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
         (
             lambda: rc.Body(rc.shapes.box(1.0), motion=[1, 0, 0]),
             TypeError,
-            r"motion: expected Pose, Linear, .* got list",
+            r"motion: expected Pose, Linear, .* got list; rc.Pose\(...\) makes a pose of it",
+        ),
+        *(
+            (make, TypeError, r"got \w+( at index 0)?; rc.Pose.from_matrix\(...\) makes a pose of it")
+            for make in (
+                lambda: rc.Body(rc.shapes.box(1.0), motion=np.eye(4)),
+                lambda: rc.Attached(np.eye(4)[:3].tolist(), rc.Pose()),
+                lambda: rc.Linear(np.eye(4)),
+                lambda: rc.Trajectory([0.0, 1.0], [np.eye(4), np.eye(4)]),
+            )
         ),
         (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
         (lambda: rc.PointTarget([1, 0, np.nan]), ValueError, "position: expected finite numbers"),

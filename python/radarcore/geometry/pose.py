@@ -250,6 +250,14 @@ class Pose:
         return hash((*self.position.tolist(), *self.rotation.ravel().tolist()))  # of bytes, -0.0 would differ from 0.0
 
 
+def not_a_pose(name: str, expected: str, got: object, where: str = "") -> TypeError:
+    """Error for something else than a pose or motion, which says what makes a pose of an array."""
+    shape = np.asarray(got, dtype=object).shape if isinstance(got, np.ndarray | list | tuple) else ()
+    makers = {(4, 4): "rc.Pose.from_matrix", (3, 4): "rc.Pose.from_matrix", (3,): "rc.Pose"}
+    hint = f"; {makers[shape]}(...) makes a pose of it" if shape in makers else ""
+    return TypeError(f"{name}: expected {expected}, got {type(got).__name__}{where}{hint}")
+
+
 def checked_position(name: str, value: ArrayLike) -> Matrix:
     """A point (3,) whose coordinates are within 1e15 m."""
     position = check.array(name, value, (3,))

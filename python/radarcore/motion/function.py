@@ -8,7 +8,7 @@ from typing import cast
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose
+from radarcore.geometry.pose import Matrix, Pose, not_a_pose
 from radarcore.motion.protocol import Motion, one_by_one
 from radarcore.sealed import sealed
 
@@ -46,7 +46,7 @@ class Function:
         """The pose at a time [s]."""
         pose = self._pose(time)
         if not isinstance(pose, Pose):
-            raise TypeError(f"pose: expected a function that returns Pose, got {type(pose).__name__} at {time:g} s")
+            raise not_a_pose("pose", "a function that returns Pose", pose, f" at {time:g} s")
         return pose
 
     def poses_at(self, times: ArrayLike) -> Matrix:
@@ -70,9 +70,7 @@ def as_motion(name: str, motion: object) -> Motion:
         return cast(Motion, motion)
     if callable(motion):
         return Function(motion)
-    raise TypeError(
-        f"{name}: expected Pose, Linear, Trajectory, Attached, Live or a function of time, got {type(motion).__name__}"
-    )
+    raise not_a_pose(name, "Pose, Linear, Trajectory, Attached, Live or a function of time", motion)
 
 
 def derivative(values: Callable[[float], Matrix], time: float) -> Matrix:

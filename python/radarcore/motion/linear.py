@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, not_a_pose, rotations_about, transforms
 from radarcore.units import SPEED_OF_LIGHT
 
 FASTEST_TURN = 1e7
@@ -52,7 +52,7 @@ class Linear:
         angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if not isinstance(pose, Pose):
-            raise TypeError(f"pose: expected Pose, got {type(pose).__name__}")
+            raise not_a_pose("pose", "Pose", pose)
         put = object.__setattr__
         put(self, "pose", pose)
         for name, value, most, unit in (

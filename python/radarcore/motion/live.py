@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
-from radarcore.geometry.pose import Matrix, Pose, as_pose, checked_maps, transforms
+from radarcore.geometry.pose import Matrix, Pose, as_pose, checked_maps, not_a_pose, transforms
 from radarcore.motion.ends import LONG_STEP, steps_between, warn_of_milliseconds
 from radarcore.motion.linear import FASTEST_TURN
 from radarcore.motion.links import LinkMotion
@@ -319,7 +319,7 @@ class _Known:
 def _map_of(pose: Pose) -> Matrix:
     """``[rotation | position]``, (3, 4)."""
     if not isinstance(pose, Pose):
-        raise TypeError(f"poses: expected Pose, got {type(pose).__name__}")
+        raise not_a_pose("poses", "Pose", pose)
     return transforms(pose.rotation, pose.position)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, rotations_about, transforms
+from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, not_a_pose, rotations_about, transforms
 from radarcore.motion.ends import Ends, check_steps, steps_between
 from radarcore.motion.pieces import Pieces
 from radarcore.sealed import sealed
@@ -74,7 +74,7 @@ class Trajectory:
             raise ValueError(f"poses: expected {len(self.times)}, one per time, got {len(self.poses)}")
         for k, pose in enumerate(self.poses):
             if not isinstance(pose, Pose):
-                raise TypeError(f"poses: expected Pose, got {type(pose).__name__} at index {k}")
+                raise not_a_pose("poses", "Pose", pose, f" at index {k}")
         self.max_gap: float | None = None if max_gap is None else check.positive("max_gap", max_gap, "s")
         self.within_gaps: str = check.choice("within_gaps", within_gaps, WITHIN_GAPS)
         if self.max_gap is not None:

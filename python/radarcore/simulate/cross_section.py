@@ -112,6 +112,8 @@ def rcs(
     if polarization is not None:
         fields = _fields(polarization, both[0]), _fields(polarization, both[1])
     bodies, poses = _bodies(target, check.number("time", time, "s"))
+    if not any(len(body.mesh.triangles) for body in bodies):
+        notice.warn("target: expected a mesh with triangles, got none: its cross-section is 0")
     surfaces = [_surface(body, time) for body in bodies]
     sections = []
     total = count * frequencies.size

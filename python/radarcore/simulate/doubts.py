@@ -47,8 +47,33 @@ _CLIPS = 1e-3
 _FEWEST_CODES = 2
 """Codes of an ADC with which a signal is no longer told from its sign."""
 
+_EPOCH, _LOST = 1e8, 1e6
+"""Times from which on they may count from 1970 [s], and distances at which a body is lost [m]."""
+
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
+
+
+def _check_epoch(scene: Scene, poses: NDArray[np.float64], time: float) -> None:
+    """Refuse times since 1970 at which a body is far away that moves from time 0 on."""
+    if abs(time) < _EPOCH:
+        return
+    parts, sensor = scene.parts, poses[-1, :, 3]
+    places = np.concatenate([poses[:-1, :, 3], parts.positions + time * parts.velocities]) - sensor
+    numbers = [*parts.mesh_numbers.tolist(), *parts.point_numbers.tolist()]
+    distances = np.linalg.norm(places, axis=1)
+    if len(distances) > 0 and distances.max() > _LOST:
+        raise ValueError(
+            f"time: expected seconds from about 0 on, where motions begin, got {time:.10g} s, as times since 1970 are: "
+            f"{scene.names[numbers[int(distances.argmax())]]!r} has moved to {distances.max():.3g} m by then; subtract "
+            "the time of the first frame"
+        )
+
+
+def _nearest(ideal: _core.IdealFrame) -> float:
+    """Range of the nearest body that is seen [m]; 0 for none."""
+    ranges = np.empty(0) if ideal.truth is None else ideal.truth[0][np.isfinite(ideal.truth[0])]
+    return float(ranges.min()) if ranges.size > 0 else 0.0
 
 
 class Doubts:
@@ -73,6 +98,15 @@ class Doubts:
             used = (body.material for body in scene.parts.meshed)
             if text := library.extrapolation(used, self._radar.waveform.center_frequency):
                 notice.warn(text)
+
+    def of_meshes(self, scene: Scene) -> None:
+        """Warn of bodies without triangles beside others; `of_sight` warns of a scene that has no other."""
+        if not self._is_new("meshes"):
+            return
+        empty = [index for index, body in enumerate(scene.parts.meshed) if len(body.mesh.triangles) == 0]
+        if 0 < len(empty) < len(scene.bodies):
+            names = ", ".join(repr(scene.names[scene.parts.mesh_numbers[index]]) for index in empty[:_MOST_NAMES])
+            notice.warn(f"the mesh of {names} has no triangles: it returns nothing")
 
     def of_view(self, scene: Scene, poses: NDArray[np.float64], view: Angles) -> None:
         """Warn of bodies that the antennas see beyond a field of view [degrees].
@@ -134,6 +168,7 @@ class Doubts:
         """Refuse antennas, interferers' too, inside of a body or at its surface at the first time [s] simulated."""
         if "place" not in self._told:
             poses = placement.poses_at(time)
+            _check_epoch(scene, poses, time)
             check_antennas(scene, poses, self._radar, time)
             for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
                 others = np.concatenate([poses[:-1], poses_at(interferer.motion, [time])])
@@ -259,10 +294,20 @@ class Doubts:
                 f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "
                 f"{self._tolerance:.1e}"
             )
-        if ideal.farthest > self._radar.max_range and self._is_new("range"):
+        self._of_range(ideal)
+
+    def _of_range(self, ideal: _core.IdealFrame) -> None:
+        """Warn of echoes from beyond the largest range, and of bodies there that have none."""
+        farthest, effect = ideal.farthest, "echoes from there appear at wrong ranges"
+        if farthest == 0.0 and ideal.counts().get("rays_hit", 0) > 0:
+            # Rays met bodies, but no path comes back: those far away are smaller than the finest cells.
+            farthest, effect = _nearest(ideal), "bodies there are too small for an echo"
+        if farthest > self._radar.max_range and self._is_new("range"):
+            if _nearest(ideal) > self._radar.max_range:
+                self._told.add("sampling")  # of the same cause
             notice.warn(
-                f"the scene reaches to {ideal.farthest:.2f} m, beyond max_range {self._radar.max_range:.2f} m of the "
-                "waveform: echoes from there appear at wrong ranges"
+                f"the scene reaches to {farthest:.2f} m, beyond max_range {self._radar.max_range:.2f} m of the "
+                f"waveform: {effect}"
             )
 
     def of_depths(self, distance: NDArray[np.float64]) -> None:

@@ -404,6 +404,7 @@ class Simulator(Settings):
     def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
         """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
         self._doubts.of_materials(self.scene)
+        self._doubts.of_meshes(self.scene)
         engines = [[self._engine, *self._more_engines]]
         if side_by_side > 1:
             # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
