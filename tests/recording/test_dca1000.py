@@ -317,6 +317,11 @@ def _edited(values: dict[str, Any], *path: Any, to: Any) -> dict[str, Any]:
         (("rfConfig", "rlChanCfg_t", "rxChannelEn"), 10**400, "a mask of up to 4 receivers|expected an integer"),
         (("rfConfig", "rlFrameCfg_t", "framePeriodicity_msec"), 10**400, "rlFrameCfg_t: "),
         (("rfConfig", "rlFrameCfg_t", "chirpEndIdx"), 10**9, "expected chirps 0 to 511"),
+        (
+            ("rfConfig", "rlProfiles", 0, "rlProfileCfg_t", "rampEndTime_usec"),
+            12.0,
+            r"a ramp that ends after the last sample, 16\.6667 us",
+        ),
         (("rfConfig", "rlProfiles"), [], "expected profile 0, which chirps have, got none"),
         (("rawDataCaptureConfig", "rlDevDataPathCfg_t", "transferFmtPkt0"), "0x6", "samples alone"),
         (("rawDataCaptureConfig", "rlDevLaneEnable_t", "laneEn"), "0x1", "two or four LVDS lanes, got 1"),

@@ -19,7 +19,7 @@ from radarcore.cli.terminal import show, show_facts
 from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
-from radarcore.geometry.files import SUFFIXES, load_mesh
+from radarcore.geometry.files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
 from radarcore.recording.description import Description
 from radarcore.recording.folders import recordings_in
@@ -49,7 +49,7 @@ def run(
     scale : float
         metres per unit of a mesh
     """
-    if source.suffix.lower() in SUFFIXES:
+    if source.suffix.lower() in SUFFIXES + STEP_SUFFIXES:
         _show_mesh(source, scale, as_json)
         return
     facts = _facts(source, bare.description)

@@ -32,8 +32,8 @@ _READERS: dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[Any]]]] 
 _Y_UP = (".glb", ".gltf")
 """Formats with y up (glTF 2.0, 3.4)."""
 
-_BESIDES = {".stp": "cascadio", ".step": "cascadio"}
-"""Packages that trimesh needs for a format; they give metres."""
+STEP_SUFFIXES = (".step", ".stp")
+"""Ends of the names of STEP files, which trimesh reads with cascadio, in metres."""
 
 _STL_HEAD, _STL_FACET = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Bytes before the facets of a binary STL file, whose last four are their number, and a facet."""
@@ -181,10 +181,10 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
 
         mesh = trimesh.load_mesh(path)
     except ImportError as error:
-        besides = _BESIDES.get(kind)
+        and_, besides = (" and cascadio", " cascadio") if kind in STEP_SUFFIXES else ("", "")
         raise ImportError(
-            f"{path}: reading {path.suffix or 'this'} files needs trimesh{f' and {besides}' if besides else ''}: "
-            f"pip install radarcore[mesh]{f' {besides}' if besides else ''} ({error})"
+            f"{path}: reading {path.suffix or 'this'} files needs trimesh{and_}: pip install radarcore[mesh]{besides} "
+            f"({error})"
         ) from error
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if mesh.units is not None:

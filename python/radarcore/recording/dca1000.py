@@ -92,7 +92,8 @@ class Capture:
 def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
     """Frames of a capture, mapped into memory.
 
-    Warns of lost packets. Leaves out frames that are not whole, or of zeros only, which count as lost.
+    Warns of lost packets. Leaves out frames that are not whole, and those of zeros alone, which count as lost where
+    others follow.
     """
     files = capture.files if path.suffix.lower() == ".json" else parts_of(path)
     if not files:
@@ -220,7 +221,7 @@ def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.in
     more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
     notice.warn(
         f"{files[0]}: zeros in place of about {num_packets} lost packets, in {', '.join(named[:_MOST_NAMED])}{more}; "
-        "frames of zeros alone are left out and count as lost"
+        "frames of zeros alone are left out"
     )
     words.keep(kept)
     return kept, (np.diff(kept, prepend=-1) - 1).astype(np.int32), num_packets
