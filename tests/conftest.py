@@ -60,7 +60,7 @@ MODULES = {
     "plot": {"matplotlib"},
     "rerun": {"rerun"},
     "robots": {"example_robot_data"},
-    "ros": {"rosbags"},
+    "ros": {"apsw", "rosbags"},
     "usb": {"libusb_package", "serial", "usb"},
     "zarr": {"google_crc32c", "numcodecs", "xarray", "zarr"},
 }

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import apsw
-
 _NAME = "radarcore-torn"
 
 
 def torn_database(path: Path, size: int) -> Any:
     """Connection to a database of `size` bytes, read-only; reading what is missing raises an `apsw.Error`."""
+    import apsw
 
     class File(apsw.VFSFile):
         def __init__(self, _: str, name: Any, flags: list[int]) -> None:
