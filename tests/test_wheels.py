@@ -136,6 +136,7 @@ print(f"{rc.strongest_peak(frame, min_range=1.0).range:.1f}")
 
 
 def test_package_is_imported_and_simulates_without_posix():
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     command = [sys.executable, "-c", WITHOUT_POSIX]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "1.9\n"), done.stderr
