@@ -61,7 +61,7 @@ def viewer(path: Path, overwrite: bool) -> None:
 
 
 class Writer(NamedTuple):
-    """A file, what writes it, the package that this needs, and whether a full disk is told at once."""
+    """A file, what writes it, the package that this needs, and whether a full disk is tried."""
 
     name: str
     write: Callable[[Path, bool], object]
@@ -86,6 +86,7 @@ WRITERS = (
         "a.pdf",
         lambda path, overwrite: rc.compare(recording(), progress=False).figure(path, overwrite=overwrite),
         "matplotlib",
+        is_whole=False,  # matplotlib closes such a file in an order that hides the error
     ),
     Writer(
         "a.html",
@@ -96,7 +97,12 @@ WRITERS = (
         "a.csv", lambda path, overwrite: rc.adapters.optitrack.write_motive_csv(path, capture(), overwrite=overwrite)
     ),
     Writer("a.toml", lambda path, overwrite: sample().save(path, overwrite=overwrite), is_whole=False),
-    Writer("a.h5", lambda path, overwrite: rc.dataset.to_hdf5(dataset(), path, overwrite=overwrite), "h5py"),
+    Writer(
+        "a.h5",
+        lambda path, overwrite: rc.dataset.to_hdf5(dataset(), path, overwrite=overwrite),
+        "h5py",
+        is_whole=False,  # HDF5 itself may crash where it cannot write
+    ),
     Writer("a.mcap", bag, "rosbags"),
     Writer("a.db3", bag, "rosbags"),
     Writer("a.bag", bag, "rosbags"),

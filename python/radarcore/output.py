@@ -225,7 +225,7 @@ class Lock:
                 ) from None
             else:
                 break
-        self._file = file
+        self._file, self._owner = file, os.getpid()
         with suppress(OSError):  # a full disk: the lock holds without a name
             os.truncate(file, 0)
             os.write(file, str(os.getpid()).encode())
@@ -240,7 +240,7 @@ class Lock:
         """Let others write; may be called twice."""
         file, self._file = self._file, None
         if file is not None:
-            if sys.platform != "win32":  # which removes no open files
+            if sys.platform != "win32" and self._owner == os.getpid():  # no copy of the process; Windows after closing
                 self._path.unlink(missing_ok=True)
             os.close(file)
             if sys.platform == "win32":

@@ -29,7 +29,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
-from radarcore.output import already_exists, make_folder, new_file
+from radarcore.output import Lock, already_exists, make_folder, new_file
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
@@ -124,9 +124,9 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
     files = {path / name: None if text is None else _encoded(text) for name, text in texts.items()}
     try:
         make_folder(path / folder)
-        with ExitStack() as stack:
+        with Lock(path / folder), ExitStack() as stack:
             # The first gets its name last.
-            with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=True)).open("wb") as out:
+            with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=overwrite)).open("wb") as out:
                 out.writelines(_array_bytes(stored.cube, kept.get("header")))
             for file, data in files.items():
                 if data is None:

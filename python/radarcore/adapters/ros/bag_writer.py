@@ -5,11 +5,11 @@ Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
 
 from __future__ import annotations
 
-import math
+import sqlite3
+import threading
 from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
-from time import monotonic
 from types import TracebackType
 from typing import Any
 
@@ -28,8 +28,8 @@ _LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
 _METADATA, _MARK = "metadata.yaml", "radarcore"
 """File that describes a folder of ROS 2, and the key of its ``custom_data`` in those that are written here."""
 
-_FLUSHED_EVERY, _MOST_PENDING = 1.0, 1 << 25
-"""Time [s] and bytes after which messages are handed over to the system."""
+_LONGEST_WAIT, _MOST_WAITING = 0.9, 1 << 25
+"""Time [s] and bytes after which messages are handed over to the system: all are there within a second."""
 
 
 @check.knows_keywords
@@ -38,7 +38,7 @@ class BagWriter:
 
     The bag gets its name when it is finished; until then it is ``NAME.part`` beside that, which `BagReader` reads as
     far as it got. Leaving a ``with`` block finishes it, by an exception or Ctrl-C too: what was written is readable.
-    A process that is killed loses at most the messages of its last second; its part stays, and no other writer
+    A process that is killed loses at most what it wrote in its last second; its part stays, and no other writer
     replaces it.
 
     Parameters
@@ -104,7 +104,10 @@ class BagWriter:
         self._replaced()
         self._connections: dict[str, Any] = {}
         self._closed = False
-        self._num_pending, self._flushed_at = 0, -math.inf
+        self._writing = threading.RLock()  # against the timer, which hands over what waits
+        self._timer: threading.Timer | None = None
+        self._num_waiting = 0
+        self._failure: Exception | None = None
         with ExitStack() as stack:
             self._part = stack.enter_context(PartFolder(self.path))
             name = self.path.stem if suffix in _BY_SUFFIX and self.version == 2 else self.path.name
@@ -155,7 +158,8 @@ class BagWriter:
         options: dict[str, Any] = {"typestore": self.types}
         if latched:
             options |= {"latching": 1} if self.version == 1 else {"offered_qos_profiles": [_transient_local()]}
-        self._connections[topic] = self._bag.add_connection(topic, type, **options)
+        with self._writing:
+            self._connections[topic] = self._bag.add_connection(topic, type, **options)
 
     def write(self, topic: str, message: Any, time_ns: int, *, type: str | None = None) -> None:
         """Write a message.
@@ -204,10 +208,17 @@ class BagWriter:
             message = typed(self.types, name, message)
         pack = self.types.serialize_ros1 if self.version == 1 else self.types.serialize_cdr
         data = pack(message, name)
-        self._bag.write(self._connections[topic], time, data)
-        self._num_pending += len(data)
-        if self._num_pending > _MOST_PENDING or monotonic() - self._flushed_at > _FLUSHED_EVERY:
-            self._flush()
+        with self._writing:
+            if self._failure is not None:
+                raise self._failure
+            self._bag.write(self._connections[topic], time, data)
+            self._num_waiting += len(data)
+            if self._num_waiting > _MOST_WAITING:
+                self._flush()
+            elif self._timer is None:
+                self._timer = threading.Timer(_LONGEST_WAIT, self._flush_late)
+                self._timer.daemon = True
+                self._timer.start()
 
     def close(self) -> None:
         """Finish the bag and give it its name.
@@ -225,7 +236,10 @@ class BagWriter:
         """
         if self._closed:
             return
-        self._closed = True
+        with self._writing:
+            self._closed = True
+            if self._timer is not None:
+                self._timer.cancel()
         try:
             try:
                 self._bag.close()
@@ -259,9 +273,22 @@ class BagWriter:
             bag.set_custom_data(_MARK, __version__)
         bag.open()
         if self.format == "sqlite3":
-            # The file is whole at any time: nothing gets into it before it is committed.
+            # The file is whole at any time: nothing gets into it before it is committed, by the timer too.
+            bag.storage.conn.close()
+            bag.storage.conn = sqlite3.connect(bag.storage.path, check_same_thread=False)
             bag.storage.conn.execute("PRAGMA cache_spill = OFF")
+            bag.storage.cursor = bag.storage.conn.cursor()
         return bag
+
+    def _flush_late(self) -> None:
+        """Hand over what has waited long enough, whether or not more is written."""
+        with self._writing:
+            self._timer = None
+            if not self._closed:
+                try:
+                    self._flush()
+                except Exception as error:  # a full disk: for the next call
+                    self._failure = error
 
     def _flush(self) -> None:
         """Hand over to the system what was written, so that it is there if the process is killed."""
@@ -274,7 +301,7 @@ class BagWriter:
         else:
             self._bag.write_chunk(self._bag.chunks[-1])
             self._bag.bio.flush()
-        self._num_pending, self._flushed_at = 0, monotonic()
+        self._num_waiting = 0
 
     def _replaced(self) -> list[Path]:
         """Files of the folder that this bag replaces; refuses to replace anything but a bag, or that unasked."""
