@@ -238,8 +238,8 @@ class Together:
 
     def __init__(self, motions: Sequence[Live]) -> None:
         self._motions = list(motions)
-        self._newest: list[Update] = []
-        self._continued: Uniform | None = None
+        # Replaced as a whole: whoever reads it meanwhile has both of one moment.
+        self._continued: tuple[list[Update], Uniform] | None = None
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4)."""
@@ -260,11 +260,12 @@ class Together:
         starts = np.array([update.time for update in newest])
         if times.min(initial=np.inf) < starts.max():
             return None
-        if self._continued is None or newest != self._newest:  # updates are equal only to themselves
+        continued = self._continued
+        if continued is None or newest != continued[0]:  # updates are equal only to themselves
             maps = np.concatenate([update.maps for update in newest])
             rates = (np.concatenate(values) for values in zip(*(update.past for update in newest), strict=True))
-            self._newest, self._continued = newest, Uniform(maps[..., :3], maps[..., 3], *rates)
-        return self._continued, times[:, None] - starts
+            continued = self._continued = newest, Uniform(maps[..., :3], maps[..., 3], *rates)
+        return continued[1], times[:, None] - starts
 
 
 class _Known:
