@@ -17,7 +17,7 @@ from radarcore import check, notice
 from radarcore.adapters.optitrack.axes import AXES
 from radarcore.adapters.optitrack.capture import MotionCapture
 from radarcore.adapters.optitrack.follower import Follower
-from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take, poses_of
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take, poses_of, without_poses
 from radarcore.adapters.optitrack.natnet import (
     Kind,
     NatNetError,
@@ -263,7 +263,7 @@ class MotionCaptureClient:
         for frame in one_take(self.frames(motions)):
             if kept and frame.time - kept[0].time >= limit:
                 break
-            kept.append(frame)
+            kept.append(without_poses(frame))
         else:
             took = kept[-1].time - kept[0].time
             notice.warn(f"duration: expected {limit:g} s of frames, got {took:g} s: the take ended, or began again")

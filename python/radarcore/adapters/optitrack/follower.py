@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 
 from radarcore.adapters.optitrack.capture import MotionCapture
-from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take
+from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take, without_poses
 
 _POLL = 0.005
 """Time after which a wait for frames looks again [s]."""
@@ -18,6 +18,7 @@ class Follower:
     def __init__(self, frames: Iterator[CapturedFrame], axes: str, *, keep: bool) -> None:
         self._frames, self._axes, self._keep = frames, axes, keep
         self._kept: list[CapturedFrame] = []
+        self._newest: CapturedFrame | None = None
         self._count = 0
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
@@ -30,7 +31,7 @@ class Follower:
     @property
     def newest(self) -> CapturedFrame | None:
         """The newest frame, or None before the first."""
-        return self._kept[-1] if self._kept else None
+        return self._newest
 
     def capture(self) -> MotionCapture:
         """All frames so far, up to the end of the take; an error of the stream is raised."""
@@ -58,9 +59,8 @@ class Follower:
         try:
             for frame in one_take(self._frames) if self._keep else self._frames:
                 if self._keep:
-                    self._kept.append(frame)  # others read it meanwhile
-                else:
-                    self._kept = [frame]
+                    self._kept.append(without_poses(frame))  # others read it meanwhile
+                self._newest = frame
                 self._count += 1
         except Exception as error:  # raised where the user sees it
             self._error = error

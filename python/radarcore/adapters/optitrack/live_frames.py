@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,11 @@ def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
     except TimeoutError:
         if last is None:
             raise
+
+
+def without_poses(frame: CapturedFrame) -> CapturedFrame:
+    """A frame to keep, a tenth as large: a capture is made of its bodies."""
+    return replace(frame, poses={})
 
 
 def capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
