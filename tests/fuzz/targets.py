@@ -1,6 +1,8 @@
 """Targets by name."""
 
-from fuzz import files, stored, streams
+from importlib.util import find_spec
+
+from fuzz import bags, files, stored, streams
 from fuzz.cases import Target
 
 TARGETS = {
@@ -15,3 +17,5 @@ TARGETS = {
     "comlib": Target(streams.comlib_seeds, streams.make_comlib, streams.read_comlib),
     "capture": Target(streams.capture_seeds, streams.make_capture, streams.read_capture),
 }
+if find_spec("rosbags") is not None:  # the extra `ros`
+    TARGETS["bag"] = Target(bags.bag_seeds, bags.make_bag, bags.read_bag)

@@ -6,11 +6,13 @@ Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from heapq import merge
+from io import BufferedReader, FileIO
 from itertools import groupby
 from os import PathLike
 from pathlib import Path
@@ -28,6 +30,9 @@ _SUFFIXES = (".mcap", ".db3", ".bag")
 
 _MOST_NAMES = 30
 """Topics that a message names."""
+
+_LONG = 1 << 20
+"""Reads of more bytes than this are compared with the size of the file."""
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
@@ -317,15 +322,15 @@ class BagReader:
             for file in files:
                 _check_database(file)
             if version == 1:
-                readers: list[Any] = [Reader1(file) for file in files]
+                readers: list[Any] = [Reader1(_Bounded(file)) for file in files]
             elif is_described:
-                readers = [Reader2(self.path)]
+                readers = [Reader2(_Bounded(self.path))]
             else:
-                readers = [Reader2(file) for file in files]
+                readers = [Reader2(_Bounded(file)) for file in files]
             with ExitStack() as stack:
                 for reader in readers:
                     stack.enter_context(reader)
-                    _bound_chunks(reader)
+                    _check_reader(reader)
                 self._stack = stack.pop_all()
         except PermissionError:
             raise
@@ -358,6 +363,22 @@ class BagReader:
         if len(every) > _MOST_NAMES:
             shown.append(f"and {len(every) - _MOST_NAMES} more")
         return ", ".join(shown) or "none"
+
+
+class _Bounded(type(Path())):  # type: ignore[misc]  # of this system
+    """A path whose file reads no more than it has: rosbags asks for any length that a damaged record gives."""
+
+    def open(self, mode: str = "r", *args: Any, **options: Any) -> Any:
+        if mode != "rb":
+            return super().open(mode, *args, **options)
+        return _BoundedFile(FileIO(self, "rb"))
+
+
+class _BoundedFile(BufferedReader):
+    def read(self, size: int | None = -1) -> bytes:
+        if size is not None and size > _LONG:
+            size = min(size, max(os.fstat(self.fileno()).st_size - self.tell(), 0))
+        return super().read(size)
 
 
 def is_bag(path: str | PathLike[str]) -> bool:
@@ -406,11 +427,13 @@ def _check_database(file: Path) -> None:
             raise ValueError(f"its writer left {left.name}")
 
 
-def _bound_chunks(reader: Any) -> None:
-    """Make a reader of rosbags refuse chunks that unpack to far more than their size."""
+def _check_reader(reader: Any) -> None:
+    """Refuse nameless topics of a reader of rosbags; make it refuse chunks that unpack to far more than their size."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag1.reader import decompressors
 
+    if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
+        raise ValueError("expected names of topics and types, got none")
     if isinstance(reader, Reader1):
         names = {function: name for name, function in decompressors.items()}
         for place, chunk in reader.chunks.items():

@@ -14,6 +14,7 @@ import struct
 from abc import ABC, abstractmethod
 from bz2 import BZ2Decompressor
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -215,18 +216,16 @@ class SqliteFile(SequentialReader):
     def _records(self) -> Iterator[Record]:
         import apsw
 
-        database = _database(self.path)
         try:
-            cursor = database.cursor()
-            self._read_channels(cursor)
-            rows = cursor.execute("SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id")
-            for number, time, data in rows:
-                if number in self._channels:
-                    yield number, time, data
+            with closing(_database(self.path)) as database:
+                cursor = database.cursor()
+                self._read_channels(cursor)
+                rows = cursor.execute("SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id")
+                for number, time, data in rows:
+                    if number in self._channels and isinstance(time, int) and isinstance(data, bytes):
+                        yield number, time, data
         except apsw.Error as error:
             raise CutError(f"{type(error).__name__}: {error}") from error
-        finally:
-            database.close()
 
     def _read_channels(self, cursor: Any) -> None:
         tables = {name for (name,) in cursor.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
@@ -239,8 +238,9 @@ class SqliteFile(SequentialReader):
         for number, topic, name, encoding in cursor.execute(
             "SELECT id, name, type, serialization_format FROM topics"
         ).fetchall():
-            if encoding == "cdr":
-                self._channels[number] = _Channel(topic, name, *texts.get(name, ("", "")))
+            given = topic, name, *texts.get(name, ("", ""))
+            if encoding == "cdr" and all(isinstance(text, str) for text in given):
+                self._channels[number] = _Channel(*given)
 
 
 def sequential_reader(path: Path) -> SequentialReader:
