@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore import check
 from radarcore.adapters import images
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.robots.joint import Joint
@@ -272,3 +273,79 @@ def test_weights_of_arrays_take_numbers_alone() -> None:
     ):
         with pytest.raises(TypeError, match=r"weights: expected numbers.*, got list of <U2"):
             make(["1", "1j", "0"])
+
+
+FRAME = rc.Frame(np.zeros((3, 64, 128), np.float32), 0.0, rc.bgt60tr13c())
+TABLE = {"start_frequency": 60e9, "slope": 2e13, "sample_rate": 2e6, "num_samples": 32}
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: rc.GaussianPattern(3.0, 400.0, 40.0),
+            "azimuth_deg: expected 0.001 to 360 .*, got 400",
+        ),
+        (
+            lambda: rc.rcs(rc.shapes.sphere(0.1), 60.0, azimuth_deg=180.0),
+            "frequency: expected 1e8 to 3e12 .* got 60",
+        ),
+        (lambda: rc.materials["glass"].response(60.0, 1.0), "frequency: expected 1e8 to 3e12 .* got 60"),
+        (
+            lambda: rc.mesh_report(rc.shapes.sphere(0.1), frequency=60.0),
+            "frequency: expected 1e8 to 3e12 .* got 60",
+        ),
+        (lambda: rc.detect(FRAME, guard=200), r"guard: expected fewer cells than the map of \(64, 6.\) has, got 200"),
+        (
+            lambda: rc.cfar(np.ones(128), guard=200, training=8, false_alarm_rate=1e-3),
+            r"guard: expected fewer cells than the map of \(1, 128\) has, got 200",
+        ),
+    ],
+)
+def test_numbers_far_beyond_what_can_be_meant_are_refused(make: Call, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+QUARTER = 0.5 * pi
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: rc.Waveform(**TABLE, num_chirps=4, chirp_interval=60.0),
+            "interval: expected at most 1 s, got 60 s",
+        ),
+        (
+            lambda: rc.GaussianPattern(3.0, 1.047, 0.785),
+            "beamwidth.*: expected degrees, got 1.047; radians",
+        ),
+        (
+            lambda: rc.rcs(rc.shapes.sphere(0.1), 60e9, azimuth_deg=pi),
+            "azimuth_deg: expected degrees, got 3.14159",
+        ),
+        (
+            lambda: rc.TabulatedPattern.from_degrees([-QUARTER, 0.0, QUARTER], [-30.0, 30.0], np.zeros((3, 2))),
+            "azimuth_deg: expected degrees, got 1.5708; radians",
+        ),
+        (lambda: rc.Receiver(rx_phase_deg=[0.0, -1.309]), "rx_phase_deg: expected degrees, got 1.309; radians"),
+        (
+            lambda: rc.Mesh([[0, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2]], crease_angle_deg=0.785),
+            "crease_angle_deg: exp",
+        ),
+    ],
+)
+def test_angles_in_radians_and_intervals_in_microseconds_are_warned_of_once(make: Call, message: str) -> None:
+    with pytest.warns(UserWarning, match=message) as told:
+        make()
+    assert len(told) == 1
+
+
+def test_angles_that_are_degrees_are_not_warned_of() -> None:
+    rng = np.random.default_rng(3)
+    angles = np.concatenate([np.linspace(-180.0, 180.0, 721), rng.uniform(-6.3, 6.3, 2000), np.arange(0.0, 7.0, 0.05)])
+    for angle in angles.tolist():
+        check.degrees("angle_deg", angle)  # warnings are errors here
+    check.degrees("rpy_deg", [0.0, 0.785, 45.0])
+    check.degrees("rpy_deg", [0.0, 0.0, 0.0])

@@ -24,6 +24,12 @@ _LONGEST_TIME = 1e12
 _SHORTEST_INTERVAL = 1e-12
 """Shortest interval between two times of a series [s]."""
 
+_LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 1e8, 3e12
+"""Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz]."""
+
+_PART_OF_PI = np.pi / 12.0
+"""Angles that people write are multiples of it [rad]: 15 degrees."""
+
 _MOST_NAMED = 6
 """Keywords that a message names for those who gave values without."""
 
@@ -68,6 +74,14 @@ def non_negative(name: str, value: object, unit: str = "") -> float:
     result = number(name, value, unit)
     if result < 0.0:
         raise ValueError(f"{name}: expected zero or a positive number{f' [{unit}]' if unit else ''}, got {value!r}")
+    return result
+
+
+def frequency(name: str, value: object) -> float:
+    """A frequency that a radar can have [Hz]."""
+    result = positive(name, value, "Hz")
+    if not _LOWEST_FREQUENCY <= result <= HIGHEST_FREQUENCY:
+        raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {result:g}")
     return result
 
 
@@ -185,6 +199,21 @@ def time(name: str, value: object) -> float:
     if abs(result) > _LONGEST_TIME:
         raise ValueError(f"{name}: expected times up to {_LONGEST_TIME:g} s, got {result:g} s")
     return result
+
+
+def degrees(name: str, angles: ArrayLike) -> ArrayLike:
+    """The angles [degrees], with a warning where all that are not zero are parts of pi as they are written."""
+    given = np.abs(np.atleast_1d(np.asarray(angles, np.float64)).ravel())
+    given = given[given > 0.0]
+    parts = np.rint(given / _PART_OF_PI) * _PART_OF_PI
+    # To single precision, or rounded to three digits or more; of pi and its half to two.
+    is_written = np.abs(given - parts) < 1e-6
+    for digits in (3, 4, 5):
+        is_written |= given == np.round(parts, digits)
+    is_written |= np.isin(given, [1.57, 3.14])
+    if given.size > 0 and (is_written & (parts > 0.0) & (parts < 6.3)).all():
+        notice.warn(f"{name}: expected degrees, got {given[0]:g}; radians? np.rad2deg makes degrees of them")
+    return angles
 
 
 def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:

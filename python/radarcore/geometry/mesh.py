@@ -44,6 +44,9 @@ class Mesh:
         Triangles left out of surfaces listed in both windings. Both windings stay where such a surface meets others at
         an edge, as two bodies do that share a face.
 
+    is_reflector : bool
+        True for `shapes.dihedral` and `shapes.trihedral`, of which a simulator warns if the radar sees the back alone.
+
     Raises
     ------
     ValueError
@@ -68,9 +71,9 @@ class Mesh:
     __slots__ = (
         "_bounds",
         "_core",
-        "_is_reflector",
         "_sealed",
         "crease_angle_deg",
+        "is_reflector",
         "num_dropped",
         "num_merged",
         "shading",
@@ -86,7 +89,7 @@ class Mesh:
     shading: str
     _core: _core.Surface
     _bounds: NDArray[np.float64] | None
-    _is_reflector: bool
+    is_reflector: bool
 
     def __init__(
         self,
@@ -100,6 +103,7 @@ class Mesh:
         self.vertices = _vertices(vertices)
         self.shading = check.choice("shading", shading, ("smooth", "flat"))
         self.crease_angle_deg = check.non_negative("crease_angle_deg", crease_angle_deg, "degrees")
+        check.degrees("crease_angle_deg", self.crease_angle_deg)
         rows = _triangles(triangles, len(self.vertices))
         listed = first_listings(self.vertices, rows)
         self.num_merged = 0 if listed is None else int(np.count_nonzero(~listed))
@@ -115,7 +119,7 @@ class Mesh:
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
         self._bounds = None
-        self._is_reflector = False
+        self.is_reflector = False
         self.vertices.flags.writeable = False
         self.triangles.flags.writeable = False
         if len(rows) > 0 and len(self.triangles) == 0:
@@ -150,7 +154,7 @@ class Mesh:
         return np.cross(b - a, c - a)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        others = self.num_dropped, self.num_merged, self._is_reflector
+        others = self.num_dropped, self.num_merged, self.is_reflector
         return _restore_mesh, (self.vertices, self.triangles, others, self.crease_angle_deg, self.shading)
 
     def __repr__(self) -> str:
@@ -188,14 +192,14 @@ def _restore_mesh(
 ) -> Mesh:
     """Mesh from its pickle; the tree is built again."""
     mesh = Mesh(vertices, triangles, crease_angle_deg=crease_angle_deg, shading=shading)
-    for name, value in zip(("num_dropped", "num_merged", "_is_reflector"), others, strict=True):
+    for name, value in zip(("num_dropped", "num_merged", "is_reflector"), others, strict=True):
         object.__setattr__(mesh, name, value)
     return mesh
 
 
 def as_reflector(mesh: Mesh) -> Mesh:
-    """The mesh, of which a simulator warns if the radar sees its back alone: all of its normals point away."""
-    object.__setattr__(mesh, "_is_reflector", True)
+    """The mesh as a corner reflector, whose normals point to where it opens."""
+    object.__setattr__(mesh, "is_reflector", True)
     return mesh
 
 

@@ -215,7 +215,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     """
     if not isinstance(mesh, Mesh):
         raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
-    at = check.positive("frequency", frequency, "Hz")
+    at = check.frequency("frequency", frequency)
     counts, measures = mesh._core.quality(
         crease_angle=float(np.deg2rad(mesh.crease_angle_deg)), wavelength=SPEED_OF_LIGHT / at
     )

@@ -16,6 +16,9 @@ from radarcore.processing.false_alarms import averaging_factor, ordered_factor
 METHODS = ("ca", "os")
 """Cell averaging, ordered statistic."""
 
+_FEW_CELLS = 4
+"""Guard cells that may cover a whole map: those of a main lobe."""
+
 DEFAULT_RANK = 0.75
 """Rank of the ordered statistic, as a part of the training cells (Rohling 1983: three quarters)."""
 
@@ -106,6 +109,7 @@ def cfar(
 
     # The threshold is a factor per number of training cells.
     counts = training_counts(moved.shape[-2:], guards, trainings)
+    require_training(counts, guards)
     if method == "ca":
         factors = averaging_factor(counts, rate, looks)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -165,6 +169,15 @@ def training_counts(shape: Sequence[int], guards: Sequence[int], trainings: Sequ
         for reaches in (guards, [g + t for g, t in zip(guards, trainings, strict=True)])
     )
     return np.asarray(np.outer(*outer) - np.outer(*inner))
+
+
+def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
+    """Refuse guard cells that reach over a whole map, (row, column): nothing would ever be detected.
+
+    A main lobe may be as wide as a tiny map.
+    """
+    if max(guards) > _FEW_CELLS and counts.size > 0 and not counts.any():
+        raise ValueError(f"guard: expected fewer cells than the map of {counts.shape} has, got {max(guards)}")
 
 
 def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int]) -> NDArray[Any]:

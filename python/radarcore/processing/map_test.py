@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radarcore import _core
 from radarcore.processing.constant_false_alarm import (
     DEFAULT_RANK,
+    require_training,
     scaled_ranks,
     tabulated,
     training_counts,
@@ -145,6 +146,7 @@ def map_test(
     slow, fast = map(np.frombuffer, windows)
     rate = cell_rate(slow, fast, rate, num_looks)
     counts = training_counts(shape, guards, trainings)
+    require_training(counts, guards)
     share = independent_part(slow, fast, guards, trainings, rate, num_looks)
     ranks = None
     if method == "ca":

@@ -20,7 +20,7 @@ from radarcore.radar.pattern_files import read_table
 from radarcore.twin import Twinned
 from radarcore.units import power_from_db
 
-_BEAMWIDTHS = (1e-3, 1e6)
+_BEAMWIDTHS = (1e-3, 360.0)
 """Smallest and largest beam width [degrees]: that of a dish of a hundred metres, and one that is no beam any more."""
 
 _RADIATED_DB = 1.0
@@ -109,6 +109,7 @@ class GaussianPattern(Twinned):
                 raise ValueError(f"{name}: expected {limits} [degrees], got {width:g}")
             object.__setattr__(self, name, width)
         widths = self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg
+        check.degrees("beamwidth_azimuth_deg, beamwidth_elevation_deg", widths)
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
@@ -190,6 +191,8 @@ class TabulatedPattern(Twinned):
         """
         azimuth = _angles("azimuth_deg", azimuth_deg, 180.0, "degrees")
         elevation = _angles("elevation_deg", elevation_deg, 90.0, "degrees")
+        for name, angles in (("azimuth_deg", azimuth), ("elevation_deg", elevation)):
+            check.degrees(name, check.numbers(name, angles))
         return cls(np.deg2rad(azimuth), np.deg2rad(elevation), gain_db)
 
     @classmethod

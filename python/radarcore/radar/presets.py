@@ -11,7 +11,7 @@ from radarcore.radar.bgt60_receiver import receiver_of
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
-from radarcore.radar.waveform import Waveform, check_frequency
+from radarcore.radar.waveform import Waveform
 
 _BGT60_BAND = (57e9, 64e9)
 """Frequencies that the chip reaches [Hz]: the ISM band at 60 GHz."""
@@ -166,7 +166,7 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
             f"{rest[0]}: expected none beside {' and '.join(wishes)}, which decide it, got {others[rest[0]]}"
         )
     if "start_frequency" in others:
-        start = check_frequency("start_frequency", others["start_frequency"])
+        start = check.frequency("start_frequency", others["start_frequency"])
         lowest, highest = bgt60.LOWEST_FREQUENCY, bgt60.HIGHEST_FREQUENCY
         if not lowest <= start < highest:
             raise ValueError(f"start_frequency: expected {lowest:g} to {highest:g} [Hz], got {start:.6g}")
@@ -219,7 +219,7 @@ def _sweep(settings: dict[str, Any]) -> float:
 
 def _check_band(name: str, value: object) -> float:
     """A frequency of the chip [Hz]."""
-    frequency = check_frequency(name, value)
+    frequency = check.frequency(name, value)
     lowest, highest = _BGT60_BAND
     if not lowest <= frequency <= highest:
         raise ValueError(f"{name}: expected {lowest:g} to {highest:g} [Hz] of a BGT60TR13C, got {frequency:.6g}")

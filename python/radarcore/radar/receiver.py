@@ -161,6 +161,7 @@ class Receiver:
             phases = per_receiver("rx_phase_deg", self.rx_phase_deg, "degrees")
             if not isinstance(phases, tuple):
                 raise TypeError(f"rx_phase_deg: expected one number per receiver, got {self.rx_phase_deg!r}")
+            check.degrees("rx_phase_deg", phases)
             put(self, "rx_phase_deg", phases)
         if not isinstance(self.leakage, Leakage | None):
             raise TypeError(f"leakage: expected Leakage or None, got {type(self.leakage).__name__}")

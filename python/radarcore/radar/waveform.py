@@ -18,9 +18,6 @@ from radarcore.units import SPEED_OF_LIGHT
 _MAX_COUNT = 2**24
 """Largest number of samples or chirps of a frame: axes of so many still fit into memory."""
 
-_LOWEST_FREQUENCY, _HIGHEST_FREQUENCY = 1e8, 3e12
-"""Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz]."""
-
 _WIDEST_BAND = 0.3
 """Sampled bandwidth over centre frequency beyond which a slope is hardly meant."""
 
@@ -30,16 +27,11 @@ _LONGEST_CHIRP = 0.1
 _USUAL_RATE = 40.0
 """Frames per second of radars whose frame interval nobody chose, if as many fit [Hz]."""
 
+_LONGEST_INTERVAL = 1.0
+"""Intervals of chirps that are longer are hardly meant: microseconds in place of seconds, for example [s]."""
+
 _LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones are no numbers any more."""
-
-
-def check_frequency(name: str, value: object) -> float:
-    """A frequency that a radar can have [Hz]."""
-    frequency = check.positive(name, value, "Hz")
-    if not _LOWEST_FREQUENCY <= frequency <= _HIGHEST_FREQUENCY:
-        raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {frequency:g}")
-    return frequency
 
 
 @check.knows_keywords
@@ -81,7 +73,8 @@ class Waveform(Twinned):
     Warns
     -----
     UserWarning
-        For what is hardly meant: a sampled band wider than 30 % of its centre frequency, or ramps longer than 0.1 s.
+        For what is hardly meant: a sampled band wider than 30 % of its centre frequency, ramps longer than 0.1 s, or
+        chirps more than 1 s apart.
 
     See Also
     --------
@@ -108,7 +101,7 @@ class Waveform(Twinned):
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "start_frequency", check_frequency("start_frequency", self.start_frequency))
+        put(self, "start_frequency", check.frequency("start_frequency", self.start_frequency))
         put(self, "slope", check.number("slope", self.slope, "Hz/s"))
         put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
         put(self, "num_samples", check.count("num_samples", self.num_samples))
@@ -124,10 +117,10 @@ class Waveform(Twinned):
             )
         sweep = _time("adc_delay", self.adc_delay) + self.num_samples / self.sample_rate
         stop = self.start_frequency + self.slope * sweep
-        if stop > _HIGHEST_FREQUENCY:
+        if stop > check.HIGHEST_FREQUENCY:
             raise ValueError(
-                f"slope: expected a ramp below {_HIGHEST_FREQUENCY:g} Hz for {sweep:g} s (adc_delay + samples), got "
-                f"{stop:g} Hz after that at {self.slope:g} Hz/s"
+                f"slope: expected a ramp below {check.HIGHEST_FREQUENCY:g} Hz for {sweep:g} s (adc_delay + samples), "
+                f"got {stop:g} Hz after that at {self.slope:g} Hz/s"
             )
         if stop <= 0.0:
             raise ValueError(
@@ -136,6 +129,11 @@ class Waveform(Twinned):
             )
 
         put(self, "chirp_times", self._starts(sweep))
+        if self.num_chirps > 1 and self.chirp_interval > _LONGEST_INTERVAL:
+            notice.warn(
+                f"chirp_interval: expected at most {_LONGEST_INTERVAL:g} s, got {self.chirp_interval:g} s (60 us is "
+                "60e-6)"
+            )
         if self.frame_interval is None:
             put(self, "frame_interval", self._default_frame_interval)
         put(self, "frame_interval", _time("frame_interval", check.positive("frame_interval", self.frame_interval, "s")))
@@ -207,8 +205,8 @@ class Waveform(Twinned):
         >>> print(f"{wf.bandwidth / 1e9:g} GHz in {1e6 * wf.num_samples / wf.sample_rate:g} us")
         1 GHz in 64 us
         """
-        start = check_frequency("start_frequency", start_frequency)
-        stop = check_frequency("stop_frequency", stop_frequency)
+        start = check.frequency("start_frequency", start_frequency)
+        stop = check.frequency("stop_frequency", stop_frequency)
         if start == stop:
             raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
         duration = check.count("num_samples", num_samples) / check.positive("sample_rate", sample_rate, "Hz")
@@ -286,7 +284,7 @@ class Waveform(Twinned):
             range_resolution=range_resolution,
             velocity_resolution=velocity_resolution,
             rate=rate,
-            start_frequency=check_frequency("start_frequency", start_frequency),
+            start_frequency=check.frequency("start_frequency", start_frequency),
             num_samples=num_samples,
             num_chirps=num_chirps,
             num_tx=num_tx,

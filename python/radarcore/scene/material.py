@@ -227,7 +227,7 @@ class Material:
         if not ((cosines >= 0.0) & (cosines <= 1.0)).all():
             bad = cosines[~((cosines >= 0.0) & (cosines <= 1.0))].flat[0]
             raise ValueError(f"cos_incidence: expected cosines from 0 to 1, got {bad:g}")
-        at = check.positive("frequency", frequency, "Hz")
+        at = check.frequency("frequency", frequency)
         flat = np.ascontiguousarray(cosines.ravel())
         reflection, albedo = self._core_at(at).response(flat, wavelength=SPEED_OF_LIGHT / at, seen=_SEEN[polarization])
         return reflection.reshape(cosines.shape), albedo.reshape(cosines.shape)

@@ -119,7 +119,7 @@ def rcs(
     total = count * frequencies.size
     with notice.progress_if_long("cross-sections", "direction", total, shown=progress) as report:
         for number, at in enumerate(np.atleast_1d(frequencies).tolist()):
-            at = check.positive("frequency", at, "Hz")
+            at = check.frequency("frequency", at)
 
             def tell(num_done: int, before: int = number * count) -> None:
                 report(before + num_done)
@@ -167,7 +167,9 @@ def _directions(
 def _angles(name: str, angles: ArrayLike | None) -> NDArray[np.float64]:
     """Angles [deg] of any shape; zero by default."""
     angles = 0.0 if angles is None else angles
-    return check.array(name, angles, (None,) * np.ndim(angles))
+    found = check.array(name, angles, (None,) * np.ndim(angles))
+    check.degrees(name, found)
+    return found
 
 
 def _bodies(target: Mesh | Body | Scene, time: float) -> tuple[tuple[Body, ...], NDArray[np.float64]]:

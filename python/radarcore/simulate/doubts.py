@@ -212,7 +212,7 @@ class Doubts:
 
     def of_backs(self, scene: Scene, placement: Placement, time: float) -> None:
         """Warn of a corner reflector in the beam of which the sensor sees the back alone at a time [s]."""
-        reflectors = [mesh for mesh, body in enumerate(scene.parts.meshed) if body.mesh._is_reflector]
+        reflectors = [mesh for mesh, body in enumerate(scene.parts.meshed) if body.mesh.is_reflector]
         if not reflectors or not self._is_new("backs"):
             return
         poses = placement.poses_at(time)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.joint import JointAngles
@@ -64,7 +65,7 @@ def _pose(table: PoseTable) -> Pose:
         return Pose.look_at(table.position, table.look_at)
     if table.wxyz is not None or table.xyzw is not None:
         return Pose.from_quaternion(table.position, wxyz=table.wxyz, xyzw=table.xyzw)
-    return Pose.from_rpy(table.position, np.deg2rad(table.rpy_deg or (0.0, 0.0, 0.0)))
+    return Pose.from_rpy(table.position, np.deg2rad(check.degrees("rpy_deg", table.rpy_deg or (0.0, 0.0, 0.0))))
 
 
 def motion_of(table: PlacedTable, carriers: Carriers, recorded: Recorded | None = None) -> Motion:
@@ -158,5 +159,6 @@ def _joint_angles(arm: RobotArm, name: str, values: list[float]) -> np.ndarray[t
         raise ValueError(
             f"{name}: expected {len(arm.joint_names)} values ({', '.join(arm.joint_names)}), got {len(values)}"
         )
-    units = [1.0 if joint.kind == "prismatic" else np.deg2rad(1.0) for joint in arm.moving_joints]
-    return np.array(values) * units
+    turns = np.array([joint.kind != "prismatic" for joint in arm.moving_joints], dtype=bool)
+    check.degrees(name, np.array(values)[turns])
+    return np.array(values) * np.where(turns, np.deg2rad(1.0), 1.0)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from radarcore import check
 from radarcore.radar.leakage import Leakage
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.preset_tr24 import bgt60tr24
@@ -88,14 +89,15 @@ def _schedule(table: TdmTable | DdmTable | SteeredTable) -> Schedule:
         return Schedule.ddm(table.turns)
     phases, azimuth, elevation = table.phases_deg, table.azimuth_deg, table.elevation_deg
     if phases is None:
-        angles: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation}
-        given = {name: np.deg2rad(angle) for name, angle in angles.items() if angle is not None}
+        angles = {"azimuth": azimuth, "elevation": elevation}
+        told = {name: check.degrees(f"{name}_deg", angle) for name, angle in angles.items() if angle is not None}
+        given: dict[str, Any] = {name: np.deg2rad(angle) for name, angle in told.items()}
         return Schedule.steered(**(given or {"azimuth": 0.0}))
     if azimuth is not None or elevation is not None:
         raise ValueError("phases_deg: expected either phases or angles of the beam, got both")
     if len({np.size(row) for row in phases}) > 1:
         raise ValueError(f"phases_deg: expected equally many per chirp, got {phases}")
-    return Schedule.steered(np.exp(1j * np.deg2rad(phases)))
+    return Schedule.steered(np.exp(1j * np.deg2rad(check.degrees("phases_deg", phases))))
 
 
 def _measured(table: RadarTable) -> dict[str, Any]:
