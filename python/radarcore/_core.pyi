@@ -26,6 +26,7 @@ __all__ = [
     "between_cells",
     "cross_sections",
     "expected",
+    "fit_spheres",
     "fit_tones",
     "gated_pairs",
     "levels",
@@ -117,6 +118,25 @@ def fit_tones(
     `cells` (look, row, column), complex64 or complex128; `peaks` (tone, 2) their rows and columns; `start` (tone, 2)
     offsets near the tones; `series` as `radarcore.processing.tone_fit.Axes` describes them, for patches of `num_cells`
     rows and columns. `is_cyclic`: columns go on at the other edge.
+    """
+
+def fit_spheres(
+    waves: NDArray[np.complex128],
+    sines: NDArray[np.float64],
+    distance: NDArray[np.float64],
+    antennas: NDArray[np.float64],
+    channels: NDArray[np.float64],
+    *,
+    num_receivers: int,
+    wavenumber: float,
+    observable: tuple[bool, bool],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sines (target, 2) of targets at a `distance` (target,) [m], and the part of the power that each misses (target,).
+
+    `waves` (target, channel) of the channels; `sines` (target, 2) of the plane waves that fit them best; `antennas`
+    (antenna, 3) transmitters, if channels have their own, and receivers, from the centre of the array [m]; `channels`
+    (channel, 3) phases per part of the direction along x, y and z [rad], about their means. `wavenumber` [rad/m];
+    `observable`: sines along y and z that the channels determine. Waves are plane where a distance is not finite.
     """
 
 def predicted(

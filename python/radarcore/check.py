@@ -17,6 +17,7 @@ from radarcore import notice
 
 _Called = TypeVar("_Called", bound=Callable[..., Any])
 _Number = TypeVar("_Number", np.float64, np.complex128)
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 _LONGEST_TIME = 1e12
 """Largest time of a series [s], hundreds of times the seconds since 1970."""
@@ -243,7 +244,7 @@ def in_order(name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
     return frozen(times)
 
 
-def frozen(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def frozen(values: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Make an array read-only and return it: fields of frozen records must not change."""
     values.flags.writeable = False
     return values

@@ -4,6 +4,7 @@ pub mod assignment;
 pub mod kalman;
 pub mod matrix;
 pub mod peaks;
+pub mod spheres;
 pub mod state_space;
 pub mod targets;
 pub mod tone_fit;

@@ -41,6 +41,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(processing::between_cells, module)?)?;
     module.add_function(wrap_pyfunction!(processing::training_medians, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_tones, module)?)?;
+    module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;
     module.add_function(wrap_pyfunction!(processing::predicted, module)?)?;
     module.add_function(wrap_pyfunction!(processing::expected, module)?)?;
     module.add_function(wrap_pyfunction!(processing::gated_pairs, module)?)?;

@@ -3,17 +3,17 @@
 use num_complex::Complex;
 use num_traits::AsPrimitive;
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArray4, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
 use crate::processing::assignment::{Gate, Pair};
-use crate::processing::peaks;
 use crate::processing::targets::{self, OwnTargets, Targets};
 use crate::processing::tone_fit::{Axes, Cells, fit};
+use crate::processing::{peaks, spheres};
 
 /// Vectors (target, n) and matrices (target, n, n).
 type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
@@ -317,5 +317,46 @@ where
         amplitudes.into_pyarray(py).reshape([number, num_looks])?,
         energy_gains.into_pyarray(py),
         matrix(py, tones.iter().map(|tone| tone.information).collect())?,
+    ))
+}
+
+/// Sines of targets by the spheres about them, and the part of the power that each misses.
+#[pyfunction(signature = (waves, sines, distance, antennas, channels, *, num_receivers, wavenumber, observable))]
+pub(super) fn fit_spheres<'py>(
+    py: Python<'py>,
+    waves: PyReadonlyArray2<'py, Complex<f64>>,
+    sines: PyReadonlyArray2<'py, f64>,
+    distance: PyReadonlyArray1<'py, f64>,
+    antennas: PyReadonlyArray2<'py, f64>,
+    channels: PyReadonlyArray2<'py, f64>,
+    num_receivers: usize,
+    wavenumber: f64,
+    observable: [bool; 2],
+) -> PyResult<Tops<'py>> {
+    let (number, num_channels) = (waves.shape()[0], channels.shape()[0]);
+    let num_senders = antennas.shape()[0].saturating_sub(num_receivers);
+    if num_receivers == 0 || num_senders.max(1) * num_receivers != num_channels {
+        let expected = format!("receivers of {num_channels} channels");
+        return Err(Error::value("num_receivers", expected, num_receivers.to_string()).into());
+    }
+    let array = spheres::Array {
+        antennas: numbers("antennas", &antennas, [None, Some(3)])?.as_chunks().0,
+        num_receivers,
+        channels: numbers("channels", &channels, [None, Some(3)])?.as_chunks().0,
+        observable,
+        wavenumber,
+    };
+    let sines: &[[f64; 2]] = numbers("sines", &sines, [Some(number), Some(2)])?.as_chunks().0;
+    let distance = numbers("distance", &distance, [Some(number)])?;
+    let waves = numbers("waves", &waves, [None, Some(num_channels)])?.chunks_exact(num_channels);
+    let found: Vec<_> = waves
+        .zip(sines)
+        .zip(distance)
+        .map(|((waves, plane), distance)| spheres::fit(&array, waves, *plane, *distance))
+        .collect();
+    let missing: Vec<_> = found.iter().map(|one| one.missing).collect();
+    Ok((
+        matrix(py, found.iter().map(|one| one.sines).collect())?,
+        missing.into_pyarray(py),
     ))
 }

@@ -142,6 +142,19 @@ def test_detections_are_rings() -> None:
     assert ax.get_xlim() == plot.range_doppler_map(one).get_xlim()
 
 
+def test_axes_hold_all_detections_and_without_a_truth_all_that_the_radar_sees() -> None:
+    wf = frame().radar.waveform
+    far = Detections([0.9 * wf.max_range], [-0.9 * wf.max_velocity], [np.nan], [np.nan], [12.0])
+    for one, found in ((frame(truth=False), None), (frame(), far)):
+        ax: Any = plot.range_doppler_map(one, detections=found)
+        assert ax.get_ylim()[1] >= 0.9 * wf.max_range
+        assert ax.get_xlim()[1] >= 0.9 * wf.max_velocity
+    for real, end in ((True, wf.max_range), (False, 2.0 * wf.max_range)):
+        assert plot.range_profile(frame(truth=False, real=real)).get_xlim()[1] == pytest.approx(end)
+    near: Any = plot.range_doppler_map(frame(num_samples=512))
+    assert near.get_ylim()[1] < 0.5 * frame(num_samples=512).radar.waveform.max_range, "what is known is shown large"
+
+
 def test_map_takes_one_channel_a_dynamic_range_and_a_farthest_range() -> None:
     ax: Any = plot.range_doppler_map(frame(), channel=-1, dynamic_range_db=40, max_range=1.5)
     assert ax.images[0].get_clim() == (-40.0, 0.0)

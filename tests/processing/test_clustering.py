@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from radarcore.processing.clustering import Clusters, cluster
 from radarcore.processing.point_cloud import Detections
@@ -31,6 +33,34 @@ def test_chain_of_near_detections_is_one_cluster_and_a_gap_divides_it() -> None:
     assert labels(chain, distance=0.2501) == [0] * 30
     assert labels(chain, distance=0.2499) == list(range(30))
     assert labels(detections([3.0, 1.0, 3.2, 1.2]), distance=0.3) == [1, 0, 1, 0]
+
+
+def test_deviations_of_many_detections_take_little_memory_and_group_as_all_pairs_do() -> None:
+    rng = np.random.default_rng(3)
+    covariance = np.zeros((20_000, 4, 4))
+    covariance[:, range(4), range(4)] = np.square(rng.uniform(1e-3, 1e-2, (20_000, 1)))
+    many = detections(rng.uniform(0.0, 1000.0, 20_000), np.zeros(20_000), covariance=covariance)
+    tracemalloc.start()
+    found = cluster(many, num_deviations=3.0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 100e6  # all pairs are 2e8
+    order = np.argsort(many.range)
+    deviation = np.sqrt(covariance[order, 0, 0])
+    near = np.diff(many.range[order]) <= 3.0 * np.hypot(deviation[1:], deviation[:-1])
+    assert len(found) <= 20_000 - near.sum()
+    some = many[order[:300]]
+    pairs = np.abs(some.range[:, None] - some.range) <= 3.0 * np.hypot(deviation[:300, None], deviation[:300])
+    assert (cluster(some, num_deviations=3.0).labels[:, None] == cluster(some, num_deviations=3.0).labels)[pairs].all()
+    assert len(cluster(some, num_deviations=3.0)) == connected_components(pairs)[0]
+
+
+def test_a_cluster_is_resolved_where_all_of_its_detections_are() -> None:
+    found = cluster(detections([1.0, 1.1, 3.0], is_resolved=[True, False, True], ambiguous_beyond=0.5), distance=0.3)
+    assert found.centroids.is_resolved.tolist() == [False, True]
+    assert found.centroids.ambiguous_beyond == 0.5
+    with pytest.raises(ValueError, match=r"is_resolved: expected shape \(2,\), got \(1,\)"):
+        detections([1.0, 2.0], is_resolved=[True])
 
 
 def test_velocity_keeps_apart_what_has_one_range() -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore import _core
 from radarcore.units import SPEED_OF_LIGHT
 
 WAVEFORM = rc.Waveform(
@@ -79,6 +80,7 @@ def test_single_target_has_its_direction_or_nan_where_the_array_tells_none(
 @pytest.mark.parametrize("spacing", [0.7, 1.0, 2.0])
 def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: float) -> None:
     # Sines 1 / spacing apart give the same phases: those within half of it of the front come out as they are.
+    warned = pytest.warns(UserWarning, match=f"ambiguous beyond {np.rad2deg(np.arcsin(0.5 / spacing)):.0f} deg")
     radar = rc.Radar(WAVEFORM, rx=row(6, spacing), tx=row(2, spacing, axis=2))
     sines = RNG.uniform(-0.45, 0.45, (50, 2)) / spacing
     for shift in ((0, 0), (1 / spacing, 0), (0, -1 / spacing), (1 / spacing, 1 / spacing)):
@@ -88,11 +90,14 @@ def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: 
             continue
         el = np.arcsin(shifted[visible, 1])
         az = np.arcsin(shifted[visible, 0] / np.cos(el))
-        found = rc.directions(echoes(radar, az, el), radar)
+        with warned:
+            found = rc.directions(echoes(radar, az, el), radar)
+        assert np.sin(found.ambiguous_beyond) == pytest.approx(0.5 / spacing)
         np.testing.assert_allclose(np.sin(found.elevation), sines[visible, 1], atol=EXACT)
         np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(found.elevation), sines[visible, 0], atol=EXACT)
 
 
+@pytest.mark.filterwarnings("ignore:radar. expected channels less than")
 @pytest.mark.parametrize("positions", [[[0, 0, 0], [0, 1.1, 0], [0, 0.3, 0.9]], [[0, 0, 0], [0, 1.7, 0]]])
 def test_of_few_channels_too_the_direction_nearest_to_the_front_is_taken(positions: Any) -> None:
     # So few channels always add up in phase somewhere: in the given direction, and in all that turns add to it.
@@ -109,6 +114,52 @@ def test_of_few_channels_too_the_direction_nearest_to_the_front_is_taken(positio
     np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(elevation), nearest[:, 0], atol=4 * EXACT)
     if len(told) > 1:
         np.testing.assert_allclose(np.sin(elevation), nearest[:, 1], atol=4 * EXACT)
+
+
+def test_ambiguity_outside_of_the_field_of_view_is_not_warned_of() -> None:
+    narrow = rc.GaussianPattern(12.0, 20.0, 20.0)  # two ways 20 dB down at 18 degrees
+    for rx, pattern, limit in ((row(4, 1.0), narrow, np.pi / 6), (row(4, 0.5), None, np.pi / 2)):
+        radar = rc.Radar(WAVEFORM, rx=rx, pattern=pattern)
+        assert rc.directions(np.ones((1, 4)), radar).ambiguous_beyond == pytest.approx(limit)
+
+
+@pytest.mark.parametrize("name", ["row of 3 x 4", "L of 3", "plane of 3 x 4", "bent plane"])
+def test_targets_nearby_have_their_directions_with_their_distances(name: str) -> None:
+    tx, rx, told = ARRAYS[name]
+    azimuth, elevation = angles(told, largest=0.8)
+    radar = rc.Radar(WAVEFORM, tx=tx, rx=rx)
+    size = np.ptp(np.concatenate([tx, rx]), axis=0).max() + WAVELENGTH
+    distance = np.linspace(6.0, 60.0, 60) * size
+    places = distance[:, None] * unit(azimuth, elevation) + radar.array_center
+    to_tx, to_rx = (np.linalg.norm(places[:, None] - antennas, axis=-1) for antennas in (radar.tx, radar.rx))
+    both = (to_tx[:, :, None] + to_rx[:, None]).reshape(60, -1)
+    cells = np.exp(2j * np.pi / WAVELENGTH * both) / (to_tx[:, :, None] * to_rx[:, None]).reshape(60, -1)
+    found = rc.directions(cells, radar, range=distance, snr_db=np.full(60, 60.0))
+    plane = rc.directions(cells, radar, snr_db=np.full(60, 60.0))
+    for axis, truth in (("azimuth", azimuth), ("elevation", elevation)):
+        if np.isfinite(getattr(found, axis)).all():
+            assert np.abs(getattr(found, axis) - truth).max() <= 2e-3
+            assert np.abs(getattr(plane, axis) - truth).max() >= 1e-2
+    assert found.is_resolved.all()
+
+
+@pytest.mark.parametrize("number", [3, 8])
+def test_two_targets_in_one_cell_are_flagged_and_their_covariance_covers_the_error(number: int) -> None:
+    radar = rc.Radar(WAVEFORM, rx=row(number, 0.5))
+    rng = np.random.default_rng(8)
+    phases = np.exp(2j * np.pi * rng.uniform(size=(2000, 1)))
+    both = echoes(radar, np.full(2000, -0.15), 0.0) + phases * echoes(radar, np.full(2000, 0.2), 0.0)
+    noise = (rng.normal(size=both.shape) + 1j * rng.normal(size=both.shape)) * np.sqrt(0.5e-3)
+    found = rc.directions(both + noise, radar, snr_db=np.full(2000, 33.0))
+    one = rc.directions(echoes(radar, np.full(2000, 0.2), 0.0) + noise, radar, snr_db=np.full(2000, 30.0))
+    assert np.mean(one.is_resolved) >= 0.998  # but for one in a thousand
+    outside = (found.azimuth < -0.15) | (found.azimuth > 0.2)
+    assert np.mean(outside) > 0.1
+    assert np.mean(found.is_resolved) < 0.15
+    assert not found.is_resolved[outside].any()
+    # How far it is outside of both: a hundred deviations of a single target and more.
+    beyond = np.maximum(np.maximum(-0.15 - found.azimuth, found.azimuth - 0.2), 0.0)
+    assert np.quantile(beyond / np.sqrt(found.covariance[:, 0, 0]), 0.99) <= 3.0
 
 
 def test_target_beyond_the_horizon_of_a_dense_array_is_put_at_the_horizon() -> None:
@@ -194,3 +245,18 @@ def test_bad_arguments_are_refused_by_name(changes: dict[str, Any], error: type[
     given = {"snapshots": np.ones((3, 4)), "radar": rc.Radar(WAVEFORM, rx=row(4, 0.5))} | changes
     with pytest.raises(error, match=message):
         rc.directions(given.pop("snapshots"), given.pop("radar"), **given)
+
+
+def test_core_refuses_arrays_that_do_not_fit() -> None:
+    ones = np.ones((4, 3))
+    with pytest.raises(ValueError, match="num_receivers: expected receivers of 4 channels, got 3"):
+        _core.fit_spheres(
+            np.ones((1, 4), complex),
+            np.zeros((1, 2)),
+            np.ones(1),
+            ones,
+            ones,
+            num_receivers=3,
+            wavenumber=1.0,
+            observable=(True, True),
+        )

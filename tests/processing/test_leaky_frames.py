@@ -44,6 +44,18 @@ def test_leakage_alone_is_no_peak(settings: dict[str, Any]) -> None:
     assert len(rc.detect(frame)) == 0
 
 
+def test_leakage_in_a_cube_without_its_frame_is_told() -> None:
+    frame = measured(rc.PointTarget([2.0, 0.0, 0.0], rcs=0.02)).frame()
+    with pytest.warns(UserWarning, match="give the sensor's Frame, or min_range"):
+        loudest = rc.strongest_peak(frame.cube, frame.radar)
+    assert (
+        loudest == rc.strongest_peak(frame, min_range=0.0) == rc.strongest_peak(frame.cube, frame.radar, min_range=0.0)
+    )
+    far = rc.strongest_peak(frame.cube, frame.radar, min_range=1.5)
+    assert far is not None
+    assert abs(far.range - 2.0) < 0.5 * frame.radar.waveform.range_resolution
+
+
 @pytest.mark.parametrize(("settings", "distance"), [({}, 2.0), (WIDE, 0.6)], ids=["1 GHz", "5.5 GHz"])
 def test_echo_is_found_beside_leakage_that_is_much_louder(settings: dict[str, Any], distance: float) -> None:
     frame = measured(rc.PointTarget([distance, 0.0, 0.0], rcs=0.02), **settings).frame()
@@ -159,3 +171,5 @@ def test_person_is_the_strongest_peak_of_every_frame_of_a_real_sensor(real: rc.R
         assert loudest.range < 0.01, "the leakage"
         assert peak is not None
         assert 0.33 < peak.range < 0.40
+        with pytest.warns(UserWarning, match="as a sensor hears its own transmitter there, got it at "):
+            rc.strongest_peak(real[index].cube, real.radar)

@@ -216,7 +216,8 @@ def test_silence_no_channels_and_noise_have_no_peak() -> None:
             shape = (num_channels, short.num_chirps, short.num_samples)
             # 600 frames of a rate of 1e-6 each.
             assert all(strongest_peak(rng.standard_normal(shape), short) is None for _ in range(100))
-    assert isinstance(strongest_peak(rng.standard_normal((1, 32, 64)), wf, min_snr_db=0.0), Peak)
+    noise = rng.standard_normal((1, 32, 64))
+    assert isinstance(strongest_peak(noise, wf, min_range=0.0, min_snr_db=0.0), Peak)
 
 
 def test_snr_is_the_power_over_that_of_the_noise_in_a_cell() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import radarcore as rc
 from radarcore.processing.spectra import range_doppler, range_profile
 from radarcore.processing.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
@@ -254,3 +256,20 @@ def test_silly_input_of_range_time_is_refused_by_name(recording: Any, keywords: 
 
 def test_range_alone_does_not_mind_unequal_intervals() -> None:
     assert range_time(STAGGERED).power.shape == (2, 33)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.08])
+def test_frames_of_a_single_chirp_tell_velocities_over_frames(jitter: float) -> None:
+    wf = rc.bgt60tr13c(num_chirps=2).waveform.replace(num_chirps=1, frame_interval=1e-3)
+    point = rc.PointTarget([2.0, 0.0, 0.0], velocity=[0.4, 0.0, 0.0])
+    recording = rc.Simulator(rc.Scene([point]), rc.Radar(wf), resolution=8).record(0.0, 0.3, 1000.0, progress=False)
+    stamps = recording.time + 1e-3 * jitter * np.random.default_rng(1).uniform(-1.0, 1.0, 300)
+    found = rc.spectrogram(replace(recording, time=stamps), num_velocity_bins=1024)
+    assert len(found.time) == 8  # of 64 frames, half of them shared
+    strongest = found.velocity[found.power.argmax(axis=1)]
+    np.testing.assert_allclose(strongest, 0.4, atol=0.1 * wf.wavelength / (2.0 * 64e-3))
+    # A lost frame ends the window; a single one tells nothing.
+    lost = rc.Recording(np.delete(recording.cube, 150, axis=0), np.delete(recording.time, 150), recording.radar)
+    assert len(rc.spectrogram(lost).time) == 2 * 3
+    for alone in (rc.spectrogram(recording[0]), rc.spectrogram(recording, window_length=1)):
+        assert np.isnan(alone.velocity).all()

@@ -52,7 +52,7 @@ def range_angle_map(
     dynamic_range_db : float or None
         Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional
-        Radius of the sector [m]; default: a little beyond all that stands out, and beyond the truth.
+        Radius of the sector [m]; default: as in `range_doppler_map`.
 
     See Also
     --------

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from radarcore.processing.point_cloud import Detections
+
 _MISS = "0.82"
 """Grey of pixels without a value."""
 
@@ -346,26 +348,39 @@ def last_range(frame: Frame | Recording, max_range: float | None) -> float:
 
 
 def range_end(
-    frame: Frame | Recording, max_range: float | None, ranges: NDArray[np.float64], is_there: NDArray[np.bool_]
+    frame: Frame | Recording,
+    max_range: float | None,
+    ranges: NDArray[np.float64],
+    is_there: NDArray[np.bool_],
+    detections: Detections | None = None,
 ) -> float:
-    """End of the range axis [m]: the one that was given, or a little beyond all echoes and bodies within reach."""
+    """End of the range axis [m]: the one that was given, or a little beyond all echoes, detections and bodies.
+
+    Without a truth, as of a sensor, that of the radar: weak echoes may be anywhere.
+    """
     last = last_range(frame, max_range)
-    if max_range is not None:
+    if max_range is not None or frame.truth is None:
         return last
-    known = [] if frame.truth is None else [value for value in frame.truth.range.flat if value <= last]
+    known = [value for value in frame.truth.range.flat if value <= last]
+    known += [] if detections is None else detections.range.tolist()
     return min(last, reach(ranges, is_there, known, 10.0 * frame.radar.waveform.range_resolution))
 
 
 def velocity_end(
-    frame: Frame | Recording, max_velocity: float | None, velocities: NDArray[np.float64], is_there: NDArray[np.bool_]
+    frame: Frame | Recording,
+    max_velocity: float | None,
+    velocities: NDArray[np.float64],
+    is_there: NDArray[np.bool_],
+    detections: Detections | None = None,
 ) -> float:
     """End of the velocity axis to either side [m/s], as `range_end`."""
     wf = frame.radar.waveform
     if max_velocity is not None:
         return min(check.positive("max_velocity", max_velocity, "m/s"), wf.max_velocity)
-    known = (
-        [] if frame.truth is None else [value for value in frame.truth.velocity.flat if abs(value) <= wf.max_velocity]
-    )
+    if frame.truth is None:
+        return wf.max_velocity
+    known = [value for value in frame.truth.velocity.flat if abs(value) <= wf.max_velocity]
+    known += [] if detections is None else detections.velocity.tolist()
     return min(wf.max_velocity, reach(velocities, is_there, known, 3.0 * wf.velocity_resolution))
 
 

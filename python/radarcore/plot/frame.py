@@ -234,8 +234,8 @@ def range_doppler_map(
     dynamic_range_db : float, optional
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range, max_velocity : float, optional
-        Ends of the axes [m], [m/s]; default: a little beyond all that is 15 dB over the median and within 40 dB of the
-        strongest, and beyond the truth.
+        Ends of the axes [m], [m/s]; default: those of the radar. Of a frame with truth: a little beyond the echoes that
+        are 15 dB over the median and within 40 dB of the strongest, the truth, and the detections.
 
     See Also
     --------
@@ -296,9 +296,9 @@ def draw_map(
         vmin=scale.low,
         vmax=scale.high,
     )
-    fastest = canvas.velocity_end(frame, max_velocity, velocities, canvas.stands_out(power, axis=0))
+    fastest = canvas.velocity_end(frame, max_velocity, velocities, canvas.stands_out(power, axis=0), detections)
     ax.set_xlim(-fastest, fastest)
-    ax.set_ylim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1)))
+    ax.set_ylim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1), detections))
     ax.set_xlabel("Velocity [m/s, receding positive]")
     ax.set_ylabel("Range [m]")
     ax.set_title(f"Range and velocity at {frame.time:.3f} s")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
+from radarcore.processing.time_frequency import USUAL_LENGTH
 from radarcore.processing.time_frequency import range_time as power_of_ranges
 from radarcore.processing.time_frequency import spectrogram as power_of_velocities
 from radarcore.processing.tracks import Track, Tracks, assign_to_truth
@@ -59,7 +60,7 @@ def range_time(
     dynamic_range_db : float, optional
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range : float, optional
-        End of the range axis [m]; default: a little beyond all that stands out, and beyond the truth.
+        End of the range axis [m]; default: as in `range_doppler_map`.
 
     See Also
     --------
@@ -120,7 +121,7 @@ def spectrogram(
     dynamic_range_db : float, optional
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_velocity : float, optional
-        End of the velocity axis to either side [m/s]; default: a little beyond all that stands out, and the truth.
+        End of the velocity axis to either side [m/s]; default: as in `range_doppler_map`.
 
     See Also
     --------
@@ -137,7 +138,8 @@ def spectrogram(
     """
     check_recording(recording)
     wf = recording.radar.waveform
-    length = wf.num_chirps if window_length is None else check.count("window_length", window_length)
+    usual = wf.num_chirps if wf.num_chirps > 1 else USUAL_LENGTH
+    length = usual if window_length is None else check.count("window_length", window_length)
     found = power_of_velocities(
         recording,
         channel=channel,
@@ -148,10 +150,13 @@ def spectrogram(
         remove_static=remove_static,
         num_velocity_bins=canvas.padded(length),
     )
+    if np.isnan(found.velocity).any():
+        raise ValueError("recording: expected chirps or frames that tell a velocity, got windows of a single chirp")
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
     fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
+    fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # of single chirps a frame less than the waveform's
     ax.set_ylim(-fastest, fastest)
     ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")

@@ -338,4 +338,4 @@ def _least_squares(basis: Array, values: Array) -> Array:
     scale = np.sqrt(np.square(basis).sum(axis=0))
     scaled = basis / np.where(scale > 0.0, scale, 1.0)
     gram, moments = (np.einsum("nk,n...->k...", scaled, other) for other in (scaled, values))
-    return np.linalg.lstsq(gram, moments)[0] / np.where(scale > 0.0, scale, 1.0)
+    return np.asarray(np.linalg.lstsq(gram, moments)[0] / np.where(scale > 0.0, scale, 1.0))

@@ -20,6 +20,9 @@ Indices = NDArray[np.int64]
 _MOST_PAIRS = 512**2
 """Pairs of detections up to which all are compared; more of them are found by a tree."""
 
+_MOST_AT_ONCE = 2**15
+"""Pairs whose covariances are compared at once: some 20 MB."""
+
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
 
@@ -47,7 +50,7 @@ class Clusters:
     centroids : Detections
         Means of the clusters, weighted by power. Their covariance is that of the mean: of the errors of the detections,
         and of the spread of the cluster as far as it does not average out. Their `snr_db` is that of the powers,
-        added.
+        added; they are resolved where all of their detections are.
     extent : (cluster, 4) float64
         Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
         elevation [rad]. NaN for coordinates that are not told.
@@ -155,6 +158,8 @@ def cluster(
         found.strongest + 10.0 * np.log10(found.power),
         found.covariance,
         detections.time,
+        np.bincount(labels[labels >= 0], ~detections.is_resolved[labels >= 0], len(found.counts)) == 0,
+        detections.ambiguous_beyond,
     )
     extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
     return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)
@@ -390,8 +395,20 @@ def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, perio
             f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
             f"{COORDINATES[column]} of detection {row}"
         )
-    first, second = np.triu_indices(len(values), k=1)
-    apart = wrapped(values[first] - values[second], periods)
-    squares, _ = normalized_squares(apart, covariance[first] + covariance[second])
-    is_near = squares <= num_deviations**2
-    return both_ways(len(values), first[is_near], second[is_near])
+    # Near ones are near in range alone, too: by increasing range, those up to a last one; all if a range is not known.
+    number, ranges = len(values), values[:, 0]
+    order = np.argsort(ranges, kind="stable")
+    farthest = ranges + num_deviations * np.sqrt(variance[:, 0] + variance[:, 0].max(initial=0.0)) * (1.0 + 1e-9)
+    last = np.full(number, number)
+    if not np.isnan(ranges).any():
+        last = np.searchsorted(ranges[order], farthest[order], side="right")
+    begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # of the pairs of each with later ones
+    pairs = [np.empty((2, 0), np.int64)]
+    for begin in range(0, int(begins[-1]), _MOST_AT_ONCE):
+        pair = np.arange(begin, min(begin + _MOST_AT_ONCE, begins[-1]))
+        row = np.searchsorted(begins, pair, side="right") - 1
+        one, other = order[row], order[row + 1 + pair - begins[row]]
+        apart = wrapped(values[one] - values[other], periods)
+        squares, _ = normalized_squares(apart, covariance[one] + covariance[other])
+        pairs.append(np.stack([one, other])[:, squares <= num_deviations**2])
+    return both_ways(number, *np.concatenate(pairs, axis=1))

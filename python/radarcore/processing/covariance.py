@@ -52,7 +52,8 @@ def range_covariances(
         scale = 1.0 / (wf.num_chirps * float(np.square(weights).sum()))  # Parseval
     profile *= np.atleast_2d(corrections).T[..., None]  # [channel, chirp or doppler, 1]
     snapshots = np.moveaxis(profile, -1, -3)  # [..., range, channel, chirp]
-    covariances: NDArray[np.complex128] = scale * product(snapshots, np.swapaxes(snapshots, -1, -2).conj())
+    covariances: NDArray[np.complex128] = product(snapshots, np.swapaxes(snapshots, -1, -2).conj())
+    covariances *= scale
     return covariances
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.constant_false_alarm import METHODS, checked_rate, per_axis
-from radarcore.processing.directions import plane_waves
+from radarcore.processing.directions import waves_of
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
 from radarcore.processing.map_layout import LEAST_GAIN, MAIN_LOBE, Layout, layout_of
 from radarcore.processing.map_test import MapTest, map_test
@@ -22,7 +22,7 @@ from radarcore.processing.noise import LEAST_NOISE, filtered_rows, median_of_uni
 from radarcore.processing.point_cloud import Detections, detections_of_rows
 from radarcore.processing.sidelobes import envelope, envelope_at
 from radarcore.processing.spectra import fast_spectrum, transformed
-from radarcore.processing.tone_fit import Fit, fit
+from radarcore.processing.tone_fit import Fit, fit, refit_near
 from radarcore.processing.windows import Window
 from radarcore.products import real_inner
 from radarcore.radar.radar import Radar
@@ -77,7 +77,8 @@ def detect(
     therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
     `false_alarm_rate` is that of detections, per cell.
 
-    Targets that share a cell of range and velocity are one detection, in a direction between theirs. Velocities whose
+    Targets that share a cell of range and velocity are one detection, whose direction may lie outside of theirs: where
+    the channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
     noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
 
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
@@ -124,6 +125,11 @@ def detect(
     ValueError, TypeError
         For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
         NaN or infinite samples, and numbers out of range.
+
+    Warns
+    -----
+    UserWarning
+        For an array whose directions are ambiguous within the field of view of its antennas, when it detects something.
 
     See Also
     --------
@@ -202,6 +208,9 @@ def detect(
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     columns = columns + first
     tones = fit(cells, cell[kept], offset[kept], layout.axes, is_cyclic=layout.is_iq)
+    if layout.has_range and not (layout.is_iq or remove_static):
+        windows = layout.slow, layout.fast
+        tones = refit_near(cells, cell[kept], tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
     in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
@@ -215,7 +224,7 @@ def detect(
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
-    seen = plane_waves(snapshots, radar, velocity, snr / radar.num_channels)
+    seen = waves_of(snapshots, radar, velocity, snr / radar.num_channels, range_ if layout.has_range else None)
     covariance[:, 2:, 2:] = seen.covariance
     if isnan(covariance.sum()):
         is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
@@ -227,7 +236,7 @@ def detect(
     if search.has_limits:
         order = order[(distance[order] >= search.lowest) & (distance[order] <= search.highest)]
     found = np.array([distance, velocity, seen.azimuth, seen.elevation, 10.0 * np.log10(in_cell)])
-    return detections_of_rows(found[:, order], covariance[order], time)
+    return detections_of_rows(found[:, order], covariance[order], time, seen.is_resolved[order], seen.ambiguous_beyond)
 
 
 @dataclass(frozen=True, eq=False)

@@ -264,7 +264,7 @@ def _span(gram: Complex, residual: float) -> Complex:
         np.maximum(left, 0.0, out=left)
         basis[number] = orthonormal(factors[number], basis[:number])
         number += 1
-    return basis[:number].T
+    return np.asarray(basis[:number].T)
 
 
 def _frequencies(waveform: Waveform) -> Array:

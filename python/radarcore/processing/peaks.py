@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.processing.cells import Coordinates
 from radarcore.processing.correlated_noise import independent_cells
 from radarcore.processing.false_alarms import ordered_factor
@@ -110,7 +110,8 @@ def strongest_peak(
     Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
     range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
     neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
-    What stands still is an echo like others: `remove_running_mean` takes it off.
+    A cube does not tell whether it is a sensor's: of real samples a peak within three range bins is warned of. What
+    stands still is an echo like others: `remove_running_mean` takes it off.
 
     From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
     their mirror image and are less accurate.
@@ -144,6 +145,11 @@ def strongest_peak(
         As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
         Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
 
+    Warns
+    -----
+    UserWarning
+        For a peak of a cube of real samples within three range bins, unless `min_range` is given.
+
     See Also
     --------
     Peak : What comes back.
@@ -162,6 +168,7 @@ def strongest_peak(
     require_one_frame("cube", cube)
     require_transmitters_apart(cube, waveform)
     has_leakage = isinstance(cube, Frame) and _has_leakage(cube)
+    may_leak = not isinstance(cube, Frame) and min_range is None and not np.iscomplexobj(cube)
     cube, waveform = cube_and_waveform(cube, waveform)
     samples = checked_samples(
         cube,
@@ -251,6 +258,11 @@ def strongest_peak(
         least_snr_db = _least_snr_db(independent, power.size, len(samples))
     if snr_db < least_snr_db:
         return None
+    if may_leak and has_range and at_column <= _NEAREST * _PADDING:
+        notice.warn(
+            f"cube: expected the strongest peak beyond {_NEAREST:g} range bins, as a sensor hears its own transmitter "
+            f"there, got it at {peak_range:.3g} m; give the sensor's Frame, or min_range"
+        )
     return Peak(
         range=float(peak_range) if has_range else np.nan,
         velocity=float(velocity),

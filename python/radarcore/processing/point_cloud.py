@@ -32,6 +32,10 @@ class Detections:
         Of range, velocity, azimuth and elevation, in their units; NaN for coordinates that are not told.
     time : float
         Middle of the frame [s].
+    is_resolved : (detection,) array_like of bool, optional
+        False where the channels do not show a single target, such as two of them in one cell. Default: all True.
+    ambiguous_beyond : float
+        Angle from the front [rad] beyond which directions appear nearer to it, see `Directions.ambiguous_beyond`.
 
     See Also
     --------
@@ -53,6 +57,8 @@ class Detections:
     snr_db: NDArray[np.float64]
     covariance: NDArray[np.float64] = None  # type: ignore[assignment]  # __post_init__ puts the default in
     time: float = 0.0
+    is_resolved: NDArray[np.bool_] = None  # type: ignore[assignment]  # likewise
+    ambiguous_beyond: float = 0.5 * np.pi
 
     def __post_init__(self) -> None:
         number = len(np.atleast_1d(np.asarray(self.range)))
@@ -63,6 +69,13 @@ class Detections:
             covariance = np.full((number, 4, 4), np.nan)
         object.__setattr__(self, "covariance", _numbers("covariance", covariance, (number, 4, 4)))
         object.__setattr__(self, "time", check.number("time", self.time, "s"))
+        given: Any = self.is_resolved
+        resolved = np.ones(number, bool) if given is None else np.array(given, bool, ndmin=1)
+        if resolved.shape != (number,):
+            raise ValueError(f"is_resolved: expected shape ({number},), got {resolved.shape}")
+        object.__setattr__(self, "is_resolved", check.frozen(resolved))
+        angle = check.positive("ambiguous_beyond", self.ambiguous_beyond, "rad")
+        object.__setattr__(self, "ambiguous_beyond", angle)
 
     def __len__(self) -> int:
         return len(self.range)
@@ -71,8 +84,8 @@ class Detections:
         """Some of the detections: by a slice, indices or a mask."""
         if isinstance(which, int | np.integer):
             which = [which]
-        kept = {name: getattr(self, name)[which] for name in (*COORDINATES, "snr_db", "covariance")}
-        return Detections(**kept, time=self.time)
+        kept = {name: getattr(self, name)[which] for name in (*COORDINATES, "snr_db", "covariance", "is_resolved")}
+        return Detections(**kept, time=self.time, ambiguous_beyond=self.ambiguous_beyond)
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -83,13 +96,21 @@ class Detections:
         return np.stack(points, axis=-1)
 
 
-def detections_of_rows(rows: NDArray[np.float64], covariance: NDArray[np.float64], time: float) -> Detections:
+def detections_of_rows(
+    rows: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    time: float,
+    is_resolved: NDArray[np.bool_] | None = None,
+    ambiguous_beyond: float = 0.5 * np.pi,
+) -> Detections:
     """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only."""
     if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
         raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")
     found = object.__new__(Detections)
     fields = zip((*COORDINATES, "snr_db"), check.frozen(rows), strict=True)
+    resolved: NDArray[np.bool_] = np.ones(rows.shape[1], bool) if is_resolved is None else is_resolved
     vars(found).update(fields, covariance=check.frozen(covariance), time=time)
+    vars(found).update(is_resolved=check.frozen(resolved), ambiguous_beyond=ambiguous_beyond)
     return found
 
 

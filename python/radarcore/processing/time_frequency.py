@@ -19,6 +19,13 @@ from radarcore.radar.waveform import require_range
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
+USUAL_LENGTH = 64
+"""Frames of a single chirp per column."""
+
+_SAME_INTERVAL = 0.25
+"""Frames of a single chirp follow each other without a gap when they are late by less than this part of their interval:
+a lost one makes a whole interval, stamps of a host a tenth."""
+
 _SEAMLESS = 1e-3
 """Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the
 phase of the fastest unambiguous target is then right to `pi` times this [rad]."""
@@ -33,7 +40,7 @@ class Spectrogram:
     time : (column,) float64
         Middle of every column's window [s]: where a target with constant acceleration has the velocity seen.
     velocity : (velocity,) float64
-        Range rate [m/s], increasing, receding positive.
+        Range rate [m/s], increasing, receding positive; NaN where the window tells none.
     power : (column, velocity) float64
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
     noise : float or None
@@ -111,7 +118,8 @@ def spectrogram(
     The window never spans a gap. Frames are bursts of chirps, mostly with a pause in between: then every frame
     gives one column, or several with a shorter window. Where the first chirp of a frame comes one chirp interval
     after the last of the frame before (by `Recording.time`, to a thousandth of the interval) the window runs on
-    across the border and may be longer than a frame.
+    across the border and may be longer than a frame. Frames of a single chirp are chirps at their own interval: the
+    window runs over them, and ends where one is missing.
 
     Parameters
     ----------
@@ -120,7 +128,8 @@ def spectrogram(
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
     window_length : int, optional
-        Chirps per column; default: those of a frame. Shorter: finer in time, coarser in velocity.
+        Chirps per column; default: those of a frame, or 64 frames of a single chirp (fewer if there are fewer without
+        a gap). Shorter: finer in time, coarser in velocity; of a single chirp velocities are NaN.
     overlap : float
         Part of the window that the next one shares, from 0 to below 1.
     min_range, max_range : float, optional
@@ -164,7 +173,13 @@ def spectrogram(
     require_one_waveform(recording.radar)
     wf = recording.radar.waveform
     require_uniform_chirps(wf)
-    length = wf.num_chirps if window_length is None else check.count("window_length", window_length)
+    interval, late = wf.chirp_interval, _SEAMLESS
+    if wf.num_chirps == 1 and len(recording) > 1:
+        interval, late = float(np.median(np.diff(recording.time))), _SAME_INTERVAL
+    is_seamless = _is_seamless(recording, interval, late)
+    longest = wf.num_chirps * _longest_run(is_seamless) if len(recording) > 0 else wf.num_chirps
+    usual = wf.num_chirps if wf.num_chirps > 1 else min(USUAL_LENGTH, longest)
+    length = usual if window_length is None else check.count("window_length", window_length)
     shared = check.non_negative("overlap", overlap)
     if shared >= 1.0:
         raise ValueError(f"overlap: expected a part of the window, 0 to below 1, got {overlap!r}")
@@ -175,14 +190,13 @@ def spectrogram(
     weights = window_weights("doppler_window", doppler_window, length)
     fast_weights = window_weights("window", window, wf.num_samples)
     gate = _gate(recording, min_range, max_range)
-    is_seamless = _is_seamless(recording)
-    if len(recording) > 0 and length > (longest := wf.num_chirps * _longest_run(is_seamless)):
+    if len(recording) > 0 and length > longest:
         raise ValueError(
             f"window_length: expected at most {longest}, the most chirps without a gap in this recording, got {length}"
         )
 
     # Slide the window along each run of chirps: a frame's chirps join what is left of the run before them.
-    to_middle = window_centre(weights) * wf.chirp_interval + (
+    to_middle = window_centre(weights) * interval + (
         wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
     )
     offsets = recording.radar.channel_offsets
@@ -193,14 +207,17 @@ def spectrogram(
         run = profile if left is None or not is_seamless[index] else np.concatenate([left, profile], axis=1)
         num_columns = max(0, (run.shape[1] - length) // step + 1)
         starts = step * np.arange(num_columns)
-        after_frame = (starts - (run.shape[1] - wf.num_chirps)) * wf.chirp_interval
+        after_frame = (starts - (run.shape[1] - wf.num_chirps)) * interval
         times.append(recording.time[index] + after_frame + to_middle)
         powers.extend(_doppler_power(run[:, k : k + length], weights, num_bins) for k in starts)
         left = run[:, num_columns * step :]
     noise = known_noise(recording, fast_weights, weights)
     num_ranges = len(range(*gate.indices(_num_ranges(recording))))
     noise = noise and noise * num_ranges * _num_channels(recording, channel)
-    return Spectrogram(np.concatenate(times), wf.velocity_axis(num_bins), np.concatenate(powers), noise)
+    velocity = np.full(num_bins, np.nan)
+    if np.count_nonzero(weights) > 1:
+        velocity = wf.velocity_axis(num_bins) * (wf.chirp_interval / interval)
+    return Spectrogram(np.concatenate(times), velocity, np.concatenate(powers), noise)
 
 
 @check.knows_keywords
@@ -339,11 +356,13 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
     return slice(int(first), int(last))
 
 
-def _is_seamless(recording: Recording) -> NDArray[np.bool_]:
-    """True for every frame that begins as the one before ends, (frame,); the first does not."""
-    wf = recording.radar.waveform
-    gaps = np.diff(recording.time, prepend=np.nan) - wf.num_chirps * wf.chirp_interval
-    return np.abs(gaps) <= _SEAMLESS * wf.chirp_interval
+def _is_seamless(recording: Recording, interval: float, late: float) -> NDArray[np.bool_]:
+    """True for every frame that begins as the one before ends, (frame,); the first does not.
+
+    Chirps are an `interval` apart [s]; a frame may be `late`, or early, by a part of it.
+    """
+    gaps = np.diff(recording.time, prepend=np.nan) - recording.radar.waveform.num_chirps * interval
+    return np.abs(gaps) <= late * interval
 
 
 def _longest_run(is_seamless: NDArray[np.bool_]) -> int:

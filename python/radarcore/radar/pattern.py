@@ -113,7 +113,7 @@ class GaussianPattern(Twinned):
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
-        """Power gain (ratio) at angles in radians, broadcast together."""
+        """Power gain (ratio) at angles in radians, broadcast together; a whole turn of the azimuth is none."""
         peak, a, b = self._parameters
         az, el = _direction(azimuth, elevation)
         return np.asarray(peak * np.exp(-a * np.square(az) - b * np.square(el)), dtype=np.float64)
