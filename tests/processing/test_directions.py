@@ -233,7 +233,7 @@ def test_spread_of_estimates_in_noise_is_their_covariance(name: str) -> None:
         ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
         ({"snapshots": np.ones((3, 5))}, ValueError, r"snapshots: expected shape \(n, 4\), got \(3, 5\)"),
         ({"snapshots": np.ones(4)}, ValueError, r"snapshots: expected shape \(n, 4\), got \(4,\)"),
-        ({"snapshots": "cells"}, TypeError, r"snapshots: expected numbers \(n, 4\), got str"),
+        ({"snapshots": "cells"}, TypeError, r"snapshots: expected numbers of shape \(n, 4\), got str"),
         ({"velocity": [1.0]}, ValueError, r"velocity: expected shape \(3,\), got \(1,\)"),
         ({"velocity": "fast"}, TypeError, "velocity: expected numbers"),
         ({"snr_db": 10.0}, ValueError, r"snr_db: expected shape \(3,\), got \(\)"),
