@@ -208,6 +208,31 @@ def test_second_of_two_writers_of_a_new_file_is_refused(tmp_path: Path) -> None:
     assert names(tmp_path) == ["file"]
 
 
+def test_linked_folder_and_files_of_others_stay(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / ".lock").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    with output.PartFolder(tmp_path / "link") as part:
+        (part.folder / "made").mkdir()
+        (part.folder / "made" / "new").write_text("new")
+        with output.Lock(tmp_path / "link"):
+            part.put(part.folder / "made")
+    assert (tmp_path / "link").is_symlink()
+    assert names(tmp_path / "elsewhere") == [".lock", "new"]
+    assert (tmp_path / "elsewhere" / ".lock").read_text() == "mine"
+    assert names(tmp_path) == ["elsewhere", "link"]
+
+
+def test_protected_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+    path.write_text("mine")
+    path.chmod(0o444)
+    monkeypatch.setattr(os, "access", lambda place, mode: bool(place.stat().st_mode & 0o200))  # root may write all
+    with pytest.raises(PermissionError, match="expected a file that may be written, got a protected one"):
+        output.write_text(path, "other", overwrite=True)
+    assert path.read_text() == "mine"
+
+
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a file system that takes no files")
 @pytest.mark.parametrize("path", ["/proc/x", "/proc/x/y"])
 def test_place_that_takes_no_files_is_named(path: str) -> None:

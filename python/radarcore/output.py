@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-LOCK = ".lock"
+LOCK = ".radarcore-lock"
 """Name of the file that a writer holds in its folder."""
 
 _LOCK_PLACE = 1 << 30
@@ -110,6 +110,8 @@ def check_file(path: Path, *, overwrite: bool, kind: str | None = None) -> None:
         return
     if not overwrite:
         raise already_exists(path, "a file; overwrite=True replaces it")
+    if not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, "expected a file that may be written, got a protected one", str(path))
     with path.open("rb") as file:
         start = file.read(64)
     if start and kind in _STARTS and not start.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_STARTS[kind]):
@@ -270,7 +272,8 @@ class PartFolder:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path = path = path.resolve() if path.is_symlink() else path  # a link to a folder stays
+        self._is_complete = False
         self.folder: Path = path.with_name(f"{path.name}.part")
         make_folder(path.parent)
         try:
@@ -290,7 +293,7 @@ class PartFolder:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None:
-            self.remove()
+            self.leave() if self._is_complete else self.remove()
 
     def put(self, made: Path, ours: Iterable[Path] = ()) -> None:
         """Give a folder in the part its name and remove the part.
@@ -302,11 +305,11 @@ class PartFolder:
             kept = [place for place in self._path.iterdir() if place not in old and place.name != LOCK]
             if taken := {place.name for place in kept} & {place.name for place in made.iterdir()}:
                 raise already_exists(self._path / sorted(taken)[0], "a file of others")
+            self._is_complete = True
             for file in old:
                 file.unlink(missing_ok=True)
             if not kept:
-                with suppress(OSError):  # a link to a folder
-                    self._path.rmdir()
+                self._path.rmdir()
         if self._path.is_dir():
             for place in sorted(made.iterdir()):
                 place.replace(self._path / place.name)

@@ -16,6 +16,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
+from full_disk import largest_file
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader, Topic, is_bag
 from radarcore.adapters.ros.typestore import typed, typestore
@@ -366,6 +367,28 @@ def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: s
 
         with Reader(file_of(part / path.name)) as whole:
             assert whole.message_count == len(found)
+
+
+def test_bag_on_a_full_disk_is_never_finished(tmp_path: Path, format: str) -> None:
+    """Not even where there is room again: a record would follow one that is not whole."""
+    path = tmp_path / BAGS[format]
+    bag = BagWriter(path, format)
+    bag.write("/array", array_of(0), 0, type=ARRAY)
+    bag._flush()
+
+    def fill() -> None:
+        for k in range(1, 6000):
+            bag.write("/array", array_of(k), k)
+
+    with largest_file(100_000), pytest.raises(Exception, match=r"(?i)too large|full|disk I/O"):
+        fill()
+    for call in (lambda: bag.write("/array", array_of(0), 9000), bag.close):
+        with pytest.raises(Exception, match=r"(?i)too large|full|disk I/O"):
+            call()
+    assert not path.exists()
+    found, _ = read_cut(path.with_name(f"{path.name}.part"))
+    assert found == list(range(len(found)))
+    assert found
 
 
 def test_only_one_writer_has_a_bag(tmp_path: Path, format: str) -> None:

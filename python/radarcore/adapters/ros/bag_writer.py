@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -209,13 +210,13 @@ class BagWriter:
         pack = self.types.serialize_ros1 if self.version == 1 else self.types.serialize_cdr
         data = pack(message, name)
         with self._writing:
-            if self._failure is not None:
-                raise self._failure
-            self._bag.write(self._connections[topic], time, data)
-            self._num_waiting += len(data)
-            if self._num_waiting > _MOST_WAITING:
-                self._flush()
-            elif self._timer is None:
+            self._check_whole()
+            with self._noting_failure():
+                self._bag.write(self._connections[topic], time, data)
+                self._num_waiting += len(data)
+                if self._num_waiting > _MOST_WAITING:
+                    self._flush()
+            if self._timer is None:
                 self._timer = threading.Timer(_LONGEST_WAIT, self._flush_late)
                 self._timer.daemon = True
                 self._timer.start()
@@ -242,6 +243,7 @@ class BagWriter:
                 self._timer.cancel()
         try:
             try:
+                self._check_whole()
                 self._bag.close()
             except BaseException:
                 self._bag.abort()  # a full disk
@@ -284,11 +286,23 @@ class BagWriter:
         """Hand over what has waited long enough, whether or not more is written."""
         with self._writing:
             self._timer = None
-            if not self._closed:
-                try:
+            if not self._closed and self._failure is None:
+                with suppress(Exception), self._noting_failure():  # the next call tells
                     self._flush()
-                except Exception as error:  # a full disk: for the next call
-                    self._failure = error
+
+    @contextmanager
+    def _noting_failure(self) -> Iterator[None]:
+        """Keep an error, such as that of a full disk, after which the file may end within a record."""
+        try:
+            yield
+        except Exception as error:
+            self._failure = error
+            raise
+
+    def _check_whole(self) -> None:
+        """Write nothing behind a record that is not whole."""
+        if self._failure is not None:
+            raise self._failure
 
     def _flush(self) -> None:
         """Hand over to the system what was written, so that it is there if the process is killed."""
