@@ -97,11 +97,7 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
         (
             lambda: plot.tracks(recording(), {"arm": {"time": [0.0], "range": ["far"]}}),
             TypeError,
-<<<<<<< Updated upstream
             r"estimates\['arm'\]\.range: expected numbers, got list of",
-=======
-            r"estimates\['arm'\].range: expected numbers, got list",
->>>>>>> Stashed changes
         ),
         (lambda: plot.scene_from_above([]), TypeError, "scene: expected Scene, got list"),  # type: ignore[arg-type]
         (lambda: plot.scene_from_above(room(), 3), TypeError, "radar_motion: expected Pose"),  # type: ignore[arg-type]
