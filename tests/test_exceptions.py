@@ -39,14 +39,7 @@ def made(kind: type[BaseException]) -> BaseException:
 
 
 def test_exceptions_are_the_same_in_another_process() -> None:
-    failed = {}
     for error in map(made, exceptions()):
-        for travel in (lambda one: pickle.loads(pickle.dumps(one)), copy.copy):
-            try:
-                again = travel(error)
-            except TypeError as fault:
-                failed[type(error).__name__] = str(fault)
-                continue
+        for again in (copy.copy(error), pickle.loads(pickle.dumps(error))):
             assert (type(again), again.args, vars(again)) == (type(error), error.args, vars(error))
             assert str(again) == str(error)
-    assert failed == {}

@@ -182,8 +182,8 @@ def test_poses_that_are_none_are_gaps(tmp_path: Path, fault: str) -> None:
     with BagReader(tmp_path / "bag") as read:
         recorded = BagMotions(read)
         for motion in (recorded.motion("/cart"), recorded.motion("/tf", frame="cart")):
-            for time in (0.3, 0.35, 0.4):
-                np.testing.assert_allclose(motion.rate_at(time)[:, 3], [SPEED, 0.0, 0.0], atol=1e-9)
+            for when in (0.3, 0.35, 0.4):
+                np.testing.assert_allclose(motion.rate_at(when)[:, 3], [SPEED, 0.0, 0.0], atol=1e-9)
         with pytest.raises(ValueError, match="gap"):
             recorded.motion("/cart", max_gap=0.08).at(0.35)
 
@@ -226,7 +226,7 @@ def test_stamps_of_depth_images_are_mended_or_told(tmp_path: Path, stamps: Any, 
         found = [image.time for image in DepthImages(read, camera=(60.0, 45.0))]
     assert len(caught) == 1
     assert told in str(caught[0].message)
-    np.testing.assert_allclose(found, stamps if times is None else times, atol=1e-9)
+    np.testing.assert_allclose(np.array(found), stamps if times is None else times, atol=1e-9)
 
 
 def test_joints_of_two_publishers_come_together(tmp_path: Path) -> None:
