@@ -271,6 +271,21 @@ def test_many_paths_in_phase_lose_no_more_digits_than_the_tolerance(method: str,
     check_or_refused(paths, wf, tolerance, may_refuse=method != "auto", exact=exact, method=method)
 
 
+@pytest.mark.parametrize("method", ["auto", "direct", "grid"])
+@pytest.mark.parametrize("num_paths", [100, 100_000])
+def test_rounding_of_single_precision_is_as_the_docstring_says(num_paths: int, method: str) -> None:
+    """At most 2^-24 of every sample, the sum of all amplitudes, on top of the tolerance; a quarter is reached."""
+    wf = sweep_waveform(4, 64)
+    delay, amplitude = np.full(num_paths, 1e-8), np.ones(num_paths, complex)
+    exact = rc.beat_signal(delay[:1], num_paths * amplitude[:1], wf, tolerance=1e-12)
+    got = rc.beat_signal(delay, amplitude, wf, tolerance=1e-6, method=method)
+    assert got.dtype == np.complex64
+    error = np.sqrt(np.mean(np.abs(got - exact) ** 2) / num_paths)
+    rounding = 6e-8 * np.sqrt(num_paths)
+    assert 0.25 * rounding < error < 1e-6 + rounding
+    assert num_paths < 100_000 or rounding == pytest.approx(1.9e-5, rel=0.01)
+
+
 def equal_steps(number: int, order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Places in [-1, 1] and weights at which a sum over `number` equal steps has the terms of polynomials.
 

@@ -79,8 +79,9 @@ class Simulator(Settings):
         over the patch of each, which converges with the number of pixels. Point: one phasor per pixel as in Stetco et
         al., ICRA 2020, but weighted by area, for comparison; it does not converge.
     tolerance : float
-        Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel); below 1e-6
-        the samples are in double precision.
+        Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel). The rounding of
+        complex64 comes on top, at most 6e-8 of the samples: 1.9e-5 in this measure for 1e5 equal paths in phase. Below
+        1e-6 the samples are in double precision.
     method : "auto", "direct" or "grid"
         Way to form the sum over paths, see `beat_signal`.
     rcs_floor : float, optional
