@@ -85,6 +85,12 @@ def test_frames_side_by_side_are_those_one_by_one(sampling: str, threads: int) -
             np.testing.assert_array_equal(getattr(frame.truth, name), getattr(expected.truth, name))
 
 
+def test_larger_budgets_of_rays_let_fewer_frames_share_the_memory() -> None:
+    budgets = (10_000, 1_000_000, 2**31, np.inf)
+    numbers = [simulator(ray_budget=budget)._most_side_by_side for budget in budgets]
+    assert numbers[0] > numbers[1] > numbers[2] == numbers[3] == 0, numbers  # 0: one by one
+
+
 def test_two_threads_that_share_a_simulator_get_the_frames_of_one() -> None:
     times = [0.05 * k for k in range(8)]
     expected = [simulator().frame(at).cube for at in times]

@@ -21,6 +21,9 @@ _RCS_FLOORS = {"adaptive": 1e-2, "fast": 1e-1}
 _RAY_BUDGET = 400_000
 """Rays through cells of adaptive sampling by default."""
 
+_MOST_RAYS = 2**32
+"""Bound of every budget of rays."""
+
 _RAYS_PER_CELL = 4
 """Least budget of rays per cell of the base grid: all cells can be split once."""
 
@@ -117,10 +120,10 @@ class Settings:
 
     @property
     def num_rays(self) -> int:
-        """Largest number of rays of a cast, or that of the base grid where there is no limit."""
+        """Largest number of rays of a cast; without a limit as many as any budget may be."""
         if not self.is_adaptive:
             return self._pixels.num_pixels
-        return self._cells.num_pixels if self.most_rays is None else self.most_rays
+        return _MOST_RAYS if self.most_rays is None else self.most_rays
 
     @property
     def is_adaptive(self) -> bool:
@@ -216,7 +219,7 @@ def _ray_budget(value: float, cells: Sectors) -> float:
         # Sides of a box leave out its corners.
         size = f"{rows} x {columns}" if rows * columns == cells.num_pixels else f"{cells.num_pixels}"
         raise ValueError(f"ray_budget: expected at least the {size} rays of the base grid, got {budget}")
-    if budget >= 2**32:
+    if budget >= _MOST_RAYS:
         raise ValueError(f"ray_budget: expected less than 2**32, or inf, got {budget}")
     return budget
 
