@@ -246,3 +246,24 @@ fn tolerances_out_of_reach_name_one_that_is_not() {
     let message = refused.unwrap_err().to_string();
     assert!(message.starts_with("tolerance: expected"), "{message}");
 }
+
+#[test]
+fn tolerances_that_single_precision_hardly_reaches_are_not_tried() {
+    let work = Work {
+        channels: 3,
+        paths: 30_000,
+        still: 0,
+        terms: 8,
+    };
+    let is_wanted = |tolerance, method| {
+        let options = Options {
+            method,
+            ..options(tolerance, Level::best())
+        };
+        LaneSum::is_wanted(&waveform(64, 128, 1e9), work, &options)
+    };
+    for (tolerance, wanted) in [(1e-3, true), (3e-5, true), (2e-5, false), (1e-5, false)] {
+        assert_eq!(is_wanted(tolerance, Method::Auto), wanted, "{tolerance:e}");
+        assert_eq!(is_wanted(tolerance, Method::Lanes), wanted, "{tolerance:e}");
+    }
+}
