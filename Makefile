@@ -18,7 +18,12 @@ export PYO3_PYTHON = $(CURDIR)/$(BIN)/python
 WORKERS = $(shell $(PYTHON) -c "import os; print((3 * os.cpu_count() + 1) // 2)")
 
 # What `make test` runs.
-CHECKS = layout lint-python tests-rust tests-python lint-rust types benches-python wheel-check
+CHECKS = layout lint-python tests-rust tests-python levels lint-rust types benches-python wheel-check
+
+# Instruction sets below the best, at which kernels are tested too, and the Python tests that show a wrong sum.
+LOWER_LEVELS = $(if $(filter x86_64 amd64,$(shell uname -m)),baseline avx2)
+KERNELS = numeric:: paths:: scattering:: synthesis::
+OF_LEVELS = tests/boundary $(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
 
 # Older versions of make cannot keep the outputs of two commands apart.
 IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
@@ -84,6 +89,14 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --lib
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
+
+# Most tests of kernels run at every level by themselves; the others, and what users see, once more at each.
+levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
+	@set -e; for level in $(LOWER_LEVELS); do \
+		echo "-- tests: kernels, at most $$level"; \
+		RADARCORE_SIMD=$$level cargo test --quiet --locked --lib -- $(KERNELS) --skip every_level; \
+		RADARCORE_SIMD=$$level $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) $(OF_LEVELS); \
+	done
 
 # More workers than cores, as tests of sensors and servers wait for them. The first time, modules are compiled and kept
 # before there are workers, as each of them would do it again.

@@ -70,7 +70,7 @@ def beat_signal(
     """
 
 def levels() -> list[str]:
-    """Names of the instruction sets that this processor has, slowest first."""
+    """Names of the instruction sets that this processor has, slowest first, up to that of ``RADARCORE_SIMD``."""
 
 def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
     """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""

@@ -5,6 +5,8 @@
 
 use pyo3::prelude::*;
 
+use crate::numeric::simd::Level;
+
 mod antennas;
 mod arrays;
 mod cross_section;
@@ -30,6 +32,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    Level::check()?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(geometry::load_obj, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;

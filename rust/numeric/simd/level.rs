@@ -1,21 +1,33 @@
 //! Choice of the instruction set at run time.
 
-#[cfg(not(target_arch = "x86_64"))]
-use super::portable::Baseline;
+use std::sync::OnceLock;
+
+#[cfg(any(test, not(target_arch = "x86_64")))]
+use super::portable;
 #[cfg(target_arch = "x86_64")]
-use super::sse2::Baseline;
-use super::vector::Kernel;
+use super::sse2;
+use super::vector::{Isa, Kernel};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
+use crate::error::{Error, Result};
 
-/// Instruction set that this processor has.
+/// Environment variable that names the highest level of the process, see [`Level::available`].
+const VARIABLE: &str = "RADARCORE_SIMD";
+
+/// Names of the levels of all processors, slowest first.
+const NAMES: [&str; 3] = ["baseline", "avx2", "avx512"];
+
+/// Instruction set of this processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Level(Set);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Set {
-    /// Instruction set that the target guarantees (x86-64: SSE2; aarch64: NEON).
-    Baseline,
+    /// Arrays that the compiler vectorises: the baseline of processors other than x86-64, which tests run everywhere.
+    #[cfg(any(test, not(target_arch = "x86_64")))]
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Sse2,
     #[cfg(target_arch = "x86_64")]
     Avx2,
     #[cfg(target_arch = "x86_64")]
@@ -23,43 +35,60 @@ enum Set {
 }
 
 impl Level {
-    /// Levels of this processor, slowest first.
+    /// Levels of this processor, slowest first. The environment variable `RADARCORE_SIMD`, read once, names the highest:
+    /// `baseline` (x86-64: SSE2; aarch64: NEON), `avx2` or `avx512`. Without it, or if it is empty, there is no limit.
     pub fn available() -> Vec<Self> {
-        #[allow(unused_mut)] // only x86-64 has more than one
-        let mut levels = vec![Self(Set::Baseline)];
+        let mut levels = vec![
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Self(Set::Portable),
+            #[cfg(target_arch = "x86_64")]
+            Self(Set::Sse2),
+        ];
         #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                levels.push(Self(Set::Avx2));
-                if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
-                    levels.push(Self(Set::Avx512));
-                }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            levels.push(Self(Set::Avx2));
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+                levels.push(Self(Set::Avx512));
             }
         }
+        // Kernels may run before the variable is checked: with the baseline if it is wrong.
+        let allowed = highest(variable()).unwrap_or(1);
+        levels.retain(|level| NAMES[..allowed].contains(&level.name()));
         levels
     }
 
-    /// Fastest level of this processor.
+    /// Fastest available level.
     pub fn best() -> Self {
-        static BEST: std::sync::OnceLock<Level> = std::sync::OnceLock::new();
-        *BEST.get_or_init(|| *Self::available().last().unwrap_or(&Self(Set::Baseline)))
+        static BEST: OnceLock<Level> = OnceLock::new();
+        *BEST.get_or_init(|| *Self::available().last().expect("the baseline is always available"))
+    }
+
+    /// An error if the environment variable `RADARCORE_SIMD` names no level.
+    pub fn check() -> Result<()> {
+        highest(variable()).map(|_| ())
     }
 
     /// Name: `baseline`, `avx2` or `avx512`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Set::Baseline => "baseline",
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Set::Portable => NAMES[0],
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => "avx2",
+            Set::Sse2 => NAMES[0],
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => "avx512",
+            Set::Avx2 => NAMES[1],
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => NAMES[2],
         }
     }
 
     /// Run a kernel compiled for this level.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            Set::Baseline => kernel.run::<Baseline>(),
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Set::Portable => run::<portable::Baseline, K>(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Set::Sse2 => run::<sse2::Baseline, K>(kernel),
             // SAFETY: `available` found AVX2 and FMA on this processor.
             #[cfg(target_arch = "x86_64")]
             Set::Avx2 => unsafe { avx2::run(kernel) },
@@ -67,5 +96,73 @@ impl Level {
             #[cfg(target_arch = "x86_64")]
             Set::Avx512 => unsafe { avx512::run(kernel) },
         }
+    }
+}
+
+/// A kernel compiled for the instructions that the target guarantees. Not part of [`Level::run`], whose frame lies below
+/// those of all levels.
+#[inline(never)]
+fn run<I: Isa, K: Kernel>(kernel: K) -> K::Output {
+    kernel.run::<I>()
+}
+
+/// Value of the environment variable when it was first asked for.
+fn variable() -> &'static str {
+    static VALUE: OnceLock<String> = OnceLock::new();
+    VALUE.get_or_init(|| {
+        std::env::var_os(VARIABLE).map_or_else(String::new, |value| value.to_string_lossy().into_owned())
+    })
+}
+
+/// Number of levels that a value of the environment variable allows.
+fn highest(value: &str) -> Result<usize> {
+    if value.is_empty() {
+        return Ok(NAMES.len());
+    }
+    let place = NAMES.iter().position(|name| *name == value);
+    place.map(|place| place + 1).ok_or_else(|| {
+        let expected = format!("'{}', '{}' or '{}'", NAMES[0], NAMES[1], NAMES[2]);
+        Error::value(VARIABLE, expected, format!("{value:?}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn environment_variable_allows_levels_up_to_its_own() {
+        for (value, allowed) in [("", 3), ("baseline", 1), ("avx2", 2), ("avx512", 3)] {
+            assert_eq!(highest(value).unwrap(), allowed, "{value}");
+        }
+        for wrong in ["AVX2", "sse2", "avx2 ", "1"] {
+            let message = highest(wrong).unwrap_err().to_string();
+            let expected = format!("RADARCORE_SIMD: expected 'baseline', 'avx2' or 'avx512', got {wrong:?}");
+            assert_eq!(message, expected);
+        }
+    }
+
+    /// No level is missing in the tests that run "at every level": what the system says of the processor.
+    #[test]
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    fn every_level_of_the_processor_is_available_up_to_the_variable() {
+        let known = std::fs::read_to_string("/proc/cpuinfo").unwrap();
+        let flags: Vec<&str> = known
+            .lines()
+            .find(|line| line.starts_with("flags"))
+            .unwrap()
+            .split(' ')
+            .collect();
+        let has = |wanted: &[&str]| wanted.iter().all(|flag| flags.contains(flag));
+        // The portable level and SSE2 are both the baseline.
+        let mut expected = vec!["baseline", "baseline"];
+        expected.extend(has(&["avx2", "fma"]).then_some("avx2"));
+        expected.extend(has(&["avx2", "fma", "avx512f", "avx512dq"]).then_some("avx512"));
+        let limit = std::env::var(VARIABLE).unwrap_or_default();
+        if let Some(last) = expected.iter().rposition(|name| *name == limit) {
+            expected.truncate(last + 1);
+        }
+        let names: Vec<&str> = Level::available().into_iter().map(Level::name).collect();
+        assert_eq!(names, expected);
     }
 }

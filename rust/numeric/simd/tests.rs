@@ -1,14 +1,11 @@
-#[cfg(not(target_arch = "x86_64"))]
 use super::portable::Baseline;
-#[cfg(target_arch = "x86_64")]
-use super::sse2::Baseline;
 use super::*;
 
 struct Operations<'a, T>(&'a [T; 16]);
 
 impl<T: Precision> Kernel for Operations<'_, T> {
     type Output = Vec<T>;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<T> {
         let lanes = <T::In<I>>::LANES;
         let (a, b) = (self.0[0], self.0[1]);
@@ -50,7 +47,7 @@ struct Integers<'a>(&'a [u32; 16]);
 
 impl Kernel for Integers<'_> {
     type Output = (u32, [u32; 16]);
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Self::Output {
         let mut numbers = *self.0;
         I::put(&mut numbers, 0b1000_0110_0000_1001, u32::MAX);
@@ -76,7 +73,7 @@ struct Narrow<'a>(&'a [f64; 16]);
 
 impl Kernel for Narrow<'_> {
     type Output = Vec<f32>;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<f32> {
         let mut out = vec![0.0; 16];
         f32::narrow::<I>([I::F64::load(self.0), I::F64::load(&self.0[8..])]).store(&mut out);

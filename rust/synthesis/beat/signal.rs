@@ -7,6 +7,7 @@ use super::lanes::{LaneSum, largest};
 use super::run::Outcome;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result, fits_memory};
+use crate::numeric::simd::Level;
 use crate::synthesis::block::{Block, Class, Selection};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::delay::{Basis, PathSeries};
@@ -30,6 +31,7 @@ pub fn is_worth_threads(work: [usize; 4]) -> bool {
 /// Complex beat samples `(channel, chirp, sample)` [sqrt(W)], row-major, docs/theory.md eq. (1): the sum over all paths
 /// of `conj(amplitude) exp(2 pi j (f0 tau + S tau t - S tau^2 / 2))`. No paths give zeros.
 pub fn beat_signal(waveform: &Waveform, series: &PathSeries, options: &Options) -> Result<(Samples, Report)> {
+    Level::check()?;
     waveform.check()?;
     series.check_shapes()?;
     // Samples, and half as much again for tiles in progress.
@@ -420,7 +422,7 @@ mod tests {
     use super::*;
     use crate::constants::SPEED_OF_LIGHT as C;
     use crate::numeric::random::mix;
-    use crate::numeric::simd::{Level, Real};
+    use crate::numeric::simd::Real;
     use crate::synthesis::delay::Basis;
 
     fn waveform(num_chirps: usize, num_samples: usize, bandwidth: f64) -> Waveform {

@@ -1,0 +1,53 @@
+"""Instruction sets of the compiled core: the variable that limits them, and equal results at each, on small stacks."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+LEVELS = ("baseline", "avx2", "avx512")
+
+
+def run(*arguments: str, level: str) -> subprocess.CompletedProcess[str]:
+    """Python in a process with a highest level, and 512 kB of stack for the threads of the core."""
+    environment = os.environ | {"RADARCORE_SIMD": level, "RUST_MIN_STACK": str(512 * 1024)}
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def results(level: str, folder: Path) -> dict[str, Any]:
+    """Results of every kernel at a level."""
+    done = run(str(TESTS / "every_kernel.py"), str(folder), level=level)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads((folder / "found.json").read_text())
+    return found
+
+
+def test_every_level_gives_the_same_results_in_512_kb_of_stack(tmp_path: Path) -> None:
+    machine = run("-c", "from radarcore import _core; print(*_core.levels())", level="").stdout.split()
+    assert machine == list(LEVELS[: len(machine)])
+    baseline, avx2, avx512 = (results(level, tmp_path) for level in LEVELS)
+    for level, found in zip(LEVELS, (baseline, avx2, avx512), strict=True):
+        allowed = LEVELS[: LEVELS.index(level) + 1]
+        assert found["level"] == [name for name in machine if name in allowed][-1]
+        assert found["worst"] <= 1.0
+        for name in ("hits", "noise", "direct"):
+            assert found[name] == baseline[name], (level, name)
+    # Multiplication and addition are fused in both. Without, samples in units of their rms differ by rounding.
+    assert avx512["frames"] == avx2["frames"]
+    for name, (_, samples) in baseline["frames"].items():
+        assert samples == pytest.approx(avx2["frames"][name][1], abs=1e-5), name
+
+
+@pytest.mark.parametrize("wrong", ["AVX2", "sse2", "avx2 ", "0"])
+def test_a_name_of_no_level_is_refused_by_name(wrong: str) -> None:
+    done = run("-c", "import radarcore as rc; rc.Simulator", level=wrong)
+    expected = f"ValueError: RADARCORE_SIMD: expected 'baseline', 'avx2' or 'avx512', got \"{wrong}\""
+    assert done.stderr.splitlines()[-1:] == [expected]

@@ -1,0 +1,105 @@
+"""Work that takes every kernel of the core, in a thread with 512 kB of stack; writes hashes and errors into a folder.
+
+Run as a process of its own: the level of the kernels and the stack of the core's threads are those of a process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import radarcore as rc
+from fast_sums import moving
+from path_scenes import relative_error
+from radarcore import _core
+
+STACK = 512 * 1024
+
+
+def digest(*arrays: Any) -> str:
+    """Hash of the bits of arrays."""
+    return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
+
+
+def scene() -> rc.Scene:
+    """A ball that nears, a plate that turns, a corner that stands, and a point."""
+    turning = rc.Linear(rc.Pose([1.5, 0.4, 0.0]), angular_velocity=[0.0, 0.0, 2.0])
+    return rc.Scene(
+        [
+            rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([1.0, 0.0, 0.1]), velocity=[-1.0, 0.0, 0.0])),
+            rc.Body(rc.shapes.plate(0.2, 0.2), material=rc.materials["concrete"], motion=turning),
+            rc.Body(rc.shapes.dihedral(0.1, 0.1), motion=rc.Pose([1.4, -0.4, 0.0])),
+            rc.PointTarget([2.0, 0.1, 0.0], velocity=[0.5, 0.0, 0.0]),
+        ]
+    )
+
+
+def sums() -> dict[str, Any]:
+    """Sums of every method, to tolerances of every width: largest error in units of the tolerance."""
+    wf = rc.Waveform(
+        start_frequency=60e9, slope=1.5e13, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=3e-4
+    )
+    paths = moving(500)
+    exact = paths.exact(wf)
+    errors = []
+    for method, finest in (("grid", 11), ("recurrence", 9), ("lanes", 4)):
+        for digits in range(1, finest + 1):
+            got, _ = paths.signal(wf, tolerance=0.1**digits, method=method)
+            errors.append(float(relative_error(got, exact, paths).max()) / 0.1**digits)
+    return {"direct": digest(exact), "worst": max(errors)}
+
+
+def frames() -> dict[str, Any]:
+    """Frames of every sampling, hits, noise, far fields and tracks."""
+    radar = replace(rc.bgt60tr13c(num_chirps=32, num_samples=64), receiver=None)
+    results: dict[str, Any] = {"frames": {}}
+    for name, settings in (
+        ("adaptive", {}),
+        ("edge terms", {"end_points": True, "tolerance": 1e-5}),
+        ("bounces", {"max_bounces": 3, "tolerance": 1e-7}),
+        ("pixels", {"sampling": "footprint", "resolution": 64}),
+    ):
+        sim = rc.Simulator(scene(), radar, **({"max_bounces": 1} | settings))
+        recording = sim.record(0.0, 0.1, 40.0, progress=False)
+        cube = recording.cube.astype(np.complex128)
+        some = cube.ravel()[:: cube.size // 50] / np.sqrt(np.mean(np.abs(cube) ** 2))
+        results["frames"][name] = digest(cube), np.stack([some.real, some.imag], axis=1).ravel().tolist()
+        if name == "adaptive":
+            list(rc.track(recording))
+    image = sim.depth_image(0.0)
+    results["hits"] = digest(image.distance, image.body)
+    results["noise"] = digest(_core.normal(1000, seed=1, start=0.0))
+    results["rcs"] = rc.rcs(rc.shapes.dihedral(0.1, 0.1), 20e9, [[-1.0, 0.0, 0.0]], max_bounces=2).tolist()
+    return results
+
+
+def degenerate(folder: Path) -> dict[str, Any]:
+    """Thousands of equal triangles, and a polygon of thousands of corners from a file."""
+    equal = np.tile([[0, 1, 2]], (3000, 1))
+    mesh = rc.Mesh(np.eye(3), equal)
+    rc.Simulator(rc.Scene([rc.Body(mesh, motion=rc.Pose([2.0, 0.0, 0.0]))]), rc.bgt60tr13c(num_chirps=4)).frame(0.0)
+    angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
+    radii = np.where(np.arange(4000) % 2, 1.0, 0.5)
+    corners = np.stack([np.zeros(4000), radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f " + " ".join(str(i + 1) for i in range(4000))]
+    path = folder / "star.obj"
+    path.write_text("\n".join(lines))
+    return {"triangles": len(rc.load_mesh(path).triangles)}
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    found: dict[str, Any] = {"level": _core.levels()[-1]}
+    threading.stack_size(STACK)
+    with ThreadPoolExecutor(1) as thread:
+        for work in (sums, frames, lambda: degenerate(folder)):
+            found |= thread.submit(work).result()
+    (folder / "found.json").write_text(json.dumps(found))
