@@ -30,6 +30,9 @@
 //! - Amplitudes are in sqrt(W): the squared magnitude is the received power.
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
+//! - Kernels take the fastest instruction set of the processor, see [`Level`]. The environment variable `RADARCORE_SIMD`
+//!   names the highest: `baseline`, `avx2` or `avx512`.
+//! - Threads need 512 kB of stack, also without optimisation.
 //!
 //! # Glossary
 //!
@@ -146,11 +149,16 @@ mod synthesis;
 
 pub use antennas::array::Array;
 pub use antennas::pattern::Pattern;
+pub use bounces::{Aspect, Limits, cross_sections};
+pub use cancel::Cancel;
 pub use error::{Error, Result};
+pub use frame::{Memory, Model, RaySampling, Scene, Settings, Source, image, paths as frame_paths, simulate};
 pub use geometry::aabb::Bounds;
 pub use geometry::pose::Pose;
+pub use numeric::normal::add_normal;
 pub use numeric::simd::Level;
 pub use paths::kinematics::Kinematics;
+pub use paths::placement::{VertexMotion, World};
 pub use paths::scatterers::{Members, Scatterers};
 pub use paths::series::{Paths, Selection};
 pub use rays::camera::ImagePlane;
@@ -160,7 +168,7 @@ pub use rays::scene::{Hit, NO_BODY, PosedScene};
 pub use rays::smooth_hits::SmoothHits;
 pub use rays::surface::{ShadingMode, Surface};
 pub use rays::tree::{Ray, Tree, WIDTH};
-pub use scattering::material::{CONDUCTOR, Material};
+pub use scattering::material::{CONDUCTOR, Material, Response};
 pub use scattering::physical_optics::Sampling;
 pub use synthesis::beat::{Options, Report, Samples, beat_signal};
 pub use synthesis::chirp::Waveform;

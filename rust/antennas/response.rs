@@ -29,7 +29,7 @@ impl Response {
     }
 
     /// Gain for a path of a length [m].
-    #[inline(always)] // part of kernels
+    #[cfg_attr(optimised, inline(always))] // part of kernels
     pub fn gain(&self, length: f64) -> Complex64 {
         let place = length * self.rate;
         let last = self.gains.len() - 1;

@@ -336,7 +336,7 @@ struct BuildRecords<'a> {
 impl Kernel for BuildRecords<'_> {
     type Output = Vec<Batch>;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Vec<Batch> {
         let num_channels = self.scatterers.num_channels();
         let [delays, amplitudes] = self.places;

@@ -31,7 +31,7 @@ struct AddNormal<'a, T> {
 impl<T: Real> Kernel for AddNormal<'_, T> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
         for (batch, numbers) in self.numbers.chunks_mut(BATCH).enumerate() {
             let mut counters = [[0; LANES]; 4];
@@ -57,7 +57,7 @@ fn halves(number: u64) -> [u32; 2] {
 
 /// Philox4x32-10, four random words for each of [`LANES`] counters: Salmon, Moraes, Dror, Shaw, Parallel random numbers:
 /// as easy as 1, 2, 3, SC 2011.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn philox(counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
     // As halves of products, of which the lower half is meant: words of 32 bits would be taken apart for every product.
     let mut wide = [[0; LANES]; 4];
@@ -85,7 +85,7 @@ fn philox(counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
 
 /// Two normally distributed numbers of two random words: Box and Muller, A note on the generation of random normal
 /// deviates, 1958.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn box_muller(radius: [u32; LANES], angle: [u32; LANES]) -> [[f32; LANES]; 2] {
     const UNIT: f32 = 1.0 / 4_294_967_296.0;
     let mut pair = [[0.0; LANES]; 2];
@@ -100,7 +100,7 @@ fn box_muller(radius: [u32; LANES], angle: [u32; LANES]) -> [[f32; LANES]; 2] {
 }
 
 /// Cosine and sine of an angle, a word for one turn, to 4e-7: series within 1/8 turn, then one of the four quarters.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn cos_sin(word: u32) -> [f32; 2] {
     // The lower 30 bits as -1/8 to 1/8 turn [rad].
     let x = (word << 2).cast_signed() as f32 * (std::f32::consts::FRAC_PI_4 / 2_147_483_648.0);
@@ -115,7 +115,7 @@ fn cos_sin(word: u32) -> [f32; 2] {
 }
 
 /// Natural logarithm of a number in (0, 1], at most 0, to 2e-7 of it: 2 atanh((m - 1) / (m + 1)) of the mantissa m.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn ln(x: f32) -> f32 {
     const HALF_ROOT: u32 = 0x3F35_04F3;
     // Mantissa from sqrt(1/2) to sqrt(2).

@@ -87,13 +87,13 @@ const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 const LN_2_SINGLE: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
 
 /// Phase in turns reduced to -1/2 to 1/2.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn reduce(phase: f64) -> f64 {
     phase - ((phase + ROUND) - ROUND)
 }
 
 /// Cosine and sine of phases in turns, below 2^50 turns: to 2e-16 in f64. In f32, phases are reduced in f64.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; N]) {
     let num_terms = if size_of::<T>() == 4 { 4 } else { 7 };
     let (mut cos, mut sin) = ([T::zero(); N], [T::zero(); N]);
@@ -119,7 +119,7 @@ pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; 
 }
 
 /// Cosine and sine of angles up to a quarter of a turn to either side [rad], by Taylor series: to 2e-7.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn cos_sin_quarter<V: Vector<Scalar = f32>>(x: V) -> (V, V) {
     const TERMS: usize = 5;
     let splat = V::splat;
@@ -134,7 +134,7 @@ pub fn cos_sin_quarter<V: Vector<Scalar = f32>>(x: V) -> (V, V) {
 }
 
 /// Magnitude of `atan2(y, x)`: angles from 0 to pi, to 3e-16 in f64 and 4e-7 in f32; 0 where both are zero.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn angle<V: Vector>(y: V, x: V) -> V {
     let splat = splat::<V>;
     let (across, along) = (y.max(splat(0.0).sub(y)), x.max(splat(0.0).sub(x)));
@@ -152,7 +152,7 @@ pub fn angle<V: Vector>(y: V, x: V) -> V {
 
 /// Exponential exp(x) of numbers that are not positive, to 5e-16 in f64 and 2e-7 in f32; zero where it is about to leave
 /// the range of normal numbers.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn exp_of_negative<V: Vector>(x: V) -> V {
     let splat = splat::<V>;
     let least = splat((V::Scalar::LEAST_EXPONENT + 1.0) / LOG2_E);
@@ -172,7 +172,7 @@ pub fn exp_of_negative<V: Vector>(x: V) -> V {
 }
 
 /// Sinc sin(x) / x of angles in turns, below 2^50 turns (2^20 in f32): to 5e-16 in f64 and 3e-7 in f32.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn sinc_turns<V: Vector>(turns: V) -> V {
     let splat = splat::<V>;
     let magic = V::splat(V::Scalar::ROUND);
@@ -191,18 +191,18 @@ pub fn sinc_turns<V: Vector>(turns: V) -> V {
 }
 
 /// Broadcast of the nearest number.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn splat<V: Vector>(x: f64) -> V {
     V::splat(V::Scalar::of(x))
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 const fn is_single<V: Vector>() -> bool {
     size_of::<V::Scalar>() == 4
 }
 
 /// Polynomial with coefficients by degree, of which the first few are enough in single precision.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn polynomial<V: Vector>(coefficients: &[f64], enough: usize, x: V) -> V {
     let number = if is_single::<V>() { enough } else { coefficients.len() };
     let mut sum = splat::<V>(coefficients[number - 1]);
@@ -214,7 +214,7 @@ fn polynomial<V: Vector>(coefficients: &[f64], enough: usize, x: V) -> V {
 
 /// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored
 /// (Dekker's product: no level needs a fused multiply-add for it).
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn turns(frequency: f64, delay: f64) -> f64 {
     let split = |x: f64| {
         let big = 134_217_729.0 * x; // 2^27 + 1
@@ -261,7 +261,7 @@ mod tests {
         struct Quarter([f32; 16]);
         impl Kernel for Quarter {
             type Output = [[f32; 16]; 2];
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn run<I: Isa>(self) -> [[f32; 16]; 2] {
                 let mut values = [[0.0; 16]; 2];
                 let (cos, sin) = cos_sin_quarter(I::F32::load(&self.0));
@@ -288,7 +288,7 @@ mod tests {
         struct Angle([f64; 8], [f64; 8]);
         impl Kernel for Angle {
             type Output = [f64; 8];
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn run<I: Isa>(self) -> [f64; 8] {
                 let mut angles = [0.0; 8];
                 angle(I::F64::load(&self.0), I::F64::load(&self.1)).store(&mut angles);
@@ -328,7 +328,7 @@ mod tests {
 
     impl Kernel for Of<'_> {
         type Output = [f64; 8];
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [f64; 8] {
             let mut values = [0.0; 8];
             let x = I::F64::load(self.1);
@@ -346,7 +346,7 @@ mod tests {
 
     impl Kernel for Single<'_> {
         type Output = [[f32; 16]; 3];
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [[f32; 16]; 3] {
             let mut values = [[0.0; 16]; 3];
             let x = I::F32::load(self.0);

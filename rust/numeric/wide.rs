@@ -6,13 +6,13 @@ use crate::numeric::simd::{Isa, Precision, Vector};
 pub type Wide<I, const P: usize> = [<I as Isa>::F64; P];
 
 /// Broadcast a number to all lanes.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn splat<I: Isa, const P: usize>(x: f64) -> Wide<I, P> {
     [I::F64::splat(x); P]
 }
 
 /// Load the first numbers of a slice.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn load<I: Isa, const P: usize>(from: &[f64]) -> Wide<I, P> {
     let mut wide = splat::<I, P>(0.0);
     for p in 0..P {
@@ -22,7 +22,7 @@ pub fn load<I: Isa, const P: usize>(from: &[f64]) -> Wide<I, P> {
 }
 
 /// Load vectors of any type from the first numbers of a slice.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn load_vectors<V: Vector, const P: usize>(from: &[V::Scalar]) -> [V; P] {
     let mut vectors = [V::load(from); P];
     for p in 1..P {
@@ -32,7 +32,7 @@ pub fn load_vectors<V: Vector, const P: usize>(from: &[V::Scalar]) -> [V; P] {
 }
 
 /// Store to the first numbers of a slice.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn store<V: Vector, const P: usize>(wide: [V; P], to: &mut [V::Scalar]) {
     for p in 0..P {
         wide[p].store(&mut to[V::LANES * p..]);
@@ -42,7 +42,7 @@ pub fn store<V: Vector, const P: usize>(wide: [V; P], to: &mut [V::Scalar]) {
 macro_rules! each_vector {
     ($(#[$doc:meta])* $name:ident($($argument:ident),*)) => {
         $(#[$doc])*
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         pub fn $name<V: Vector, const P: usize>(mut x: [V; P], $($argument: [V; P]),*) -> [V; P] {
             for p in 0..P {
                 x[p] = x[p].$name($($argument[p]),*);
@@ -88,21 +88,21 @@ pub const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 const ROUND_SINGLE: f64 = 12_582_912.0; // 1.5 * 2^23
 
 /// Round to the nearest integers.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn round<I: Isa, const P: usize>(x: Wide<I, P>) -> Wide<I, P> {
     let magic = splat::<I, P>(ROUND);
     sub(add(x, magic), magic)
 }
 
 /// Reduce phases in turns to -1/2 to 1/2.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn reduce<I: Isa, const P: usize>(turns: Wide<I, P>) -> Wide<I, P> {
     sub(turns, round::<I, P>(turns))
 }
 
 /// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored: by a
 /// fused multiply-add, or by Dekker's product where the level has none.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn turns<I: Isa, const P: usize>(frequency: f64, delay: Wide<I, P>) -> Wide<I, P> {
     const SPLIT: f64 = 134_217_729.0; // 2^27 + 1
     if I::IS_FUSED {
@@ -128,26 +128,26 @@ pub fn turns<I: Isa, const P: usize>(frequency: f64, delay: Wide<I, P>) -> Wide<
 }
 
 /// Cosine and sine of phases in turns, below 2^49 of them, to the precision of `T`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn cos_sin<T: Precision, I: Isa, const P: usize>(phase: Wide<I, P>) -> [T::In<I>; 2] {
     of_reduced::<T, I>(narrow::<T, I, P>(reduce::<I, P>(phase)))
 }
 
 /// Cosine and sine of phases in turns in the precision of `T`, below 2^20 turns.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn cos_sin_of<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     let magic = number::<T, I>(magic::<T>());
     of_reduced::<T, I>(phase.sub(phase.add(magic).sub(magic)))
 }
 
 /// Constant that rounds to the nearest integer in the precision of `T`; see [`ROUND`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn magic<T>() -> f64 {
     if size_of::<T>() == 4 { ROUND_SINGLE } else { ROUND }
 }
 
 /// Cosine and sine of -1/2 to 1/2 turns.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn of_reduced<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     // Quarters of a turn, -2 to 2, and the rest: at most an eighth to either side.
     let magic = number::<T, I>(magic::<T>());
@@ -176,13 +176,13 @@ fn of_reduced<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
 }
 
 /// Convert to a vector in the precision of `T`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn narrow<T: Precision, I: Isa, const P: usize>(wide: Wide<I, P>) -> T::In<I> {
     T::narrow::<I>([wide[0], wide[P - 1]])
 }
 
 /// Broadcast a number to all lanes in the precision of `T`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn number<T: Precision, I: Isa>(x: f64) -> T::In<I> {
     <T::In<I>>::splat(T::of(x))
 }
@@ -218,7 +218,7 @@ mod tests {
 
     impl<T: Precision, const P: usize> Kernel for CosSin<T, P> {
         type Output = [Vec<T>; 2];
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> Self::Output {
             let lanes = <T::In<I>>::LANES;
             let mut out = [vec![T::zero(); lanes], vec![T::zero(); lanes]];
@@ -251,7 +251,7 @@ mod tests {
 
     impl Kernel for Turns {
         type Output = f64;
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> f64 {
             let mut out = [0.0; 8];
             store(turns::<I, 1>(self.0, splat::<I, 1>(self.1)), &mut out);

@@ -90,7 +90,7 @@ struct EvaluateBlock<'a> {
 impl Kernel for EvaluateBlock<'_> {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(mut self) {
         let scatterers = self.scatterers;
         let array = &scatterers.array;

@@ -31,7 +31,7 @@ impl<const N: usize> Rows<N> {
 impl Scatterers {
     /// Rows of some paths, by number: delays at the nodes of `kinematics`, and amplitudes times `factor` at those of
     /// `amplitudes_at`.
-    #[inline(always)] // part of kernels
+    #[cfg_attr(optimised, inline(always))] // part of kernels
     pub fn rows<I: Isa, const N: usize>(
         &self,
         kinematics: &Kinematics,
@@ -148,7 +148,7 @@ impl Scatterers {
 }
 
 /// Subtract the first row of every channel from its other rows.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn subtract_first<T: Real, const N: usize>(rows: &mut [[T; N]], num_nodes: usize) {
     for rows in rows.chunks_mut(num_nodes) {
         if let [first, others @ ..] = rows {

@@ -63,7 +63,7 @@ pub(super) struct Surface<V> {
 impl Scatterers {
     /// Sixteen material points in coordinates of their bodies; none if one of the bodies deforms or one is no material
     /// point.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn sixteen(&self, numbers: &Lanes<usize>) -> Option<Sixteen> {
         let mut points = Sixteen {
             bodies: [0; STEP],
@@ -97,7 +97,7 @@ impl Scatterers {
     }
 
     /// Weights of sixteen material points, by channel.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn weigh<T: Real>(&self, numbers: &Lanes<usize>, weights: &mut [Weights<T>]) {
         for (channel, weights) in weights.iter_mut().enumerate() {
             for lane in 0..STEP {
@@ -113,7 +113,7 @@ impl Scatterers {
 
 impl Sixteen {
     /// Poses of the bodies at a node.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn poses<'a>(&self, kinematics: &Kinematics<'a>, node: usize) -> Poses<'a> {
         let of = &kinematics.poses[node * kinematics.num_bodies..];
         let mut is_one = true;
@@ -139,7 +139,7 @@ impl Sixteen {
 
 impl Poses<'_> {
     /// Component of a body axis, of the eight lanes from `half` on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn axis<I: Isa>(&self, column: usize, row: usize, half: usize) -> I::F64 {
         match self {
             Self::One(pose) => I::F64::splat(pose.rotation.col(column)[row]),
@@ -148,7 +148,7 @@ impl Poses<'_> {
     }
 
     /// Points of bodies in the sensor frame, of the eight lanes from `half` on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn placed<I: Isa>(&self, points: &[Lanes<f64>; 3], half: usize) -> [I::F64; 3] {
         let mut placed = self.turned::<I>(points, half);
         for axis in 0..3 {
@@ -162,7 +162,7 @@ impl Poses<'_> {
     }
 
     /// Vectors of bodies, rotated to the axes of the sensor, of the eight lanes from `half` on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn turned<I: Isa>(&self, vectors: &[Lanes<f64>; 3], half: usize) -> [I::F64; 3] {
         let first = I::F64::load(&vectors[0][half..]);
         let mut turned = [first; 3];
@@ -178,7 +178,7 @@ impl Poses<'_> {
     }
 
     /// Vectors of bodies, rotated to the axes of the sensor, in single precision.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn turned_single<I: Isa>(&self, vectors: &[Lanes<f64>; 3]) -> [I::F32; 3] {
         narrow::<I>(&self.turned::<I>(vectors, 0), &self.turned::<I>(vectors, HALF))
     }
@@ -193,7 +193,7 @@ impl<T: Real> Weights<T> {
     }
 
     /// Specular and diffuse weights of a vector, from a lane on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn load<V: Vector<Scalar = T>>(&self, first: usize) -> [[V; 2]; 2] {
         let (specular, diffuse) = (&self.specular, &self.diffuse);
         [
@@ -205,7 +205,7 @@ impl<T: Real> Weights<T> {
 
 impl<V: Vector> Surface<V> {
     /// Amplitudes times a factor, real and imaginary part, as [`Scatterers::surface_amplitude`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn amplitude(
         &self,
         array: &Array,
@@ -242,7 +242,7 @@ impl<V: Vector> Surface<V> {
 }
 
 /// Amplitudes of a channel behind the receiver.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn received<V: Vector>(
     array: &Array,
     channel: usize,
@@ -278,7 +278,7 @@ impl<V: Vector> Sights<V> {
     }
 
     /// Directions, distances and field gains from an antenna, for offsets of the points from it [m].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn new(pattern: &Pattern, offsets: &[V; 3]) -> Self {
         let distance = dot(offsets, offsets).sqrt();
         let inverse = splat::<V>(1.0).div(distance);
@@ -294,13 +294,13 @@ impl<V: Vector> Sights<V> {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn splat<V: Vector>(x: f64) -> V {
     V::splat(V::Scalar::of(x))
 }
 
 /// Vectors in single precision, from their lower and upper eight lanes.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn narrow<I: Isa>(low: &[I::F64; 3], high: &[I::F64; 3]) -> [I::F32; 3] {
     let mut narrowed = [I::narrow(low[0], high[0]); 3];
     for axis in 1..3 {
@@ -309,13 +309,13 @@ pub(super) fn narrow<I: Isa>(low: &[I::F64; 3], high: &[I::F64; 3]) -> [I::F32; 
     narrowed
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn dot<V: Vector>(a: &[V; 3], b: &[V; 3]) -> V {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0].mul(b[0])))
 }
 
 /// Position and pattern of an antenna; transmitters come first.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
     match antenna.checked_sub(array.tx.len()) {
         None => (array.tx[antenna], &array.tx_patterns[antenna]),
@@ -324,7 +324,7 @@ pub(super) fn antenna_of(array: &Array, antenna: usize) -> (DVec3, &Pattern) {
 }
 
 /// Offsets of points from a position [m].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn offsets<V: Vector>(points: &[V; 3], place: DVec3) -> [V; 3] {
     let mut offsets = *points;
     for axis in 0..3 {
@@ -334,7 +334,7 @@ pub(super) fn offsets<V: Vector>(points: &[V; 3], place: DVec3) -> [V; 3] {
 }
 
 /// Square roots of the gains towards directions of any length.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn field_gain<V: Vector>(pattern: &Pattern, directions: &[V; 3]) -> V {
     match *pattern {
         Pattern::Gaussian {

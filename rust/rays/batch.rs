@@ -101,7 +101,7 @@ struct CastBlock<'a> {
 impl Kernel for CastBlock<'_> {
     type Output = Counts;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Counts {
         let Self {
             scene,

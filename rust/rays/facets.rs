@@ -38,7 +38,7 @@ pub struct Group<'a> {
 
 impl<'a> Groups<'a> {
     /// All rays of a tile that have hit something; `valid`: bit masks of the rays of every packet.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn new<I: Isa>(
         valid: &[u32; PACKETS],
         bodies: &'a [[u32; PACKET]; PACKETS],
@@ -57,7 +57,7 @@ impl<'a> Groups<'a> {
     }
 
     /// Take the group that holds the first of the rest of the rays.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn take<I: Isa>(&mut self) -> Option<Group<'a>> {
         if self.rest == 0 {
             return None;
@@ -88,14 +88,14 @@ impl<'a> Groups<'a> {
 }
 
 /// Bit mask of the rays of half a packet, from that of a tile.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn of_half(rays: u64, half: usize) -> u32 {
     (rays >> (half * HALF)) as u32 & 0xff
 }
 
 impl Group<'_> {
     /// Take the first half packet with rays of the group: its number, and the bit mask of the rays.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn take_half(&mut self) -> Option<(usize, u32)> {
         if self.rays == 0 {
             return None;
@@ -107,7 +107,7 @@ impl Group<'_> {
     }
 
     /// Triangle of a lane of half a packet; that of the first ray where the lane is not in the group.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn triangle_of(&self, triangles: &[u32], lane: usize) -> u32 {
         let half = self.rays.trailing_zeros() as usize / HALF;
         if of_half(self.rays, half) >> lane & 1 == 1 {
@@ -118,7 +118,7 @@ impl Group<'_> {
     }
 
     /// Corners of the triangles in the frame of the body, corner by corner and axis by axis [m].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn corners<V: Vector<Scalar = f64>>(&self, surface: &Surface) -> [[V; 3]; 3] {
         let mut vectors = [[V::splat(0.0); 3]; 3];
         let Some(triangles) = self.several else {
@@ -149,7 +149,7 @@ impl Group<'_> {
 
     /// Planes of the triangles in the frame of the body: normals of twice the areas' length, and heights over `origin` times
     /// that length. Rounded as [`WatertightTest::intersect`](crate::rays::watertight::WatertightTest::intersect) does.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn planes<V: Vector<Scalar = f64>>(&self, surface: &Surface, origin: DVec3) -> ([V; 3], V) {
         if self.several.is_none() {
             let [a, b, c] = surface.corners(self.triangle);
@@ -166,7 +166,7 @@ impl Group<'_> {
 
     /// Normals at the corners of the triangles, corner by corner and axis by axis, and a bit mask of the lanes that have
     /// any.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn normals<V: Vector<Scalar = f64>>(&self, surface: &Surface) -> ([[V; 3]; 3], u32) {
         let mut vectors = [[V::splat(0.0); 3]; 3];
         let Some(triangles) = self.several else {
@@ -202,13 +202,13 @@ impl Group<'_> {
 }
 
 /// `a - b`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn difference<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 
 /// Cross product, rounded as [`glam::DVec3::cross`] does.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [
         a[1].mul(b[2]).sub(b[1].mul(a[2])),
@@ -218,13 +218,13 @@ pub fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
 }
 
 /// Scalar product, rounded as [`glam::DVec3::dot`] does.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn rounded_dot<V: Vector>(a: [V; 3], b: [V; 3]) -> V {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
 /// Vector in all lanes.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn in_all<V: Vector<Scalar = f64>>(x: DVec3) -> [V; 3] {
     [V::splat(x.x), V::splat(x.y), V::splat(x.z)]
 }

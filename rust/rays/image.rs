@@ -132,7 +132,7 @@ struct CastBand<'a> {
 impl Kernel for CastBand<'_> {
     type Output = Counts;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(mut self) -> Counts {
         let tiles = self.plane.columns.div_ceil(TILE);
         let mut scratch = Scratch::new();
@@ -209,7 +209,7 @@ impl CastBand<'_> {
     }
 
     /// Write the hits of a tile.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn write(&mut self, tile: &Tile, scratch: &Scratch) {
         let hits = &scratch.hits;
         for row in 0..tile.rows {
@@ -230,7 +230,7 @@ impl CastBand<'_> {
 }
 
 /// Copy the first `number` values; nearly always half a row of a tile, copied as one block.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn copy<T: Copy>(to: &mut [T], from: &[T], number: usize) {
     const ALL: usize = TILE / 2;
     if number == ALL

@@ -8,7 +8,7 @@ use crate::rays::scene::PosedScene;
 
 impl PosedScene {
     /// Measure the distances of the triangles that were found [m]; infinite where there is none.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn measure<I: Isa>(&self, rays: &TileRays, hits: &PacketHits, distance: &mut [f64; MOST_RAYS]) {
         let splat = <I::F64 as Vector>::splat;
         // Heights of planes over the sensor, along normals that are not of unit length, and components of directions along

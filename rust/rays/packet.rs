@@ -57,7 +57,7 @@ impl TileRays {
     };
 
     /// Aim rays through the centres of the pixels of a tile, in squares of 4 x 4.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn aim<I: Isa>(&mut self, plane: &ImagePlane, tile: &Tile) {
         self.valid = [0; PACKETS];
         let splat = <I::F64 as Vector>::splat;
@@ -92,7 +92,7 @@ impl TileRays {
     }
 
     /// Keep the packets of a bit mask; the others become invalid, and cost nothing.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn keep(&mut self, packets: u32) {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for packet in 0..PACKETS {
@@ -117,7 +117,7 @@ impl TileRays {
     }
 
     /// Aim rays through at most 64 points of the image plane, in order.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn hold(&mut self, points: &[[f64; 2]]) {
         let last = points.len() - 1;
         for ray in 0..MOST_RAYS {
@@ -164,7 +164,7 @@ impl TileRays {
     }
 
     /// Visit all leaves of a tree in the sensor frame whose boxes any ray may meet, near ones first.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn traverse<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
         let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
         let (mut low, mut high) = ([1.0; 3], [1.0; 3]);
@@ -212,7 +212,7 @@ impl View {
     }
 
     /// Direction in the frame of the body, as [`Pose::direction_to_body`] rounds it.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn direction<V: Vector<Scalar = f64>>(&self, u: V, v: V) -> [V; 3] {
         let mut direction = [u; 3];
         for axis in 0..3 {
@@ -264,7 +264,7 @@ impl BodyRays {
     };
 
     /// Transform rays to the frame of a body, with the origin relative to its point `middle`.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3) {
         let origin = view.origin - middle;
         let axes = &view.axes;
@@ -300,7 +300,7 @@ impl BodyRays {
     }
 
     /// Prepare what tests of packets and of single rays need, if nothing has so far: few tiles over coarse meshes do.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn part<I: Isa>(&mut self) {
         if self.is_parted {
             return;
@@ -319,14 +319,14 @@ impl BodyRays {
     }
 
     /// Slabs of a packet, once they are prepared.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn slabs_of(&self, packet: usize) -> &Slabs {
         &self.slabs[packet]
     }
 
     /// Bit mask of the rays of a packet that meet the box of a child at most at distances `far`, once they are
     /// prepared.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn meet<I: Isa>(&self, packet: usize, node: &Node, place: usize, pad: f32, far: I::F32) -> u32 {
         let splat = <I::F32 as Vector>::splat;
         let first = packet * PACKET;
@@ -345,7 +345,7 @@ impl BodyRays {
     }
 
     /// Box of the directions of a packet, or of all rays.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn slabs(&self, packet: usize) -> Slabs {
         let (center, half) = (&self.center[packet], &self.half[packet]);
         let (mut low, mut high) = ([0.0; 3], [0.0; 3]);

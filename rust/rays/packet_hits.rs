@@ -35,7 +35,7 @@ impl PacketHits {
     };
 
     /// Clear all hits of the valid rays.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS]) {
         for packet in 0..PACKETS {
             let all = packet * PACKET..(packet + 1) * PACKET;
@@ -55,7 +55,7 @@ impl PacketHits {
     }
 
     /// Distance beyond which no ray can find a nearer triangle.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn farthest(&self) -> f32 {
         let [a, b, c, d] = self.farthest;
         a.max(b).max(c.max(d))

@@ -76,13 +76,13 @@ pub struct Search<'a, E> {
 }
 
 /// Bit mask of a packet's rays from that of all.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn of_packet(rays: u64, packet: usize) -> u32 {
     (rays >> (packet * PACKET) & PACKET_BITS) as u32
 }
 
 /// True if all rays of a mask are of one packet.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn is_one_packet(rays: u64) -> bool {
     let first = rays.trailing_zeros() as usize / PACKET * PACKET;
     rays >> first >> (PACKET - 1) >> 1 == 0
@@ -90,7 +90,7 @@ fn is_one_packet(rays: u64) -> bool {
 
 impl<E: Exact> Search<'_, E> {
     /// Visit all leaves whose boxes any ray may meet before its hit so far, near ones first.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn traverse<I: Isa>(&mut self, tree: &Tree, stack: &mut Vec<Waiting>) {
         let mut rays = 0;
         for packet in 0..PACKETS {
@@ -119,7 +119,7 @@ impl<E: Exact> Search<'_, E> {
     }
 
     /// Push the children of a node that rays may meet, the nearest on top.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn open<I: Isa>(
         &mut self,
         tree: &Tree,
@@ -207,7 +207,7 @@ impl<E: Exact> Search<'_, E> {
     }
 
     /// Test the triangles of a leaf that rays enter at `near`.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32, rays: u64) {
         *self.num_leaves += 1;
         let block = &self.blocks[leaf];
@@ -248,7 +248,7 @@ impl<E: Exact> Search<'_, E> {
     }
 
     /// Test some triangles of a leaf, one by one, against all rays of a packet. Returns true if any hit is new.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn test_triangles<I: Isa>(
         &mut self,
         block: &TriangleBlock,
@@ -310,7 +310,7 @@ impl<E: Exact> Search<'_, E> {
     }
 
     /// Test some rays of a packet, one by one, against some triangles of a leaf. Returns true if any hit is new.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn test_rays<I: Isa>(
         &mut self,
         planes: &Planes<I::F32>,

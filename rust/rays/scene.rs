@@ -231,7 +231,7 @@ struct CastOne<'a> {
 impl Kernel for CastOne<'_> {
     type Output = (Hit, bool);
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> (Hit, bool) {
         let mut visitor = OneAtBodies {
             scene: self.scene,
@@ -264,12 +264,12 @@ struct OneAtBodies<'a> {
 }
 
 impl Visit for OneAtBodies<'_> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
         true
     }
 
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
         let body = self.scene.bodies[leaf];
         let pose = self.scene.pose(body);
@@ -302,7 +302,7 @@ impl Visit for OneAtBodies<'_> {
         above(self.hit.distance)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn leave_out(&mut self, near: f32) {
         self.ended_early |= near <= above(self.hit.distance);
     }

@@ -46,7 +46,7 @@ impl Scratch {
 impl PosedScene {
     /// Search for the nearest triangles of the rays of a tile. Returns true if no body is in the tile: then hits are
     /// those of the tile before.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
         let rays = &scratch.rays;
         if rays.valid == [0; PACKETS] {
@@ -92,12 +92,12 @@ struct Bodies<'a> {
 }
 
 impl Visit for Bodies<'_> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
         true
     }
 
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
         if self.is_empty {
             self.hits.clear::<I>(&self.rays.valid);
@@ -135,12 +135,12 @@ impl Exact for ExactRays<'_> {
 pub(crate) struct Touch(pub bool);
 
 impl Visit for Touch {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
         true
     }
 
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn visit<I: Isa>(&mut self, _leaf: usize, _count: usize, _near: f32) -> f32 {
         self.0 = true;
         -1.0

@@ -39,7 +39,7 @@ impl Shade {
 
     /// Shade the hits of a tile, eight rays at a time, as [`crate::geometry::curved_triangle::shade`]
     /// does. Distances and normals are computed only if `ALL`.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn fill<I: Isa, const ALL: bool>(
         &mut self,
         scene: &PosedScene,
@@ -110,7 +110,7 @@ struct ShadedFacets<V> {
 
 impl<V: Vector<Scalar = f64>> ShadedFacets<V> {
     /// No triangles.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn none() -> Self {
         let zero = V::splat(0.0);
         Self {
@@ -125,7 +125,7 @@ impl<V: Vector<Scalar = f64>> ShadedFacets<V> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn new(scene: &PosedScene, group: &Group) -> Self {
         let (surface, view) = (scene.surface(group.body), scene.view(group.body));
         let mut facets = Self::none();
@@ -153,7 +153,7 @@ impl<V: Vector<Scalar = f64>> ShadedFacets<V> {
 
     /// Cosine of incidence, distance from the triangle to the curved surface along the ray [m], and unit normal on the
     /// incident side, from directions, their lengths, and distances along them [m].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn shade(&self, direction: [V; 3], length: V, distance: V) -> (V, V, [V; 3]) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let inverse = one.div(length);
@@ -194,17 +194,17 @@ impl<V: Vector<Scalar = f64>> ShadedFacets<V> {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn dot<V: Vector>(a: [V; 3], b: [V; 3]) -> V {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0].mul(b[0])))
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn scale<V: Vector>(a: [V; 3], by: V) -> [V; 3] {
     [a[0].mul(by), a[1].mul(by), a[2].mul(by)]
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn turn<V: Vector<Scalar = f64>>(rotation: &DMat3, x: [V; 3]) -> [V; 3] {
     let (a, b, c) = (
         in_all::<V>(rotation.x_axis),

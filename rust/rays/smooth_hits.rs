@@ -83,7 +83,7 @@ struct ShadeBand<'a> {
 impl Kernel for ShadeBand<'_> {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(mut self) {
         let plane = &self.hits.plane;
         let tiles = plane.columns.div_ceil(TILE);
@@ -101,7 +101,7 @@ impl Kernel for ShadeBand<'_> {
 }
 
 impl ShadeBand<'_> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn write(&mut self, tile: &Tile, shade: &Shade) {
         let columns = self.hits.plane.columns;
         for row in 0..tile.rows {
@@ -129,7 +129,7 @@ impl Seen {
         distance: [f64::INFINITY; MOST_RAYS],
     };
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn read(&mut self, hits: &Hits, tile: &Tile) {
         self.body = [[NO_BODY; PACKET]; PACKETS];
         for row in 0..tile.rows {

@@ -376,7 +376,7 @@ impl Surface {
     }
 
     /// Search for triangles beyond `start` and nearer than the hits so far of the rays of a tile; see [`Search`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn search<I: Isa, E: Exact>(
         &self,
         body: u32,
@@ -518,7 +518,7 @@ pub struct Found {
 impl Kernel for Nearest<'_> {
     type Output = Found;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Found {
         let surface = self.surface;
         let single = Single::new(self.ray.origin - surface.middle(), self.ray.direction);
@@ -562,13 +562,13 @@ struct NearestVisitor<'a> {
 }
 
 impl Visit for NearestVisitor<'_> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn expects<I: Isa>(&self, leaf: usize, _: &Node, _: usize) -> bool {
         prefetch(&self.surface.blocks[leaf]);
         true
     }
 
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, _near: f32) -> f32 {
         let block = &self.surface.blocks[leaf];
         let mut met = self.single.may_meet::<I>(block, count, self.surface.reach);
@@ -599,7 +599,7 @@ impl Visit for NearestVisitor<'_> {
         above(self.far)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn leave_out(&mut self, near: f32) {
         self.ended_early |= near <= above(self.far);
     }

@@ -18,12 +18,12 @@ pub trait Visit {
     fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
 
     /// Note a box that rays enter at `near` and that is left out, as the search ends before it.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn leave_out(&mut self, _near: f32) {}
 }
 
 /// Visit all leaves whose boxes any direction may meet before `far`, near ones first.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn traverse<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
     if tree.nodes.is_empty() {
         return;
@@ -93,7 +93,7 @@ impl Single {
     }
 
     /// Visit all leaves whose boxes the ray may meet before `far`, near ones first.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn traverse<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
         let low = self.direction.map(f32::next_down);
         let high = self.direction.map(f32::next_up);
@@ -102,7 +102,7 @@ impl Single {
     }
 
     /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn may_meet<I: Isa>(&self, block: &TriangleBlock, count: usize, reach: f32) -> u32 {
         let planes = block.planes::<I>(&self.origin, reach + self.reach, self.length);
         planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
@@ -135,7 +135,7 @@ impl Slabs {
     };
 
     /// Slabs from smallest and largest directions; `reach` bounds the coordinates of the origin.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn new(origin: &[f32; 3], reach: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
         let mut slabs = Self::EMPTY;
         for axis in 0..3 {
@@ -155,7 +155,7 @@ impl Slabs {
     }
 
     /// Bit mask of the children whose boxes any direction may meet before `far`; `near` gets the distances of entry.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
         let splat = <I::F32 as Vector>::splat;
         let (mut entry, mut exit) = (splat(0.0), splat(far));

@@ -73,7 +73,7 @@ impl Child {
     }
 
     /// Kind, unpacked.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn kind(self) -> Kind {
         if self.0 & Self::LEAF == 0 {
             Kind::Node(self.0 as usize)

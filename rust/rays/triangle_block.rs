@@ -62,7 +62,7 @@ impl TriangleBlock {
 
     /// Planes through the origin and each edge, of all triangles; `reach` bounds the coordinates of origin and corners
     /// together, `length` those of directions.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn planes<I: Isa>(&self, origin: &[f32; 3], reach: f32, length: f32) -> Planes<I::F32> {
         let splat = <I::F32 as Vector>::splat;
         let zero = splat(0.0);
@@ -111,12 +111,12 @@ impl TriangleBlock {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn abs<V: Vector>(x: V) -> V {
     x.max(V::splat(V::Scalar::default()).sub(x))
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
     [
         a[2].neg_mul_add(b[1], a[1].mul(b[2])),
@@ -143,7 +143,7 @@ pub struct Planes<V> {
 
 impl<V: Vector<Scalar = f32>> Planes<V> {
     /// Bit mask of triangles that any direction within `half` of `center` may meet.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn may_meet(&self, center: &[f32; 3], half: &[f32; 3]) -> u32 {
         let zero = V::splat(0.0);
         let mut bits = u32::MAX;
@@ -160,7 +160,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
     }
 
     /// Bit mask of triangles that one direction may meet.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn may_be_met_by(&self, direction: &[f32; 3]) -> u32 {
         let zero = V::splat(0.0);
         let mut bits = u32::MAX;
@@ -175,7 +175,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
     }
 
     /// Bit mask of triangles that a ray may meet, and depth inside; see [`Table::meet`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn meet(&self, direction: &[V; 3]) -> (u32, V) {
         let mut sides = [self.tolerance; 3];
         for edge in 0..3 {
@@ -188,7 +188,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
     }
 
     /// Bit mask of triangles that a ray may meet, if their planes may be turned the wrong way.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn meet_unclear(&self, direction: &[V; 3]) -> u32 {
         let mut least = V::splat(f32::INFINITY);
         let mut most = V::splat(f32::NEG_INFINITY);
@@ -203,7 +203,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
     }
 
     /// Intersections of a ray with the triangles, from the least distances that [`Self::meet`] returned.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn cross(&self, direction: &[V; 3], least: V) -> Crossing<V> {
         let mut slope = V::splat(0.0);
         for axis in 0..3 {
@@ -221,7 +221,7 @@ impl<V: Vector<Scalar = f32>> Planes<V> {
     }
 
     /// Store in memory, to be read triangle by triangle.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn store(&self, table: &mut Table) {
         for axis in 0..3 {
             for edge in 0..3 {
@@ -269,7 +269,7 @@ impl Table {
 
     /// Bit mask of rays that may meet a triangle, and depth inside: the least distance from an edge's plane plus
     /// the tolerance.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn meet<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> (u32, V) {
         let tolerance = V::splat(self.tolerance[triangle]);
         let mut sides = [tolerance; 3];
@@ -283,7 +283,7 @@ impl Table {
     }
 
     /// Bit mask of rays that may meet a triangle whose planes may be turned the wrong way.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn meet_unclear<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> u32 {
         let tolerance = V::splat(self.tolerance[triangle]);
         let mut least = V::splat(f32::INFINITY);
@@ -299,7 +299,7 @@ impl Table {
     }
 
     /// Intersections of rays with a triangle, from the least distance that [`Self::meet`] returned.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn cross<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3], least: V) -> Crossing<V> {
         let mut slope = V::splat(0.0);
         for axis in 0..3 {

@@ -44,7 +44,7 @@ impl Reflection {
 
     /// Coefficient at a cosine of incidence, real and imaginary part. `place`: unit normal and direction of the ray,
     /// which a polarisation needs.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub fn at(&self, cosine: f32, place: impl FnOnce() -> (DVec3, DVec3)) -> [f32; 2] {
         let position = cosine.clamp(0.0, 1.0) * INTERVALS as f32;
         let index = (position as usize).min(INTERVALS - 1);
@@ -65,7 +65,7 @@ impl Reflection {
 }
 
 /// Linear interpolation; a closure in `map` would be a call out of the kernel.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn between(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
     [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
 }

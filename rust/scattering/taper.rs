@@ -24,7 +24,7 @@ pub fn taper(x: f64) -> f64 {
 }
 
 /// Roll-off of [`taper`] in single precision: its ratio to the mean of the phase. `x` is not negative.
-#[inline(always)] // part of kernels
+#[cfg_attr(optimised, inline(always))] // part of kernels
 pub fn roll_off<V: Vector<Scalar = f32>>(x: V) -> V {
     let (half, most) = (V::splat(QUARTER), V::splat(STEEPEST));
     let (cosine, _) = cos_sin_quarter(x.max(half).min(most).sub(half));
@@ -32,7 +32,7 @@ pub fn roll_off<V: Vector<Scalar = f32>>(x: V) -> V {
 }
 
 /// [`taper`] in single precision. `x` is not negative.
-#[inline(always)] // part of kernels
+#[cfg_attr(optimised, inline(always))] // part of kernels
 pub fn tapers<V: Vector<Scalar = f32>>(x: V) -> V {
     let splat = V::splat;
     let (half, most) = (splat(QUARTER), splat(STEEPEST));
@@ -64,7 +64,7 @@ mod tests {
         struct Tapers([f32; 16]);
         impl Kernel for Tapers {
             type Output = [[f32; 16]; 2];
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn run<I: Isa>(self) -> [[f32; 16]; 2] {
                 let mut values = [[0.0; 16]; 2];
                 let x = I::F32::load(&self.0);

@@ -231,7 +231,7 @@ impl Rows {
     }
 
     /// Load the selected paths among the [`CHUNK`] from `first` on, in their order, into the rows that were allocated.
-    #[inline(always)] // part of kernels, see simd.rs
+    #[cfg_attr(optimised, inline(always))] // part of kernels, see simd.rs
     pub fn gather(&mut self, series: &PathSeries, channel: usize, first: usize, selection: Selection) {
         let len = CHUNK.min(series.num_paths - first);
         let wanted = selection.wanted(channel, first / CHUNK, len);
@@ -267,7 +267,7 @@ impl Rows {
     }
 
     /// Mean over the rows of the squared magnitudes of the amplitudes, summed over paths [W].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn power(&self) -> f64 {
         // Lanes after the last path have no amplitude, or that of rows before if there are no paths.
         if self.len == 0 {
@@ -289,7 +289,7 @@ impl Rows {
     }
 
     /// Bit mask of the paths that change.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn moving(&self) -> u128 {
         let all = first_bits(self.len);
         let mut change = [0.0; CHUNK];
@@ -312,7 +312,7 @@ impl Rows {
 }
 
 /// Add the absolute values of all lanes after the first.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_changes(lanes: &[Lane], change: &mut Lane) {
     for j in 1..lanes.len() {
         for i in 0..CHUNK {
@@ -322,7 +322,7 @@ fn add_changes(lanes: &[Lane], change: &mut Lane) {
 }
 
 /// Number of lanes that are not zero.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn count_changed(change: &Lane) -> usize {
     let mut count: u64 = 0;
     for i in 0..CHUNK {
@@ -332,7 +332,7 @@ fn count_changed(change: &Lane) -> usize {
 }
 
 /// Coefficient k of the paths from `at` on; coefficient 0 without the first row.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn coefficient<I: Isa, const P: usize>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I, P> {
     let mut sum = wide::splat::<I, P>(0.0);
     if let Some(factors) = matrix.get(k) {
@@ -374,7 +374,7 @@ impl Chunk {
     ///
     /// Coefficients are formed from differences to the first row, which keeps small changes exact and constants
     /// constant.
-    #[inline(always)] // part of kernels, see simd.rs
+    #[cfg_attr(optimised, inline(always))] // part of kernels, see simd.rs
     pub fn load<I: Isa>(
         &mut self,
         series: &PathSeries,
@@ -391,14 +391,14 @@ impl Chunk {
     }
 
     /// Bit mask of the paths that change.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn moving(&self) -> u128 {
         self.rows.moving()
     }
 }
 
 /// Coefficients of all degrees from rows: values at the first node, and differences to them at the others.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [Lane]) {
     // Four vectors at once, as every sum waits for the one before.
     for k in 0..coefficients.len() {
@@ -413,7 +413,7 @@ pub fn expand<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], coefficients: &mut [La
 }
 
 /// Coefficients as [`expand`], in single precision.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn expand_single<I: Isa>(matrix: &[Vec<f64>], rows: &[SingleLane], coefficients: &mut [SingleLane]) {
     for k in 0..coefficients.len() {
         for at in (0..CHUNK).step_by(I::F32::LANES) {
@@ -429,7 +429,7 @@ pub fn expand_single<I: Isa>(matrix: &[Vec<f64>], rows: &[SingleLane], coefficie
 }
 
 /// Indices of the bits that are set.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn places(mut bits: u128) -> [u8; CHUNK] {
     let mut places = [0; CHUNK];
     let mut count = 0;
@@ -442,14 +442,14 @@ fn places(mut bits: u128) -> [u8; CHUNK] {
 }
 
 /// Lane j, and the first one if `j > 0`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn lane_and_first(lanes: &mut [Lane], j: usize) -> (&mut Lane, Option<&Lane>) {
     let (before, from) = lanes.split_at_mut(j);
     (&mut from[0], before.first())
 }
 
 /// Copy some numbers of a row into lane j, less the first lane if it `is_difference`; repeat the last number.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference: bool) {
     let (lane, first) = lane_and_first(lanes, j);
     let first = if is_difference { first } else { None };
@@ -462,7 +462,7 @@ fn pick(row: &[f64], places: &[u8], lanes: &mut [Lane], j: usize, is_difference:
 }
 
 /// Copy the real and imaginary parts of some numbers of a row, less the first lane; zeros after them.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane], j: usize) {
     let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
     (*re, *im) = ([0.0; CHUNK], [0.0; CHUNK]);
@@ -474,7 +474,7 @@ fn pick_parts(row: &[Complex64], places: &[u8], re: &mut [Lane], im: &mut [Lane]
 }
 
 /// Copy a row into lane j, less the first lane if it `is_difference`; repeat the last number.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
     let (lane, first) = lane_and_first(lanes, j);
     match (<&Lane>::try_from(row), first) {
@@ -499,7 +499,7 @@ fn copy(row: &[f64], lanes: &mut [Lane], j: usize, is_difference: bool) {
 }
 
 /// Copy the real and imaginary parts of a row, less the first lane; zeros after its end.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn copy_parts(row: &[Complex64], re: &mut [Lane], im: &mut [Lane], j: usize) {
     let ((re, first_re), (im, first_im)) = (lane_and_first(re, j), lane_and_first(im, j));
     match (<&[Complex64; CHUNK]>::try_from(row), first_re, first_im) {

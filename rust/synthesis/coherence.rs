@@ -13,7 +13,7 @@ const MOST_COLUMNS: usize = 128;
 
 /// Largest integer that is not greater than a number of magnitude below 2^31, without a call where the instruction set
 /// has none for it.
-#[inline(always)] // within loops over paths
+#[cfg_attr(optimised, inline(always))] // within loops over paths
 fn floor(x: f64) -> i64 {
     const ABOVE: f64 = 2_147_483_648.0; // 2^31
     (x + ABOVE) as i64 - (1 << 31)
@@ -48,7 +48,7 @@ impl Coherence {
     }
 
     /// Add paths: turns of phase from sample to sample, turns over the frame, amplitudes.
-    #[inline(always)] // within loops over paths
+    #[cfg_attr(optimised, inline(always))] // within loops over paths
     pub fn add(&mut self, range: f64, velocity: f64, amplitude: f64) {
         if self.cells.is_empty() {
             self.cells.resize(self.rows * self.columns, 0.0);
@@ -72,7 +72,7 @@ impl Coherence {
     }
 
     /// Add the amplitudes of paths to the cells of some indices, and the sum of their squares.
-    #[inline(always)] // within loops over paths
+    #[cfg_attr(optimised, inline(always))] // within loops over paths
     pub fn add_to<T: Real>(&mut self, cells: &[u32], amplitudes: &[T], squares: f64) {
         if self.cells.is_empty() {
             self.cells.resize(self.rows * self.columns, 0.0);

@@ -222,7 +222,7 @@ struct AddPaths<'a> {
 impl Kernel for AddPaths<'_> {
     type Output = Sums;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Sums {
         let (f0, slope) = (self.waveform.start_frequency, self.waveform.slope);
         let num_delays = self.records.num_delay_terms;

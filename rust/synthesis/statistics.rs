@@ -301,7 +301,7 @@ struct Masks<'a> {
 impl Kernel for Masks<'_> {
     type Output = Vec<u128>;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<u128> {
         let mut rows = Rows::new(self.series);
         let mut masks = Vec::new();
@@ -324,7 +324,7 @@ struct BlockRanges<'a> {
 impl Kernel for BlockRanges<'_> {
     type Output = Vec<Vec<Interval>>;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<Vec<Interval>> {
         let num_delays = self.series.num_delay_terms();
         let mut ranges = vec![Ends::<I::F64>::empty(); self.blocks.len() * num_delays];
@@ -352,7 +352,7 @@ const AT_ONCE: usize = 4;
 type Wide<I> = wide::Wide<I, AT_ONCE>;
 
 /// Numbers of some vectors.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn numbers<I: Isa>(vectors: Wide<I>) -> [f64; 8 * AT_ONCE] {
     let mut numbers = [0.0; 8 * AT_ONCE];
     wide::store(vectors, &mut numbers);
@@ -360,7 +360,7 @@ fn numbers<I: Isa>(vectors: Wide<I>) -> [f64; 8 * AT_ONCE] {
 }
 
 /// Coefficient k of the paths from `at` on.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn whole<I: Isa>(matrix: &[Vec<f64>], rows: &[Lane], k: usize, at: usize) -> Wide<I> {
     let value = coefficient::<I, AT_ONCE>(matrix, rows, k, at);
     if k == 0 {
@@ -380,7 +380,7 @@ struct Ends<V> {
 
 impl<V: Vector<Scalar = f64>> Ends<V> {
     /// Ends of the empty range.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn empty() -> Self {
         Self {
             low: [V::splat(f64::INFINITY); AT_ONCE],
@@ -391,7 +391,7 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
 
     /// Widen the range by coefficient k of the delay of all paths. Lanes after the last path of a chunk are copies of
     /// that path.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn take_in<I: Isa<F64 = V>>(&mut self, block: &Block, rows: &Rows, k: usize) {
         let Self {
             mut low,
@@ -408,7 +408,7 @@ impl<V: Vector<Scalar = f64>> Ends<V> {
         *self = Self { low, high, zero };
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn intervals<I: Isa<F64 = V>>(ranges: &[Self]) -> Vec<Interval> {
         let mut intervals = Vec::new();
         for range in ranges {

@@ -26,7 +26,7 @@ impl Isa for Avx2 {
     const IS_FUSED: bool = true;
     type F32 = Two<__m256>;
     type F64 = Two<__m256d>;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
         unsafe {
             Two(
@@ -35,7 +35,7 @@ impl Isa for Avx2 {
             )
         }
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn equal(numbers: &[u32; 16], number: u32) -> u32 {
         let mut bits = 0;
         for i in 0..2 {
@@ -47,7 +47,7 @@ impl Isa for Avx2 {
         }
         bits
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
         for i in 0..2 {
             unsafe {
@@ -67,96 +67,96 @@ macro_rules! avx2_vector {
         impl Vector for Two<$register> {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn splat(x: $scalar) -> Self {
                 let x = unsafe { $set1(x) };
                 Self(x, x)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn halves(a: $scalar, b: $scalar) -> Self {
                 unsafe { Self($set1(a), $set1(b)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn alternate(re: $scalar, im: $scalar) -> Self {
                 let x = unsafe { $blend::<$odd>($set1(re), $set1(im)) };
                 Self(x, x)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn pairs(self) -> [Self; 2] {
                 unsafe {
                     let (a, b) = ($pairs(self.0), $pairs(self.1));
                     [Self(a.0, a.1), Self(b.0, b.1)]
                 }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn add(self, b: Self) -> Self {
                 unsafe { Self($add(self.0, b.0), $add(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sub(self, b: Self) -> Self {
                 unsafe { Self($sub(self.0, b.0), $sub(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul(self, b: Self) -> Self {
                 unsafe { Self($mul(self.0, b.0), $mul(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul_add(self, b: Self, c: Self) -> Self {
                 unsafe { Self($fmadd(self.0, b.0, c.0), $fmadd(self.1, b.1, c.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn neg_mul_add(self, b: Self, c: Self) -> Self {
                 unsafe { Self($fnmadd(self.0, b.0, c.0), $fnmadd(self.1, b.1, c.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn min(self, b: Self) -> Self {
                 unsafe { Self($min(self.0, b.0), $min(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn max(self, b: Self) -> Self {
                 unsafe { Self($max(self.0, b.0), $max(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn div(self, b: Self) -> Self {
                 unsafe { Self($div(self.0, b.0), $div(self.1, b.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sqrt(self) -> Self {
                 unsafe { Self($sqrt(self.0), $sqrt(self.1)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn equal(self, b: Self) -> u32 {
                 let low = unsafe { $bits($compare::<_CMP_EQ_OQ>(self.0, b.0)) } as u32;
                 let high = unsafe { $bits($compare::<_CMP_EQ_OQ>(self.1, b.1)) } as u32;
                 low | high << ($lanes / 2)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn first(self) -> $scalar {
                 unsafe { $first(self.0) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn largest(self) -> $scalar {
                 unsafe {
                     let v = $max(self.0, self.1);
                     $largest($max128($extract::<0>(v), $extract::<1>(v)))
                 }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn select(self, bits: u32, b: Self) -> Self {
                 let (low, high) = ($mask(bits), $mask(bits >> ($lanes / 2)));
                 unsafe { Self($blendv(b.0, self.0, low), $blendv(b.1, self.1, high)) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn at_most(self, b: Self) -> u32 {
                 let low = unsafe { $bits($compare::<_CMP_LE_OQ>(self.0, b.0)) } as u32;
                 let high = unsafe { $bits($compare::<_CMP_LE_OQ>(self.1, b.1)) } as u32;
                 low | high << ($lanes / 2)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 unsafe { Self($loadu(from), $loadu(from.add($lanes / 2))) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn store_unchecked(self, to: *mut $scalar) {
                 unsafe {
                     $storeu(to, self.0);
@@ -167,7 +167,7 @@ macro_rules! avx2_vector {
     };
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn pairs_ps(v: __m256) -> (__m256, __m256) {
     unsafe {
         (
@@ -177,7 +177,7 @@ unsafe fn pairs_ps(v: __m256) -> (__m256, __m256) {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn pairs_pd(v: __m256d) -> (__m256d, __m256d) {
     unsafe {
         (
@@ -188,7 +188,7 @@ unsafe fn pairs_pd(v: __m256d) -> (__m256d, __m256d) {
 }
 
 /// All bits of a number set where its bit is.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn mask_ps(bits: u32) -> __m256 {
     unsafe {
         let places = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
@@ -198,7 +198,7 @@ fn mask_ps(bits: u32) -> __m256 {
 }
 
 /// Double-precision counterpart.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn mask_pd(bits: u32) -> __m256d {
     unsafe {
         let places = _mm256_setr_epi64x(1, 2, 4, 8);

@@ -25,7 +25,7 @@ impl Isa for Avx512 {
     const IS_FUSED: bool = true;
     type F32 = One<__m512>;
     type F64 = One<__m512d>;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
         unsafe {
             let (low, high) = (_mm512_cvtpd_ps(low.0), _mm512_cvtpd_ps(high.0));
@@ -33,14 +33,14 @@ impl Isa for Avx512 {
             One(_mm512_castpd_ps(_mm512_insertf64x4::<1>(low, _mm256_castps_pd(high))))
         }
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn equal(numbers: &[u32; 16], number: u32) -> u32 {
         unsafe {
             let v = _mm512_loadu_si512(numbers.as_ptr().cast());
             u32::from(_mm512_cmpeq_epi32_mask(v, _mm512_set1_epi32(number.cast_signed())))
         }
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
         unsafe {
             let number = _mm512_set1_epi32(number.cast_signed());
@@ -56,83 +56,83 @@ macro_rules! avx512_vector {
         impl Vector for One<$register> {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn splat(x: $scalar) -> Self {
                 Self(unsafe { $set1(x) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn halves(a: $scalar, b: $scalar) -> Self {
                 Self(unsafe { $blend($upper, $set1(a), $set1(b)) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn alternate(re: $scalar, im: $scalar) -> Self {
                 Self(unsafe { $blend($odd, $set1(re), $set1(im)) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn pairs(self) -> [Self; 2] {
                 unsafe { [Self($permute($low, self.0)), Self($permute($high, self.0))] }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn add(self, b: Self) -> Self {
                 Self(unsafe { $add(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sub(self, b: Self) -> Self {
                 Self(unsafe { $sub(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul(self, b: Self) -> Self {
                 Self(unsafe { $mul(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul_add(self, b: Self, c: Self) -> Self {
                 Self(unsafe { $fmadd(self.0, b.0, c.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn neg_mul_add(self, b: Self, c: Self) -> Self {
                 Self(unsafe { $fnmadd(self.0, b.0, c.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn min(self, b: Self) -> Self {
                 Self(unsafe { $min(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn max(self, b: Self) -> Self {
                 Self(unsafe { $max(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn div(self, b: Self) -> Self {
                 Self(unsafe { $div(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sqrt(self) -> Self {
                 Self(unsafe { $sqrt(self.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn at_most(self, b: Self) -> u32 {
                 u32::from(unsafe { $compare::<_CMP_LE_OQ>(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn equal(self, b: Self) -> u32 {
                 u32::from(unsafe { $compare::<_CMP_EQ_OQ>(self.0, b.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn first(self) -> $scalar {
                 unsafe { $first(self.0) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn largest(self) -> $scalar {
                 unsafe { $largest(self.0) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn select(self, bits: u32, b: Self) -> Self {
                 Self(unsafe { $blend(bits as $mask, b.0, self.0) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 Self(unsafe { $loadu(from) })
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn store_unchecked(self, to: *mut $scalar) {
                 unsafe { $storeu(to, self.0) }
             }

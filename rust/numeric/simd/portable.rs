@@ -10,11 +10,11 @@ impl Isa for Baseline {
     const IS_FUSED: bool = cfg!(target_arch = "aarch64");
     type F32 = [f32; 16];
     type F64 = [f64; 8];
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow(low: [f64; 8], high: [f64; 8]) -> [f32; 16] {
         std::array::from_fn(|i| if i < 8 { low[i] as f32 } else { high[i - 8] as f32 })
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn equal(numbers: &[u32; 16], number: u32) -> u32 {
         let mut bits = 0;
         for i in 0..16 {
@@ -22,7 +22,7 @@ impl Isa for Baseline {
         }
         bits
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
         for i in 0..16 {
             numbers[i] = if bits >> i & 1 == 1 { number } else { numbers[i] };
@@ -35,11 +35,11 @@ macro_rules! array_vector {
         impl Vector for [$scalar; $lanes] {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn splat(x: $scalar) -> Self {
                 [x; $lanes]
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn halves(a: $scalar, b: $scalar) -> Self {
                 let mut v = [a; $lanes];
                 for i in $lanes / 2..$lanes {
@@ -47,7 +47,7 @@ macro_rules! array_vector {
                 }
                 v
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn alternate(re: $scalar, im: $scalar) -> Self {
                 let mut v = [re; $lanes];
                 for i in 0..$lanes / 2 {
@@ -55,7 +55,7 @@ macro_rules! array_vector {
                 }
                 v
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn pairs(self) -> [Self; 2] {
                 let (mut low, mut high) = (self, self);
                 for i in 0..$lanes {
@@ -64,28 +64,28 @@ macro_rules! array_vector {
                 }
                 [low, high]
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn add(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] += b[i];
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sub(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] -= b[i];
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] *= b[i];
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul_add(mut self, b: Self, c: Self) -> Self {
                 for i in 0..$lanes {
                     // Without the instruction, fused multiply-add is a call of the library.
@@ -97,7 +97,7 @@ macro_rules! array_vector {
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn neg_mul_add(mut self, b: Self, c: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] = if cfg!(target_arch = "aarch64") {
@@ -108,21 +108,21 @@ macro_rules! array_vector {
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn min(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] = if self[i] < b[i] { self[i] } else { b[i] };
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn max(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] = if self[i] > b[i] { self[i] } else { b[i] };
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn at_most(self, b: Self) -> u32 {
                 let mut bits = 0;
                 for i in 0..$lanes {
@@ -130,7 +130,7 @@ macro_rules! array_vector {
                 }
                 bits
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn equal(self, b: Self) -> u32 {
                 let mut bits = 0;
                 for i in 0..$lanes {
@@ -138,32 +138,32 @@ macro_rules! array_vector {
                 }
                 bits
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn first(self) -> $scalar {
                 self[0]
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn div(mut self, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] /= b[i];
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sqrt(mut self) -> Self {
                 for i in 0..$lanes {
                     self[i] = self[i].sqrt();
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn select(mut self, bits: u32, b: Self) -> Self {
                 for i in 0..$lanes {
                     self[i] = if bits >> i & 1 == 1 { self[i] } else { b[i] };
                 }
                 self
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn largest(self) -> $scalar {
                 let mut largest = self[0];
                 for i in 1..$lanes {
@@ -171,12 +171,12 @@ macro_rules! array_vector {
                 }
                 largest
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 // SAFETY: the caller's.
                 unsafe { from.cast::<Self>().read_unaligned() }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn store_unchecked(self, to: *mut $scalar) {
                 // SAFETY: the caller's.
                 unsafe { to.cast::<Self>().write_unaligned(self) }

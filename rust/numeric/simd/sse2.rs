@@ -13,15 +13,15 @@ impl Isa for Baseline {
     const IS_FUSED: bool = false;
     type F32 = Four<__m128>;
     type F64 = Four<__m128d>;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
         narrow(low, high)
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn equal(numbers: &[u32; 16], number: u32) -> u32 {
         equal(numbers, number)
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
         put(numbers, bits, number);
     }
@@ -66,23 +66,23 @@ macro_rules! sse2_vector {
         impl Vector for Four<$register> {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn splat(x: $scalar) -> Self {
                 let x = unsafe { $set1(x) };
                 Self(x, x, x, x)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn halves(a: $scalar, b: $scalar) -> Self {
                 let (a, b) = unsafe { ($set1(a), $set1(b)) };
                 Self(a, a, b, b)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn alternate(re: $scalar, im: $scalar) -> Self {
                 let alternate: fn($scalar, $scalar) -> $register = $alternate;
                 let x = alternate(re, im);
                 Self(x, x, x, x)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn pairs(self) -> [Self; 2] {
                 let Self(a, b, c, d) = self;
                 unsafe {
@@ -92,60 +92,60 @@ macro_rules! sse2_vector {
                     ]
                 }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn add(self, b: Self) -> Self {
                 each!($add(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sub(self, b: Self) -> Self {
                 each!($sub(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul(self, b: Self) -> Self {
                 each!($mul(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn mul_add(self, b: Self, c: Self) -> Self {
                 self.mul(b).add(c)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn neg_mul_add(self, b: Self, c: Self) -> Self {
                 c.sub(self.mul(b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn min(self, b: Self) -> Self {
                 each!($min(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn max(self, b: Self) -> Self {
                 each!($max(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn at_most(self, b: Self) -> u32 {
                 mask!($bits, $at_most, $lanes / 4, self, b)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn equal(self, b: Self) -> u32 {
                 mask!($bits, $equal, $lanes / 4, self, b)
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn first(self) -> $scalar {
                 unsafe { $first(self.0) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn div(self, b: Self) -> Self {
                 each!($div(self, b))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn sqrt(self) -> Self {
                 each!($sqrt(self))
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn largest(self) -> $scalar {
                 let Self(a, b, c, d) = self;
                 unsafe { $largest($max($max(a, b), $max(c, d))) }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             fn select(self, bits: u32, b: Self) -> Self {
                 Self(
                     $select(bits, self.0, b.0),
@@ -154,7 +154,7 @@ macro_rules! sse2_vector {
                     $select(bits >> (3 * $lanes / 4), self.3, b.3),
                 )
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn load_unchecked(from: *const $scalar) -> Self {
                 unsafe {
                     Self(
@@ -165,7 +165,7 @@ macro_rules! sse2_vector {
                     )
                 }
             }
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             unsafe fn store_unchecked(self, to: *mut $scalar) {
                 unsafe {
                     $storeu(to, self.0);
@@ -227,7 +227,7 @@ sse2_vector!(
     _mm_unpackhi_pd
 );
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) unsafe fn largest_ps(v: __m128) -> f32 {
     unsafe {
         let v = _mm_max_ps(v, _mm_movehl_ps(v, v));
@@ -235,12 +235,12 @@ pub(super) unsafe fn largest_ps(v: __m128) -> f32 {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) unsafe fn largest_pd(v: __m128d) -> f64 {
     unsafe { _mm_cvtsd_f64(_mm_max_sd(v, _mm_unpackhi_pd(v, v))) }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn select_sse2_ps(bits: u32, a: __m128, b: __m128) -> __m128 {
     unsafe {
         let mask = mask_sse2(bits);
@@ -248,7 +248,7 @@ fn select_sse2_ps(bits: u32, a: __m128, b: __m128) -> __m128 {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn select_sse2_pd(bits: u32, a: __m128d, b: __m128d) -> __m128d {
     unsafe {
         let mask = mask_sse2(bits);
@@ -258,7 +258,7 @@ fn select_sse2_pd(bits: u32, a: __m128d, b: __m128d) -> __m128d {
 }
 
 /// All bits of a number set where its bit is.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn mask_sse2(bits: u32) -> __m128 {
     unsafe {
         let places = _mm_setr_epi32(1, 2, 4, 8);
@@ -268,7 +268,7 @@ fn mask_sse2(bits: u32) -> __m128 {
 }
 
 /// See `Isa::equal`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn equal(numbers: &[u32; 16], number: u32) -> u32 {
     let mut bits = 0;
     for i in 0..4 {
@@ -282,7 +282,7 @@ fn equal(numbers: &[u32; 16], number: u32) -> u32 {
 }
 
 /// See `Isa::put`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
     for i in 0..4 {
         unsafe {
@@ -295,7 +295,7 @@ fn put(numbers: &mut [u32; 16], bits: u32, number: u32) {
 }
 
 /// Nearest f32 of twice 8 numbers.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn narrow(low: Four<__m128d>, high: Four<__m128d>) -> Four<__m128> {
     let pair = |a: __m128d, b: __m128d| unsafe { _mm_movelh_ps(_mm_cvtpd_ps(a), _mm_cvtpd_ps(b)) };
     Four(

@@ -17,17 +17,17 @@ pub trait Real: Float + FromPrimitive + radarcore_fft::Precision + Default {
 }
 
 impl Real for f32 {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn of(x: f64) -> Self {
         x as Self
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn wide(self) -> f64 {
         f64::from(self)
     }
     const ROUND: Self = 12_582_912.0; // 1.5 * 2^23
     const LEAST_EXPONENT: f64 = -126.0;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn power_of_two(self) -> Self {
         // The lowest bits of numbers from 2^23 on count units.
         Self::from_bits((self + 8_388_735.0).to_bits() << 23) // 2^23 + 127
@@ -35,17 +35,17 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn of(x: f64) -> Self {
         x
     }
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn wide(self) -> f64 {
         self
     }
     const ROUND: Self = 6_755_399_441_055_744.0; // 1.5 * 2^52
     const LEAST_EXPONENT: f64 = -1022.0;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn power_of_two(self) -> Self {
         Self::from_bits((self + 4_503_599_627_371_519.0).to_bits() << 52) // 2^52 + 1023
     }
@@ -94,14 +94,14 @@ pub trait Vector: Copy {
     /// The largest number; none may be NaN.
     fn largest(self) -> Self::Scalar;
     /// Load the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn load(from: &[Self::Scalar]) -> Self {
         assert!(from.len() >= Self::LANES);
         // SAFETY: there are `LANES` numbers.
         unsafe { Self::load_unchecked(from.as_ptr()) }
     }
     /// Store to the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn store(self, to: &mut [Self::Scalar]) {
         assert!(to.len() >= Self::LANES);
         // SAFETY: there are `LANES` numbers.
@@ -116,7 +116,7 @@ pub trait Vector: Copy {
 }
 
 /// `re0, im0, re1, im1, ...`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
     let (zero, one) = (V::Scalar::of(0.0), V::Scalar::of(1.0));
     let (real, imaginary) = (V::alternate(one, zero), V::alternate(zero, one));
@@ -128,7 +128,7 @@ pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
 }
 
 /// Add to rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn add_rows<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
     start: usize,
@@ -150,7 +150,7 @@ pub fn add_rows<V: Vector, const W: usize, const N: usize>(
 }
 
 /// Add to rows of a grid: `grid[start + j stride ..] += patch[j]`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn add_patch<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
     start: usize,
@@ -170,7 +170,7 @@ pub fn add_patch<V: Vector, const W: usize, const N: usize>(
 }
 
 /// Add to rows of a grid, lane by lane: `grid[start + j stride ..] += taps[j] * values` for `W` rows of `N` vectors.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn add_window<V: Vector, const W: usize, const N: usize>(
     grid: &mut [V::Scalar],
     start: usize,
@@ -209,7 +209,7 @@ pub trait Isa {
 }
 
 /// Prefetch a value that will be read soon: its first and second cache line.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn prefetch<T>(what: &T) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -234,7 +234,7 @@ pub trait Precision: Real {
 
 impl Precision for f32 {
     type In<I: Isa> = I::F32;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow<I: Isa>(wide: [I::F64; 2]) -> I::F32 {
         I::narrow(wide[0], wide[1])
     }
@@ -242,7 +242,7 @@ impl Precision for f32 {
 
 impl Precision for f64 {
     type In<I: Isa> = I::F64;
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn narrow<I: Isa>(wide: [I::F64; 2]) -> I::F64 {
         wide[0]
     }
@@ -250,8 +250,9 @@ impl Precision for f64 {
 
 /// Code that [`Level::run`] compiles for every instruction set.
 ///
-/// `run` and all it calls must be `#[inline(always)]`: closures (those of `map` and `from_fn` as well) and ordinary
-/// calls do not inherit the instruction set and would silently run with the baseline's.
+/// `run` and all it calls must be `#[cfg_attr(optimised, inline(always))]`: closures (those of `map` and `from_fn` as well)
+/// and ordinary calls do not inherit the instruction set and would silently run with the baseline's. Large arrays belong
+/// on the heap: threads have 512 kB of stack at least (rust/stack.rs).
 pub trait Kernel {
     /// Return type of the kernel.
     type Output;

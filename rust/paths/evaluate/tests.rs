@@ -54,7 +54,7 @@ struct OfRows<'a>([&'a Kinematics<'a>; 2], &'a Scatterers, &'a Members, Selectio
 impl Kernel for OfRows<'_> {
     type Output = Rows<ROW>;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Rows<ROW> {
         let Self([delays, amplitudes], scatterers, members, selection) = self;
         let mut rows = Rows::new(scatterers.num_channels(), [delays.num_nodes, amplitudes.num_nodes]);

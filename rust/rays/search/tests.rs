@@ -16,7 +16,7 @@ struct Both<'a> {
 impl Kernel for Both<'_> {
     type Output = [Option<Box<Scratch>>; 2];
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Self::Output {
         let tile = self.plane.tile(self.tile);
         let mut both = [Box::new(Scratch::new()), Box::new(Scratch::new())];

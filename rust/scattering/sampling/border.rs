@@ -50,7 +50,7 @@ impl Border {
     }
 
     /// Border of evaluated cells, in a tile of some rows and columns.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn new(echoes: &Echoes, cells: &Cells, rows: usize, columns: usize) -> Self {
         let mut border = Self::OUTSIDE;
         for place in 0..AROUND {
@@ -91,7 +91,7 @@ impl Border {
     }
 
     /// Echoes at two sides from one place on; phases [rad] relative to those of other distances.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn load<V: Vector<Scalar = f32>>(&self, first: usize, phase: V) -> Echo<V> {
         Echo {
             phase,
@@ -105,7 +105,7 @@ impl Border {
     }
 
     /// Copy the side of another border to a side of this one.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn copy(&mut self, to: usize, from: &Self, side: usize) {
         let (to, side) = (to * TILE, side * TILE);
         for axis in 0..2 {
@@ -121,7 +121,7 @@ impl Border {
 }
 
 /// Row and column of the cell at a place of the border of a tile of some rows and columns.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn cell(place: usize, rows: usize, columns: usize) -> Option<(usize, usize)> {
     let along = place % TILE;
     let (row, column) = match place / TILE {
@@ -144,7 +144,7 @@ struct Compare<'a> {
 impl Kernel for Compare<'_> {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) {
         // Opposite sides meet.
         let mut there = Border::OUTSIDE;

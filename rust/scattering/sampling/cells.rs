@@ -75,7 +75,7 @@ impl Cells {
     };
 
     /// Evaluate the hits of a tile; `gain`: relative two-way field gain in its middle.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn evaluate<I: Isa>(
         &mut self,
         scratch: &Scratch,
@@ -101,7 +101,7 @@ impl Cells {
     }
 
     /// Take over the hits of rays that return power, and the inverse lengths of all directions `(1, u, v)` beside them.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn take<I: Isa>(&mut self, scratch: &Scratch, inverse: &mut [f64; MOST_RAYS]) {
         self.u = scratch.rays.u;
         self.v = scratch.rays.v;
@@ -146,7 +146,7 @@ impl Cells {
     }
 
     /// Slopes, phases, fields and weights of the hits without reflection and tapers.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn measure<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, gain: f64, inverse: &[f64; MOST_RAYS]) {
         let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
         for packet in 0..PACKETS {
@@ -198,7 +198,7 @@ impl Cells {
     }
 
     /// Clear the numbers of cells without a hit.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn clear(&mut self, cells: Range<usize>) {
         self.cosine[cells.clone()].fill(1.0);
         for axis in 0..2 {
@@ -212,7 +212,7 @@ impl Cells {
     }
 
     /// Reflection coefficients of the materials, and least slopes of cells whose bodies turn.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn follow<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, reflections: &[Reflection], turns: &[f32]) {
         let mut rest = self.hit;
         while rest != 0 {
@@ -244,7 +244,7 @@ impl Cells {
 
     /// Weights of the cells of the tile with the taper of their slopes; cells of weight zero make no point. Points of
     /// bodies that turn get the mean over the phase of their cell when they are evaluated.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn weigh<I: Isa>(&mut self) {
         for packet in 0..PACKETS {
             if self.hits(packet) == 0 {
@@ -264,13 +264,13 @@ impl Cells {
     }
 
     /// A bit per cell of a packet with a hit.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn hits(&self, packet: usize) -> u32 {
         (self.hit >> (packet * PACKET)) as u32 & 0xffff
     }
 
     /// A bit per cell with a hit of a body.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn hits_of<I: Isa>(&self, body: u32) -> u64 {
         let mut hits = 0;
         for packet in 0..PACKETS {
@@ -282,7 +282,7 @@ impl Cells {
     }
 
     /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn echo(&self) -> f64 {
         let mut turns = [0.0; MOST_RAYS];
         for i in 0..MOST_RAYS {
@@ -312,7 +312,7 @@ impl Cells {
 }
 
 /// Magnitudes of numbers.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn magnitude<V: Vector<Scalar = f32>>(numbers: V) -> V {
     numbers.max(V::splat(0.0).sub(numbers))
 }

@@ -27,7 +27,7 @@ pub(super) struct Join {
 impl Join {
     /// True if cells over a length may be joined: the phase between them changes little while the body turns.
     /// `wavenumber` [rad/m], `length` [m].
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn allows(self, wavenumber: f64, length: f64) -> bool {
         self.phase > 0.0 && 2.0 * self.turn * (wavenumber * length) as f32 <= MOST_TURNED
     }
@@ -39,7 +39,7 @@ impl Join {
 /// Delay and weight are those of the sum at the centre of the band: with fields `f_i = w_i cos_i exp(-j phi_i)` the
 /// phase is `Re(sum f_i phi_i / sum f_i)`, the delay of the sum, and the weight is turned to it. The point lies on the
 /// mean ray.
-#[inline(always)] // part of a kernel
+#[cfg_attr(optimised, inline(always))] // part of a kernel
 pub(super) fn joined<I: Isa>(
     cells: &Cells,
     first: usize,
@@ -114,7 +114,7 @@ pub(super) fn joined<I: Isa>(
 }
 
 /// Sum of all numbers, in one order for every instruction set.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn total<V: Vector<Scalar = f32>>(numbers: V) -> f32 {
     let mut lanes = [0.0; PACKET];
     numbers.store(&mut lanes);
@@ -127,7 +127,7 @@ fn total<V: Vector<Scalar = f32>>(numbers: V) -> f32 {
 }
 
 /// Sum of the numbers of a quarter's cells in a mask.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn total_of<I: Isa>(numbers: &[f64; MOST_RAYS], first: usize, lit: u32) -> f64 {
     let zero = <I::F64 as Vector>::splat(0.0);
     let low = I::F64::load(&numbers[first..]).select(lit & 0xff, zero);

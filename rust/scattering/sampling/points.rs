@@ -86,13 +86,13 @@ impl Group {
     };
 
     /// Largest distance between the centres of its cells at a distance of 1, for cells of a size.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn length(&self, [du, dv]: [f64; 2]) -> f64 {
         (f64::from(self.columns - 1) * du).max(f64::from(self.rows - 1) * dv)
     }
 
     /// Halves of the group across the axis along which the phase varies most; `slope`: of a cell along u and v.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn halves(self, slope: [f32; 2]) -> [Self; 2] {
         let Self { cells, rows, columns } = self;
         let across_u = slope[0] * (columns - 1) as f32 >= slope[1] * (rows - 1) as f32;
@@ -127,7 +127,7 @@ impl TilePoints {
 
     /// Append the points of a quarter. `join`: limits of joined cells, per body; `width`: size
     /// of the cells in u and v.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn add<I: Isa>(
         &mut self,
         cells: &Cells,
@@ -161,7 +161,7 @@ impl TilePoints {
     }
 
     /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[Join], width: [f64; 2]) {
         let weight = I::F32::load(&cells.weight[first..]);
         let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
@@ -231,7 +231,7 @@ impl TilePoints {
 }
 
 /// Material point of one cell of a size.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn point_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> TilePoint {
     let mut edges = [DVec3::ZERO; 2];
     if cells.turning >> cell & 1 == 1 {
@@ -261,7 +261,7 @@ pub(super) fn patch_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> Patch 
 }
 
 /// Weight of the point of one cell, `(j / 8 pi) Gamma dA T T`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(super) fn weight_of(cells: &Cells, cell: usize) -> Complex64 {
     let weight = f64::from(cells.weight[cell]);
     let [re, im] = &cells.reflection;

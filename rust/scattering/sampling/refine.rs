@@ -377,7 +377,10 @@ impl Refine<'_> {
             let tile = known.unwrap_or_else(|| Arc::new(new()));
             (tile, is_new)
         };
-        let tiles: Vec<(Arc<Tile>, bool)> = all.par_iter().map_init(Worker::new, tile).collect();
+        let tiles: Vec<(Arc<Tile>, bool)> = all
+            .par_iter()
+            .map_init(Worker::new, |worker, wanted| tile(worker, wanted))
+            .collect();
         let cast = tiles.iter().filter(|(_, is_new)| *is_new);
         self.counts.rays += cast.map(|(tile, _)| tile.rays).sum::<usize>();
         let tiles = tiles.into_iter().map(|(tile, _)| tile).collect();

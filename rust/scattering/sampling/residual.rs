@@ -50,7 +50,7 @@ pub(super) struct Echo<V> {
 /// of the body are the residual. Fast phases leave less: an edge term has the field over the slopes. Where tapers stop
 /// these until cells are smaller, the residual of the last split before that is decisive: cells up to there return
 /// nothing.
-#[inline(always)] // part of a kernel
+#[cfg_attr(optimised, inline(always))] // part of a kernel
 pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis: usize) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let phase = b.phase.sub(a.phase).add(a.slope[axis]).add(b.slope[axis]);
@@ -91,7 +91,7 @@ pub(super) struct Echoes {
 
 impl Echoes {
     /// Echoes of evaluated cells.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
         let mut echoes = Self {
             phase: [0.0; CAPACITY],
@@ -134,7 +134,7 @@ impl Echoes {
     }
 
     /// Sizes at which half cells pass the tapers.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn steepen<I: Isa>(&mut self) {
         let splat = <I::F32 as Vector>::splat;
         let mut steep = [splat(1.0); MOST_RAYS / PACKET];
@@ -174,7 +174,7 @@ impl Echoes {
     }
 
     /// Echoes of the 16 cells from one on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Echo<V> {
         Echo {
             phase: V::load(&self.phase[first..]),
@@ -208,7 +208,7 @@ impl Blocks {
     };
 
     /// Criteria of the blocks of evaluated cells.
-    #[inline(always)] // part of a kernel
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn new<I: Isa>(echoes: &Echoes) -> Self {
         let zero = <I::F32 as Vector>::splat(0.0);
         let mut right = [0.0_f32; CAPACITY];
@@ -268,7 +268,7 @@ mod tests {
     impl Kernel for AtEdge {
         type Output = f32;
 
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> f32 {
             let splat = <I::F32 as Vector>::splat;
             let nothing = Echo {
@@ -318,7 +318,7 @@ mod tests {
     impl Kernel for Steepened {
         type Output = [f32; 4];
 
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [f32; 4] {
             let mut cells = Cells::EMPTY;
             // Of bodies of their own, so that no slope changes from cell to cell; the last misses.

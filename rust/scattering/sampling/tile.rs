@@ -90,12 +90,13 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub(super) fn new() -> Self {
-        Self {
+    /// Memory on the heap, as iterators hold one in every frame of their recursion.
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
             scratch: Scratch::new(),
             cells: Cells::EMPTY,
             points: TilePoints::default(),
-        }
+        })
     }
 }
 
@@ -139,7 +140,7 @@ struct Evaluate<'a> {
 impl Kernel for Evaluate<'_> {
     type Output = Tile;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Tile {
         let Self {
             scenery,
@@ -225,7 +226,7 @@ struct Meets<'a> {
 impl Kernel for Meets<'_> {
     type Output = bool;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> bool {
         let plane = &self.scenery.planes[self.place.level];
         let Some(pixels) = self.place.pixels(plane) else {
@@ -336,7 +337,7 @@ impl Tile {
 }
 
 /// Add the nearest hits of the bodies of a tile, from distances to triangles [m].
-#[inline(always)] // part of a kernel
+#[cfg_attr(optimised, inline(always))] // part of a kernel
 fn find_nearest<I: Isa>(
     cells: &Cells,
     distances: &[f64; MOST_RAYS],

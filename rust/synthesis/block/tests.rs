@@ -5,7 +5,7 @@ struct Load<'a>(&'a mut Chunk, &'a PathSeries<'a>, usize, &'a Block, Selection<'
 
 impl Kernel for Load<'_> {
     type Output = ();
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
         self.0.load::<I>(self.1, 0, self.2, self.3, self.4);
     }

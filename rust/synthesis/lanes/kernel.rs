@@ -82,7 +82,7 @@ impl Spreading {
     }
 
     /// Values of the kernel at its cells: `tap_(w-1-i)(z) = tap_i(-z)`, so even and odd powers serve two.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn values<V: Vector<Scalar = f32>, const W: usize>(&self, z: V) -> [V; W] {
         let square = z.mul(z);
         let mut values = [z; W];
@@ -120,7 +120,7 @@ mod tests {
 
     impl<const W: usize> Kernel for Values<'_, W> {
         type Output = Vec<f64>;
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> Vec<f64> {
             let mut values = Vec::new();
             for tap in self.0.values::<I::F32, W>(I::F32::splat(self.1)) {

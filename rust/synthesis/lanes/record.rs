@@ -155,7 +155,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Add paths to a batch; bit i of `moving` is set where path i moves.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn add<I: Isa>(&self, paths: &Coefficients, moving: u128, batch: &mut Batch) {
         let mut sums = Sums::<I::F32>::new();
         for at in (0..paths.len).step_by(LANES) {
@@ -168,7 +168,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Numbers of the 16 paths from `at` on.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn sixteen<I: Isa>(&self, paths: &Coefficients, at: usize, sums: &mut Sums<I::F32>) -> Numbers {
         let tables = self.tables;
         let zero = I::F32::splat(0.0);
@@ -278,7 +278,7 @@ impl<'a> Builder<'a> {
 
     /// Phase that is left out whatever the steps [rad], phase that bends within a chirp [rad], sum of the coefficients
     /// after the third [turns], and masks of the paths that need coefficient 4, 5, 6, 7.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn left_out<I: Isa>(
         &self,
         turns: &[I::F32; NUM_TURNS],
@@ -326,7 +326,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Directions of the conjugates of the first coefficients of amplitudes, and their arguments [turns].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn direction<I: Isa>(paths: &Coefficients, at: usize) -> ([I::F32; 2], I::F32) {
         let none = I::F32::splat(0.0);
         let (x, y) = (
@@ -366,7 +366,7 @@ struct Numbers {
 
 impl Numbers {
     /// Put one path into a batch.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn put(&self, lane: usize, is_moving: bool, batch: &mut Batch) {
         let cell = self.cell[lane] as i32;
         let cell = cell.cast_unsigned() & self.mask;
@@ -422,7 +422,7 @@ struct Sums<V> {
 }
 
 impl<V: Vector<Scalar = f32>> Sums<V> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn new() -> Self {
         let zero = V::splat(0.0);
         Self {
@@ -437,7 +437,7 @@ impl<V: Vector<Scalar = f32>> Sums<V> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn take_in(&mut self, power: V, left_out: V, bend: V, amplitude: V) {
         let square = bend.mul(bend);
         self.power = self.power.add(power);
@@ -447,7 +447,7 @@ impl<V: Vector<Scalar = f32>> Sums<V> {
         self.amplitude = self.amplitude.add(amplitude);
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn errors(&self) -> Errors {
         Errors {
             power: total(self.power),
@@ -466,7 +466,7 @@ impl<V: Vector<Scalar = f32>> Sums<V> {
 }
 
 /// Sum of the lanes.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn total<V: Vector<Scalar = f32>>(numbers: V) -> f64 {
     let mut sum = 0.0;
     for number in stored(numbers) {
@@ -475,19 +475,19 @@ fn total<V: Vector<Scalar = f32>>(numbers: V) -> f64 {
     sum
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn absolute<V: Vector>(x: V) -> V {
     x.max(V::splat(V::Scalar::default()).sub(x))
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn stored<V: Vector<Scalar = f32>>(numbers: V) -> [f32; LANES] {
     let mut lanes = [0.0; LANES];
     numbers.store(&mut lanes);
     lanes
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn stored_all<V: Vector<Scalar = f32>, const N: usize>(numbers: [V; N]) -> [[f32; LANES]; N] {
     let mut lanes = [[0.0; LANES]; N];
     for k in 0..N {

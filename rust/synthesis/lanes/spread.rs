@@ -24,7 +24,7 @@ const SIN: [f32; 5] = [
 const COS: [f32; 5] = [0.999_999_94, -4.934_793, 4.058_410_6, -1.331_872_9, 0.219_682_43];
 
 /// Cosine and sine of phases in turns, below 2^20 of them, to 5e-7.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn cos_sin<V: Vector<Scalar = f32>>(phase: V) -> [V; 2] {
     let magic = V::splat(ROUND);
     let x = phase.sub(phase.add(magic).sub(magic));
@@ -52,7 +52,7 @@ pub struct Spread<'a> {
 
 impl Spread<'_> {
     /// Add records to a grid, and what bends them within a chirp to a second one unless that is empty.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn add<I: Isa, const W: usize>(&self, records: &[Record], grid: &mut [f32], second: &mut [f32]) {
         let group = self.group;
         let zero = I::F32::splat(0.0);
@@ -132,7 +132,7 @@ impl Spread<'_> {
 
 /// Add still paths to a grid of one chirp, `(cell, part)`, with room for `width` cells beyond the last, which are added to
 /// the first ones by [`wrap_still`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn add_still<I: Isa, const W: usize>(spreading: &Spreading, paths: &[Still], num_cells: usize, grid: &mut [f32]) {
     let magic = I::F32::splat(ROUND);
     let start = -0.5 * (W as f32 - 1.0);
@@ -186,7 +186,7 @@ mod tests {
 
     impl Kernel for CosSin {
         type Output = [f32; 2];
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [f32; 2] {
             let [c, s] = cos_sin(I::F32::splat(self.0));
             [c.first(), s.first()]

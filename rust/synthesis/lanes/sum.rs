@@ -118,7 +118,7 @@ struct SpreadStill<'a> {
 impl Kernel for SpreadStill<'_> {
     type Output = Vec<f32>;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<f32> {
         let mut grid = Vec::new();
         for batch in self.batches {
@@ -153,7 +153,7 @@ struct AddGroup<'a> {
 impl Kernel for AddGroup<'_> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
         let tables = self.spread.tables;
         let width = self.spread.spreading.width;
@@ -199,7 +199,7 @@ impl Kernel for AddGroup<'_> {
 }
 
 /// Add the cells beyond the last of a grid to the first ones.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn wrap(grid: &mut [f32], num_cells: usize) {
     let (cells, beyond) = grid.split_at_mut(num_cells * STRIDE);
     for i in 0..beyond.len() {
@@ -208,7 +208,7 @@ fn wrap(grid: &mut [f32], num_cells: usize) {
 }
 
 /// Add a spectrum to the samples `(chirp, sample)`: the middle sample is that of cell zero.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_to_samples(tables: &Tables, spectrum: &[f32], factors: &[f32], out: &mut [Complex32]) {
     let (num_samples, num_cells) = (tables.num_samples, tables.num_cells);
     let num_chirps = out.len() / num_samples;

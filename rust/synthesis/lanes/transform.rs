@@ -38,7 +38,7 @@ pub fn twiddles(num_cells: usize) -> Vec<f32> {
 
 /// Transform of a grid of `num_cells` cells, see [the module](self): `twiddles` are those of the number of cells,
 /// `scratch` is as large as the grid; the result is in one of the two.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub fn inverse<'a, V: Vector<Scalar = f32>>(
     grid: &'a mut [f32],
     scratch: &'a mut [f32],
@@ -63,49 +63,49 @@ pub fn inverse<'a, V: Vector<Scalar = f32>>(
     to
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn load<V: Vector<Scalar = f32>>(cells: &[f32], cell: usize) -> Cell<V> {
     let cell = &cells[cell * STRIDE..][..STRIDE];
     [V::load(cell), V::load(&cell[STRIDE / 2..])]
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn store<V: Vector<Scalar = f32>>(cells: &mut [f32], cell: usize, value: Cell<V>) {
     let cell = &mut cells[cell * STRIDE..][..STRIDE];
     value[0].store(cell);
     value[1].store(&mut cell[STRIDE / 2..]);
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
     [a[0].add(b[0]), a[1].add(b[1])]
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn sub<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
     [a[0].sub(b[0]), a[1].sub(b[1])]
 }
 
 /// `a + j b`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_turned<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
     [a[0].sub(b[1]), a[1].add(b[0])]
 }
 
 /// `a - j b`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn sub_turned<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
     [a[0].add(b[1]), a[1].sub(b[0])]
 }
 
 /// Product with the complex number that begins `factor`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn turn<V: Vector<Scalar = f32>>(a: Cell<V>, factor: &[f32]) -> Cell<V> {
     let (re, im) = (V::splat(factor[0]), V::splat(factor[1]));
     [a[1].neg_mul_add(im, a[0].mul(re)), a[1].mul_add(re, a[0].mul(im))]
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn pass_of_two<V: Vector<Scalar = f32>>(from: &[f32], to: &mut [f32], factors: &[f32]) {
     let half = from.len() / STRIDE / 2;
     for p in 0..half {
@@ -115,7 +115,7 @@ fn pass_of_two<V: Vector<Scalar = f32>>(from: &[f32], to: &mut [f32], factors: &
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn pass_of_four<V: Vector<Scalar = f32>>(from: &[f32], to: &mut [f32], step: usize, factors: &[f32]) {
     let quarter = from.len() / STRIDE / 4;
     let num_butterflies = quarter / step;
@@ -137,7 +137,7 @@ fn pass_of_four<V: Vector<Scalar = f32>>(from: &[f32], to: &mut [f32], step: usi
 }
 
 /// Last pass, which has no factors; the middle half of the result is left out.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn last_pass<V: Vector<Scalar = f32>>(from: &[f32], to: &mut [f32], step: usize) {
     for q in 0..step {
         let (a, b) = (load::<V>(from, q), load::<V>(from, q + step));
@@ -159,7 +159,7 @@ mod tests {
 
     impl Kernel for Inverse<'_> {
         type Output = Vec<f32>;
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> Vec<f32> {
             let mut scratch = vec![0.0; self.0.len()];
             inverse::<I::F32>(self.0, &mut scratch, self.1, self.2).to_vec()

@@ -247,7 +247,7 @@ impl Matrix {
 impl Kernel for Search<'_> {
     type Output = Option<(CrossApproximation, f64)>;
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Option<(CrossApproximation, f64)> {
         let (paths, num_instants) = (self.paths, self.instants.len());
         let (mut matrix, turns) = self.residuals::<I>();
@@ -346,7 +346,7 @@ impl Kernel for Search<'_> {
 
 impl Search<'_> {
     /// Residuals, and the rms of their phases weighted by power [turns].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn residuals<I: Isa>(&self) -> (Matrix, f64) {
         let stride = self.instants.len().next_multiple_of(8);
         let mut matrix = Matrix {
@@ -389,7 +389,7 @@ impl Search<'_> {
     }
 
     /// Cosine and sine of the residual phase of a path.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn phasors<I: Isa>(&self, path: &Path, stride: usize) -> [Vec<f64>; 2] {
         let times = self.times(stride);
         let mut phasors = [vec![0.0; stride], vec![0.0; stride]];
@@ -403,7 +403,7 @@ impl Search<'_> {
     }
 
     /// Residual phases of a path at the instants from `at` on [turns].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn phases<I: Isa>(&self, path: &Path, times: &Times, at: usize) -> I::F64 {
         let splat = <I::F64 as Vector>::splat;
         let bends = path.bends();
@@ -554,7 +554,7 @@ impl Left {
 impl Search<'_> {
     /// Subtract multiples of a row, one per path, from all paths; in place if it `STORES`. The weights are those of
     /// [`Self::weights`]; complex numbers are in two parts.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn reduce<I: Isa, const STORES: bool>(
         matrix: &mut Matrix,
         [counted, trained]: &[Vec<f64>; 2],

@@ -219,7 +219,7 @@ fn series<'a>(matrix: &'a [Vec<f64>], rows: &'a [f64]) -> impl Iterator<Item = f
 }
 
 /// Residual phase R [turns]; `delta` is f_c D, the others are as in [`Path`], [`Instant`] and [`Frame`].
-#[inline(always)] // part of kernels, see simd.rs
+#[cfg_attr(optimised, inline(always))] // part of kernels, see simd.rs
 pub fn turns<V: Vector>(delta: V, offset: V, rate: V, x: V, sweep: V, bend: V) -> V {
     let moved = rate.mul_add(x, delta);
     let sum = delta.mul_add(sweep.sub(offset), delta);
@@ -238,7 +238,7 @@ mod tests {
 
     impl Kernel for Turns {
         type Output = f64;
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> f64 {
             let [delta, offset, rate, x, sweep, bend] = self.0;
             let splat = <I::F64 as Vector>::splat;

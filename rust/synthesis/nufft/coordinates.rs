@@ -230,7 +230,7 @@ pub struct Placing<'a, T, const P: usize>(pub Coordinates<'a, T>);
 impl<T: Precision, const P: usize> Kernel for Placing<'_, T, P> {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) {
         let Coordinates {
             job,
@@ -280,7 +280,7 @@ impl<T: Precision, const P: usize> Kernel for Placing<'_, T, P> {
 }
 
 /// Magnitudes of the mean amplitudes; returns the sum of their squares. Lanes after the last path have no amplitude.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn magnitudes<T: Precision, I: Isa, const P: usize>(tracks: &mut Tracks<T>, len: usize) -> f64 {
     let mut sum = <T::In<I>>::splat(T::zero());
     for at in (0..len).step_by(8 * P) {
@@ -294,7 +294,7 @@ fn magnitudes<T: Precision, I: Isa, const P: usize>(tracks: &mut Tracks<T>, len:
 }
 
 /// Sum of the numbers of a vector.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn total<T: Precision, I: Isa, const P: usize>(vector: T::In<I>) -> f64 {
     let mut lanes = [T::zero(); 16];
     vector.store(&mut lanes);
@@ -306,7 +306,7 @@ fn total<T: Precision, I: Isa, const P: usize>(vector: T::In<I>) -> f64 {
 }
 
 /// Coordinates of the paths of the chunk from `at` on, into the points from `to` on; symbols as in `residual_phase`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn coordinates<T: Precision, I: Isa, const P: usize>(
     job: &Job,
     map: &Map<T>,
@@ -382,7 +382,7 @@ fn coordinates<T: Precision, I: Isa, const P: usize>(
 }
 
 /// Coefficients of the amplitudes.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn expand<T: Precision, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks: &mut Tracks<T>) {
     for part in 0..2 {
         for k in 0..tracks.amplitude[part].len() {
@@ -404,19 +404,19 @@ fn expand<T: Precision, I: Isa, const P: usize>(map: &Map<T>, len: usize, tracks
 }
 
 /// Amplitudes at an instant, from their coefficients.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn interpolated<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     weighted::<T, I>(&probe.amplitude, &tracks.amplitude, at)
 }
 
 /// Amplitudes at an instant, from their rows.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn exact<T: Precision, I: Isa>(probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     weighted::<T, I>(&probe.rows, &tracks.rows, at)
 }
 
 /// First lane plus weighted others, of both parts.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn weighted<T: Precision, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
     let (mut re, mut im) = (load(&lanes[0][0][at..]), load(&lanes[1][0][at..]));
@@ -429,20 +429,20 @@ fn weighted<T: Precision, I: Isa>(weights: &[T], lanes: &[Vec<Lane<T>>; 2], at: 
 }
 
 /// `conj(a)` times the phasor of the constant phase.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn turned<T: Precision, I: Isa>(amplitude: [T::In<I>; 2], tracks: &Tracks<T>, at: usize) -> [T::In<I>; 2] {
     let load = <T::In<I> as Vector>::load;
     conjugate_product([load(&tracks.phasor.0[at..]), load(&tracks.phasor.1[at..])], amplitude)
 }
 
 /// `p conj(a)`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn conjugate_product<V: Vector>([cos, sin]: [V; 2], [re, im]: [V; 2]) -> [V; 2] {
     [im.mul_add(sin, re.mul(cos)), im.neg_mul_add(cos, re.mul(sin))]
 }
 
 /// Residual phases at an instant [turns].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn residual_turns<T: Precision, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: &Tracks<T>, at: usize) -> T::In<I> {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
     let mut delta = splat(T::zero());
@@ -460,7 +460,7 @@ fn residual_turns<T: Precision, I: Isa>(map: &Map<T>, probe: &Probe<T>, tracks: 
 }
 
 /// Residuals of phases [turns] and amplitudes, times the phasor of the constant phase.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn residual<T: Precision, I: Isa>(
     phase: T::In<I>,
     amplitude: [T::In<I>; 2],
@@ -473,7 +473,7 @@ fn residual<T: Precision, I: Isa>(
 }
 
 /// Squared interpolation error of the residuals, summed over paths, the mean over the checks.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, tracks: &Tracks<T>, len: usize) -> f64 {
     let (load, splat) = (<T::In<I> as Vector>::load, <T::In<I> as Vector>::splat);
     let mut sum = splat(T::zero());
@@ -511,7 +511,7 @@ fn check<T: Precision, I: Isa, const P: usize>(map: &Map<T>, is_flat: bool, trac
 }
 
 /// Store whole numbers below 2^32; unlike a conversion this vectorises everywhere.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn store_small<I: Isa, const P: usize>(x: Wide<I, P>, to: &mut [u32]) {
     let shifted = add(x, wide::splat::<I, P>(4_503_599_627_370_496.0)); // 2^52
     let mut numbers = [0.0; 16];

@@ -34,7 +34,7 @@ impl Measured {
     }
 
     /// Add the interpolation error of a chunk.
-    #[inline(always)] // part of kernels, see simd.rs
+    #[cfg_attr(optimised, inline(always))] // part of kernels, see simd.rs
     pub(super) fn add_rest(&mut self, chunk: usize, rest: f64) {
         self.rest += rest;
         if rest > self.worst.1 {

@@ -128,7 +128,7 @@ type Phasor<V> = [V; 2];
 impl<T: Scalar> Kernel for Tile<'_, T> {
     type Output = Vec<T>;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Vec<T> {
         if T::LANES == 16 {
             self.tile::<I, 2>()
@@ -146,7 +146,7 @@ struct Fast<I: Isa, const P: usize> {
 
 impl<T: Scalar> Tile<'_, T> {
     /// All chirps at `8 P` samples, (channel, chirp, lane, [re, im]).
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn tile<I: Isa, const P: usize>(self) -> Vec<T> {
         let (job, slow) = (self.job, self.slow);
         let (waveform, block_plan) = (job.waveform, job.block_plan);
@@ -200,7 +200,7 @@ impl<T: Scalar> Tile<'_, T> {
     }
 
     /// Sums and differences of the rows of every pair, (group, term, pair, [sum re, im, difference re, im]).
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn even_and_odd<I: Isa, const P: usize>(&self, fast: &Fast<I, P>) -> Vec<[T::In<I>; 4]> {
         let (block_plan, slow) = (self.job.block_plan, self.slow);
         let (num_sums, num_terms) = (slow.num_sums, block_plan.approximation.num_sets());
@@ -238,7 +238,7 @@ impl<T: Scalar> Tile<'_, T> {
 
     /// Sums over all pairs of rows for `N` chirps, (chirp, sum): real and imaginary part of the even sum, and of the
     /// odd sum turned by a quarter, imaginary first. `step` is the distance of the rows [turns per Hz].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn transform<I: Isa, const P: usize, const N: usize>(
         &self,
         fast: &Fast<I, P>,
@@ -294,7 +294,7 @@ impl<T: Scalar> Tile<'_, T> {
 
     /// Factors of the sums of all terms for one chirp: interpolation of the residuals, phase of the middle rate,
     /// transform of the kernel. The same for all channels.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn weights<I: Isa, const P: usize>(&self, time: f64, fast: &Fast<I, P>, scratch: &mut Scratch<T::In<I>>) {
         let (waveform, block_plan) = (self.job.waveform, self.job.block_plan);
         let splat = wide::splat::<I, P>;
@@ -317,7 +317,7 @@ impl<T: Scalar> Tile<'_, T> {
     }
 
     /// Weights of the sums of the terms in the interpolation; symbols as in `cross_approximation`: `L^T w = q`.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn interpolate<I: Isa>(&self, x: T::In<I>, sweep: T::In<I>, scratch: &mut Scratch<T::In<I>>) {
         let approximation = &self.job.block_plan.approximation;
         let zero = <T::In<I>>::splat(T::zero());
@@ -363,7 +363,7 @@ impl<T: Scalar> Tile<'_, T> {
     }
 
     /// Cosine and sine of the residual phase of a path.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn phasor<I: Isa>(&self, path: &Path, x: T::In<I>, sweep: T::In<I>, polynomials: &[T::In<I>]) -> Phasor<T::In<I>> {
         let number = wide::number::<T, I>;
         let mut delta = <T::In<I>>::splat(T::zero());
@@ -392,7 +392,7 @@ impl<V> Default for Scratch<V> {
 }
 
 /// Weighted sum of one channel's terms at the chirp before or after the middle, by `sign`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Phasor<T::In<I>>]) -> Phasor<T::In<I>> {
     let zero = <T::In<I>>::splat(T::zero());
     let sign = <T::In<I>>::splat(T::of(sign));
@@ -409,7 +409,7 @@ fn weighted<T: Scalar, I: Isa>(sums: &[[T::In<I>; 4]], sign: f64, weights: &[Pha
 }
 
 /// `a - b (re + j im)`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re: f64, im: f64) -> Phasor<T::In<I>> {
     let (re, im) = (wide::number::<T, I>(re), wide::number::<T, I>(im));
     [
@@ -419,7 +419,7 @@ fn less_product<T: Scalar, I: Isa>(a: Phasor<T::In<I>>, b: Phasor<T::In<I>>, re:
 }
 
 /// Phasors of 0, 1, 2, ... times some turns, as products of directly computed phasors.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In<I>>; GROUP] {
     let mut powers = [[<T::In<I>>::splat(T::one()), <T::In<I>>::splat(T::zero())]; GROUP];
     let mut high = 1;
@@ -434,7 +434,7 @@ fn powers<T: Scalar, I: Isa, const P: usize>(turns: Wide<I, P>) -> [Phasor<T::In
 }
 
 /// Polynomial of every number.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn polynomial<V: Vector>(coefficients: &[V::Scalar], x: V) -> V {
     let mut value = V::splat(V::Scalar::default());
     for i in (0..coefficients.len()).rev() {
@@ -444,7 +444,7 @@ fn polynomial<V: Vector>(coefficients: &[V::Scalar], x: V) -> V {
 }
 
 /// Product of two complex numbers.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn product<V: Vector>(a: Phasor<V>, b: Phasor<V>) -> Phasor<V> {
     [
         a[1].neg_mul_add(b[1], a[0].mul(b[0])),

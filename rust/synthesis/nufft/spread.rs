@@ -215,7 +215,7 @@ impl<T: Widths, const W: usize, const R: usize, const N: usize, const MERGES: bo
 {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) {
         let Patches {
             layout,
@@ -290,7 +290,7 @@ struct Chunk<'a, T> {
 impl<T: Widths> Chunk<'_, T> {
     /// Add the patch of every path to the grid. `SINGLE`: compute the taps along range, and those along velocity if
     /// both fit into a vector.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn add<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         // Shuffles are free here, loads and stores are not.
         let is_both = SINGLE && R > 1 && fits::<T>(W);
@@ -333,7 +333,7 @@ impl<T: Widths> Chunk<'_, T> {
 
     /// Add the patches of all paths to the grid, those of consecutive paths in one cell summed in registers first. Taps
     /// along velocity are given.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn merge<I: Isa, const W: usize, const R: usize, const N: usize, const SINGLE: bool>(&self, grid: &mut [T]) {
         let table = &self.tables.range;
         let polynomials = polynomials::<T, I, W>(table);
@@ -364,7 +364,7 @@ impl<T: Widths> Chunk<'_, T> {
     }
 
     /// Real and imaginary part of the strength of a path, repeated over a vector.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn strength<I: Isa>(&self, path: u16) -> T::In<I> {
         let at = 2 * usize::from(path);
         let strength = &self.strengths[at..at + 2];
@@ -374,7 +374,7 @@ impl<T: Widths> Chunk<'_, T> {
 
 impl<T: Widths> Scratch<T> {
     /// Taps along velocity of all paths.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn evaluate_velocity<I: Isa, const W: usize>(&mut self, table: &[T], len: usize) {
         let lanes = <T::In<I> as Vector>::LANES;
         let table = &table[..(degree(W) + 1) * W];
@@ -399,7 +399,7 @@ impl<T: Widths> Scratch<T> {
 type Polynomials<V> = [V; degree(8) + 1];
 
 /// Coefficients of a table, if the cells of a row fit into one vector.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn polynomials<T: Widths, I: Isa, const W: usize>(table: &[T]) -> Polynomials<T::In<I>> {
     let lanes = <T::In<I> as Vector>::LANES;
     let mut polynomials = [<T::In<I>>::splat(T::zero()); degree(8) + 1];
@@ -412,7 +412,7 @@ fn polynomials<T: Widths, I: Isa, const W: usize>(table: &[T]) -> Polynomials<T:
 }
 
 /// Polynomials by Horner's rule.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn horner<V: Vector>(polynomials: &[V], z: V) -> V {
     let mut sum = polynomials[polynomials.len() - 1];
     for power in (0..polynomials.len() - 1).rev() {
@@ -422,7 +422,7 @@ fn horner<V: Vector>(polynomials: &[V], z: V) -> V {
 }
 
 /// Taps along range of a path, for real and imaginary parts.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn range_taps<T: Widths, I: Isa, const W: usize, const N: usize>(
     polynomials: &Polynomials<T::In<I>>,
     table: &[T],

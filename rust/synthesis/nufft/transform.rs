@@ -170,7 +170,7 @@ struct Scaled<'a, T> {
 impl<T: Real> Kernel for Scaled<'_, T> {
     type Output = ();
 
-    #[inline(always)] // see `Kernel`
+    #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) {
         let n = self.from.len();
         let (from, scale, re, im) = (self.from, &self.scale[..n], &mut self.re[..n], &mut self.im[..n]);

@@ -56,18 +56,18 @@ pub(crate) const TERMS: usize = 5;
 /// One number per chirp of a group; f64 kernels use the first eight.
 pub(crate) type Wide<I> = wide::Wide<I, 2>;
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn splat<I: Isa>(x: f64) -> Wide<I> {
     wide::splat::<I, 2>(x)
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn load<I: Isa>(from: &[f64; MAX_LANES]) -> Wide<I> {
     wide::load::<I, 2>(from)
 }
 
 /// Cosine and sine of phases in turns, below 2^49 of them, to the precision of `T`.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn cos_sin<T: Precision, I: Isa>(phase: Wide<I>) -> [T::In<I>; 2] {
     wide::cos_sin::<T, I, 2>(phase)
 }
@@ -133,7 +133,7 @@ pub(crate) struct Phases<'a> {
 
 impl<'a> Phases<'a> {
     /// Phases of a chunk; terms of the delays that turn no phase by more than `tolerance` are left out.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn new(waveform: &Waveform, group: &'a Group, chunk: &'a Chunk, tolerance: f64) -> Self {
         let frequency = waveform.start_frequency + waveform.slope * waveform.middle_time();
         let reach = (waveform.num_samples / 2 + 1) as f64;
@@ -162,7 +162,7 @@ impl<'a> Phases<'a> {
 
     /// Taylor coefficients of the phase of a path in every chirp [cycles], the first not reduced, from `N` of the
     /// delay.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn of<I: Isa, const N: usize>(&self, path: usize) -> [Wide<I>; TERMS] {
         // Delay, less the constant part.
         let mut tau = [splat::<I>(0.0); TERMS];
@@ -196,7 +196,7 @@ impl<'a> Phases<'a> {
     }
 
     /// Bounds of the Taylor coefficients 1, 2, ... of all phases [cycles].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn bounds(&self) -> [f64; TERMS] {
         let mut tau = [0.0; TERMS];
         for k in 0..self.num_delays {
@@ -226,7 +226,7 @@ pub(crate) struct Amplitudes<'a> {
 
 impl<'a> Amplitudes<'a> {
     /// Amplitudes of a chunk; terms below `tolerance` of their root mean square are left out.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn new(group: &'a Group, chunk: &'a Chunk, scale: f64, num_samples: usize, tolerance: f64) -> Self {
         let size = |k: usize| largest(&chunk.re[k]) + largest(&chunk.im[k]);
         let reach = (num_samples / 2 + 1) as f64;
@@ -261,7 +261,7 @@ impl<'a> Amplitudes<'a> {
     }
 
     /// Real and imaginary parts of terms 0, 1, 2.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(crate) fn of<I: Isa>(&self, path: usize) -> [[Wide<I>; 2]; 3] {
         let zero = splat::<I>(0.0);
         let mut terms = [[zero; 2]; 3];
@@ -283,7 +283,7 @@ impl<'a> Amplitudes<'a> {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn complex_mul<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
     [
         a[1].neg_mul_add(b[1], a[0].mul(b[0])),
@@ -292,7 +292,7 @@ pub(crate) fn complex_mul<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
 }
 
 /// Largest absolute number.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn largest(lane: &Lane) -> f64 {
     let mut max = [0.0; 8];
     for eight in lane.as_chunks::<8>().0 {
@@ -305,7 +305,7 @@ pub(crate) fn largest(lane: &Lane) -> f64 {
 }
 
 /// Exact phases of a chunk, as [`trig::turns`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn turns(frequency: f64, delay: &Lane) -> Lane {
     let mut turns = [0.0; CHUNK];
     for i in 0..CHUNK {

@@ -39,7 +39,7 @@ struct AddRecurrence<'a, T> {
 impl<T: Precision> Kernel for AddRecurrence<'_, T> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
         let Job {
             waveform,
@@ -111,7 +111,7 @@ struct Form {
 
 impl Form {
     /// Cheapest form whose error is within the tolerance.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn new<T: Precision>(phases: &Phases, amplitudes: &Amplitudes, num_samples: usize) -> Self {
         // Few, as each is compiled for every instruction set: those of paths at constant rates, and that of all others.
         const TERMS: [(usize, usize); 4] = [(1, 0), (2, 0), (3, 0), (3, 3)];
@@ -211,7 +211,7 @@ struct Start<V> {
 }
 
 impl<V: Vector> Start<V> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn zero() -> Self {
         let zero = [V::splat(V::Scalar::default()); 2];
         Self { w: zero, g: [zero; 7] }
@@ -228,7 +228,7 @@ struct ChunkSum<'a> {
 
 impl ChunkSum<'_> {
     /// Add the chunk to the total.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn add<T: Precision, I: Isa, const EVEN: usize, const ODD: usize, const PATHS: usize>(&self, sums: &mut Sums<T>) {
         let lanes = <T::In<I>>::LANES;
         let length = 2 * self.half + 1;
@@ -287,7 +287,7 @@ impl ChunkSum<'_> {
     }
 
     /// Start of a path in the segment about `middle`, in samples from the middle of the chirp.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn start<T: Precision, I: Isa, const EVEN: usize, const ODD: usize>(
         &self,
         phi: &[Wide<I>; TERMS],
@@ -369,19 +369,19 @@ impl ChunkSum<'_> {
 }
 
 /// `sum + i x a`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_i<V: Vector>(sum: [V; 2], x: V, a: [V; 2]) -> [V; 2] {
     [x.neg_mul_add(a[1], sum[0]), x.mul_add(a[0], sum[1])]
 }
 
 /// `sum + x a`
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_real<V: Vector>(sum: [V; 2], x: V, a: [V; 2]) -> [V; 2] {
     [x.mul_add(a[0], sum[0]), x.mul_add(a[1], sum[1])]
 }
 
 /// Add paths to the brackets of a segment.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn add_segment<V: Vector, const EVEN: usize, const ODD: usize, const PATHS: usize>(
     starts: &[Start<V>; PATHS],
     numbers: &[V::Scalar],
