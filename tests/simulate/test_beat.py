@@ -363,8 +363,8 @@ def test_arguments_are_left_alone() -> None:
 
 
 def test_more_samples_than_memory_holds_are_a_memory_error() -> None:
-    with pytest.raises(MemoryError, match=r"samples: \[1, 1048576, .*\] .* do not fit into memory"):
-        rc.beat_signal([1e-9], [1.0], waveform(num_samples=2**24, num_chirps=2**20, chirp_interval=10.0, slope=0.0))
+    with pytest.raises(MemoryError, match=r"samples: \[1, 4194304, .*\] .* do not fit into memory"):
+        rc.beat_signal([1e-9], [1.0], waveform(num_samples=2**20, num_chirps=2**22, chirp_interval=1.0, slope=0.0))
 
 
 NAN, INF = float("nan"), float("inf")
