@@ -32,7 +32,8 @@ def assert_target(recording: rc.Recording, scene: Scene, *, angles: bool = True)
         # Amplitudes of 1000 codes, rounded: noise 68 dB below each sample, 100 dB after the transforms.
         assert abs(found.velocity[best] - scene.velocity) < 1e-4 * waveform.velocity_resolution
         if angles:
-            assert found.azimuth[best] == pytest.approx(scene.azimuth, abs=5e-5)
+            # The files have plane waves, the fit has the spheres of 3 m: up to 0.45 mrad.
+            assert found.azimuth[best] == pytest.approx(scene.azimuth, abs=1e-3)
 
 
 def write(path: Path, words: np.ndarray[Any, Any], config: str) -> tuple[Path, Path]:
@@ -97,7 +98,7 @@ def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> Non
     assert recording.radar.schedule.order == (2, 0, 1)
     assert_target(recording, scene)
     found = detect(recording[0])
-    assert found.elevation[int(np.argmax(found.snr_db))] == pytest.approx(scene.elevation, abs=5e-5)
+    assert found.elevation[int(np.argmax(found.snr_db))] == pytest.approx(scene.elevation, abs=1e-3)
 
 
 def test_one_transmitter_has_all_chirps(tmp_path: Path) -> None:
