@@ -32,7 +32,7 @@ STAGES: dict[str, tuple[Any, str]] = {
     "CFAR, local maxima": (map_test.MapTest, "passed"),
     "sidelobes": (detection, "_without_sidelobes"),
     "fit": (detection, "fit"),
-    "directions": (detection, "plane_waves"),
+    "directions": (detection, "waves_of"),
 }
 """Where the functions of the stages of `rc.detect` are looked up."""
 

@@ -12,6 +12,9 @@ from picture_scenes import colour_bar_label, recording, room, texts, texts_apart
 from radarcore import plot
 from radarcore.geometry import shapes
 from radarcore.geometry.pose import Pose
+from radarcore.radar.radar import Radar
+from radarcore.radar.receiver import Receiver
+from radarcore.recording.recording import Recording
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.scene import Scene
 
@@ -162,3 +165,14 @@ def test_scene_of_next_to_nothing_is_still_two_metres_wide(scene: Scene) -> None
     down = Pose.look_at([0.0, 0.0, 2.0], [0.0, 0.0, 0.0], up=(1.0, 0.0, 0.0))
     ax = plot.scene_from_above(scene, down, field_of_view_deg=None)
     assert max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())) >= 2.0
+
+
+def test_spectrogram_of_single_chirps_ends_at_the_velocity_of_their_frames() -> None:
+    wf = recording().radar.waveform.replace(num_chirps=1, frame_interval=1e-3)
+    times = 1e-3 * np.arange(100)
+    cube = np.random.default_rng(1).normal(size=(100, 1, 1, wf.num_samples)).astype(np.float32)
+    single = Recording(cube, times, Radar(wf, receiver=Receiver(output="real")))
+    ax: Any = plot.spectrogram(single)
+    assert ax.get_ylim()[1] == pytest.approx(wf.wavelength / 4e-3)
+    with pytest.raises(ValueError, match="recording: expected chirps or frames that tell a velocity"):
+        plot.spectrogram(single[:1])

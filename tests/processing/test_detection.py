@@ -302,6 +302,26 @@ def test_velocity_of_what_accelerates_is_that_of_the_middle_of_the_frame(delay: 
     assert [found.velocity[0], peak.velocity] == pytest.approx([velocity, velocity], abs=0.45e-3)
 
 
+@pytest.mark.parametrize("azimuth_deg", [0.0, 20.0, 40.0])
+@pytest.mark.parametrize("distance", [0.3, 0.5])
+def test_bearing_and_range_of_near_targets_of_a_real_array_are_those_of_the_truth(
+    distance: float, azimuth_deg: float
+) -> None:
+    """2 and 3 range bins away: spheres over the antennas, and mirror images of real tones."""
+    azimuth = np.deg2rad(azimuth_deg)
+    point = rc.PointTarget([distance * np.cos(azimuth), distance * np.sin(azimuth), 0.05])
+    frame = rc.Simulator(rc.Scene([point]), rc.bgt60tr13c(num_chirps=32), tolerance=1e-5).frame()
+    found = rc.detect(frame, min_range=0.1)
+    best, truth = found[int(np.argmax(found.snr_db))], frame.truth
+    assert truth is not None
+    assert best.is_resolved.all()
+    for row, name in ((2, "azimuth"), (3, "elevation")):
+        error = getattr(best, name)[0] - getattr(truth, name)[0]
+        assert abs(error) <= 5.0 * np.sqrt(best.covariance[0, row, row])
+        assert abs(error) <= np.deg2rad(0.05)
+    assert abs(best.range[0] - truth.range[0]) <= 0.05e-3
+
+
 def test_time_of_detections_is_that_of_all_transmitters_in_turn() -> None:
     wf = radar(num_chirps=64).waveform.replace(chirp_interval=3e-3)
     tdm = rc.Radar(wf, tx=np.zeros((3, 3)), schedule=rc.Schedule.tdm(1e-3))
