@@ -98,7 +98,9 @@ def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> Non
     assert recording.radar.schedule.order == (2, 0, 1)
     assert_target(recording, scene)
     found = detect(recording[0])
-    assert found.elevation[int(np.argmax(found.snr_db))] == pytest.approx(scene.elevation, abs=1e-3)
+    assert found.elevation[int(np.argmax(found.snr_db))] == pytest.approx(
+        scene.elevation, abs=2e-3
+    )  # of two rows, likewise
 
 
 def test_one_transmitter_has_all_chirps(tmp_path: Path) -> None:
