@@ -47,14 +47,24 @@ class Scene:
 
     def chirp(self, time: float, mask: int) -> np.ndarray[Any, Any]:
         """I + jQ of a chip (rx, sample): the phase of the transmitted wave less that of the echo."""
-        rx = np.arange(4)[:, None]
         t = ADC_START * 1e-6 + np.arange(NUM_SAMPLES) / (RATE * 1e3)
         middle = START * 1e9 + SLOPE * 1e12 * (ADC_START * 1e-6 + 0.5 * NUM_SAMPLES / (RATE * 1e3))
-        left, up = self.places[mask]
-        y, z = (left + rx) * 0.5 * C / middle, up * 0.5 * C / middle
-        # The farther to the left or up the antennas are, the nearer is a target there.
-        nearer = y * np.sin(self.azimuth) * np.cos(self.elevation) + z * np.sin(self.elevation)
-        tau = (2.0 * (self.range + self.velocity * (time + t)) - nearer) / C
+        half = 0.5 * C / middle
+        # The way from the transmitter to the target and on to the receivers: its wave is curved so near. Range and
+        # angles are those from the middle of the antennas.
+        axis = np.array(
+            [
+                np.cos(self.azimuth) * np.cos(self.elevation),
+                np.sin(self.azimuth) * np.cos(self.elevation),
+                np.sin(self.elevation),
+            ]
+        )
+        target = (self.range + self.velocity * (time + t))[:, None] * axis
+        receivers = np.array([[0.0, k, 0.0] for k in range(4)])
+        senders = {mask: np.array([0.0, *self.places[mask]]) for mask in sorted(set(self.masks))}
+        target += 0.5 * half * (np.mean([*senders.values()], axis=0) + receivers.mean(axis=0))
+        way = np.linalg.norm(target - half * senders[mask], axis=-1)
+        tau = (way + np.linalg.norm(target - half * receivers[:, None], axis=-1)) / C
         phase = START * 1e9 * tau + SLOPE * 1e12 * (tau * t - 0.5 * tau * tau)
         feeds = np.array(self.feeds.get(mask, [1.0] * 4))[:, None]
         exact: np.ndarray[Any, Any] = 1000.0 * feeds * np.exp(2j * np.pi * (phase % 1.0))

@@ -27,8 +27,7 @@ def assert_target(recording: rc.Recording, scene: Scene, *, angles: bool = True)
         found = detect(frame)
         best = int(np.argmax(found.snr_db))
         middle = scene.range + scene.velocity * (frame.time + 0.5 * waveform.duration)
-        # The middle of the antennas is up to 2 mm nearer to the target than the first of them.
-        assert abs(found.range[best] - middle) < 0.01 * waveform.range_resolution
+        assert abs(found.range[best] - middle) < 1e-3 * waveform.range_resolution
         # Amplitudes of 1000 codes, rounded: noise 68 dB below each sample, 100 dB after the transforms.
         assert abs(found.velocity[best] - scene.velocity) < 1e-4 * waveform.velocity_resolution
         if angles:
