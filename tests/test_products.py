@@ -30,7 +30,13 @@ def test_nothing_that_is_done_with_frames_wakes_threads_of_blas() -> None:
 
 @pytest.mark.parametrize(
     ("left", "right"),
-    [((300, 200), (200, 100)), ((3, 1, 70, 90), (2, 90, 200)), ((40_000, 3), (3, 12)), ((3,), (3, 5))],
+    [
+        ((300, 200), (200, 100)),
+        ((3, 1, 70, 90), (2, 90, 200)),
+        ((40_000, 3), (3, 12)),
+        ((3,), (3, 5)),
+        ((1, 300), (300, 200)),
+    ],
 )
 @pytest.mark.parametrize("dtype", ["f4", "c16"])
 def test_products_in_blocks_are_products(left: tuple[int, ...], right: tuple[int, ...], dtype: str) -> None:

@@ -14,26 +14,33 @@ from numpy.typing import NDArray
 _MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16
 """Multiplications of a product up to which OpenBLAS wakes no threads."""
 
+_MOST_OF_VECTOR = 2**12
+"""The same of a matrix and a vector."""
+
 _LONGEST = 10_000
 """Numbers of an inner product up to which it wakes none."""
 
 _LEAST_COLUMNS = 16
-"""Columns of a block: products of a matrix and a vector have another limit."""
+"""Columns of a block, which is no vector."""
 
 
 def product(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     """``a @ b`` of stacks of matrices (..., m, k) and (..., k, n), in blocks for which no threads are woken."""
     most = _MOST_REAL if a.dtype.kind == b.dtype.kind == "f" else _MOST_COMPLEX
-    if a.ndim < 2 or a.shape[-2] * a.shape[-1] * b.shape[-1] <= most:
+    if a.ndim < 2:
         return np.asarray(a @ b)
     (m, k), n = a.shape[-2:], b.shape[-1]
+    if min(m, n) == 1 and m * k * n > _MOST_OF_VECTOR:
+        return np.asarray(np.einsum("...mk,...kn->...mn", a, b))
+    if m * k * n <= most:
+        return np.asarray(a @ b)
     columns = min(n, max(_LEAST_COLUMNS, most // (m * k)))
     rows = max(1, most // (k * columns))
     result = np.empty((*np.broadcast_shapes(a.shape[:-2], b.shape[:-2]), m, n), np.result_type(a, b))
     for row in range(0, m, rows):
         for column in range(0, n, columns):
-            block = result[..., row : row + rows, column : column + columns]
-            np.matmul(a[..., row : row + rows, :], b[..., column : column + columns], out=block)
+            rest = a[..., row : row + rows, :], b[..., column : column + columns]
+            result[..., row : row + rows, column : column + columns] = product(*rest)  # the last may be a vector
     return result
 
 
