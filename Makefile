@@ -20,7 +20,7 @@ WORKERS = $(shell $(PYTHON) -c "import os; print((3 * os.cpu_count() + 1) // 2)"
 # What `make test` runs.
 CHECKS = layout lint-python tests-rust tests-python levels lint-rust types benches-python wheel-check
 
-# Instruction sets below the best, at which kernels are tested too, and the Python tests that show a wrong sum.
+# Lower instruction sets for the kernel tests, and the Python tests that detect a wrong sum.
 LOWER_LEVELS = $(if $(filter x86_64 amd64,$(shell uname -m)),baseline avx2)
 KERNELS = numeric:: paths:: scattering:: synthesis::
 OF_LEVELS = tests/boundary $(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
@@ -90,7 +90,7 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
 
-# Most tests of kernels run at every level by themselves; the others, and what users see, once more at each.
+# Most kernel tests loop over the levels themselves; the others and the user-level tests run once more at each.
 levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
 	@set -e; for level in $(LOWER_LEVELS); do \
 		echo "-- tests: kernels, at most $$level"; \
@@ -98,8 +98,8 @@ levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
 		RADARCORE_SIMD=$$level $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) $(OF_LEVELS); \
 	done
 
-# More workers than cores, as tests of sensors and servers wait for them. The first time, modules are compiled and kept
-# before there are workers, as each of them would do it again.
+# More workers than cores, as tests of sensors and servers mostly wait. Modules are compiled once before the workers
+# start, as each of them would compile them again.
 tests-python: $(VENV)/robots $(VENV)/adapters $(VENV)/dataset $(VENV)/docs $(VENV)/built
 	@echo "-- tests: Python"
 	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only --quiet >/dev/null 2>&1 || true

@@ -166,7 +166,7 @@ Near the radar these rims matter. A scalar integral over all three plates (`inte
 cross-section, relative to the far field, than the mirror images and the frames. Neither is exact: the difference is the
 uncertainty of the model there.
 
-The last column of the upper table is the phase relative to that of the apex, for the dihedral up to its sign.
+The last column of the upper table is the phase relative to the apex, for the dihedral up to its sign.
 Adaptive sampling casts its own rays for single reflections, and quarters the pixels of `footprint` for multiple ones.
 A dihedral turned by 45 degrees about the boresight returns {null:.0f} dB of its upright echo to vertically polarized
 antennas; in theory it returns nothing.

@@ -24,7 +24,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-# Builds are measured on one thread, ours (rayon) as those of the other libraries (OpenMP).
+# Builds are measured on one thread, for our core (rayon) and the other libraries (OpenMP).
 os.environ.update(RAYON_NUM_THREADS="1", OMP_NUM_THREADS="1")
 
 import numpy as np

@@ -37,7 +37,7 @@ def wakes(work: Callable[[], object]) -> bool:
 
 
 def works() -> dict[str, Callable[[], object]]:
-    """What is done with frames, by name."""
+    """Functions on frames, by name."""
     points = [rc.PointTarget([2.0 + k, 0.3 * k, 0.0], velocity=[-0.5, 0.1 * k, 0.0]) for k in range(4)]
     fast = rc.Waveform(
         start_frequency=77e9, slope=30e12, sample_rate=10e6, num_samples=256, num_chirps=128, chirp_interval=60e-6

@@ -50,8 +50,8 @@ class Scene:
         t = ADC_START * 1e-6 + np.arange(NUM_SAMPLES) / (RATE * 1e3)
         middle = START * 1e9 + SLOPE * 1e12 * (ADC_START * 1e-6 + 0.5 * NUM_SAMPLES / (RATE * 1e3))
         half = 0.5 * C / middle
-        # The way from the transmitter to the target and on to the receivers: its wave is curved so near. Range and
-        # angles are those from the middle of the antennas.
+        # Paths from transmitter to target to receivers: so near, the wave is curved. Range and angles are from the
+        # middle of the antennas.
         axis = np.array(
             [
                 np.cos(self.azimuth) * np.cos(self.elevation),

@@ -1,6 +1,6 @@
-"""Work that takes every kernel of the core, in a thread with 512 kB of stack; writes hashes and errors into a folder.
+"""Run every kernel of the core, in a thread with 512 kB of stack; writes hashes and errors into a folder.
 
-Run as a process of its own: the level of the kernels and the stack of the core's threads are those of a process.
+Run as a process of its own: a process has one level of kernels and one stack size.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def digest(*arrays: Any) -> str:
 
 
 def scene() -> rc.Scene:
-    """A ball that nears, a plate that turns, a corner that stands, and a point."""
+    """An approaching ball, a turning plate, a static corner and a point."""
     turning = rc.Linear(rc.Pose([1.5, 0.4, 0.0]), angular_velocity=[0.0, 0.0, 2.0])
     return rc.Scene(
         [

@@ -14,7 +14,7 @@ use radarcore::{
 
 const STACK: usize = 512 * 1024;
 
-/// A level is that of a process, and an overflow ends it: one process per level.
+/// A process has one level, and a stack overflow ends it: one process per level.
 #[test]
 fn threads_with_512_kb_of_stack_run_every_kernel_at_every_level() {
     for level in Level::available() {
@@ -119,7 +119,7 @@ fn sums() {
                     method,
                     ..Options::default()
                 };
-                // Some tolerances are refused: those that the method cannot reach.
+                // The method refuses tolerances that it cannot reach.
                 let sum = beat_signal(&waveform, &series, &options);
                 assert!(sum.is_ok() || method != Method::Auto, "{method:?} 1e-{digits}");
             }

@@ -68,8 +68,8 @@ def test_mass_that_nobody_has_at_that_height_is_refused(mass: float) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rc.Material.dielectric(-4), "permittivity: expected eps' of at least 1, .* got -4"),
-        (lambda: rc.Material.dielectric(0.4 - 0.01j), "permittivity: expected eps' of at least 1, .* got "),
+        (lambda: rc.Material.dielectric(-4), "permittivity: expected eps' of at least 1 .* got -4"),
+        (lambda: rc.Material.dielectric(0.4 - 0.01j), "permittivity: expected eps' of at least 1 .* got "),
         (
             lambda: rc.Material.dielectric(2.5, roughness=50.0),
             r"roughness: expected at most 1 m, got 50; micrometres\?",

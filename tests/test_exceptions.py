@@ -1,4 +1,4 @@
-"""Exceptions and warnings of the package travel to other processes, as those of workers do."""
+"""Exceptions and warnings of the package can be pickled, as worker processes need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is written never deletes or replaces anything else: one table of everything that writes a file."""
+"""Writing never deletes or replaces other files: one table of everything that writes a file."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def viewer(path: Path, overwrite: bool) -> None:
 
 
 class Writer(NamedTuple):
-    """A file, what writes it, the package that this needs, and whether a full disk is tried."""
+    """A file, its writer, the package that it needs, and whether a full disk is tested."""
 
     name: str
     write: Callable[[Path, bool], object]
@@ -183,7 +183,7 @@ def test_folder_does_not_get_the_name_of_a_file(tmp_path: Path, name: str) -> No
         lambda: output.make_folder(path),
     )
     for write in writers:
-        with pytest.raises(ValueError, match=r"expected (the name of a folder, got that of a file|a directory or)"):
+        with pytest.raises(ValueError, match=r"expected (the name of a folder, got the suffix|a directory or)"):
             write()
     assert names(tmp_path) == []
 
@@ -298,7 +298,7 @@ ALLOWED = {
 
 
 def test_everything_that_writes_or_deletes_keeps_to_the_rule() -> None:
-    """Who adds such a call has to say here why it cannot touch anything else, or use `radarcore.output`."""
+    """Each such call needs an entry here that says why it is safe, or uses `radarcore.output`."""
     found: dict[str, set[str]] = {}
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

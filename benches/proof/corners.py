@@ -98,7 +98,7 @@ def integral_near_db(distance: float, pitch: float = 1e-3, reflections: int = 6)
     x, y = (values.ravel() for values in np.meshgrid(steps, steps))
     share = np.clip((LEG - x - y) / pitch + 0.5, 0.0, 1.0)
     x, y, share = x[share > 0.0], y[share > 0.0], share[share > 0.0]
-    # On the plate z = 0; by symmetry the others have the same fields, and (y, x) has that of (x, y).
+    # On the plate z = 0; by symmetry the others have the same fields, and (y, x) the same as (x, y).
     mirrored = np.empty(x.size, dtype=int)
     mirrored[np.lexsort((x, y))] = np.lexsort((y, x))
     height, wavenumber, areas = distance / np.sqrt(3.0), 2.0 * np.pi / WAVELENGTH, share * pitch**2

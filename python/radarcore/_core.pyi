@@ -70,7 +70,7 @@ def beat_signal(
     """
 
 def levels() -> list[str]:
-    """Names of the instruction sets that this processor has, slowest first, up to that of ``RADARCORE_SIMD``."""
+    """Names of the instruction sets of this processor, slowest first, up to ``RADARCORE_SIMD``."""
 
 def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
     """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""
@@ -131,12 +131,12 @@ def fit_spheres(
     wavenumber: float,
     observable: tuple[bool, bool],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sines (target, 2) of targets at a `distance` (target,) [m], and the part of the power that each misses (target,).
+    """Sines (target, 2) of targets at a `distance` (target,) [m], and their share of unexplained power (target,).
 
     `waves` (target, channel) of the channels; `sines` (target, 2) of the plane waves that fit them best; `antennas`
-    (antenna, 3) transmitters, if channels have their own, and receivers, from the centre of the array [m]; `channels`
-    (channel, 3) phases per part of the direction along x, y and z [rad], about their means. `wavenumber` [rad/m];
-    `observable`: sines along y and z that the channels determine. Waves are plane where a distance is not finite.
+    (antenna, 3) transmitters, if they have channels of their own, and receivers, from the centre of the array [m];
+    `channels` (channel, 3) phases per direction component along x, y and z [rad], about their means. `wavenumber`
+    [rad/m]; `observable`: sines along y and z that the channels determine. Waves are plane if a distance is not finite.
     """
 
 def predicted(

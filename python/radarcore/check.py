@@ -26,10 +26,10 @@ _SHORTEST_INTERVAL = 1e-12
 """Shortest interval between two times of a series [s]."""
 
 _LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 1e8, 3e12
-"""Frequencies outside cannot be meant: gigahertz in place of hertz, for example [Hz]."""
+"""Frequencies outside of these limits are implausible, such as gigahertz in place of hertz [Hz]."""
 
 _PART_OF_PI = np.pi / 12.0
-"""Angles that people write are multiples of it [rad]: 15 degrees."""
+"""15 degrees [rad]; usual angles are multiples of it."""
 
 _MOST_NAMED = 6
 """Keywords that a message names for those who gave values without."""
@@ -116,7 +116,7 @@ def index(name: str, value: object, length: int) -> int:
 
 
 def flag(name: str, value: object) -> bool:
-    """True or False: any text would be true."""
+    """True or False; a TypeError for anything else, as any text would be true."""
     if not isinstance(value, bool | np.bool_):
         raise TypeError(f"{name}: expected True or False, got {value!r}")
     return bool(value)
@@ -133,7 +133,7 @@ def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
 def numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.float64]:
     """Real numbers as an array, NaN among them; a TypeError for text, dates and complex numbers.
 
-    NumPy alone reads text as numbers and drops imaginary parts. The shape is for messages: it is not checked.
+    NumPy would read text as numbers and drop imaginary parts. The shape is only for messages and not checked.
     """
     return _numbers(name, value, shape, np.float64)
 
@@ -195,7 +195,7 @@ def below(name: str, values: NDArray[np.float64], most: float, unit: str) -> NDA
 
 
 def time(name: str, value: object) -> float:
-    """A time [s], at most hundreds of times the seconds since 1970: fewer than the milliseconds since then."""
+    """A time [s]; a ValueError for times as long as the milliseconds since 1970."""
     result = number(name, value, "s")
     if abs(result) > _LONGEST_TIME:
         raise ValueError(f"{name}: expected times up to {_LONGEST_TIME:g} s, got {result:g} s")
@@ -203,17 +203,17 @@ def time(name: str, value: object) -> float:
 
 
 def degrees(name: str, angles: ArrayLike) -> ArrayLike:
-    """The angles [degrees], with a warning where all that are not zero are parts of pi as they are written."""
+    """The angles [degrees], with a warning if all nonzero ones are usual fractions of pi, as in radians."""
     given = np.abs(np.atleast_1d(np.asarray(angles, np.float64)).ravel())
     given = given[given > 0.0]
     parts = np.rint(given / _PART_OF_PI) * _PART_OF_PI
-    # To single precision, or rounded to three digits or more; of pi and its half to two.
+    # Exact to single precision, or rounded to three digits or more; pi and pi / 2 also to two.
     is_written = np.abs(given - parts) < 1e-6
     for digits in (3, 4, 5):
         is_written |= given == np.round(parts, digits)
     is_written |= np.isin(given, [1.57, 3.14])
     if given.size > 0 and (is_written & (parts > 0.0) & (parts < 6.3)).all():
-        notice.warn(f"{name}: expected degrees, got {given[0]:g}; radians? np.rad2deg makes degrees of them")
+        notice.warn(f"{name}: expected degrees, got {given[0]:g}; radians? np.rad2deg converts them")
     return angles
 
 
@@ -276,7 +276,7 @@ def near_names(name: object, known: Iterable[str]) -> str:
 def keywords(owner: str, given: Iterable[str], known: Iterable[str], made: type | None = None) -> None:
     """Refuse an unknown keyword of a class or function with a TypeError that suggests near ones.
 
-    Of the class that is `made`, another constructor that takes the keyword is named.
+    The message names another constructor of the class `made` that takes the keyword.
     """
     names = list(known)
     for name in given:
@@ -310,9 +310,9 @@ def knows_keywords(called: _Called) -> _Called:
 def _with_known_keywords(
     owner: str, function: Callable[..., Any], num_bound: int, made: type | None = None
 ) -> Callable[..., Any]:
-    """A function behind a check of its arguments' names and of its flags; its first ones are what it is bound to.
+    """A function that first checks the names of its keywords and its flags.
 
-    `made`: the class of a constructor.
+    The first `num_bound` arguments are the object or class; `made` is the class of a constructor.
     """
     parameters = list(signature(function).parameters.values())
     kinds = {each.kind for each in parameters}

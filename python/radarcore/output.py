@@ -1,9 +1,9 @@
-"""Files and folders that are written: what may be replaced, how it gets its name, and who may write.
+"""Output files and folders: rules of replacement, final names and locks.
 
 - A single file is replaced only with an explicit ``overwrite``, in one step, and never by another kind of file.
-- Of a folder only files that its own description lists are deleted, and only where radarcore made the folder.
+- A folder is replaced only if radarcore made it, and only the files that its own description lists are deleted.
 - A folder has one writer at a time; the system releases the lock of a process that dies.
-- A source is never replaced by what is made of it.
+- A result never replaces its own source.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 LOCK = ".radarcore-lock"
-"""Name of the file that a writer holds in its folder."""
+"""Name of the lock file of a writer in its folder."""
 
 _LOCK_PLACE = 1 << 30
-"""Byte that is locked on Windows, where nobody can read a locked byte: beyond the content."""
+"""Byte to lock on Windows, beyond the content, as nobody can read a locked byte."""
 
 _LONGEST_STEM = 40
 """Characters of a name that the name of its temporary file repeats."""
@@ -46,7 +46,7 @@ _SAME = {".jpeg": ".jpg", ".hdf5": ".h5", ".htm": ".html"}
 """Other suffixes of the same kind."""
 
 _OTHERS = (".bin", ".csv", ".json", ".mat", ".toml", ".tar", ".txt", ".zip")
-"""Suffixes of other files, which no new folder gets."""
+"""More suffixes of files, which new folders cannot have."""
 
 
 def already_exists(path: Path, what: str) -> FileExistsError:
@@ -66,11 +66,11 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def check_folder_name(path: Path) -> None:
-    """Refuse a new folder with the name of a file: other programs would take it for one."""
+    """Refuse a new folder with the suffix of a file: other programs would take it for one."""
     kind = path.suffix.lower()
     if (kind in _STARTS or kind in _SAME or kind in _OTHERS) and not path.exists():
         bags = "; adapters.ros.write_frames writes frames into a bag" if kind in (".mcap", ".db3", ".bag") else ""
-        raise ValueError(f"{path}: expected the name of a folder, got that of a file {kind}{bags}")
+        raise ValueError(f"{path}: expected the name of a folder, got the suffix {kind} of a file{bags}")
 
 
 def make_folder(path: Path) -> None:
@@ -81,11 +81,11 @@ def make_folder(path: Path) -> None:
     except FileExistsError:
         raise already_exists(path, "a file, not a folder") from None
     except OSError as error:
-        raise _refused(error, path) from error
+        raise _creation_error(error, path) from error
 
 
 def is_empty(path: Path) -> bool:
-    """True for a folder with nothing in it but the file that its writer holds."""
+    """True for a folder that is empty, except for the lock file of its writer."""
     return all(entry.name == LOCK for entry in path.iterdir())
 
 
@@ -95,9 +95,9 @@ def check_file(path: Path, *, overwrite: bool, kind: str | None = None) -> None:
     Raises
     ------
     FileExistsError
-        There is a folder, a file without `overwrite`, or one that is no file of this kind.
+        The path is a folder, a file and `overwrite` is False, or a file of another kind.
     ValueError
-        The name is that of another kind.
+        The suffix is of another kind.
     """
     own = path.suffix.lower()
     kind = own if kind is None else kind
@@ -120,9 +120,9 @@ def check_file(path: Path, *, overwrite: bool, kind: str | None = None) -> None:
 
 @contextmanager
 def new_file(path: Path, *, overwrite: bool = False, kind: str | None = None) -> Iterator[Path]:
-    """A file beside `path` to be written, which takes its name when the block ends without an error.
+    """A temporary file beside `path`, which is renamed to `path` when the block ends without an error.
 
-    Otherwise it is removed. `overwrite` and `kind` are those of `check_file`. Devices and pipes are written directly.
+    After an error it is removed. `overwrite` and `kind` as in `check_file`. Devices and pipes are written directly.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         yield path
@@ -135,11 +135,11 @@ def new_file(path: Path, *, overwrite: bool = False, kind: str | None = None) ->
         try:
             part.open("xb").close()
         except OSError as error:
-            raise _refused(error, path) from error
+            raise _creation_error(error, path) from error
         with naming(path):
             yield part
         if path.exists():
-            check_file(path, overwrite=overwrite, kind=kind)  # it may have come meanwhile
+            check_file(path, overwrite=overwrite, kind=kind)  # another program may have made it meanwhile
             shutil.copymode(path, part)
         give_name(part, path, overwrite=overwrite)
     finally:
@@ -147,7 +147,7 @@ def new_file(path: Path, *, overwrite: bool = False, kind: str | None = None) ->
 
 
 def give_name(part: Path, path: Path, *, overwrite: bool) -> None:
-    """Give a file that is complete its name, in one step; without `overwrite` only a free one."""
+    """Rename a complete file in one step; without `overwrite` only to a free name."""
     if not overwrite:
         try:
             os.link(part, path)  # a rename would replace what another writer has put there just now
@@ -169,13 +169,13 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
 
 @contextmanager
 def claimed(path: Path) -> Iterator[None]:
-    """A new file that grows in place; it is removed again where nothing got into it."""
+    """A new file that grows in place; it is removed if it is empty at the end."""
     try:
         path.open("xb").close()
     except FileExistsError:
         raise already_exists(path, "a file; delete it, or choose another name") from None
     except OSError as error:
-        raise _refused(error, path) from error
+        raise _creation_error(error, path) from error
     try:
         yield
     finally:
@@ -193,9 +193,9 @@ def refuse_source(name: str, path: Path, source: Path) -> None:
 
 
 class Lock:
-    """The right to write into a folder, which one writer has at a time.
+    """Lock of a folder for one writer at a time.
 
-    The system takes it back from a process that ends or is killed. Where the file system has no locks, all have it.
+    The system releases it when a process ends or is killed. File systems without locks do not limit writers.
 
     Raises
     ------
@@ -210,8 +210,8 @@ class Lock:
             with naming(folder):
                 file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                _take(file)
-                # The one before may have removed it between the two steps.
+                _lock(file)
+                # The previous writer may have removed the file between the two steps.
                 if not os.path.samestat(os.fstat(file), self._path.stat()):
                     raise FileNotFoundError
             except FileNotFoundError:
@@ -228,7 +228,7 @@ class Lock:
             else:
                 break
         self._file, self._owner = file, os.getpid()
-        with suppress(OSError):  # a full disk: the lock holds without a name
+        with suppress(OSError):  # on a full disk the lock works without the process number
             os.truncate(file, 0)
             os.write(file, str(os.getpid()).encode())
 
@@ -239,10 +239,10 @@ class Lock:
         self.release()
 
     def release(self) -> None:
-        """Let others write; may be called twice."""
+        """Release the lock; may be called twice."""
         file, self._file = self._file, None
         if file is not None:
-            if sys.platform != "win32" and self._owner == os.getpid():  # no copy of the process; Windows after closing
+            if sys.platform != "win32" and self._owner == os.getpid():  # not in a fork; Windows needs it closed first
                 self._path.unlink(missing_ok=True)
             os.close(file)
             if sys.platform == "win32":
@@ -256,19 +256,19 @@ class Lock:
 
 
 class PartFolder:
-    """A new folder ``NAME.part`` beside a path, with something in the making that gets the name when it is complete.
+    """A new folder ``NAME.part`` beside a path, for a result that is renamed to the path when it is complete.
 
     Attributes
     ----------
     folder : Path
-        It has one writer, see `Lock`.
+        The folder ``NAME.part``, which this writer has locked.
 
     Raises
     ------
     FileExistsError
-        Something of that name is there, such as the part of a writer that was killed.
+        ``NAME.part`` exists, as after a killed writer.
     BlockingIOError
-        Another writer is at work there.
+        Another writer has locked it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -279,13 +279,13 @@ class PartFolder:
         try:
             self.folder.mkdir()
         except FileExistsError:
-            with suppress(FileNotFoundError):  # it ended just now
+            with suppress(FileNotFoundError):  # the writer has ended just now
                 if (self.folder / LOCK).is_file():
                     Lock(self.folder).release()
             what = "a file" if not self.folder.is_dir() else f"a folder, such as a killed writer of {path.name} leaves"
             raise already_exists(self.folder, f"{what}; keep it by another name, or delete it") from None
         except OSError as error:
-            raise _refused(error, path) from error
+            raise _creation_error(error, path) from error
         self._lock = Lock(self.folder)
 
     def __enter__(self) -> PartFolder:
@@ -296,9 +296,9 @@ class PartFolder:
             self.leave() if self._is_complete else self.remove()
 
     def put(self, made: Path, ours: Iterable[Path] = ()) -> None:
-        """Give a folder in the part its name and remove the part.
+        """Rename a folder within the part to the path and remove the part.
 
-        `ours` are the files of an older one that it replaces, the only ones that are deleted.
+        `ours` are the files of an older result; only these are deleted.
         """
         old = set(ours)
         if self._path.is_dir():
@@ -318,17 +318,17 @@ class PartFolder:
         self.remove()
 
     def remove(self) -> None:
-        """Delete the part, with all that is in it."""
+        """Delete the part with its content."""
         self._lock.release()
         shutil.rmtree(self.folder)
 
     def leave(self) -> None:
-        """Leave the part to the user."""
+        """Release the lock and keep the part for the user."""
         self._lock.release()
 
 
-def _take(file: int) -> None:
-    """Lock an open file, or a BlockingIOError."""
+def _lock(file: int) -> None:
+    """Lock an open file; a BlockingIOError if another writer has locked it."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -350,8 +350,8 @@ def _take(file: int) -> None:
             pass
 
 
-def _refused(error: OSError, path: Path) -> OSError:
-    """Error for a path where nothing can be made; of places such as /proc the system says 'no such file'."""
+def _creation_error(error: OSError, path: Path) -> OSError:
+    """Error for a path where no file can be made; for /proc and the like the system reports 'no such file'."""
     if isinstance(error, FileNotFoundError):
         return PermissionError(errno.EPERM, "expected a place for new files, got one that takes none", str(path))
     return OSError(error.errno, error.strerror, str(path))

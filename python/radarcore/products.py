@@ -1,7 +1,7 @@
-"""Products of matrices on the calling thread alone.
+"""Products of matrices in the calling thread only.
 
-OpenBLAS wakes a thread on every core for a large product. They spin for work beside whatever else the machine does, so
-that a product of 0.1 ms takes 100 ms by chance.
+OpenBLAS wakes a thread on every core for a large product. On a busy machine these threads spin and wait for a core, so
+that a product of 0.1 ms sometimes takes 100 ms.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 _MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16
-"""Multiplications of a product up to which OpenBLAS wakes no threads."""
+"""Largest number of multiplications for which OpenBLAS wakes no threads."""
 
 _MOST_OF_VECTOR = 2**12
-"""The same of a matrix and a vector."""
+"""The same for a matrix and a vector."""
 
 _LONGEST = 10_000
-"""Numbers of an inner product up to which it wakes none."""
+"""Largest length of an inner product for which OpenBLAS wakes no threads."""
 
 _LEAST_COLUMNS = 16
-"""Columns of a block, which is no vector."""
+"""Smallest number of columns of a block, so that it is no vector."""
 
 
 def product(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-    """``a @ b`` of stacks of matrices (..., m, k) and (..., k, n), in blocks for which no threads are woken."""
+    """``a @ b`` of stacks of matrices (..., m, k) and (..., k, n), in blocks that wake no threads."""
     most = _MOST_REAL if a.dtype.kind == b.dtype.kind == "f" else _MOST_COMPLEX
     if a.ndim < 2:
         return np.asarray(a @ b)
@@ -39,8 +39,8 @@ def product(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     result = np.empty((*np.broadcast_shapes(a.shape[:-2], b.shape[:-2]), m, n), np.result_type(a, b))
     for row in range(0, m, rows):
         for column in range(0, n, columns):
-            rest = a[..., row : row + rows, :], b[..., column : column + columns]
-            result[..., row : row + rows, column : column + columns] = product(*rest)  # the last may be a vector
+            block = a[..., row : row + rows, :], b[..., column : column + columns]
+            result[..., row : row + rows, column : column + columns] = product(*block)  # the last may be a vector
     return result
 
 
@@ -52,7 +52,7 @@ def real_inner(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def orthonormal(vector: NDArray[Any], basis: NDArray[Any]) -> NDArray[Any]:
-    """A vector (n,) without its parts along orthonormal rows (k, n), of length 1 (Gram and Schmidt, twice)."""
+    """A vector (n,) orthogonal to orthonormal rows (k, n), of length 1 (Gram-Schmidt, twice)."""
     for _ in range(2):
         vector = vector - np.einsum("kn,k->n", basis, np.einsum("kn,n->k", basis.conj(), vector))
     return np.asarray(vector / np.sqrt(real_inner(vector, vector)))

@@ -1,22 +1,22 @@
-//! Waves of targets near an array: spheres about them, where far ones have planes.
+//! Directions of targets near an array, whose waves are spherical.
 
 use num_complex::Complex64;
 
-/// Steps to the direction at most; with curvatures of tenths of a radian the second is exact to a millionth.
+/// Largest number of steps; with curvatures of tenths of a radian the second is exact to a millionth.
 const MOST_STEPS: usize = 3;
 
-/// Change of the sines below which another step changes nothing.
+/// The iteration ends with a change of the sines below this.
 const SMALL_STEP: f64 = 1e-3;
 
-/// Least part of a direction along x in slopes: steep at the rim, but a number.
+/// Smallest component of a direction along x in slopes, which would be infinite at the rim.
 const LEAST_FORWARD: f64 = 1e-3;
 
 /// Antennas and channels about the centre of an array.
 pub struct Array<'a> {
-    /// Transmitters with channels of their own, if any, and receivers [m].
+    /// Transmitters, if they have channels of their own, and receivers [m].
     pub antennas: &'a [[f64; 3]],
     pub num_receivers: usize,
-    /// Phases per part of the direction along x, y and z [rad], about their means; zero along an axis that is not observable.
+    /// Phases per direction component along x, y and z [rad], about their means; zero along unobservable axes.
     pub channels: &'a [[f64; 3]],
     /// True for sines along y and z that the channels determine.
     pub observable: [bool; 2],
@@ -27,13 +27,13 @@ pub struct Array<'a> {
 /// Direction of a target.
 pub struct Fit {
     pub sines: [f64; 2],
-    /// Part of the power of the channels that the wave of one target misses.
+    /// Share of the power of the channels that one target does not explain.
     pub missing: f64,
 }
 
-/// Direction of a target at a distance [m] from that of the plane wave which fits its channels best.
+/// Direction of a target at a distance [m]; `plane` is the direction of the plane wave that fits its channels best.
 ///
-/// A plane wave if the distance is no number, or within twice the size of the array.
+/// The wave is plane if the distance is not finite, or within twice the size of the array.
 pub fn fit(array: &Array, waves: &[Complex64], plane: [f64; 2], distance: f64) -> Fit {
     let largest = array
         .antennas
@@ -70,11 +70,11 @@ pub fn fit(array: &Array, waves: &[Complex64], plane: [f64; 2], distance: f64) -
     Fit { sines, missing }
 }
 
-/// Paths beyond those of the plane wave [m], and distances of the antennas over that of the centre, of every channel.
+/// Path of every channel less the path of the plane wave [m], and its distances relative to the centre's.
 fn path_excesses(array: &Array, sines: [f64; 2], distance: f64) -> Vec<(f64, f64)> {
     let toward = direction(sines);
     let of_antenna = |place: &[f64; 3]| {
-        // From the centre d, of an antenna at a in the direction u: |d u - a| - d + a u, without cancellation.
+        // |d u - a| - d + a u without cancellation: distance d, direction u, antenna at a.
         let (along, square) = (dot(*place, toward), dot(*place, *place));
         let change = (square / distance - 2.0 * along) / distance;
         let ratio = (1.0 + change).sqrt();
@@ -91,7 +91,7 @@ fn path_excesses(array: &Array, sines: [f64; 2], distance: f64) -> Vec<(f64, f64
         .collect()
 }
 
-/// Change of the sines by phases that are taken off the channels, by least squares.
+/// Change of the sines when the phases are subtracted from the channels (least squares).
 fn shift(array: &Array, sines: [f64; 2], phases: &[f64]) -> [f64; 2] {
     let forward = direction(sines)[0].max(LEAST_FORWARD);
     let slope = |channel: &[f64; 3]| -> [f64; 2] {

@@ -320,7 +320,7 @@ where
     ))
 }
 
-/// Sines of targets by the spheres about them, and the part of the power that each misses.
+/// Sines of targets with spherical waves, and the share of the power that each does not explain.
 #[pyfunction(signature = (waves, sines, distance, antennas, channels, *, num_receivers, wavenumber, observable))]
 pub(super) fn fit_spheres<'py>(
     py: Python<'py>,

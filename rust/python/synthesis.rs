@@ -305,7 +305,7 @@ impl Report {
     }
 }
 
-/// Names of the instruction sets that this processor has, slowest first, up to that of ``RADARCORE_SIMD``.
+/// Names of the instruction sets of this processor, slowest first, up to ``RADARCORE_SIMD``.
 #[pyfunction]
 pub(super) fn levels() -> Vec<&'static str> {
     Level::available().into_iter().map(Level::name).collect()

@@ -1,4 +1,4 @@
-"""Stamps in bags that are not the times of the poses: mended, or told; a cart at -0.5 m/s is the truth."""
+"""Bag stamps that are not the times of the poses: repairs and warnings, for a cart at -0.5 m/s."""
 
 from __future__ import annotations
 
@@ -57,36 +57,36 @@ def cart_of(path: Path) -> tuple[Any, tuple[float, float] | None, list[str]]:
 
 RNG = np.random.default_rng(5)
 BUNCHED = np.ceil(TRUE / 0.1 - 1e-9) * 0.1 + 50e-6 * (np.arange(-1, NUM - 1) % 4)
-"""Four poses every 0.1 s, 50 us apart: stamps of reception."""
+"""Reception times of four poses every 0.1 s, with intervals of 50 us."""
 JITTER = np.sort(TRUE + RNG.uniform(0.0, 0.03, NUM))
 SLIGHT = TRUE + RNG.uniform(0.0, 0.005, NUM)
 HICCUP = np.where(np.arange(NUM) == 80, TRUE + 0.024, TRUE)
 IRREGULAR = np.cumsum(RNG.uniform(0.002, 0.05, NUM))
 GAP = TRUE + 1.5 * (np.arange(NUM) >= 100)
 LATE = np.r_[0:80, 84, 85, 80:84, 86:NUM]
-"""Order in which some messages come late, after later ones."""
+"""Order of arrival with some late messages."""
 
 
 @pytest.mark.parametrize(
     ("stamps", "true", "told", "error"),
     [
-        # (stamps, times of the poses, what the one warning says, error of the speed [m/s])
+        # (stamps, times of the poses, parts of the warning, error of the speed [m/s])
         (
             BUNCHED,
             TRUE,
-            ["in bunches or with jitter, 5e-05 to 0.0998 s apart, 0.025 s", "up to 0.0749 s earlier"],
+            ["with bunches or jitter (intervals 5e-05 to 0.0998 s, 0.025 s", "up to 0.0749 s earlier"],
             5e-3,
         ),
-        (JITTER, TRUE, ["make speeds of", "regular times take their place"], 5e-3),
-        (SLIGHT, TRUE, ["make speeds of", "regular times take their place, up to 0.00"], 5e-3),
-        (HICCUP, TRUE, ["0.001 to 0.049 s apart", "make speeds of 12.5 m/s (0.5", "up to 0.024 s earlier"], 1e-9),
-        (BUNCHED + GAP - TRUE, GAP, ["in bunches", "no messages from"], 5e-3),
+        (JITTER, TRUE, ["give speeds of", "regular times replace them"], 5e-3),
+        (SLIGHT, TRUE, ["give speeds of", "regular times replace them, up to 0.00"], 5e-3),
+        (HICCUP, TRUE, ["intervals 0.001 to 0.049 s", "give speeds of 12.5 m/s (0.5", "up to 0.024 s earlier"], 1e-9),
+        (BUNCHED + GAP - TRUE, GAP, ["with bunches", "no messages from"], 5e-3),
         (IRREGULAR, IRREGULAR, [], 1e-6),
         (GAP, GAP, ["no messages from 2.475 to 4 s"], 1e-9),
         (TRUE[LATE], TRUE[LATE], [], 1e-9),
     ],
 )
-def test_stamps_of_reception_do_not_shake_the_motion(
+def test_reception_times_do_not_shake_the_motion(
     tmp_path: Path, stamps: Any, true: Any, told: list[str], error: float
 ) -> None:
     motion, _, messages = cart_of(write_cart(tmp_path / "bag", stamps, place(true), recorded=np.arange(NUM) * PERIOD))
@@ -99,7 +99,7 @@ def test_stamps_of_reception_do_not_shake_the_motion(
 
 
 def test_irregular_poses_with_irregular_stamps_keep_them_with_a_warning(tmp_path: Path) -> None:
-    """Noise of 5 cm over intervals of 1 ms: nothing says which times are right."""
+    """Noise of 5 cm over intervals of 1 ms: the right times are unknown."""
     times = np.concatenate([[t, t + 0.001] for t in np.cumsum(RNG.uniform(0.02, 0.2, 60))])
     places = place(times) + 0.05 * (np.arange(120) % 2) * np.repeat(RNG.uniform(0.5, 1.0, 60), 2)
     motion, _, messages = cart_of(write_cart(tmp_path / "bag", times, places, recorded=times))
@@ -114,11 +114,11 @@ def test_stamps_of_zero_become_times_of_recording(tmp_path: Path, unset: Any) ->
     stamps: list[Any] = times.tolist()
     for k in unset:
         stamps[k] = None
-    # Recorded 0.2 s late: times of recording are taken less the delay of those that have stamps.
+    # Recorded 0.2 s late: the times of recording are corrected by the delay of the other messages.
     delay = 0.0 if len(unset) == 21 else 0.2
     motion, span, messages = cart_of(write_cart(tmp_path / "bag", stamps, place(times), recorded=times + delay))
     assert messages == [
-        f"/cart: header stamps of {len(unset)} of 21 messages are zero; their times are those of recording"
+        f"/cart: header stamps of {len(unset)} of 21 messages are zero; times of recording replace them"
     ]
     first = 0.05 if stamps[0] is None and len(unset) < 21 else 0.0  # the first stamp of the bag is time 0
     assert span == pytest.approx((-first, 1.0 - first))
@@ -159,7 +159,7 @@ def test_a_second_run_is_left_out_with_a_warning(tmp_path: Path, shift: float) -
         assert motion.rate_at(time)[0, 3] == pytest.approx(SPEED, abs=1e-9)
 
 
-def test_repeated_stamps_are_told_unless_the_pose_is_repeated_too(tmp_path: Path) -> None:
+def test_repeated_stamps_with_other_poses_raise_a_warning(tmp_path: Path) -> None:
     times = np.repeat(np.arange(11) * 0.1, 2)
     for name, places, told in (("same", place(times), 0), ("other", place(times) + 0.01 * (np.arange(22) % 2), 1)):
         motion, _, messages = cart_of(write_cart(tmp_path / name, times, places, recorded=np.arange(22) * 0.05))
@@ -168,7 +168,7 @@ def test_repeated_stamps_are_told_unless_the_pose_is_repeated_too(tmp_path: Path
 
 
 @pytest.mark.parametrize("fault", ["nan", "no quaternion"])
-def test_poses_that_are_none_are_gaps(tmp_path: Path, fault: str) -> None:
+def test_invalid_poses_are_gaps(tmp_path: Path, fault: str) -> None:
     """On a topic of poses, and in TF."""
     with BagWriter(tmp_path / "bag") as bag:
         for k in range(21):
@@ -188,7 +188,7 @@ def test_poses_that_are_none_are_gaps(tmp_path: Path, fault: str) -> None:
             recorded.motion("/cart", max_gap=0.08).at(0.35)
 
 
-def test_a_frame_that_changes_its_parent_leaves_the_others_usable(tmp_path: Path) -> None:
+def test_a_frame_with_two_parents_leaves_the_others_usable(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag") as bag:
         for k in range(21):
             time, types = START_NS + k * 50_000_000, bag.types
@@ -206,16 +206,20 @@ def test_a_frame_that_changes_its_parent_leaves_the_others_usable(tmp_path: Path
 @pytest.mark.parametrize(
     ("stamps", "times", "told"),
     [
-        ([None] * 6, np.arange(6) * 0.1, "header stamps are zero; times of recording take their place"),
-        ([0.0, 0.1, 0.2, 0.2, 0.0, 0.3], [0.0, 0.1, 0.2, 0.3], "are not later than those before them are left out"),
+        ([None] * 6, np.arange(6) * 0.1, "header stamps are zero; times of recording replace them"),
+        (
+            [0.0, 0.1, 0.2, 0.2, 0.0, 0.3],
+            [0.0, 0.1, 0.2, 0.3],
+            "images with stamps not later than the image before are left out",
+        ),
         (
             [0.0, 0.001, 0.2, 0.201, 0.4, 0.401],
             None,
-            "images are 0.001 to 0.199 s apart, 0.0802 s on average; if their",
+            "intervals of images are 0.001 to 0.199 s, 0.0802 s on average; if the",
         ),
     ],
 )
-def test_stamps_of_depth_images_are_mended_or_told(tmp_path: Path, stamps: Any, times: Any, told: str) -> None:
+def test_stamps_of_depth_images_are_repaired_with_a_warning(tmp_path: Path, stamps: Any, times: Any, told: str) -> None:
     with BagWriter(tmp_path / "bag") as bag:
         for k, stamp in enumerate(stamps):
             time_ns = 0 if stamp is None else START_NS + round(stamp * 1e9)
@@ -229,8 +233,8 @@ def test_stamps_of_depth_images_are_mended_or_told(tmp_path: Path, stamps: Any, 
     np.testing.assert_allclose(np.array(found), stamps if times is None else times, atol=1e-9)
 
 
-def test_joints_of_two_publishers_come_together(tmp_path: Path) -> None:
-    """An arm at 40 Hz, and its gripper 3 ms later, now and then without a number."""
+def test_joints_of_two_publishers_are_merged(tmp_path: Path) -> None:
+    """An arm at 40 Hz, and its gripper 3 ms later with one NaN."""
     with BagWriter(tmp_path / "bag") as bag:
         for k in range(41):
             for delay, state in ((0.0, {"a": 1.0, "b": 2.0}), (0.003, {"grip": 0.4})):

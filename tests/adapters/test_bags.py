@@ -331,7 +331,7 @@ def test_a_database_with_a_log_of_changes_is_read_with_them(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("pause", [0.0, 1.5])
 def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: str, pause: float) -> None:
-    """Every message says when it was written; the part is left to the user by all writers that follow."""
+    """Messages contain their time of writing; later writers leave the part to the user."""
     program = (
         "import os, sys, time; from pathlib import Path; from ros_bags import *\n"
         "bag, k = BagWriter(Path(sys.argv[1]), sys.argv[2]), 0\n"
@@ -362,7 +362,7 @@ def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: s
     with pytest.raises(FileExistsError, match=r"killed writer of .* leaves; keep it by another name, or delete it"):
         BagWriter(path, format, overwrite=True)
     assert read_cut(part)[0] == found
-    if format == "sqlite3":  # which has no end that could be missing
+    if format == "sqlite3":  # SQLite files have no end that could be missing
         from rosbags.rosbag2 import Reader
 
         with Reader(file_of(part / path.name)) as whole:
@@ -370,7 +370,7 @@ def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: s
 
 
 def test_bag_on_a_full_disk_is_never_finished(tmp_path: Path, format: str) -> None:
-    """Not even where there is room again: a record would follow one that is not whole."""
+    """Not even with free space again: a record would follow an incomplete one."""
     path = tmp_path / BAGS[format]
     bag = BagWriter(path, format)
     bag.write("/array", array_of(0), 0, type=ARRAY)
@@ -575,8 +575,8 @@ def test_small_bags_do_not_fill_the_memory(tmp_path: Path) -> None:
         ValueError, match=r"small.bag: expected a bag, got a damaged one \(a chunk of \d+ bytes unpacks to"
     ):
         BagReader(small)
-    told = r"whole.bag: .* a chunk of \d+ bytes unpacks to more than 67108864"
-    with pytest.warns(UserWarning, match=told), BagReader(whole) as read:
+    message = r"whole.bag: .* a chunk of \d+ bytes unpacks to more than 67108864"
+    with pytest.warns(UserWarning, match=message), BagReader(whole) as read:
         assert list(read.messages()) == []
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -18,7 +18,7 @@ import radarcore as rc
 from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, MotionCaptureServer, NatNetError
 
 QUIET, PATIENT = 0.5, 10.0
-"""Time-outs where nothing comes, and where packets do [s]: a busy machine is late."""
+"""Time-outs without and with packets [s]: a busy machine is late."""
 
 
 def swing(t: float) -> rc.Pose:
@@ -234,7 +234,7 @@ TAKE = np.arange(50) / 100.0
 
 @pytest.mark.parametrize("times", [np.tile(TAKE, 200), TAKE, np.r_[TAKE, np.full(5000, TAKE[-1])]])
 def test_a_recording_ends_with_the_take(times: Any) -> None:
-    """One that is played in a loop, that ends, and that stands at its last frame."""
+    """A take in a loop, a take that ends, and a take that stops at its last frame."""
     with (
         MotionCaptureServer(MOTIONS) as server,
         MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,

@@ -188,7 +188,7 @@ def test_joints_come_in_the_order_that_is_asked_for() -> None:
         (
             [joints(STAMP + k, **{name: 0.1}) for k, name in enumerate(["shoulder", "shoulder", "finger", "finger"])],
             ["shoulder", "finger"],
-            "names: expected joints at the same time, got shoulder, finger, which never come together",
+            "names: expected joints at the same time, got shoulder, finger without a common time",
         ),
         (
             [SimpleNamespace(header=header(STAMP), name=["shoulder", "elbow"], position=[0.1])],

@@ -240,8 +240,8 @@ def chosen(kind: str) -> list[str]:
     return [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
 
 
-# The experiment with its options is above. At 80 GHz receivers of a BGT60 are 0.7 wavelengths apart.
-@pytest.mark.filterwarnings("ignore:radar. expected channels less than")
+# The experiment with its options is above. At 80 GHz the receivers of a BGT60 have a spacing of 0.7 wavelengths.
+@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing below")
 @pytest.mark.parametrize("kind", [kind for kind in plot.VIEWS if kind != "experiment"])
 def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
     of_two_sequences: dict[str, Path], tmp_path: Path, kind: str
@@ -347,7 +347,7 @@ def test_recording_in_place_of_a_scene_is_told_what_it_is_good_for(
     rc.Recording.load(recording).save(tmp_path / "rec.npz")
     for source, got in ((recording, "a folder"), (tmp_path / "rec.npz", "an .npz file")):
         assert main(["simulate", str(source), "-o", str(tmp_path / "out")]) == 1
-        message = f"expected a scene file (TOML), got {got}; of a recording load_radar and --radar take the radar"
+        message = f"expected a scene file (TOML), got {got}; load_radar and --radar read the radar of a recording"
         assert message in capsys.readouterr().err
         assert rc.load_radar(source) == rc.Recording.load(recording).radar
 

@@ -59,7 +59,7 @@ def scaled(recording: rc.Recording, factor: float) -> rc.Recording:
 
 
 def test_estimated_offset_of_what_swings_has_no_bias_of_half_a_chirp() -> None:
-    """Chirps 1 ms apart: velocities that held half a chirp later would be of a clock 0.5 ms on, seven deviations."""
+    """Chirps every 1 ms: velocities half a chirp late would shift the clock by 0.5 ms, seven deviations."""
     radar = rc.bgt60tr13c(num_chirps=64, chirp_interval=1e-3, frame_interval=70e-3)
     ball = rc.Body(rc.shapes.sphere(0.05), motion=lambda t: rc.Pose([2.0 + 0.15 * np.cos(np.pi * t), 0.0, 0.0]))
     one = rc.Simulator(rc.Scene([ball]), radar, resolution=16).record(0.0, 3.0, 14.0, progress=False)

@@ -135,7 +135,7 @@ def test_export_into_its_own_dataset_is_refused(dataset: rc.dataset.Dataset, pla
         "mcap": lambda: rc.dataset.to_mcap(dataset.path, out, sample=made_samples(dataset)[0], overwrite=True),
     }
     if place != "set.mcap":
-        del exports["mcap"]  # whose name is that of a file
+        del exports["mcap"]  # a file, not a folder
     for export in exports.values():
         with pytest.raises(ValueError, match=f"out: expected a place outside the source, got .*, {where}"):
             export()

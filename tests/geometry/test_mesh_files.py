@@ -204,9 +204,7 @@ def test_stl_with_a_wrong_count_or_more_bytes_is_read_with_a_warning(
     facets = b"".join(bytes(12) + facet.tobytes() + bytes(2) for facet in corners)
     path = tmp_path / "box.stl"
     path.write_bytes(b"made by hand".ljust(80) + struct.pack("<I", told) + facets + rest)
-    expected = (
-        rf"expected {84 + 50 * told} bytes for the {told} facets that the file names, got {684 + len(rest)}; {read} "
-    )
+    expected = rf"expected {84 + 50 * told} bytes for {told} facets by the file's count, got {684 + len(rest)}; {read} "
     with pytest.warns(UserWarning, match=expected):
         mesh = rc.load_mesh(path)
     if read == 12:

@@ -83,7 +83,7 @@ def chain(links: list[Any]) -> Any:
 
 
 def lattice(counted: list[Any]) -> Any:
-    """Twenty levels, at which both factors are the motion below: a million factors, one of which is distinct."""
+    """Twenty levels whose factors are both the level below: a million factors of one motion."""
     return reduce(lambda motion, _: rc.Attached(motion, motion), range(20), counted[0])
 
 

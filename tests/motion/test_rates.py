@@ -1,4 +1,4 @@
-"""Rates of every motion are differences of its poses: within, at and beyond the ends, in every mode."""
+"""The rates of every motion are differences of its poses: within, at and beyond the ends, in every mode."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_rates_are_differences_of_poses(name: str, time: float) -> None:
         if first is not None and second is not None
     ]
     agree = [np.abs(rates - slope).max() <= TOLERANCE for slope in slopes]
-    # At the times of a series the velocity may have a step, as at an end that is held: it is that of one side.
+    # The velocity may have a step at the times of a series, as at a held end: either side is right.
     is_at_a_step = any(abs(time - step) <= 2.0 * STEP for step in case.times)
     assert any(agree) if is_at_a_step else all(agree), (time, rates, slopes)
 
@@ -180,7 +180,7 @@ def test_motions_together_have_the_rates_of_each() -> None:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "(?s).*goes? on at the velocity")
         together = Motions(motions).rates_at(times)
-        apart = np.stack([[motion.rate_at(time) for time in times] for motion in motions], axis=1)
-    np.testing.assert_allclose(together, apart, rtol=0.0, atol=1e-12)
+        single = np.stack([[motion.rate_at(time) for time in times] for motion in motions], axis=1)
+    np.testing.assert_allclose(together, single, rtol=0.0, atol=1e-12)
     # A motion and its inverse are at rest.
     np.testing.assert_allclose(together[:, len(motions) // 2 :], 0.0, rtol=0.0, atol=1e-12)

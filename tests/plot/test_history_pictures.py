@@ -174,5 +174,5 @@ def test_spectrogram_of_single_chirps_ends_at_the_velocity_of_their_frames() -> 
     single = Recording(cube, times, Radar(wf, receiver=Receiver(output="real")))
     ax: Any = plot.spectrogram(single)
     assert ax.get_ylim()[1] == pytest.approx(wf.wavelength / 4e-3)
-    with pytest.raises(ValueError, match="recording: expected chirps or frames that tell a velocity"):
+    with pytest.raises(ValueError, match="recording: expected windows of several chirps, got"):
         plot.spectrogram(single[:1])

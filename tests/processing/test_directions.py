@@ -97,7 +97,7 @@ def test_of_ambiguous_directions_the_one_nearest_to_the_front_is_taken(spacing: 
         np.testing.assert_allclose(np.sin(found.azimuth) * np.cos(found.elevation), sines[visible, 0], atol=EXACT)
 
 
-@pytest.mark.filterwarnings("ignore:radar. expected channels less than")
+@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing below")
 @pytest.mark.parametrize("positions", [[[0, 0, 0], [0, 1.1, 0], [0, 0.3, 0.9]], [[0, 0, 0], [0, 1.7, 0]]])
 def test_of_few_channels_too_the_direction_nearest_to_the_front_is_taken(positions: Any) -> None:
     # So few channels always add up in phase somewhere: in the given direction, and in all that turns add to it.
@@ -157,7 +157,7 @@ def test_two_targets_in_one_cell_are_flagged_and_their_covariance_covers_the_err
     assert np.mean(outside) > 0.1
     assert np.mean(found.is_resolved) < 0.15
     assert not found.is_resolved[outside].any()
-    # How far it is outside of both: a hundred deviations of a single target and more.
+    # Its error is over a hundred deviations of a single target.
     beyond = np.maximum(np.maximum(-0.15 - found.azimuth, found.azimuth - 0.2), 0.0)
     assert np.quantile(beyond / np.sqrt(found.covariance[:, 0, 0]), 0.99) <= 3.0
 

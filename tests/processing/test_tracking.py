@@ -435,7 +435,7 @@ def test_smoothing_bridges_a_turn_that_was_not_seen() -> None:
     np.testing.assert_array_equal(plain.is_detected, smooth.is_detected)
     errors = [np.abs(one.velocity - values[:, 0, 1])[hidden].max() for one in (plain, smooth)]
     assert errors[0] > 0.2  # 12 frames at 1 m/s^2
-    # Between exact points the smoothed track is a cubic, of which the turn is one.
+    # Between exact points the smoothed track is a cubic, as is the turn.
     assert errors[1] < 1e-5
     assert (smooth.deviation[hidden, 0] < plain.deviation[hidden, 0]).all()
     np.testing.assert_array_equal(smooth.state[-1], plain.state[-1])  # there is nothing later

@@ -236,7 +236,7 @@ def test_filters_beyond_half_the_sample_rate_are_warned_of(filters: dict[str, fl
     ],
 )
 def test_adc_that_clips_or_uses_two_codes_is_warned_of_once(settings: dict[str, Any], warning: str | None) -> None:
-    """An echo of 1 m^2 at 1 m: its samples, and thus shares, are those of a tone of its amplitude."""
+    """An echo of 1 m^2 at 1 m: a tone of its amplitude has the same shares."""
     receiver = rc.Receiver(**({"output": "real", "full_scale": 0.1, "adc_bits": 8} | settings))
     scene = rc.Scene([rc.PointTarget([1.0, 0.0, 0.0])])
     ideal = rc.Simulator(scene, rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")), resolution=8).frame().cube

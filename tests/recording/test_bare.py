@@ -204,7 +204,7 @@ def test_variables_of_an_npz_file_are_loaded_and_named(tmp_path: Path, save: Any
     with pytest.raises(ValueError, match=rf"a\.npz: expected the variable 'three', {every}"):
         rc.Recording.load(path, radar=RADAR, variable="three")
     with pytest.raises(
-        ValueError, match=r"without cube; of other arrays pass config=... or radar=..., .*-variable NAME"
+        ValueError, match=r"without cube; for other arrays pass config=... or radar=..., .*-variable NAME"
     ):
         rc.Recording.load(path)
     path.write_bytes(path.read_bytes()[:-30])

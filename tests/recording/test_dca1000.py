@@ -204,7 +204,7 @@ def test_zeros_in_place_of_lost_packets_are_counted(tmp_path: Path) -> None:
     assert recording.lost.tolist() == [0, 0, 1]
     assert recording.time == pytest.approx([0.0, 0.05, 0.15])
     assert recording.cube[2, 0, 0, 0] == scene.chirp(0.15, 1)[0, 0]
-    # Every lost packet is seen, wherever it begins.
+    # A lost packet is detected wherever it begins.
     for start in (0, 1, 363, 364, 365, 5000):
         words = scene.numbers("lanes2", q_first=True)
         words[start : start + 728] = 0
@@ -289,7 +289,7 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
             r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60",
         ),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
-        ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 4 * " 1 0"}, "pairs for TX1 to TX3, got those of 1 tr"),
+        ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 4 * " 1 0"}, "pairs for TX1 to TX3, got pairs for 1 tr"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
         ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),
     ],

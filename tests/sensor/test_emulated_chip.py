@@ -164,8 +164,8 @@ def test_words_are_executed_under_an_overflow_and_the_board_can_be_stopped_and_s
         lambda: Request.transfer(Code.COMPONENT, Component.AVIAN, Avian.REGISTERS_READ_BURST, bytes([1, PLL1_0])),
     ],
 )
-def test_an_overflow_is_told_once_by_functions_of_registers_alone(request_of: Callable[[], Request]) -> None:
-    """Which do their work all the same; EXECUTE and SET_BITS are functions of the protocol and never tell it."""
+def test_only_register_functions_report_an_overflow_once(request_of: Callable[[], Request]) -> None:
+    """They are still carried out; EXECUTE and SET_BITS are functions of the protocol and never report it."""
     controller = Controller(Numbered())
     controller.chip.overflow()
     assert execute(controller, [write_word(PLL1_0, 5)]) == 0

@@ -234,7 +234,7 @@ def test_what_answers_nothing_is_told_with_what_was_tried() -> None:
     with PtyPort(Silent()) as port, pytest.raises(SensorError) as caught:
         open_sensor(port.path)
     assert str(caught.value) == (
-        f"{port.path}: expected a radar board, got what answers neither ComLib nor Strata "
+        f"{port.path}: expected a radar board, got a device without ComLib or Strata "
         f"(ComLib: no answer in 0.3 s; Strata: no answer to request 0x80 (value 0x0001, index 0x0000) within 0.6 s)"
     )
 

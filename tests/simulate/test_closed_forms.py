@@ -324,7 +324,7 @@ def test_bounds_hold_in_an_image_of_60_degrees_too(
 
 
 # Largest errors of level [dB] and phase [rad] at any of 64 frequencies and six turns by parts of a cell: 1.2 to 1.5
-# times those that were measured.
+# times the measured ones.
 DEFAULT = {
     "disc, radius 5 cm, at 1 m": (0.12, 0.009),
     "disc, radius 2 cm, at 1 m": (0.4, 0.013),

@@ -375,7 +375,7 @@ POINTS = [  # azimuth and elevation [degrees], field of view, whether it shows t
     (29.0, 0.0, (60.0, 60.0), True, None),
     (31.0, 0.0, (60.0, 60.0), False, "'p' lies in the beam .* azimuth 31 .*: its truth is NaN"),
     (0.0, -31.0, (60.0, 60.0), False, "'p' lies in the beam .* elevation -31 degrees"),
-    # The vertical angle is that of z/x, larger than the elevation beside the axis; of z/y on the side of a wide view.
+    # The vertical angle has the tangent z/x, larger than the elevation beside the axis; z/y on the side of a wide view.
     (50.0, 29.0, (120.0, 70.0), False, None),
     (50.0, 22.0, (120.0, 70.0), True, None),
     (100.0, 0.0, (150.0, 60.0), False, None),

@@ -352,7 +352,7 @@ def test_recording_holds_the_frames_that_start_before_its_end(
         ({"frame_interval": 0.1}, 0.1),
         ({"frame_interval": 5e-3}, 5e-3),
         ({}, 0.025),  # back to back, an interval that nobody chose: 40 frames per second
-        ({"num_chirps": 256}, 256 * 300e-6),  # of which fewer fit
+        ({"num_chirps": 256}, 256 * 300e-6),  # fewer fit
     ],
 )
 def test_frames_without_a_rate_come_as_the_radar_sends_them(changes: dict[str, Any], interval: float) -> None:

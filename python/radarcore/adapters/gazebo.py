@@ -84,8 +84,8 @@ def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> 
 def from_gz_poses(message: Any) -> dict[str, Pose]:
     """Poses of a ``gz.msgs.Pose_V`` by name, as on ``/world/NAME/pose/info``.
 
-    Those of models are in the world, those of links in their model, those of sensors and visuals in their link. Several
-    of one name, as the links of two models, are kept apart by their entity's number: ``"link [12]"``.
+    Models have poses in the world, links in their model, sensors and visuals in their link. A repeated name, as of the
+    links of two models, gets the entity's number: ``"link [12]"``.
 
     See Also
     --------

@@ -88,7 +88,7 @@ def _show_mesh(path: Path, scale: float, as_json: bool) -> None:
 
 
 def _scene_facts(path: Path) -> dict[str, Any]:
-    """Content of a scene file, by name with unit; of one that varies that of its first sample."""
+    """Content of a scene file, by name with unit; of its first sample if it varies."""
     variation = Variation.load(path) if varies(values_of(path)) else None
     simulation = load_scene(path) if variation is None else variation.sample(0).simulation()
     scene, run = simulation.scene, simulation.run

@@ -45,7 +45,7 @@ class BareSamples:
     """numbers of a raw file: int16, uint16, >i2, float32"""
 
     variable: Annotated[str | None, Parameter(metavar="NAME")] = None
-    """array of a .mat or .npz file, of several"""
+    """array in a .mat or .npz file with several"""
 
     @property
     def description(self) -> Description:
@@ -58,7 +58,7 @@ NOT_BARE = BareSamples()
 
 def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
     """Path, and topic of a bag or nothing."""
-    # A path of Windows has lost the slash of the topic; the colon of its drive is followed by no topic of a bag.
+    # A Windows path has lost the slash of the topic; no topic of a bag follows the colon of its drive.
     text = source if isinstance(source, str) else source.as_posix()
     head, separator, tail = text.rpartition(":/")
     return (Path(head), f"/{tail}") if separator and is_bag(Path(head)) else (Path(source), "")

@@ -125,7 +125,7 @@ def _parts(table: Table) -> Iterable[RenderableType]:
 
 
 def _printable(text: str) -> str:
-    """Text with escapes for what a terminal would obey: names of files, bodies, topics and boards may hold anything."""
+    """Text with escaped control characters: names of files, bodies, topics and boards may contain any."""
     return "\n".join(map(printable, text.split("\n")))
 
 

@@ -65,6 +65,6 @@ def plain(value: Any) -> Any:
 
 
 def refuse_dataset(samples: Samples, out: Path) -> None:
-    """Refuse an export into the dataset that it is made from, or in place of a folder around it."""
+    """Refuse an export into its own dataset, or in place of a folder around it."""
     if (path := getattr(samples, "path", None)) is not None:
         refuse_source("out", out, Path(path))

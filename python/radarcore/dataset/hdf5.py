@@ -42,7 +42,7 @@ def to_hdf5(
     Raises
     ------
     FileExistsError
-        For a file that is there, unless it is to be replaced and HDF5.
+        For an existing file, unless `overwrite` is True and it is an HDF5 file.
     ImportError
         When h5py is missing.
 

@@ -87,7 +87,7 @@ def make(
     FileExistsError
         When `path` exists, and is not resumed.
     BlockingIOError
-        When another process is making it; a process that dies does not hold it any longer.
+        When another process is making it; the lock ends with its process.
     ValueError
         When a dataset is resumed with other settings, which it names; the error of the first sample if none works.
     ConnectionError

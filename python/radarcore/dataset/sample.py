@@ -141,7 +141,7 @@ class Sample:
         Raises
         ------
         FileExistsError
-            When there is such a file, unless it is to be replaced.
+            When the file exists and `overwrite` is False.
 
         See Also
         --------

@@ -15,7 +15,7 @@ from radarcore.dataset.shardfile import LEVEL
 from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty
 
 _ARRAYS, _ATTRIBUTES = ("cube", "status"), ("scene_path", "scene", "seed", "radar", "settings")
-"""What every dataset has."""
+"""Arrays and attributes of every dataset."""
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
@@ -97,7 +97,7 @@ def opened(path: Path) -> Any:
     try:
         group = package.open_group(path, mode="r")
         arrays = dict(group.arrays())
-    except Exception as error:  # of zarr: whatever damaged metadata leads to
+    except Exception as error:  # zarr raises many kinds for damaged metadata
         text = " ".join(str(error).split())[:_LONGEST_REASON]
         raise ValueError(f"{path}: expected a dataset, got a damaged one ({text or type(error).__name__})") from error
     lacking = [name for name in _ARRAYS if name not in arrays] + [name for name in _ATTRIBUTES if name not in attrs]

@@ -50,7 +50,7 @@ def to_webdataset(
     samples_per_tar : int
         Samples of every file but the last.
     overwrite : bool
-        Replace an older export: the files that its ``dataset.json`` lists.
+        Replace the files that the ``dataset.json`` of an older export lists.
     progress : bool
         As of `to_hdf5`.
 
@@ -97,7 +97,7 @@ def to_webdataset(
 
 
 def _replaced(folder: Path, overwrite: bool) -> list[Path]:
-    """Files of an older export that this one replaces; refuses everything else that is there."""
+    """Files of an older export that this one replaces; an error for anything else at this path."""
     if not folder.exists() or (folder.is_dir() and is_empty(folder)):
         return []
     try:

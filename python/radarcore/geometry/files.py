@@ -33,10 +33,10 @@ _Y_UP = (".glb", ".gltf")
 """Formats with y up (glTF 2.0, 3.4)."""
 
 STEP_SUFFIXES = (".step", ".stp")
-"""Ends of the names of STEP files, which trimesh reads with cascadio, in metres."""
+"""Suffixes of STEP files, which trimesh reads with cascadio, in metres."""
 
 _STL_HEAD, _STL_FACET = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-"""Bytes before the facets of a binary STL file, whose last four are their number, and a facet."""
+"""Bytes before the facets of a binary STL file (the last four are their number), and one facet."""
 
 _BEGINNING = 40
 """Bytes of a file that are shown."""
@@ -193,7 +193,7 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
 
 
 def _miscounted_stl(path: Path) -> NDArray[np.float32] | None:
-    """Corners (facet, 3, 3) of a binary STL file of another size than its number of facets says, with a warning.
+    """Corners (facet, 3, 3) of a binary STL file whose size does not fit its facet count, with a warning.
 
     None for every other file, and for one that ends within a facet.
     """
@@ -201,13 +201,13 @@ def _miscounted_stl(path: Path) -> NDArray[np.float32] | None:
         start = file.read(_STL_HEAD + _STL_FACET.itemsize)
     if len(start) < _STL_HEAD + _STL_FACET.itemsize or _is_text(start):
         return None
-    told = int.from_bytes(start[_STL_HEAD - 4 : _STL_HEAD], "little")
-    there, left_over = divmod(path.stat().st_size - _STL_HEAD, _STL_FACET.itemsize)
-    if (told, 0) == (there, left_over) or (left_over and not 0 < told <= there):
+    number = int.from_bytes(start[_STL_HEAD - 4 : _STL_HEAD], "little")
+    num_whole, left_over = divmod(path.stat().st_size - _STL_HEAD, _STL_FACET.itemsize)
+    if (number, 0) == (num_whole, left_over) or (left_over and not 0 < number <= num_whole):
         return None
-    num_facets = told if left_over else there
+    num_facets = number if left_over else num_whole
     notice.warn(
-        f"{path}: expected {_STL_HEAD + told * _STL_FACET.itemsize} bytes for the {told} facets that the file names, "
+        f"{path}: expected {_STL_HEAD + number * _STL_FACET.itemsize} bytes for {number} facets by the file's count, "
         f"got {path.stat().st_size}; {num_facets} facets are read"
     )
     corners: NDArray[np.float32] = np.fromfile(path, _STL_FACET, num_facets, offset=_STL_HEAD)["corners"]

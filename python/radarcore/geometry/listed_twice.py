@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
-"""Odd multipliers of the three coordinates (Steele, Lea and Flood, "Fast splittable pseudorandom generators")."""
+"""Odd multipliers for hashes (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014)."""
 
 
 def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.bool_] | None:
     """Triangles to keep, (triangle,), so that no surface is listed in both windings; None if no two triangles coincide.
 
-    The winding that stays fits its neighbours and, of a closed surface, faces outwards. Both stay on a surface that
+    The kept winding fits its neighbours and faces outwards on a closed surface. Both windings stay on a surface that
     meets others at an edge, where two bodies may share a face, and of a triangle without neighbours.
     """
-    # Two triangles lie in the same place if the sums of their corners' hashes are equal.
+    # Triangles coincide if the sums of their corners' hashes are equal; a place is a set of such triangles.
     hashes = _mixed((_mixed((vertices + 0.0).view(np.uint64)) * _FACTORS).sum(axis=1, dtype=np.uint64))
     keys = hashes[triangles].sum(axis=1, dtype=np.uint64)
     in_order = np.sort(keys)
@@ -35,7 +35,7 @@ def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32])
     windings = np.sign(np.diff(corners, axis=1, append=corners[:, :1])).sum(axis=1)  # of the places: 1 or -1
     is_doubled = np.bincount(places, windings > 0).astype(bool) & np.bincount(places, windings < 0).astype(bool)
 
-    # Edges, by the places of their triangles: how many meet there.
+    # Number of places that meet at each edge.
     after, owners = np.roll(corners, -1, axis=1), np.repeat(np.arange(len(triangles)), 3)
     ends = np.minimum(corners, after) * len(vertices) + np.maximum(corners, after)
     edges = np.unique(ends, return_inverse=True)[1].ravel()
@@ -44,23 +44,23 @@ def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32])
     num_meeting = np.bincount(pairs[:, 0])
     lowest = pairs[np.cumsum(num_meeting) - num_meeting, 1]
 
-    # Surfaces of triangles in both windings, out to edges where more than two meet.
+    # Connected surfaces of places with both windings, bounded by edges where more than two meet.
     inner = (num_meeting[pairs[:, 0]] == 2) & is_doubled[pairs[:, 1]]
     surfaces = components(pairs[inner, 1], num_places + pairs[inner, 0], num_places + len(num_meeting))[:num_places]
-    is_apart = np.bincount(surfaces, is_doubled) > 1
-    is_apart[surfaces[pairs[num_meeting[pairs[:, 0]] > 2, 1]]] = False
-    is_merged: NDArray[np.bool_] = (is_doubled & is_apart[surfaces])[places] & ~is_degenerate
+    is_isolated = np.bincount(surfaces, is_doubled) > 1
+    is_isolated[surfaces[pairs[num_meeting[pairs[:, 0]] > 2, 1]]] = False
+    is_merged: NDArray[np.bool_] = (is_doubled & is_isolated[surfaces])[places] & ~is_degenerate
 
-    # Triangles of one side are those that run through the edges between them in opposite directions.
+    # Triangles belong to one side if they run through their common edge in opposite directions.
     is_forward = (corners < after).ravel() ^ (places[owners] != lowest[edges])
     crossed = num_meeting[edges] == 2
     nodes = len(triangles) + 2 * edges + is_forward
     sides = components(owners[crossed], nodes[crossed], len(triangles) + 2 * len(num_meeting))[: len(triangles)]
-    with np.errstate(all="ignore"):  # of coordinates that are refused later
+    with np.errstate(all="ignore"):  # infinite coordinates are refused later
         a, b, c = (vertices[triangles[:, i]] - vertices.mean(axis=0) for i in range(3))
         volumes = np.bincount(sides, (a * np.cross(b, c)).sum(axis=1))[sides]
 
-    # Of every place the triangle of the larger side, or the first.
+    # Keep the triangle of the larger side of every place, or the first.
     order = np.lexsort((np.arange(len(triangles)), -volumes, places))
     kept = ~is_merged
     kept[order[np.diff(places[order], prepend=-1) > 0]] = True
@@ -68,7 +68,7 @@ def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32])
 
 
 def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Values whose bits depend on all bits of the given ones."""
+    """Values with every bit mixed into all others."""
     for factor in _FACTORS[1:]:
         values = (values ^ (values >> np.uint64(30))) * factor
     return values ^ (values >> np.uint64(31))

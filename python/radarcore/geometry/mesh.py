@@ -41,11 +41,11 @@ class Mesh:
     num_dropped : int
         Degenerate triangles left out.
     num_merged : int
-        Triangles left out of surfaces listed in both windings. Both windings stay where such a surface meets others at
-        an edge, as two bodies do that share a face.
+        Triangles left out of surfaces listed in both windings. Both windings stay if such a surface meets others at an
+        edge, as for two bodies that share a face.
 
     is_reflector : bool
-        True for `shapes.dihedral` and `shapes.trihedral`, of which a simulator warns if the radar sees the back alone.
+        True for `shapes.dihedral` and `shapes.trihedral`; a simulator warns if the radar sees only their back.
 
     Raises
     ------

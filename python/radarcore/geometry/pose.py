@@ -247,11 +247,11 @@ class Pose:
         )
 
     def __hash__(self) -> int:
-        return hash((*self.position.tolist(), *self.rotation.ravel().tolist()))  # of bytes, -0.0 would differ from 0.0
+        return hash((*self.position.tolist(), *self.rotation.ravel().tolist()))  # the bytes of 0.0 and -0.0 differ
 
 
 def not_a_pose(name: str, expected: str, got: object, where: str = "") -> TypeError:
-    """Error for something else than a pose or motion, which says what makes a pose of an array."""
+    """Error for an object that is no pose or motion; for an array it names the constructor of a pose."""
     shape = np.asarray(got, dtype=object).shape if isinstance(got, np.ndarray | list | tuple) else ()
     makers = {(4, 4): "rc.Pose.from_matrix", (3, 4): "rc.Pose.from_matrix", (3,): "rc.Pose"}
     hint = f"; {makers[shape]}(...) makes a pose of it" if shape in makers else ""

@@ -38,7 +38,7 @@ class MeshReport:
     num_inconsistent_edges : int
         Edges of two triangles that are wound in opposite senses.
     num_merged : int
-        Triangles left out of those listed in both windings.
+        Triangles left out because they were listed in both windings.
     num_duplicates, num_thin : int
         Triangles still in the place of another, and triangles over 100 times longer than high.
     area : float

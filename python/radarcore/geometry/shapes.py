@@ -314,7 +314,7 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
 
     Notes
     -----
-    `Pose.look_at` turns +x to its target, and so the back of the reflector: see `trihedral` for the turn.
+    `Pose.look_at` turns +x, the back of the reflector, to its target: see `trihedral` for the additional turn.
 
     See Also
     --------
@@ -357,8 +357,8 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
 
     Notes
     -----
-    `Pose.look_at` turns +x to its target. Half a turn more about z opens the reflector towards it; a simulator warns of
-    one that shows its back.
+    `Pose.look_at` turns +x, the back of the reflector, to its target. Another half turn about z opens it towards the
+    target. A simulator warns of a reflector that shows its back.
 
     See Also
     --------
@@ -373,7 +373,7 @@ def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     >>> towards = rc.Pose.look_at([2.0, 1.0, 0.5], target=[0.0, 0.0, 0.0]) @ rc.Pose.from_rpy([0, 0, 0], [0, 0, np.pi])
     >>> corner = rc.Body(rc.shapes.trihedral(0.1), motion=towards)
     >>> frame = rc.Simulator(rc.Scene([corner]), rc.bgt60tr13c(num_chirps=16), max_bounces=3).frame()
-    >>> print(f"{rc.strongest_peak(frame).range:.2f} m")  # that of the apex
+    >>> print(f"{rc.strongest_peak(frame).range:.2f} m")  # the apex
     2.29 m
     """
     leg = check.positive("leg", leg, "m")

@@ -1,4 +1,4 @@
-"""3MF files (.3mf): all triangles that a build has, in metres.
+"""3MF files (.3mf): all triangles of the build, in metres.
 
 3MF Core Specification 1.3: sections 3.4 (unit, build, items), 4.1 (meshes) and 4.2 (components); Production Extension
 (objects in other parts of the package).
@@ -22,7 +22,7 @@ _UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254
 """Metres per unit."""
 
 _MOST_PARTS = 10_000
-"""Objects that a build may have: components of components grow beyond all bounds."""
+"""Largest number of objects in a build: nested components may multiply without limit."""
 
 _Part = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -30,7 +30,7 @@ _Part = tuple[NDArray[np.float64], NDArray[np.int64]]
 def load_3mf(path: Path) -> _Part:
     """Vertices (n, 3) [m] and triangles (m, 3) of all items of a file's build, each at its place.
 
-    Objects for supports are left out. Parts that are mirrored by their transforms keep their normals outwards.
+    Supports are left out. Parts with a mirroring transform keep their normals outwards.
     """
     with zipfile.ZipFile(path) as package:
         relations = ET.fromstring(package.read("_rels/.rels"))
@@ -49,7 +49,7 @@ def load_3mf(path: Path) -> _Part:
 
 
 class _Build:
-    """Parts that are put where a build has them."""
+    """Collects the objects of a build, each transformed to its place."""
 
     def __init__(self, package: zipfile.ZipFile) -> None:
         self.package = package
@@ -101,7 +101,7 @@ class _Build:
 
 
 def _transform(text: str | None) -> NDArray[np.float64]:
-    """Matrix (4, 4) for columns of the twelve numbers of one for rows, the shift last."""
+    """Matrix (4, 4) for column vectors; the file has twelve numbers for row vectors, the shift last."""
     matrix = np.eye(4)
     if text is not None:
         matrix[:3] = np.array(text.split(), np.float64).reshape(4, 3).T

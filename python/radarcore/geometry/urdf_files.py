@@ -1,4 +1,4 @@
-"""URDF files as XML: what all their readers refuse or warn of."""
+"""URDF files as XML, with the errors and warnings of all readers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def parsed(path: str | PathLike[str]) -> ET.Element:
 
 
 def warn_of_no_shapes(path: str | PathLike[str], root: ET.Element, geometry: str, argument: str) -> None:
-    """Warn of a robot all of whose shapes are of the other kind than an argument says."""
+    """Warn of a robot whose shapes are all of the kind that `argument` leaves out."""
     other = "visual" if geometry == "collision" else "collision"
     if root.find(f"link/{geometry}") is None and (shapes := root.findall(f"link/{other}")):
         notice.warn(

@@ -45,7 +45,7 @@ class Attached(Composed):
         return self.parent, self.motion
 
     def poses_of(self, parent: Matrix, own: Matrix) -> Matrix:
-        """Products of maps ``[rotation | position]``, (..., 3, 4): of the parent to the world, and to the parent."""
+        """Products of maps ``[rotation | position]``, (..., 3, 4): parent to world, and own to parent."""
         placed: Matrix = parent[..., :3] @ own
         placed[..., 3] += parent[..., 3]
         return placed

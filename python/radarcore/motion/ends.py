@@ -13,11 +13,11 @@ BEYOND = ("hold", "continue", "error")
 
 _Floats = NDArray[np.float64]
 
-# Steps of a motion in seconds are hardly longer than this [s], and the motion slower than this [m/s or rad/s], at once.
-# A chest that breathes six times a minute is at its ends every 5 s; 100 poses per second in milliseconds are steps of
-# 10 "s", and 20 m/s are 20 mm/s.
+# Longer steps [s] with a slower motion [m/s or rad/s] are implausible for times in seconds. A chest that breathes six
+# times a minute is at its ends every 5 s. In milliseconds, 100 poses per second have steps of 10 "s", and 20 m/s are
+# 20 mm/s.
 LONG_STEP, _SLOW = 5.0, 0.02
-# A single step may be longer: it is a whole motion [s].
+# Longest single step, which is a whole motion [s].
 _LONG_MOTION = 100.0
 # Shorter steps are noise of a body at rest [m or rad].
 _NOISE = 1e-3
@@ -29,17 +29,17 @@ _AT_REST = 1e-6
 
 
 def steps_between(maps: _Floats) -> _Floats:
-    """Distances, or angles where these are larger, from each of the maps (n, ..., 3, 4) to the next, (n - 1, ...)."""
+    """Distances or angles, the larger of both, from each of the maps (n, ..., 3, 4) to the next, (n - 1, ...)."""
     changes = np.diff(maps, axis=0)
-    # The norm of the change of a rotation is that of a small angle times the root of two.
+    # The norm of the change of a rotation matrix is sqrt(2) times the angle, if it is small.
     turned = np.sqrt(0.5 * np.square(changes[..., :3]).sum(axis=(-2, -1)))
     return np.asarray(np.maximum(turned, np.linalg.norm(changes[..., 3], axis=-1)))
 
 
 def warn_of_milliseconds(name: str, intervals: _Floats, steps: _Floats, longest: float = LONG_STEP) -> bool:
-    """Warn of times that are hardly seconds: a motion has steps longer than `longest`, too slow in each; True if so.
+    """Warn of times in milliseconds, with steps longer than `longest` [s] and a slow motion; True if so.
 
-    `steps`: how far it goes in each of the intervals, (n - 1,) [m or rad].
+    `steps`: distance or angle in each interval, (n - 1,) [m or rad].
     """
     is_slow = steps.max() > _NOISE and bool((steps < _SLOW * intervals).all())
     if not (is_slow and np.median(intervals) > longest):
@@ -52,7 +52,7 @@ def warn_of_milliseconds(name: str, intervals: _Floats, steps: _Floats, longest:
 
 
 def check_steps(name: str, times: _Floats, steps: _Floats) -> None:
-    """Refuse steps of a series, (n - 1,) [m or rad], that are too fast, and warn of times in milliseconds."""
+    """Refuse a series whose steps, (n - 1,) [m or rad], are too fast; warn of times in milliseconds."""
     intervals = np.diff(times)
     check.below(name, steps / intervals, SPEED_OF_LIGHT, "m/s or rad/s")
     warn_of_milliseconds(name, intervals, steps, LONG_STEP if len(steps) > 1 else _LONG_MOTION)
@@ -95,7 +95,7 @@ class Ends:
         return inside, wanted - inside if self._kind == "continue" else np.zeros_like(wanted)
 
     def moves(self, times: ArrayLike) -> NDArray[np.bool_]:
-        """True at times where the series has a velocity: not beyond ends that are held, but for rounding."""
+        """True at times where the series has a velocity: not beyond ends that are held (up to rounding)."""
         wanted = check.numbers("times", times)
         within = (self._first - self._slack <= wanted) & (wanted <= self._last + self._slack)
         return within | (self._kind == "continue")

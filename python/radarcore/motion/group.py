@@ -91,7 +91,7 @@ class Motions:
     ----------
     motions : sequence of Motion
         One per body. All links of an arm or a person (`LinkMotion`) are evaluated by one call. An `Attached` motion is
-        the product of its two factors, which are evaluated with all others: each once, however many share it.
+        the product of its two factors. Every factor is evaluated once, however many motions share it.
     """
 
     def __init__(self, motions: Sequence[Motion]) -> None:
@@ -102,7 +102,7 @@ class Motions:
         every = [*motions, *(motion for motion in ordered if id(motion) not in given)]
         sources = {id(source): source for motion in every for source in [getattr(motion, "group", motion)]}
         self._live = [source for source in sources.values() if not factors_of(source) and newest_of(source) is not None]
-        # Those composed of others, behind their factors.
+        # Composed motions, after their factors.
         rank = {id(motion): number for number, motion in enumerate(ordered)}
         places = {id(motion): number for number, motion in enumerate(every)}
         composed = sorted(
@@ -144,7 +144,7 @@ class Motions:
         return poses
 
     def _rates(self, times: Matrix, poses: Matrix | None) -> Matrix:
-        """Time derivatives of `_poses`, which are needed where motions are composed."""
+        """Time derivatives of `_poses`, which composed motions need."""
         rates = np.empty((len(times), self._num_evaluated, 3, 4))
         for group, numbers in self._groups:
             rates[:, numbers] = group.rates_at(times)

@@ -238,7 +238,7 @@ class Together:
 
     def __init__(self, motions: Sequence[Live]) -> None:
         self._motions = list(motions)
-        # Replaced as a whole: whoever reads it meanwhile has both of one moment.
+        # Replaced as a whole, so that another thread reads a consistent pair.
         self._continued: tuple[list[Update], Uniform] | None = None
 
     def poses_at(self, times: Matrix) -> Matrix:
@@ -261,7 +261,7 @@ class Together:
         if times.min(initial=np.inf) < starts.max():
             return None
         continued = self._continued
-        if continued is None or newest != continued[0]:  # updates are equal only to themselves
+        if continued is None or newest != continued[0]:  # updates compare by identity
             maps = np.concatenate([update.maps for update in newest])
             rates = (np.concatenate(values) for values in zip(*(update.past for update in newest), strict=True))
             continued = self._continued = newest, Uniform(maps[..., :3], maps[..., 3], *rates)

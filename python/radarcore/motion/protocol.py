@@ -47,16 +47,16 @@ def newest_of(*motions: object) -> float | None:
 
 
 def factors_of(motion: Motion) -> tuple[Motion, ...]:
-    """The motions that a motion is composed of, such as those of `Attached`; none of others.
+    """The motions that a motion such as `Attached` is composed of; empty for other motions.
 
-    Nor of a subclass, which may have poses of its own.
+    Empty for a subclass, too, which may have poses of its own.
     """
     factors: tuple[Motion, ...] = getattr(motion, "factors", ()) if "factors" in vars(type(motion)) else ()
     return factors
 
 
 def with_factors(motions: Iterable[Motion]) -> list[Motion]:
-    """The motions and all that they are composed of: each once, factors before what is composed of them."""
+    """The motions and all their factors: each once, factors before the motions composed of them."""
     found: dict[int, Motion] = {}
     pending = list(motions)
     while pending:

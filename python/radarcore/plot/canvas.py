@@ -101,7 +101,7 @@ def dpi_for(path: str | os.PathLike[str] | None) -> int:
 
 
 def picture(path: str | os.PathLike[str] | None, overwrite: bool) -> Path | None:
-    """Path of a picture that may be written there, if anywhere; without a suffix matplotlib's own is added."""
+    """Checked path of a picture; a name without a suffix gets matplotlib's default."""
     if path is None:
         return None
     from matplotlib import rcParams
@@ -354,9 +354,9 @@ def range_end(
     is_there: NDArray[np.bool_],
     detections: Detections | None = None,
 ) -> float:
-    """End of the range axis [m]: the one that was given, or a little beyond all echoes, detections and bodies.
+    """End of the range axis [m]: `max_range`, or a little beyond all echoes, detections and bodies.
 
-    Without a truth, as of a sensor, that of the radar: weak echoes may be anywhere.
+    Without truth, as of a sensor, the largest range of the radar: weak echoes may be anywhere.
     """
     last = last_range(frame, max_range)
     if max_range is not None or frame.truth is None:

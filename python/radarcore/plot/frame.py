@@ -234,8 +234,8 @@ def range_doppler_map(
     dynamic_range_db : float, optional
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
     max_range, max_velocity : float, optional
-        Ends of the axes [m], [m/s]; default: those of the radar. Of a frame with truth: a little beyond the echoes that
-        are 15 dB over the median and within 40 dB of the strongest, the truth, and the detections.
+        Ends of the axes [m], [m/s]. Default: the limits of the radar; for a frame with truth a little beyond the truth,
+        the detections, and all echoes 15 dB over the median and within 40 dB of the strongest.
 
     See Also
     --------

@@ -151,12 +151,12 @@ def spectrogram(
         num_velocity_bins=canvas.padded(length),
     )
     if np.isnan(found.velocity).any():
-        raise ValueError("recording: expected chirps or frames that tell a velocity, got windows of a single chirp")
+        raise ValueError("recording: expected windows of several chirps, got a single chirp, which has no velocity")
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
     fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
-    fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # of single chirps a frame less than the waveform's
+    fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # less than the waveform's for single-chirp frames
     ax.set_ylim(-fastest, fastest)
     ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")

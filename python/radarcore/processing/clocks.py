@@ -22,10 +22,10 @@ _GRID = 0.2
 """Step of the common grid, in standard deviations of the kernel: parabolas give peaks to a fraction of it."""
 
 _BLOCK = 400_000
-"""Samples in the windows of the points of the grid that are smoothed at once: some 20 MB."""
+"""Samples in the windows of one block of grid points: some 20 MB."""
 
 _SPARSEST = 100.0
-"""Most points of the grid per sample: records with longer gaps have times of several clocks in them."""
+"""Largest number of grid points per sample: records with longer gaps mix times of several clocks."""
 
 _SHORTEST_OVERLAP = 20.0
 """Least common time, in standard deviations of the kernel, and ..."""
@@ -334,7 +334,7 @@ def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tu
 
 
 def _least_squares(basis: Array, values: Array) -> Array:
-    """Factors of the columns of a basis by which they fit the values best (normal equations)."""
+    """Coefficients of the columns of a basis by least squares (normal equations)."""
     scale = np.sqrt(np.square(basis).sum(axis=0))
     scaled = basis / np.where(scale > 0.0, scale, 1.0)
     gram, moments = (np.einsum("nk,n...->k...", scaled, other) for other in (scaled, values))

@@ -21,7 +21,7 @@ _MOST_PAIRS = 512**2
 """Pairs of detections up to which all are compared; more of them are found by a tree."""
 
 _MOST_AT_ONCE = 2**15
-"""Pairs whose covariances are compared at once: some 20 MB."""
+"""Pairs per block: some 20 MB."""
 
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
@@ -50,7 +50,7 @@ class Clusters:
     centroids : Detections
         Means of the clusters, weighted by power. Their covariance is that of the mean: of the errors of the detections,
         and of the spread of the cluster as far as it does not average out. Their `snr_db` is that of the powers,
-        added; they are resolved where all of their detections are.
+        added; a cluster is resolved if all its detections are.
     extent : (cluster, 4) float64
         Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
         elevation [rad]. NaN for coordinates that are not told.
@@ -395,20 +395,20 @@ def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, perio
             f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
             f"{COORDINATES[column]} of detection {row}"
         )
-    # Near ones are near in range alone, too: by increasing range, those up to a last one; all if a range is not known.
+    # Near pairs are also near in range: pair each detection with the next ones in range, up to the last near one.
     number, ranges = len(values), values[:, 0]
     order = np.argsort(ranges, kind="stable")
     farthest = ranges + num_deviations * np.sqrt(variance[:, 0] + variance[:, 0].max(initial=0.0)) * (1.0 + 1e-9)
     last = np.full(number, number)
     if not np.isnan(ranges).any():
         last = np.searchsorted(ranges[order], farthest[order], side="right")
-    begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # of the pairs of each with later ones
+    begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # first pair of each detection
     pairs = [np.empty((2, 0), np.int64)]
     for begin in range(0, int(begins[-1]), _MOST_AT_ONCE):
         pair = np.arange(begin, min(begin + _MOST_AT_ONCE, begins[-1]))
         row = np.searchsorted(begins, pair, side="right") - 1
         one, other = order[row], order[row + 1 + pair - begins[row]]
-        apart = wrapped(values[one] - values[other], periods)
-        squares, _ = normalized_squares(apart, covariance[one] + covariance[other])
+        differences = wrapped(values[one] - values[other], periods)
+        squares, _ = normalized_squares(differences, covariance[one] + covariance[other])
         pairs.append(np.stack([one, other])[:, squares <= num_deviations**2])
     return both_ways(number, *np.concatenate(pairs, axis=1))

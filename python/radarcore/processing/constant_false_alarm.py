@@ -17,7 +17,7 @@ METHODS = ("ca", "os")
 """Cell averaging, ordered statistic."""
 
 _FEW_CELLS = 4
-"""Guard cells that may cover a whole map: those of a main lobe."""
+"""Guard cells of a main lobe, which may cover a whole map."""
 
 DEFAULT_RANK = 0.75
 """Rank of the ordered statistic, as a part of the training cells (Rohling 1983: three quarters)."""
@@ -172,9 +172,9 @@ def training_counts(shape: Sequence[int], guards: Sequence[int], trainings: Sequ
 
 
 def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
-    """Refuse guard cells that reach over a whole map, (row, column): nothing would ever be detected.
+    """Refuse guard cells that cover a whole map, (row, column), as nothing would ever be detected.
 
-    A main lobe may be as wide as a tiny map.
+    Few guard cells are allowed: a main lobe may be as wide as a tiny map.
     """
     if max(guards) > _FEW_CELLS and counts.size > 0 and not counts.any():
         raise ValueError(f"guard: expected fewer cells than the map of {counts.shape} has, got {max(guards)}")

@@ -77,8 +77,8 @@ def detect(
     therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
     `false_alarm_rate` is that of detections, per cell.
 
-    Targets that share a cell of range and velocity are one detection, whose direction may lie outside of theirs: where
-    the channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
+    Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
+    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
     noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
 
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
@@ -129,7 +129,7 @@ def detect(
     Warns
     -----
     UserWarning
-        For an array whose directions are ambiguous within the field of view of its antennas, when it detects something.
+        When an array detects something and its directions are ambiguous within the field of view of its antennas.
 
     See Also
     --------
@@ -159,7 +159,7 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    energy = real_inner(samples, samples)  # no number either if a sample is none
+    energy = real_inner(samples, samples)  # NaN if a sample is
     if not isfinite(energy) and not np.isfinite(samples).all():
         bad = np.argwhere(~np.isfinite(samples))
         raise ValueError(

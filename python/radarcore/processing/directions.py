@@ -33,10 +33,10 @@ _AMBIGUOUS = 0.99
 """Power of a grating lobe over that of the main lobe above which noise decides between them."""
 
 _CHANCE = 1e-3
-"""Part of single targets that noise alone lets appear as several, at most."""
+"""Largest probability that noise makes a single target appear as several."""
 
 _UNEQUAL = 0.01
-"""Part of the power that one plane wave may miss: gains of receivers differ by some tenths of a dB."""
+"""Share of the power that one wave may leave unexplained: receiver gains differ by some tenths of a dB."""
 
 _BLOCK = 2**20
 """Numbers of an array worked on at a time, 16 MB."""
@@ -57,14 +57,14 @@ class Directions:
     azimuth, elevation : (detection,) float64
         Angles [rad], positive to the left and up.
     covariance : (detection, 2, 2) float64
-        Of azimuth and elevation [rad^2]: the least that noise allows (Cramer-Rao); NaN without an SNR. Where
-        `is_resolved` is False, everything but the one wave counts as noise.
+        Cramer-Rao bound of azimuth and elevation [rad^2]; NaN without an SNR. If `is_resolved` is False, the residual
+        of the single wave counts as noise.
     is_resolved : (detection,) bool
-        False where one target does not explain the channels, such as two of them in one cell: more of the power than
-        noise and 1 % is missing. True without an SNR.
+        False if a single target does not explain the channels, as for two targets in one cell: the unexplained power
+        exceeds the noise and 1 %. True without an SNR.
     ambiguous_beyond : float
-        Angle from the front [rad] beyond which another direction nearer to the front has the same phases, and is
-        returned; pi / 2 for an array without ambiguity.
+        Angle from the front [rad]. A target beyond it has the same phases as a direction nearer to the front, which is
+        returned. pi / 2 for an array without ambiguity.
 
     See Also
     --------
@@ -119,8 +119,8 @@ def directions(
     snr_db : (detection,) array_like, optional
         Power over the noise in the cell of one channel [dB], for `Directions.covariance` and `is_resolved`.
     range : (detection,) array_like, optional
-        Distance from the centre of the array [m]: the wave is then the sphere of a target there. A plane wave errs by
-        0.4 degrees at 0.3 m with a BGT60. None, NaN: a plane wave.
+        Distance from the centre of the array [m] for a spherical wave. None, NaN: a plane wave, which errs by 0.4
+        degrees at 0.3 m with a BGT60.
     channel_phase : (channel,) array_like, optional
         Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
         Default: those of the receiver, `Radar.channel_phases`.
@@ -170,7 +170,7 @@ def waves_of(
     distance: _Reals | None,
     channel_phase: ArrayLike | None = None,
 ) -> Directions:
-    """`directions` of snapshots (detection, channel), from numbers (detection,) that need no checks."""
+    """`directions` of snapshots (detection, channel) without checks."""
     number = len(values)
     array, ambiguities, corrections = _array(radar)
     if channel_phase is not None or (velocity is not None and radar.channel_offsets.any()):
@@ -194,10 +194,10 @@ def waves_of(
     if number == 0 or not any(array.told):
         return found
     if array.ambiguous_beyond < array.half_view:
-        apart, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
+        spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
         notice.warn(
-            f"radar: expected channels less than {limit:.2g} wavelengths apart for antennas that see "
-            f"{np.rad2deg(array.half_view):.0f} deg to each side, got {apart:.3g}: directions are ambiguous beyond "
+            f"radar: expected a channel spacing below {limit:.2g} wavelengths for antennas that see "
+            f"{np.rad2deg(array.half_view):.0f} deg to each side, got {spacing:.3g}: directions are ambiguous beyond "
             f"{np.rad2deg(array.ambiguous_beyond):.0f} deg from the front"
         )
     waves = values[known] / size[known][:, None] * (corrections if corrections.ndim == 1 else corrections[known])
@@ -208,7 +208,7 @@ def waves_of(
     if lost.any():
         sines[lost] = _searched(waves[lost], array, ambiguities)
 
-    # Waves of near targets are spheres.
+    # Near targets have spherical waves.
     sines, missing = _core.fit_spheres(
         np.ascontiguousarray(waves),
         np.ascontiguousarray(sines),
@@ -261,12 +261,12 @@ class _Array:
     across: _Reals  # (channel, 2), along y and z; zero where nothing is told
     told: tuple[bool, bool]
     antennas: _Reals
-    """Transmitters that channels tell apart, and receivers, (antenna, 3), from the centre of the array [m]."""
+    """Transmitters, if they have channels of their own, and receivers, (antenna, 3), from the array's centre [m]."""
     num_rx: int
     wavenumber: float
     """[rad/m]."""
     half_view: float
-    """Half of the wider angle that the antennas see where directions are told [rad]."""
+    """Half of the wider view of the antennas in the planes with observable directions [rad]."""
 
     @cached_property
     def channels(self) -> _Reals:
@@ -280,20 +280,20 @@ class _Array:
 
     @cached_property
     def ambiguous_beyond(self) -> float:
-        """Half of the least distance of sines that give the same phases, as an angle from the front [rad]."""
-        apart = np.linalg.norm(self.ambiguities[1:], axis=1).min(initial=2.0)
-        return float(np.arcsin(min(0.5 * apart, 1.0)))
+        """Half of the smallest difference of sines with the same phases, as an angle from the front [rad]."""
+        difference = np.linalg.norm(self.ambiguities[1:], axis=1).min(initial=2.0)
+        return float(np.arcsin(min(0.5 * difference, 1.0)))
 
     @cached_property
-    def most_missing(self) -> float:
-        """Power that one wave may miss in noise alone, over the noise of a channel; inf if it explains everything."""
+    def largest_residual(self) -> float:
+        """Largest residual of noise over the noise power of a channel; inf without degrees of freedom."""
         from scipy.special import gammainccinv  # here: importing radarcore imports numpy and nothing heavier
 
-        return float(gammainccinv(0.5 * self.num_left, _CHANCE)) if self.num_left > 0 else np.inf
+        return float(gammainccinv(0.5 * self.num_freedoms, _CHANCE)) if self.num_freedoms > 0 else np.inf
 
     @property
-    def num_left(self) -> int:
-        """Real numbers that channels tell beside amplitude, phase and direction of a wave."""
+    def num_freedoms(self) -> int:
+        """Real degrees of freedom of the residual: amplitude, phase and direction are fitted."""
         return 2 * len(self.x) - 2 - sum(self.told)
 
     @cached_property
@@ -399,10 +399,10 @@ def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
 
 
 def _excess(missing: _Reals, array: _Array, snr: _Reals) -> _Reals | None:
-    """Power that is missing over that of noise, 1 where it may be noise; None if that is everywhere."""
+    """Unexplained power over the noise, 1 if it may be noise; None if all are 1."""
     noises = missing * (len(array.x) * (snr + 1.0))
-    is_several = (noises > array.most_missing) & (missing > _UNEQUAL)
-    return np.where(is_several, noises / (0.5 * array.num_left), 1.0) if is_several.any() else None
+    is_several = (noises > array.largest_residual) & (missing > _UNEQUAL)
+    return np.where(is_several, noises / (0.5 * array.num_freedoms), 1.0) if is_several.any() else None
 
 
 def _aligned(waves: _Complexes, array: _Array) -> _Reals:

@@ -210,7 +210,7 @@ def _band(waveform: Waveform, directions: Array, velocity: Array, residual: floa
     for degree in range(num_most):
         polynomials[degree] = orthonormal(next_power, polynomials[:degree])
         missed -= abs(np.einsum("n,n->", polynomials[degree], wave)) ** 2
-        if speed == 0.0 or missed <= max(residual, 1e-12) * waveform.num_chirps:  # all but rounding is enough
+        if speed == 0.0 or missed <= max(residual, 1e-12) * waveform.num_chirps:  # rounding errors do not count
             return _Band(centre, turn, polynomials[: degree + 1].T, time)
         next_power = time / extent * polynomials[degree]
     raise ValueError(
@@ -247,9 +247,9 @@ def _from_clutter(
 
 
 def _span(gram: Complex, residual: float) -> Complex:
-    """Orthonormal columns (n, k) that span vectors whose sum of ``v v^H`` is `gram`, but for a part of their power.
+    """Orthonormal columns (n, k) that span vectors with the sum `gram` of ``v v^H``, up to a residual of their power.
 
-    A Cholesky decomposition that goes on with the largest element left of the diagonal.
+    A pivoted Cholesky decomposition, which continues with the largest residual on the diagonal.
     """
     left = gram.diagonal().real.copy()
     least = residual * left.sum()

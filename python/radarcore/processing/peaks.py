@@ -110,8 +110,8 @@ def strongest_peak(
     Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
     range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
     neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
-    A cube does not tell whether it is a sensor's: of real samples a peak within three range bins is warned of. What
-    stands still is an echo like others: `remove_running_mean` takes it off.
+    A bare cube may be a sensor's: a peak of real samples within three range bins raises a warning. Static targets are
+    echoes like others: `remove_running_mean` removes them.
 
     From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
     their mirror image and are less accurate.

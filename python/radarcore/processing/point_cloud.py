@@ -33,9 +33,9 @@ class Detections:
     time : float
         Middle of the frame [s].
     is_resolved : (detection,) array_like of bool, optional
-        False where the channels do not show a single target, such as two of them in one cell. Default: all True.
+        False if a single target does not explain the channels, as for two targets in one cell. Default: all True.
     ambiguous_beyond : float
-        Angle from the front [rad] beyond which directions appear nearer to it, see `Directions.ambiguous_beyond`.
+        Angle from the front [rad] beyond which directions are ambiguous, see `Directions.ambiguous_beyond`.
 
     See Also
     --------

@@ -75,7 +75,7 @@ class EchoInput(NamedTuple):
     samples: NDArray[Any]
     waveform: Waveform
     offsets: Array
-    """From the mean chirp of all channels to that of every channel, (channel,) [s]."""
+    """Time from the mean chirp of all channels to the mean chirp of each, (channel,) [s]."""
     is_one: bool
     """One frame, not several."""
 

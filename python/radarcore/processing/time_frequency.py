@@ -23,8 +23,8 @@ USUAL_LENGTH = 64
 """Frames of a single chirp per column."""
 
 _SAME_INTERVAL = 0.25
-"""Frames of a single chirp follow each other without a gap when they are late by less than this part of their interval:
-a lost one makes a whole interval, stamps of a host a tenth."""
+"""Largest delay of a single-chirp frame without a gap, relative to the interval: a lost frame delays the next by one
+interval, the stamps of a host by a tenth."""
 
 _SEAMLESS = 1e-3
 """Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the
@@ -40,7 +40,7 @@ class Spectrogram:
     time : (column,) float64
         Middle of every column's window [s]: where a target with constant acceleration has the velocity seen.
     velocity : (velocity,) float64
-        Range rate [m/s], increasing, receding positive; NaN where the window tells none.
+        Range rate [m/s], increasing, receding positive; NaN for a window of a single chirp.
     power : (column, velocity) float64
         ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
     noise : float or None
@@ -118,8 +118,8 @@ def spectrogram(
     The window never spans a gap. Frames are bursts of chirps, mostly with a pause in between: then every frame
     gives one column, or several with a shorter window. Where the first chirp of a frame comes one chirp interval
     after the last of the frame before (by `Recording.time`, to a thousandth of the interval) the window runs on
-    across the border and may be longer than a frame. Frames of a single chirp are chirps at their own interval: the
-    window runs over them, and ends where one is missing.
+    across the border and may be longer than a frame. Frames of a single chirp count as chirps at the frame interval: a
+    window spans several of them, up to a missing frame.
 
     Parameters
     ----------
@@ -128,8 +128,8 @@ def spectrogram(
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
     window_length : int, optional
-        Chirps per column; default: those of a frame, or 64 frames of a single chirp (fewer if there are fewer without
-        a gap). Shorter: finer in time, coarser in velocity; of a single chirp velocities are NaN.
+        Chirps per column; default: the chirps of a frame, or 64 frames of a single chirp (fewer if the longest run
+        without a gap is shorter). Shorter: finer in time, coarser in velocity; velocities of a single chirp are NaN.
     overlap : float
         Part of the window that the next one shares, from 0 to below 1.
     min_range, max_range : float, optional
@@ -357,9 +357,9 @@ def _gate(recording: Recording, min_range: float | None, max_range: float | None
 
 
 def _is_seamless(recording: Recording, interval: float, late: float) -> NDArray[np.bool_]:
-    """True for every frame that begins as the one before ends, (frame,); the first does not.
+    """True for every frame that begins when the previous one ends, (frame,); False for the first.
 
-    Chirps are an `interval` apart [s]; a frame may be `late`, or early, by a part of it.
+    Chirps follow each `interval` [s]; a frame may be `late`, or early, by a part of it.
     """
     gaps = np.diff(recording.time, prepend=np.nan) - recording.radar.waveform.num_chirps * interval
     return np.abs(gaps) <= late * interval

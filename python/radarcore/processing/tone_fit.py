@@ -19,11 +19,10 @@ REACH = 4
 farther away still meet the sidelobes of the window."""
 
 _MIRRORED = 6.0
-"""Columns up to which the mirror image of a tone of real samples reaches the cells about it: Hann windows have -60 dB
-beyond."""
+"""Columns up to which the mirror image of a real tone disturbs its fit: beyond, a Hann window attenuates by 60 dB."""
 
 _NUM_REFITS = 2
-"""Fits without the mirror images of the fit before: each is a hundred times nearer to the last."""
+"""Refits after subtracting the mirror images of the previous fit: each reduces the error a hundred times."""
 
 _FIELDS = ("offset", "amplitude", "energy_gain", "information")
 
@@ -141,7 +140,7 @@ def fit(
 
 @lru_cache(maxsize=16)
 def _transform(length: int, num_cells: int, first: int) -> NDArray[np.complex128]:
-    """Factors of the samples (length,) in cells (num_cells,) of their transform, of which one is at 0."""
+    """DFT matrix from samples (length,) to cells (num_cells,); the cell `first` is at zero frequency."""
     return np.exp(-2j * np.pi / length * np.multiply.outer(np.arange(length), np.arange(num_cells) - first))
 
 
@@ -154,18 +153,18 @@ def refit_near(
     *,
     is_conjugate: bool,
 ) -> Fit:
-    """Tones of real samples, those near column 0 fitted again without the mirror images of all of them.
+    """Tones of real samples; tones near column 0 are fitted again without all mirror images.
 
-    A real tone is a complex one and its conjugate, whose lobes reach into the cells of the other.
+    A real tone is a complex tone and its conjugate, whose main lobes overlap near column 0.
 
     Parameters
     ----------
     cells, peaks, axes
         As in `fit`.
     tones : Fit
-        What `fit` has found.
+        Result of `fit`.
     windows : (slow, fast) float64
-        Over what the rows and columns are the transforms of.
+        Windows before the transforms to rows and columns.
     is_conjugate : bool
         As in `axes_of`.
     """

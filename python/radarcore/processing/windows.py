@@ -27,10 +27,10 @@ def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64
 
 
 def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
-    """A periodic window half a step on, (length,), read-only: it is symmetric about the middle of its samples.
+    """A periodic window shifted by half a sample, (length,), read-only: symmetric about the middle of its samples.
 
-    What accelerates then has the velocity of the middle of the frame, not of half a chirp later. Of two samples one
-    counts, as with a periodic window: they tell no frequency.
+    An accelerating target then has the velocity at the middle of the frame, not half a chirp later. A window of two
+    samples uses only one, as a periodic window does: two samples determine no frequency.
     """
     if window is None or length < 3:
         return window_weights(name, window, length)

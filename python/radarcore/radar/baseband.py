@@ -23,13 +23,13 @@ _CONTINUOUS_WAVE_DELAY = 1e-6
 """Longest delay of a radar without a sweep, which has no largest range [s]."""
 
 _STRAIGHT = 0.07
-"""Turns of the highest offset within the longest delay up to which phase noise is proportional to the delay."""
+"""Phase noise is proportional to the delay up to this many turns of the highest offset within the longest delay."""
 
 _MOST_TURNS = 64.0
-"""Most turns of the highest offset within the longest delay at which phase noise is drawn: 9.6 km at 2 MHz."""
+"""Largest number of turns of the highest offset within the longest drawn delay: 9.6 km at 2 MHz."""
 
 _STEPS_PER_TURN = 64
-"""Least steps of the responses in a turn of phase noise: linear interpolation is then exact to 1e-3."""
+"""Smallest number of steps of the responses per turn of phase noise: linear interpolation is then exact to 1e-3."""
 
 
 def filter_gain(receiver: Receiver, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -63,7 +63,7 @@ def phase_noise_delays(receiver: Receiver, waveform: Waveform) -> NDArray[np.flo
 
     Between them and zero it follows the polynomial through them, whose variance is within 1 % of the integral of
     ``2 L(f) 4 sin^2(pi f tau)`` up to half the sample rate. Chebyshev times: polynomials of a degree above
-    ``pi f tau`` follow ``exp(2j pi f tau)``. The longest delay is that of the largest range, at most of the ramp.
+    ``pi f tau`` follow ``exp(2j pi f tau)``. The longest delay is the delay of the largest range, at most the ramp.
     """
     if receiver.phase_noise is None:
         return np.zeros(0)
@@ -83,7 +83,7 @@ def phase_noise_delays(receiver: Receiver, waveform: Waveform) -> NDArray[np.flo
 def phase_noise_shares(receiver: Receiver, waveform: Waveform, delay: ArrayLike) -> NDArray[np.float64]:
     """Shares that the delays of `phase_noise_delays` have in the phase noise of echoes of other delays [s].
 
-    Rows are the delays that are drawn: Lagrange polynomials in barycentric form. Echoes beyond the last have its noise.
+    Rows are the drawn delays: Lagrange polynomials in barycentric form. Echoes beyond the last delay have its noise.
     """
     nodes = np.concatenate([[0.0], phase_noise_delays(receiver, waveform)])
     if len(nodes) == 1:

@@ -22,7 +22,7 @@ class Leakage:
     """Leakage from a transmitter to the receivers: tones of very low frequency, and what turning on leaves.
 
     All are the same in every chirp. Levels, at most 0 dB, and phases are numbers, or sequences with one per receiver.
-    Delays are at most that of the ramp.
+    Delays are at most the duration of the ramp.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ LARGEST_DB = 1000.0
 
 
 def non_positive_level(name: str, value: object, unit: str = "dB") -> float:
-    """A level from -1000 to 0 dB: a part of something."""
+    """A level from -1000 to 0 dB, of a ratio up to 1."""
     result = level(name, value, unit)
     if result > 0.0:
         raise ValueError(f"{name}: expected at most 0 [{unit}], got {result:g}")

@@ -113,7 +113,7 @@ class GaussianPattern(Twinned):
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
-        """Power gain (ratio) at angles in radians, broadcast together; a whole turn of the azimuth is none."""
+        """Power gain (ratio) at angles in radians, broadcast together; periodic in azimuth."""
         peak, a, b = self._parameters
         az, el = _direction(azimuth, elevation)
         return np.asarray(peak * np.exp(-a * np.square(az) - b * np.square(el)), dtype=np.float64)
@@ -244,7 +244,7 @@ class TabulatedPattern(Twinned):
         )
 
     def __hash__(self) -> int:
-        # Adding 0.0 makes -0.0 of it, whose bytes differ from those of an equal number.
+        # Adding 0.0 turns -0.0 into 0.0: the bytes of these equal numbers differ.
         return hash(tuple((getattr(self, field.name) + 0.0).tobytes() for field in dataclasses.fields(self)))
 
     def __repr__(self) -> str:

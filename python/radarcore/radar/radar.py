@@ -257,9 +257,9 @@ class Radar(Twinned):
 
     @property
     def middle(self) -> float:
-        """Middle of a frame after its start [s], where ranges, velocities and truth hold; of the first sub-sequence.
+        """Time from the start of a frame to its middle [s], for which range, velocity and truth hold.
 
-        `Waveform.middle`, and half of the time that the turns of TDM take.
+        `Waveform.middle` of the first sub-sequence, plus half of the TDM transmitter sequence.
         """
         return self.waveform.middle + 0.5 * float(self.channel_offsets.max())
 

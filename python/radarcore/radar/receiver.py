@@ -16,7 +16,7 @@ MAX_ORDER = 16
 """Largest order of a filter."""
 
 _BAND_MARGIN = 1.05
-"""Largest frequency of a filter over half the sample rate without a warning: filters are not sharp."""
+"""A filter frequency above this multiple of half the sample rate raises a warning: filters are not sharp."""
 
 MAX_BITS = 24
 """Most bits of an ADC: float32 holds every code."""
@@ -41,7 +41,7 @@ class Receiver:
     phase_noise : sequence of (float, float), optional
         Phase noise of the oscillator: offsets from the carrier [Hz] and single-sideband levels there, at most 0
         [dBc/Hz], straight lines between them over the logarithm of the offset and beyond them; -20 dB per decade for a
-        single pair. Echoes have that of now against that of a delay ago: near ones are hardly touched.
+        single pair. Range correlation: an echo has the difference to one delay earlier, small for near targets.
     leakage : Leakage, optional
         From the transmitters into the receivers.
     rx_phase_deg : sequence of float, optional
@@ -79,13 +79,13 @@ class Receiver:
     Raises
     ------
     ValueError
-        For phase noise above 0 dBc/Hz, a high-pass from the low-pass on, and settings without those that they need.
+        For phase noise above 0 dBc/Hz, a high-pass not below the low-pass, and settings that lack others they need.
 
     Warns
     -----
     UserWarning
-        `Radar`: for a filter beyond half the sample rate. `Simulator`: once each for a signal of which more than 0.1 %
-        clips, and one that uses at most two codes of the ADC; `Frame.stats` has ``clipped_share`` and
+        `Radar`: for a filter beyond half the sample rate. `Simulator`: once each if more than 0.1 % of the samples
+        clip, and if the signal uses at most two codes of the ADC; `Frame.stats` has ``clipped_share`` and
         ``used_codes_share``.
 
     See Also
@@ -244,7 +244,7 @@ def is_plain(receiver: Receiver) -> bool:
 
 
 def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Waveform]) -> None:
-    """Refuse settings for another number of receivers or other ramps, and warn of filters outside of their band."""
+    """Refuse settings that do not fit the receivers or ramps, and warn of filters beyond half the sample rate."""
     check_per_receiver("receiver.rx_phase_deg", receiver.rx_phase_deg, num_rx)
     check_per_receiver("receiver.dc_offset", receiver.dc_offset, num_rx)
     check_per_receiver("receiver.chirp_offset_lsb", receiver.chirp_offset_lsb, num_rx)
@@ -262,7 +262,7 @@ def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Wavefor
         if (getattr(receiver, name) or 0.0) > _BAND_MARGIN * half:
             notice.warn(
                 f"receiver.{name}: expected at most half the sample rate, {half:g} Hz, got {getattr(receiver, name):g} "
-                "Hz: what it passes beyond aliases"
+                "Hz: signals above alias"
             )
 
 

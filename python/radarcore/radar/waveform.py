@@ -25,13 +25,13 @@ _LONGEST_CHIRP = 0.1
 """Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
 
 _USUAL_RATE = 40.0
-"""Frames per second of radars whose frame interval nobody chose, if as many fit [Hz]."""
+"""Highest default rate of frames back to back [Hz]."""
 
 _LONGEST_INTERVAL = 1.0
-"""Intervals of chirps that are longer are hardly meant: microseconds in place of seconds, for example [s]."""
+"""Longer chirp intervals are implausible, such as microseconds in place of seconds [s]."""
 
 _LONGEST_TIME = 1e9
-"""Longest time of a waveform [s]: products of longer ones are no numbers any more."""
+"""Longest time of a waveform [s]: products of longer ones overflow."""
 
 
 @check.knows_keywords
@@ -73,8 +73,8 @@ class Waveform(Twinned):
     Warns
     -----
     UserWarning
-        For what is hardly meant: a sampled band wider than 30 % of its centre frequency, ramps longer than 0.1 s, or
-        chirps more than 1 s apart.
+        For implausible values: a sampled band wider than 30 % of its centre frequency, ramps longer than 0.1 s, or a
+        chirp interval above 1 s.
 
     See Also
     --------
@@ -294,8 +294,8 @@ class Waveform(Twinned):
     def replace(self, **changes: Any) -> Waveform:
         """Copy of the waveform with some parameters changed.
 
-        A new number of chirps or chirp interval replaces the list of chirp times, of which the first stays. Intervals
-        of chirps or frames that were back to back are so again.
+        A new number of chirps or chirp interval replaces the chirp times except the first. Chirps and frames that were
+        back to back stay so.
 
         See Also
         --------
@@ -431,7 +431,7 @@ class Waveform(Twinned):
 
     @property
     def middle(self) -> float:
-        """Middle between the start of the first ramp and the end of the last, after the start of the frame [s]."""
+        """Time from the start of the frame to the middle between the first ramp's start and the last one's end [s]."""
         return 0.5 * (float(self.chirp_times[0]) + self.duration)
 
     def delay_times(self, num_nodes: int) -> NDArray[np.float64]:
@@ -523,7 +523,7 @@ def _time(name: str, seconds: float) -> float:
 
 
 def frame_rate(waveform: Waveform) -> float:
-    """Frames per second of a radar by itself [Hz]: one per frame interval; at most 40 of frames back to back."""
+    """The radar's own frame rate [Hz]: one frame per frame interval, at most 40 Hz for frames back to back."""
     rate = 1.0 / waveform.frame_interval
     is_back_to_back = waveform.frame_interval == waveform.replace(frame_interval=None).frame_interval
     return min(rate, _USUAL_RATE) if is_back_to_back else rate

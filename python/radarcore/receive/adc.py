@@ -20,7 +20,7 @@ IMPEDANCE = 50.0
 
 
 class Use(NamedTuple):
-    """Use of the range of an ADC: numbers beyond it, all numbers, and the lowest and highest before clipping."""
+    """Use of an ADC's range: clipped and all numbers, and the lowest and highest before clipping."""
 
     num_clipped: int
     size: int
@@ -45,7 +45,7 @@ class Use(NamedTuple):
 
 
 def use_of_all(uses: list[Use]) -> Use | None:
-    """Use by the sub-sequences of a frame together; None for none."""
+    """Use by all sub-sequences of a frame; None without any."""
     if not uses:
         return None
     clipped, sizes, lowest, highest = zip(*uses, strict=True)

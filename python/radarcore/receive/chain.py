@@ -36,7 +36,7 @@ def receive(
         Start of the frame [s].
     seed : int
     uses : list, optional
-        Receives the use of the ADC's range, of a receiver with a full scale.
+        The use of the ADC's range is appended if the receiver has a full scale.
     """
     receiver = radar.receiver or Receiver()
     if is_plain(receiver):

@@ -41,7 +41,7 @@ def is_bare(path: Path, description: Description) -> bool:
     suffix = path.suffix.lower()
     if not path.is_file():
         return False
-    if suffix == ".npz":  # a recording, unless it is described and none
+    if suffix == ".npz":  # a recording, unless it has a description and is none
         return bool(description.given) and not is_native(path)
     if description.given or suffix in _ARRAYS or is_setup(path):
         return True

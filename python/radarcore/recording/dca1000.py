@@ -35,22 +35,22 @@ _PART = re.compile(r"(?P<name>.*_Raw_)(?P<number>\d+)(?P<suffix>\.bin)", re.IGNO
 _WORD = np.dtype("<i2")
 
 _PACKET_BYTES = 1456
-"""Samples of a packet."""
+"""Bytes of samples in a packet."""
 
 _COUNTER_BYTES = 10
-"""Counter before every packet: its number in 4 bytes, and the number of bytes of samples before it in 6."""
+"""Counter before every packet: 4 bytes for its number, 6 bytes for the bytes of samples before it."""
 
 _COUNTER = (slice(0, 4), slice(4, 10))
-"""Bytes of these two numbers, the lowest first."""
+"""Bytes of these two numbers, little-endian."""
 
 _ZERO_WORDS = _PACKET_BYTES // _WORD.itemsize // 2
-"""Numbers that are looked at together for zeros: a lost packet has a whole group of them, wherever it begins."""
+"""Numbers per group in the search for zeros: half a packet, so that a lost packet covers a whole group."""
 
 _SCANNED_BYTES = 1 << 24
-"""Bytes that are looked at together."""
+"""Bytes per block of the search."""
 
 _MOST_NAMED = 5
-"""Frames that a message names at most."""
+"""Largest number of frames in a message."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,7 @@ class Capture:
 def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
     """Frames of a capture, mapped into memory.
 
-    Warns of lost packets. Leaves out frames that are not whole, and those of zeros alone, which count as lost where
-    others follow.
+    Warns of lost packets. Leaves out incomplete frames and frames of zeros, which count as lost before the next frame.
     """
     files = capture.files if path.suffix.lower() == ".json" else parts_of(path)
     if not files:
@@ -169,7 +168,7 @@ def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray
 
 
 def _compensation(radar: Radar, capture: Capture) -> NDArray[Any] | None:
-    """Factors (channel, 1, sample) that take the range bias off and equalize the channels; None for 1."""
+    """Factors (channel, 1, sample) that subtract the range bias and equalize the channels; None for 1."""
     if not capture.range_bias and not capture.coefficients:
         return None
     waveform = radar.waveform
@@ -181,7 +180,7 @@ def _compensation(radar: Radar, capture: Capture) -> NDArray[Any] | None:
 
 
 def _refuse_counters(path: Path) -> None:
-    """Refuse a file in which the counters of the packets are left."""
+    """Refuse a file that still has the counters of the packets."""
     step = _COUNTER_BYTES + _PACKET_BYTES
     with path.open("rb") as file:
         start = file.read(2 * step)
@@ -196,9 +195,9 @@ def _refuse_counters(path: Path) -> None:
 
 
 def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.int64], NDArray[np.int32] | None, int]:
-    """Numbers of the frames with samples, frames lost before each (None: not counted), and packets that are zeros.
+    """Indices of the frames with samples, frames lost before each (None: not counted), and number of zeroed packets.
 
-    Warns of bytes that are no whole frame and of zeros in place of packets.
+    Warns of an incomplete last frame and of zeros in place of packets.
     """
     if words.left_over:
         num_missing = words.num_frame_bytes - words.left_over
@@ -268,11 +267,11 @@ class _Words:
         return values.reshape(-1, self._num_words)
 
     def keep(self, frames: NDArray[np.int64]) -> None:
-        """Leave out all other frames."""
+        """Keep only these frames."""
         self._kept = self._kept[frames]
 
     def shares_of_zeros(self) -> NDArray[np.float64]:
-        """Share of each frame (frame,) that is zeros over half a packet and more."""
+        """Share of each frame (frame,) in zeros of at least half a packet."""
         length = min(_ZERO_WORDS, self._num_words)
         num_groups = self._num_words // length
         shares = np.zeros(len(self))

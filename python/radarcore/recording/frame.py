@@ -40,8 +40,8 @@ class Truth:
     the centre of the array among those that rays hit, neither the body's centre nor its origin. Of a sphere that is
     about its centre's range less its radius; the strongest echo may come from another point. The velocity is that of
     the material there. A `PointTarget` is that point itself, visible in the whole field of view. Simulated truth holds
-    for the middle of the frame. What `compare` makes of bodies that it is given is of the nearest point of their
-    meshes, visible or not, and of a motion alone that of its origin.
+    for the middle of the frame. `compare` uses the nearest point of a body's mesh, visible or not, and the origin of a
+    bare motion.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def frame_of(
     stats: dict[str, Any] | None = None,
     raw: NDArray[np.uint16] | None = None,
 ) -> Frame:
-    """Frame of arrays that only the package has, or of views: they are not copied."""
+    """Frame of arrays that no user holds, or of views, without copies."""
     frame = object.__new__(Frame)
     vars(frame).update(cube=cube, time=time, radar=radar, truth=truth, stats={} if stats is None else stats, raw=raw)
     frame._check()

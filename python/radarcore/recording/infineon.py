@@ -125,7 +125,7 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
     try:
         make_folder(path / folder)
         with Lock(path / folder), ExitStack() as stack:
-            # The first gets its name last.
+            # The first file is renamed last.
             with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=overwrite)).open("wb") as out:
                 out.writelines(_array_bytes(stored.cube, kept.get("header")))
             for file, data in files.items():
@@ -207,7 +207,7 @@ def _check_sensor(text: str, where: str) -> str:
 
 
 def settings_of(config: str, where: str) -> dict[str, Any]:
-    """Settings of a chirp of the text of a config.json, by today's names."""
+    """Settings of a chirp in the text of a config.json, by current names."""
     return _parsed_config(config, where)[1]
 
 
@@ -220,7 +220,7 @@ def is_config(values: object) -> bool:
 def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """Content of config.json, and the part of it with the settings of a chirp.
 
-    Sequences and old names become the settings of today's.
+    Sequences and old names are converted to current settings.
     """
     values = parsed_json(text.removeprefix("\ufeff"), where)
     config = values.get("device_config", values) if isinstance(values, dict) else values
@@ -242,7 +242,7 @@ def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any
 
 
 def _of_sequence(sequence: Any, where: str) -> dict[str, Any]:
-    """Settings of the tree that the SDK has for a chip: a loop of frames, in it a loop of chirps, in it a chirp."""
+    """Settings of the SDK's tree: a chirp in a loop of chirps in a loop of frames."""
     tree = sequence.get("sequence", sequence) if isinstance(sequence, dict) else sequence
     frames = _only_element(tree, "loop", "loop of frames", where)
     chirps = _only_element(frames.get("sub_sequence"), "loop", "loop of chirps", where)

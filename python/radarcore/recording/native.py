@@ -108,7 +108,7 @@ def load_npz(path: Path) -> Stored:
     arrays = read_npz(path, ("meta", *_DTYPES))
     if missing := set(_NPZ_NAMES) - arrays.keys():
         raise ValueError(
-            f"{path}: expected a recording with {', '.join(_NPZ_NAMES)}, got one without {sorted(missing)[0]}; of "
+            f"{path}: expected a recording with {', '.join(_NPZ_NAMES)}, got one without {sorted(missing)[0]}; for "
             "other arrays pass config=... or radar=..., --config FILE, and variable=..., --variable NAME"
         )
     meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")

@@ -226,7 +226,7 @@ def read_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
 
 @contextmanager
 def _readable_npz(path: Path) -> Iterator[None]:
-    """Makes a ValueError with the path of whatever zipfile and zlib raise for damaged bytes."""
+    """Turns all errors of zipfile and zlib for damaged bytes into a ValueError with the path."""
     try:
         yield
     except Exception as error:

@@ -334,7 +334,7 @@ class Recording(Stored):
         dtype : str, optional
             Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``"uint16"``, ``">i2"``.
         variable : str, optional
-            Name of the array in a ``.mat`` or ``.npz`` file, where several could be meant.
+            Name of the array in a ``.mat`` or ``.npz`` file with several.
 
         Raises
         ------

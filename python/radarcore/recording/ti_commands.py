@@ -31,7 +31,7 @@ _LENGTHS = {
 """Numbers of the commands that count."""
 
 _OF_L_SDK = ("chirpComnCfg", "chirpTimingCfg")
-"""Commands of the SDK for chips such as xWRL6432, whose other commands have other numbers."""
+"""Commands of the SDK for chips such as xWRL6432, whose other commands have different arguments."""
 
 _Commands = dict[str, list[list[float]]]
 

@@ -33,7 +33,7 @@ _BANDS = ((57e9, 64e9), (76e9, 81e9))
 """Frequencies of the chips [Hz] (TI, data sheets of xWR1xxx, xWR2xxx and xWR6xxx)."""
 
 _MAX_SLOPE = 266e12
-"""Steepest ramp of any chip, an AWR2243 [Hz/s]; those of 60 GHz reach 250 MHz/us."""
+"""Steepest ramp of any chip (AWR2243) [Hz/s]; 60 GHz chips reach 250 MHz/us."""
 
 _NUM_CHIRPS = 512
 """Chirps that a chip has at most, from 0 on."""
@@ -190,7 +190,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
 
 
 def _check_ramp(profile: Profile, where: str) -> None:
-    """Refuse ramps that no chip makes, and that end before the last sample."""
+    """Refuse ramps that no chip can make, and ramps that end before the last sample."""
     last = profile.adc_start_time + profile.num_samples / profile.sample_rate if profile.sample_rate > 0 else 0.0
     if last > profile.ramp_end_time * (1.0 + 1e-9):
         raise ValueError(
@@ -209,13 +209,13 @@ def _check_ramp(profile: Profile, where: str) -> None:
 
 
 def _compensation(settings: Settings, used: list[int], receivers: list[int], where: str) -> dict[str, Any]:
-    """Range bias and factors of the channels that a capture has; nothing if they change nothing."""
+    """Range bias and channel factors of a capture; empty if they change nothing."""
     if settings.coefficients is None:
         return {}
     if max(used) >= len(settings.coefficients):
         raise ValueError(
-            f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got those of "
-            f"{len(settings.coefficients)} transmitters"
+            f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got pairs "
+            f"for {len(settings.coefficients)} transmitters"
         )
     factors = settings.coefficients[np.ix_(used, receivers)].ravel()
     if not factors.all():

@@ -43,7 +43,7 @@ class RecordingWriter:
     FileExistsError
         When `path` exists and is not a recording to be overwritten.
     BlockingIOError
-        When another writer is at work there.
+        When another writer has locked the folder.
     OSError
         When the place cannot be written to.
 
@@ -88,7 +88,7 @@ class RecordingWriter:
         make_folder(self.path)
         self._lock = Lock(self.path)
         try:
-            if check_room(self.path, overwrite):  # again: another writer may have been here meanwhile
+            if check_room(self.path, overwrite):  # again: another writer may have finished meanwhile
                 for name in ("cube", "time", "lost", *TRUTH_FILES):
                     (self.path / f"{name}.npy").unlink(missing_ok=True)
             write_text(self.path / "meta.json", meta, overwrite=True)

@@ -46,7 +46,7 @@ class Interferer:
         phases belong to the seed of the simulator and to the numbers of frame and chirp. A CW radar keeps one phase.
     bounces : 0 or 1
         Reflections of its signal on the way to our receivers: 0 for the direct path alone, 1 for paths over one body
-        or point as well, for which every frame casts its own rays once more.
+        or point as well, for which every frame casts rays again.
     name : str, optional
         Name in tables and messages.
 

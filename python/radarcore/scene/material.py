@@ -16,7 +16,7 @@ _REFERENCE_FREQUENCY = 60e9
 """Frequency at which the `reflection` and `albedo` of a dielectric are given [Hz]."""
 
 _ROUGHEST = 1.0
-"""Rms height of a surface beyond which it has to be a mesh [m]."""
+"""Largest rms height of a surface [m]; a rougher one has to be a mesh."""
 
 _SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 """Weights of both polarisations at the antennas; None: without a polarisation."""
@@ -122,11 +122,10 @@ class Material:
         Parameters
         ----------
         permittivity : complex, ItuPermittivity or ColeCole
-            Relative permittivity ``eps' - j eps''``, or its law over frequency. ``eps'`` is at least 1, but for
-            conductors, whose ``eps''`` is larger than its magnitude.
+            Relative permittivity ``eps' - j eps''``, or its law over frequency. ``eps'`` is at least 1, except
+            for conductors, whose ``eps''`` is larger than its magnitude.
         roughness : float
-            Rms height of the surface, up to 1 m; power that it takes from the specular part is scattered after
-            Lambert's law.
+            Rms height of the surface, up to 1 m; it scatters a part of the specular power by Lambert's law.
         thickness : float, optional
             Thickness of a slab with air behind it [m]; default: a half-space.
         scattering : float, optional

@@ -113,7 +113,7 @@ def as_permittivity(value: object) -> Permittivity:
     if eps.imag > 0.0 or eps == 0.0:
         raise ValueError(f"permittivity: expected eps' - j eps'' with eps'' >= 0, got {value!r}")
     if eps.real < 1.0 and -eps.imag <= abs(eps.real):
-        raise ValueError(f"permittivity: expected eps' of at least 1, that of a vacuum, or a conductor, got {value!r}")
+        raise ValueError(f"permittivity: expected eps' of at least 1 (vacuum), or a conductor, got {value!r}")
     return eps
 
 

@@ -137,7 +137,7 @@ class Scene:
         more = count(len(given))
 
         def name_of(body: Body | PointTarget | Interferer, number: int) -> str:
-            """Its name; of an unnamed one by its number, or by a further one where another has that name."""
+            """Name of a body, or a default with its number, or the next number whose name is free."""
             kind = "body" if isinstance(body, Body) else "point" if isinstance(body, PointTarget) else "interferer"
             free = (name for k in chain([number], more) if (name := f"{kind} {k}") not in names)
             return body.name or next(free)

@@ -67,7 +67,7 @@ def load_radar(path: str | PathLike[str]) -> Radar:
     path : path
         TOML, of which only the table ``[radar]`` counts; JSON: that of a recording, what `Radar.to_dict` gives,
         ``config.json`` of Infineon's tools, ``.mmwave.json`` or ``.setup.json`` of TI's mmWave Studio; or the commands
-        for the demo of TI's SDK, ``.cfg``; or a recording, a folder or ``.npz``, without its samples.
+        for the demo of TI's SDK, ``.cfg``; or the radar of a recording, a folder or ``.npz``.
 
     Raises
     ------

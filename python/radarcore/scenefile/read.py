@@ -35,7 +35,7 @@ def values_of(file: Path) -> dict[str, Any]:
     if file.is_dir() or file.suffix == ".npz":
         got = "a folder" if file.is_dir() else "an .npz file"
         raise ValueError(
-            f"{file}: expected a scene file (TOML), got {got}; of a recording load_radar and --radar take the radar"
+            f"{file}: expected a scene file (TOML), got {got}; load_radar and --radar read the radar of a recording"
         )
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))

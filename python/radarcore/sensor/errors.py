@@ -79,7 +79,7 @@ class SensorDisconnectedError(SensorError, ConnectionError):
 
 
 class CaptureError(SensorError):
-    """The file of a conversation cannot be written any further; the conversation goes on."""
+    """The capture file cannot be written any further; the conversation goes on."""
 
 
 class ProtocolError(SensorError):

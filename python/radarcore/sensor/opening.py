@@ -92,15 +92,15 @@ def open_sensor(
     queue_size : int
         Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
     capture : path, optional
-        New file to write every byte to and from the board into, of a port with a byte stream. On a disk that is full
-        it ends with an error, once; the conversation goes on.
+        New file for every byte to and from the board, at a port with a byte stream. A full disk ends it with one error;
+        the conversation goes on.
     usb_backend : object, optional
         Backend of pyusb; default: the system's.
 
     Raises
     ------
     FileExistsError
-        When there is such a file as `capture`.
+        When the file `capture` exists.
     SensorNotFoundError
         When there is no board, or nothing at `port`.
     SensorError
@@ -206,7 +206,7 @@ def _connect(
     reasons = "; ".join(
         f"{_SPELLED[name]}: {str(error).removeprefix(f'{place}: ')}" for name, error in failures.items()
     )
-    raise SensorError(f"{place}: expected a radar board, got what answers neither ComLib nor Strata ({reasons})")
+    raise SensorError(f"{place}: expected a radar board, got a device without ComLib or Strata ({reasons})")
 
 
 def _protocols_of(port: Port) -> tuple[str, ...]:

@@ -42,20 +42,20 @@ _COMPRESSES = 1e-4
 """Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
 
 _CLIPS = 1e-3
-"""Share of samples that clip above which a spectrum is hardly that of the echoes."""
+"""Share of clipped samples above which the spectrum is distorted."""
 
 _FEWEST_CODES = 2
-"""Codes of an ADC with which a signal is no longer told from its sign."""
+"""Number of ADC codes that contain only the sign of a signal."""
 
 _EPOCH, _LOST = 1e8, 1e6
-"""Times from which on they may count from 1970 [s], and distances at which a body is lost [m]."""
+"""Times that may count from 1970 [s], and distances that are implausible for a body [m]."""
 
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
 
 
 def _check_epoch(scene: Scene, poses: NDArray[np.float64], time: float) -> None:
-    """Refuse times since 1970 at which a body is far away that moves from time 0 on."""
+    """Refuse times since 1970 if a body has moved far away by then."""
     if abs(time) < _EPOCH:
         return
     parts, sensor = scene.parts, poses[-1, :, 3]
@@ -71,7 +71,7 @@ def _check_epoch(scene: Scene, poses: NDArray[np.float64], time: float) -> None:
 
 
 def _nearest(ideal: _core.IdealFrame) -> float:
-    """Range of the nearest body that is seen [m]; 0 for none."""
+    """Range of the nearest visible body [m]; 0 without any."""
     ranges = np.empty(0) if ideal.truth is None else ideal.truth[0][np.isfinite(ideal.truth[0])]
     return float(ranges.min()) if ranges.size > 0 else 0.0
 
@@ -100,7 +100,7 @@ class Doubts:
                 notice.warn(text)
 
     def of_meshes(self, scene: Scene) -> None:
-        """Warn of bodies without triangles beside others; `of_sight` warns of a scene that has no other."""
+        """Warn of bodies without triangles; `of_sight` warns if the scene has only these."""
         if not self._is_new("meshes"):
             return
         empty = [index for index, body in enumerate(scene.parts.meshed) if len(body.mesh.triangles) == 0]
@@ -142,7 +142,7 @@ class Doubts:
     def of_points(
         self, names: list[str], azimuth: NDArray[np.float64], elevation: NDArray[np.float64], view: Angles
     ) -> None:
-        """Warn of point targets, in directions [rad] beyond a field of view [degrees], that the antennas see."""
+        """Warn of point targets in directions [rad] in the beam, but beyond a field of view [degrees]."""
         if "view" in self._told:
             return
         across = np.cos(elevation)
@@ -153,7 +153,7 @@ class Doubts:
             self._warn_of_view([names[point] for point in seen], at, view, "its truth is NaN")
 
     def _warn_of_view(self, names: list[str], direction: tuple[float, float], view: Angles, effect: str) -> None:
-        """Warn of what a field of view [degrees] leaves out; azimuth and elevation [rad] of the first."""
+        """Warn of targets outside of a field of view [degrees]; azimuth and elevation [rad] of the first."""
         self._told.add("view")
         azimuth, elevation = np.rad2deg(direction)
         others = len(names) - 1
@@ -211,7 +211,7 @@ class Doubts:
                 return
 
     def of_backs(self, scene: Scene, placement: Placement, time: float) -> None:
-        """Warn of a corner reflector in the beam of which the sensor sees the back alone at a time [s]."""
+        """Warn of a corner reflector in the beam that shows only its back at a time [s]."""
         reflectors = [mesh for mesh, body in enumerate(scene.parts.meshed) if body.mesh.is_reflector]
         if not reflectors or not self._is_new("backs"):
             return
@@ -297,14 +297,14 @@ class Doubts:
         self._of_range(ideal)
 
     def _of_range(self, ideal: _core.IdealFrame) -> None:
-        """Warn of echoes from beyond the largest range, and of bodies there that have none."""
+        """Warn of echoes from beyond the largest range, and of bodies there without an echo."""
         farthest, effect = ideal.farthest, "echoes from there appear at wrong ranges"
         if farthest == 0.0 and ideal.counts().get("rays_hit", 0) > 0:
-            # Rays met bodies, but no path comes back: those far away are smaller than the finest cells.
+            # Rays met bodies, but no path returns: far bodies are smaller than the finest cells.
             farthest, effect = _nearest(ideal), "bodies there are too small for an echo"
         if farthest > self._radar.max_range and self._is_new("range"):
             if _nearest(ideal) > self._radar.max_range:
-                self._told.add("sampling")  # of the same cause
+                self._told.add("sampling")  # same cause
             notice.warn(
                 f"the scene reaches to {farthest:.2f} m, beyond max_range {self._radar.max_range:.2f} m of the "
                 f"waveform: {effect}"
@@ -329,7 +329,7 @@ class Doubts:
             )
 
     def of_adc(self, use: Use | None) -> dict[str, Any]:
-        """Warn of a signal that clips, or that hardly an ADC's code tells from none; shares for `Frame.stats`."""
+        """Warn of a signal that clips or uses few codes of the ADC; shares for `Frame.stats`."""
         receiver = self._radar.receiver
         if use is None or receiver is None:
             return {}

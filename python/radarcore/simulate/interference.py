@@ -83,7 +83,7 @@ class Interference:
     def add_to(self, cube: NDArray[Any], engine: _core.Simulator, start: float, ask: Ask) -> Counts:
         """Add the signals to the samples (channel, chirp, sample) at the receivers, of a frame from a time [s] on.
 
-        `engine`: the counterpart of the simulator in the core, which finds what is occluded. `ask` calls motions.
+        `engine`: the simulator of the core, which finds occlusions. `ask` calls motions.
         Returns counts.
         """
         num_offsets, num_chirps = self._starts.shape

@@ -172,7 +172,7 @@ def is_outside(points: NDArray[np.float64], field_of_view_deg: Angles) -> NDArra
 def is_beyond(
     azimuth: NDArray[np.float64], elevation: NDArray[np.float64], field_of_view_deg: Angles
 ) -> NDArray[np.bool_]:
-    """True for directions [rad] in the sensor frame that a field of view does not show."""
+    """True for directions [rad] in the sensor frame outside of a field of view."""
     horizontal, vertical = 0.5 * np.deg2rad(field_of_view_deg)
     along = np.cos(azimuth)
     if horizontal > 0.5 * np.deg2rad(MOST_OF_A_PLANE):

@@ -22,7 +22,7 @@ _RAY_BUDGET = 400_000
 """Rays through cells of adaptive sampling by default."""
 
 _MOST_RAYS = 2**32
-"""Bound of every budget of rays."""
+"""Largest ray budget."""
 
 _RAYS_PER_CELL = 4
 """Least budget of rays per cell of the base grid: all cells can be split once."""
@@ -120,7 +120,7 @@ class Settings:
 
     @property
     def num_rays(self) -> int:
-        """Largest number of rays of a cast; without a limit as many as any budget may be."""
+        """Largest number of rays of a cast; without a limit the largest ray budget."""
         if not self.is_adaptive:
             return self._pixels.num_pixels
         return _MOST_RAYS if self.most_rays is None else self.most_rays

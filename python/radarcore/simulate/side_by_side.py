@@ -30,8 +30,8 @@ def in_order(
     Parameters
     ----------
     work : function of a worker, an item and `Ask`
-        It should release the interpreter: every worker has a thread. It calls functions of users, such as motions, by
-        `ask` alone: they run in the thread that takes the results, one at a time.
+        It should release the interpreter: every worker has a thread. It calls functions of users, such as motions, only
+        through `ask`: they run one at a time in the thread that takes the results.
     items : iterable
     workers : list
         Each works on one item at a time, the next that is there.
@@ -45,13 +45,13 @@ def in_order(
     free: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
         free.put(worker)
-    # Functions that workers ask for, and None for an item that is done.
-    news: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
+    # Functions that workers want to call; None for a finished item.
+    requests: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
     closed: Future[None] = Future()
 
     def ask(function: Callable[[], Any]) -> Any:
         answer: Future[Any] = Future()
-        news.put((answer, function))
+        requests.put((answer, function))
         either: tuple[Future[Any], ...] = (answer, closed)
         wait(either, return_when=FIRST_COMPLETED)
         if closed.done():
@@ -69,13 +69,13 @@ def in_order(
         pending: deque[Future[Result]] = deque()
 
         def first() -> Result:
-            """Result of the first future, which leaves the queue when it is there; workers are answered meanwhile."""
+            """Wait for the first future, answer workers meanwhile, and remove it from the queue."""
             while not pending[0].done():
-                if (asked := news.get()) is not None:
+                if (asked := requests.get()) is not None:
                     answer, function = asked
                     try:
                         answer.set_result(function())
-                    except Exception as error:  # for the worker, whose item it is
+                    except Exception as error:  # raised in the worker that asked
                         answer.set_exception(error)
             result = pending[0].result()
             pending.popleft()
@@ -86,7 +86,7 @@ def in_order(
                 if len(pending) == _AHEAD * len(workers):
                     yield first()
                 pending.append(pool.submit(done, item))
-                pending[-1].add_done_callback(lambda _: news.put(None))
+                pending[-1].add_done_callback(lambda _: requests.put(None))
             while pending:
                 yield first()
         finally:

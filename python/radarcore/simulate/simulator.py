@@ -70,8 +70,8 @@ class Simulator(Settings):
         that those in the middle are as small.
     field_of_view_deg : (float, float), optional
         Horizontal and vertical angle that is simulated [degrees], each below 180. Default: what the antennas see, see
-        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point within the beam of the antennas
-        that lies outside of angles that were given is warned of once.
+        `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point in the beam of the
+        antennas, but outside of the given angles, raises one warning.
     sampling : "adaptive", "fast", "footprint" or "point"
         Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
         are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
@@ -235,7 +235,7 @@ class Simulator(Settings):
         >>> [round(frame.time, 3) for frame in simulator.frames(0.0, 0.1, rate=40.0)]
         [0.0, 0.025, 0.05, 0.075]
         """
-        # The times are checked here and now, not at the first frame.
+        # Check the times in this call, not at the first frame.
         times = frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate)
         return (self.frame(time) for time in times)
 
@@ -443,7 +443,7 @@ class Simulator(Settings):
             self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
 
     def _hide_points(self, rows: NDArray[np.float64]) -> None:
-        """Make the truth (field, body) of point targets beyond the field of view NaN, as bodies have it."""
+        """Set the truth (field, body) of point targets outside of the field of view to NaN, as for bodies."""
         numbers = self.scene.parts.point_numbers
         if len(numbers) == 0:
             return
@@ -457,9 +457,9 @@ class Simulator(Settings):
     def _received(
         self, engines: Engines, placed: Placed, ask: Ask
     ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], Counts, Use | None]:
-        """Start [s], ideal frames of sub-sequences, cube, counts of interference and use of the ADC, of a motion.
+        """Start [s], ideal frames of sub-sequences, cube, counts of interference, and use of the ADC.
 
-        It may run beside others: `ask` calls motions, which are functions of users.
+        It runs in a worker thread: `ask` calls motions, which are functions of users.
         """
         start, motions = placed
         parts = zip(engines, motions, self._placements, strict=True)

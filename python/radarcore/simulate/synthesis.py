@@ -141,8 +141,8 @@ def beat_signal(
         First and second derivative of the delay [s/s], [s/s^2]; not with nodal delays.
     tolerance : float
         Bound on rms(error over the samples of a channel) / l2(amplitudes of that channel), 1e-12 to 1e-1; amplitudes at
-        nodes count with their mean power. The rounding of the delays given comes on top, and that of complex64, at
-        most 6e-8 of the samples: 6e-8 sqrt(n) in this measure for n equal paths in phase, 1.9e-5 for 1e5 of them.
+        nodes count with their mean power. The rounding of the given delays comes on top, and the rounding of
+        complex64, at most 6e-8 of the samples: 6e-8 sqrt(n) in this measure for n equal paths in phase, 1.9e-5 for 1e5.
         Below 1e-6 the samples are complex128.
     method : "auto", "direct" or "grid"
         Auto: the cheapest that keeps to the tolerance. Direct: every sample of every path in double precision.

@@ -23,7 +23,7 @@ pub struct Level(Set);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Set {
-    /// Arrays that the compiler vectorises: the baseline of processors other than x86-64, which tests run everywhere.
+    /// Arrays that the compiler vectorises: the baseline of processors other than x86-64; tests run it everywhere.
     #[cfg(any(test, not(target_arch = "x86_64")))]
     Portable,
     #[cfg(target_arch = "x86_64")]
@@ -99,14 +99,14 @@ impl Level {
     }
 }
 
-/// A kernel compiled for the instructions that the target guarantees. Not part of [`Level::run`], whose frame lies below
-/// those of all levels.
+/// A kernel compiled for the instructions that the target guarantees. Not inlined into [`Level::run`], whose stack frame
+/// all levels share.
 #[inline(never)]
 fn run<I: Isa, K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<I>()
 }
 
-/// Value of the environment variable when it was first asked for.
+/// Value of the environment variable at the first call.
 fn variable() -> &'static str {
     static VALUE: OnceLock<String> = OnceLock::new();
     VALUE.get_or_init(|| {
@@ -142,7 +142,7 @@ mod tests {
         }
     }
 
-    /// No level is missing in the tests that run "at every level": what the system says of the processor.
+    /// The tests "at every level" miss no level that the system reports for the processor.
     #[test]
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     fn every_level_of_the_processor_is_available_up_to_the_variable() {

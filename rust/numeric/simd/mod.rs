@@ -4,8 +4,8 @@
 //! `#[target_feature]`. Windows of the grid and recurrences it does not: they are written with [`Vector`], 64 bytes of
 //! numbers whatever the level, so that a kernel has one layout everywhere.
 //!
-//! Functions of kernels are inlined in optimised builds alone. Without optimisation variables do not share memory, and
-//! kernels in one piece would need a megabyte of stack (see rust/build.rs).
+//! Functions of kernels are inlined only in optimised builds. Without optimisation variables do not share memory, so an
+//! inlined kernel would need a megabyte of stack (see rust/build.rs).
 //!
 //! The only `unsafe` of the crate is here: calling a function compiled for an instruction set, its intrinsics, and
 //! loads and stores whose bounds were checked once for a whole patch. It is sound because a [`Level`] can only be

@@ -250,9 +250,9 @@ impl Precision for f64 {
 
 /// Code that [`Level::run`] compiles for every instruction set.
 ///
-/// `run` and all it calls must be `#[cfg_attr(optimised, inline(always))]`: closures (those of `map` and `from_fn` as well)
-/// and ordinary calls do not inherit the instruction set and would silently run with the baseline's. Large arrays belong
-/// on the heap: threads have 512 kB of stack at least (rust/stack.rs).
+/// `run` and all it calls must be `#[cfg_attr(optimised, inline(always))]`: closures (also of `map` and `from_fn`) and
+/// ordinary calls do not inherit the instruction set and would silently run with the baseline's. Large arrays belong
+/// on the heap: threads have at least 512 kB of stack (tests/stack.rs).
 pub trait Kernel {
     /// Return type of the kernel.
     type Output;

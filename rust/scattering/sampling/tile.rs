@@ -90,7 +90,7 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    /// Memory on the heap, as iterators hold one in every frame of their recursion.
+    /// On the heap, as parallel iterators hold one per level of their recursion.
     pub(super) fn new() -> Box<Self> {
         Box::new(Self {
             scratch: Scratch::new(),

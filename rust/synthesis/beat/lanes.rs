@@ -16,8 +16,8 @@ use crate::synthesis::lanes::{self, Batch, Builder, Coefficients, Errors, Layer,
 use crate::synthesis::plan::{Method, Part, Plan, SINGLE_EQUAL_SUM, Step, in_phase, times};
 use crate::synthesis::statistics;
 
-/// Smallest tolerance of sums in lanes. Single precision and kernels of seven cells reach no finer one in most frames,
-/// which would be known after half of the work only.
+/// Smallest tolerance of sums in lanes. Single precision and kernels of seven cells miss a smaller one in most frames,
+/// which shows only after half of the work.
 const LEAST_TOLERANCE: f64 = 3e-5;
 
 /// Share of the tolerance that the bound of the error may fill.

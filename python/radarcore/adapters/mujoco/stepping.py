@@ -117,7 +117,7 @@ def frames(
         while duration is None or number * period < duration - _ROUNDING:
             begin = start + number * period
             if follow:
-                # The poses before the start say how fast the motion is there.
+                # Live motions need the poses before the start for their velocity.
                 advance(begin - step, exactly=False)
             advance(begin)
             if follow:

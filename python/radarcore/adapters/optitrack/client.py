@@ -242,7 +242,7 @@ class MotionCaptureClient:
         return self._frames(self.info.version, self._checked(motions), None)
 
     def record(self, duration: float, motions: Mapping[str, Updated] | None = None) -> MotionCapture:
-        """Frames of some time [s], by the server's clock; up to the end of a take that is shorter, with a warning.
+        """Frames over a duration [s] of the server's clock; a shorter take ends them with a warning.
 
         See Also
         --------
@@ -280,8 +280,8 @@ class MotionCaptureClient:
         motions : mapping of str to Live, optional
             As for `frames`.
         keep : bool, optional
-            True: keep all frames for `Follower.capture`, up to the end of the take. False: the newest frame alone, for
-            hours of live motions. Default: True without motions.
+            True: keep all frames for `Follower.capture`, up to the end of the take. False: keep only the newest frame,
+            for hours of live motions. Default: True without motions.
 
         See Also
         --------
@@ -379,7 +379,7 @@ class MotionCaptureClient:
         )
 
     def _packet(self, kind: Kind, end: float, stop: threading.Event | None) -> bytes | None:
-        """Next packet of a kind, or an error after a time; None where it is no longer wanted."""
+        """Next packet of a kind, None after `stop`; a TimeoutError after the time `end`."""
         while (left := end - clock.monotonic()) > 0.0:
             if stop is not None and stop.is_set():
                 return None

@@ -64,7 +64,7 @@ def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
 
 
 def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
-    """Frames up to the end of a take: where it is played again, or no more come."""
+    """Frames up to the end of a take: until it starts again, or no more frames come."""
     last: CapturedFrame | None = None
     try:
         for frame in frames:
@@ -78,7 +78,7 @@ def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
 
 
 def without_poses(frame: CapturedFrame) -> CapturedFrame:
-    """A frame to keep, a tenth as large: a capture is made of its bodies."""
+    """The frame without poses, a tenth as large: a capture needs only its bodies."""
     return replace(frame, poses={})
 
 

@@ -55,7 +55,7 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     """Read a take that Motive exported as CSV file.
 
     Frames without a body or a marker are NaN there. A file that ends too early is read up to there, with a warning;
-    another warning names columns of types that are not read, such as those of force plates.
+    another warning names columns of types that are not read, such as force plates.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     Raises
     ------
     ValueError
-        When the file is no such export, has other separators than commas, Euler angles or no unit, or a line has other
-        things than numbers.
+        When the file is no such export, has separators other than commas, Euler angles or no unit, or a line has
+        something other than numbers.
 
     See Also
     --------

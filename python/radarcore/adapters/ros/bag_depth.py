@@ -96,8 +96,8 @@ class DepthImages:
     def __iter__(self) -> Iterator[PlanarDepth]:
         """The images with times since `start_ns`; one that is not later than the one before is left out.
 
-        An image without a stamp has the time of its recording. Warns once of either, and in the end where images were
-        so close that the difference of two of them gives wrong velocities.
+        An image without a stamp gets its time of recording. Warns once of each case, and at the end if images were so
+        close that the difference of two gives wrong velocities.
         """
         last, told = -inf, set[str]()
         intervals: list[float] = []
@@ -110,7 +110,7 @@ class DepthImages:
         for found in self._bag.messages(self.topic):
             image = from_ros_image(found.message, camera=self._camera, start_ns=self.start_ns)
             if not header_nanoseconds(found.message) and self.start_ns > 0:  # a simulated clock may start at zero
-                warn("header stamps are zero; times of recording take their place")
+                warn("header stamps are zero; times of recording replace them")
                 image = replace(image, time=seconds(found.time_ns, self.start_ns))
             time = float(image.time or 0.0)
             if time > last:
@@ -118,11 +118,11 @@ class DepthImages:
                 last = time
                 yield image
             else:
-                warn("images whose stamps are not later than those before them are left out")
+                warn("images with stamps not later than the image before are left out")
         if len(intervals) > _FEW and min(intervals) < _UNEVEN * (mean := sum(intervals[1:]) / (len(intervals) - 1)):
             warn(
-                f"images are {min(intervals):.3g} to {max(intervals[1:]):.3g} s apart, {mean:.3g} s on average; if "
-                "their stamps are of reception, velocities from two images are wrong"
+                f"intervals of images are {min(intervals):.3g} to {max(intervals[1:]):.3g} s, {mean:.3g} s on average; "
+                "if the stamps are reception times, velocities from two images are wrong"
             )
 
 

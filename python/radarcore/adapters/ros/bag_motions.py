@@ -31,8 +31,8 @@ STATIC_TRANSFORMS = "/tf_static"
 class BagMotions:
     """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
 
-    Times count from `start_ns`, so that they are exact to a nanosecond. They are the stamps in the headers. Stamps that
-    cannot be right are mended with a warning: zeros, stamps of reception, a second run; the page of bags says how.
+    Times count from `start_ns`, so that they are exact to a nanosecond. They are the stamps in the headers. Wrong
+    stamps are repaired with a warning: zeros, reception times, a second run (see the documentation of bags).
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ class BagMotions:
 def first_stamp_ns(bag: BagReader) -> int:
     """First stamp in the headers of poses, transforms, joints and images [ns]; without any the time of the bag's start.
 
-    Static transforms, which may be from long before, do not count. Zero counts at the start of a simulated clock alone.
+    Static transforms do not count, as they may be much older. Zero counts only at the start of a simulated clock.
     """
     kinds = {*TRANSFORMS, *POSES, *RIGID_BODIES, *JOINTS, *IMAGES}
     stamps: list[int] = []
@@ -233,7 +233,7 @@ def first_stamp_ns(bag: BagReader) -> int:
 
 
 def _stamp(message: Any) -> int:
-    """Stamp in the header, or the first one above zero of those of transforms [ns]; zero without any."""
+    """Stamp in the header, or the first nonzero stamp of the transforms [ns]; zero without any."""
     if hasattr(message, "transforms"):
         stamps = [nanoseconds(transform.header.stamp) for transform in message.transforms]
         return min((stamp for stamp in stamps if stamp > 0), default=0)

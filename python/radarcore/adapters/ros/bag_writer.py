@@ -27,10 +27,10 @@ _LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
 """Latest time of a message [ns since 1970]."""
 
 _METADATA, _MARK = "metadata.yaml", "radarcore"
-"""File that describes a folder of ROS 2, and the key of its ``custom_data`` in those that are written here."""
+"""File that describes a ROS 2 folder, and the key in its ``custom_data`` that marks folders of radarcore."""
 
 _LONGEST_WAIT, _MOST_WAITING = 0.9, 1 << 25
-"""Time [s] and bytes after which messages are handed over to the system: all are there within a second."""
+"""Messages are flushed after this time [s] or number of bytes, so that a killed process loses at most a second."""
 
 
 @check.knows_keywords
@@ -49,8 +49,8 @@ class BagWriter:
     format : "mcap", "sqlite3" or "ros1", optional
         Default: by the suffix of `path`; MCAP for a folder.
     overwrite : bool
-        Replace a bag that is already there: a single file, or a folder that radarcore has written, of which the files
-        in its ``metadata.yaml`` are deleted.
+        Replace an existing bag: a single file, or a folder that radarcore has written. Only the files that its
+        ``metadata.yaml`` lists are deleted.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class BagWriter:
         self._replaced()
         self._connections: dict[str, Any] = {}
         self._closed = False
-        self._writing = threading.RLock()  # against the timer, which hands over what waits
+        self._writing = threading.RLock()  # the timer flushes in another thread
         self._timer: threading.Timer | None = None
         self._num_waiting = 0
         self._failure: Exception | None = None
@@ -211,7 +211,7 @@ class BagWriter:
         data = pack(message, name)
         with self._writing:
             self._check_whole()
-            with self._noting_failure():
+            with self._keeping_failure():
                 self._bag.write(self._connections[topic], time, data)
                 self._num_waiting += len(data)
                 if self._num_waiting > _MOST_WAITING:
@@ -248,7 +248,7 @@ class BagWriter:
             except BaseException:
                 self._bag.abort()  # a full disk
                 raise
-            replaced = self._replaced()  # what has come there meanwhile is of others
+            replaced = self._replaced()  # again: another program may have written there meanwhile
             if self._inner.is_file():  # ROS 1
                 give_name(self._inner, self.path, overwrite=self._overwrite)
                 self._part.remove()
@@ -275,7 +275,7 @@ class BagWriter:
             bag.set_custom_data(_MARK, __version__)
         bag.open()
         if self.format == "sqlite3":
-            # The file is whole at any time: nothing gets into it before it is committed, by the timer too.
+            # The file is complete at any time: it changes only with a commit, which the timer may call.
             bag.storage.conn.close()
             bag.storage.conn = sqlite3.connect(bag.storage.path, check_same_thread=False)
             bag.storage.conn.execute("PRAGMA cache_spill = OFF")
@@ -283,16 +283,16 @@ class BagWriter:
         return bag
 
     def _flush_late(self) -> None:
-        """Hand over what has waited long enough, whether or not more is written."""
+        """Flush after `_LONGEST_WAIT`, whether or not more is written."""
         with self._writing:
             self._timer = None
             if not self._closed and self._failure is None:
-                with suppress(Exception), self._noting_failure():  # the next call tells
+                with suppress(Exception), self._keeping_failure():  # the next call raises it
                     self._flush()
 
     @contextmanager
-    def _noting_failure(self) -> Iterator[None]:
-        """Keep an error, such as that of a full disk, after which the file may end within a record."""
+    def _keeping_failure(self) -> Iterator[None]:
+        """Keep an error, such as a full disk, after which the file may end within a record."""
         try:
             yield
         except Exception as error:
@@ -300,12 +300,12 @@ class BagWriter:
             raise
 
     def _check_whole(self) -> None:
-        """Write nothing behind a record that is not whole."""
+        """Raise the error of an earlier write, whose record may be incomplete."""
         if self._failure is not None:
             raise self._failure
 
     def _flush(self) -> None:
-        """Hand over to the system what was written, so that it is there if the process is killed."""
+        """Hand all messages over to the operating system, so that they survive a killed process."""
         if self.format == "sqlite3":
             self._bag.storage.conn.commit()
         elif self.format == "mcap":
@@ -318,7 +318,7 @@ class BagWriter:
         self._num_waiting = 0
 
     def _replaced(self) -> list[Path]:
-        """Files of the folder that this bag replaces; refuses to replace anything but a bag, or that unasked."""
+        """Files of the folder that this bag replaces; an error unless it is a bag and `overwrite` is given."""
         path = self.path
         if path.suffix in _BY_SUFFIX or not path.is_dir():
             if path.exists() and path.suffix not in _BY_SUFFIX:
@@ -339,7 +339,7 @@ class BagWriter:
 
 
 def _own_files(folder: Path) -> list[Path]:
-    """Files of a bag that radarcore has written, by its metadata; none of any other."""
+    """Files of a bag that radarcore has written, by its metadata; empty for any other."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 

@@ -366,7 +366,7 @@ class BagReader:
 
 
 class _Bounded(type(Path())):  # type: ignore[misc]  # of this system
-    """A path whose file reads no more than it has: rosbags asks for any length that a damaged record gives."""
+    """A path whose file never reads beyond its size: rosbags asks for the length in a damaged record."""
 
     def open(self, mode: str = "r", *args: Any, **options: Any) -> Any:
         if mode != "rb":
@@ -428,7 +428,7 @@ def _check_database(file: Path) -> None:
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse nameless topics of a reader of rosbags; make it refuse chunks that unpack to far more than their size."""
+    """Refuse topics without a name, and make the reader refuse chunks that unpack to far more than their size."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag1.reader import decompressors
 

@@ -27,7 +27,7 @@ _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """Start of a message that is packed; others of ROS 2 start with zero (CDR)."""
 
 _MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
-"""A chunk unpacks to at most this many bytes, or times its size: a few bytes may stand for gigabytes of zeros."""
+"""Limits of an unpacked chunk, in bytes and relative to its size: a few bytes may unpack to gigabytes of zeros."""
 
 Record = tuple[int, int, bytes]
 """Number of a connection, time [ns] and message."""
@@ -355,7 +355,7 @@ def _texts(data: bytes, at: int, count: int) -> tuple[list[str], int]:
 
 
 def most_unpacked(size: int) -> int:
-    """Most bytes to which a chunk of a size may unpack."""
+    """Largest number of bytes to which a chunk may unpack."""
     return max(_MOST_UNPACKED, _MOST_RATIO * size)
 
 

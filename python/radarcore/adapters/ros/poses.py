@@ -204,7 +204,7 @@ def _maps_of(rows: ArrayLike) -> NDArray[np.float64]:
 
 
 class SeriesRows:
-    """Poses of a frame or body as their messages come."""
+    """Collects the poses of a frame or body from messages."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -213,33 +213,33 @@ class SeriesRows:
         self._rows: list[tuple[float, ...]] = []
 
     def add(self, stamp: int, received: int | None, numbers: tuple[float, ...]) -> None:
-        """A pose (see `pose_numbers`), its stamp, and the time at which it was recorded [ns]."""
+        """Add a pose (see `pose_numbers`) with its stamp and time of recording [ns]."""
         self._stamps.append(stamp)
         self._received.append(received)
         self._rows.append(numbers)
 
     @property
-    def is_seen(self) -> bool:
+    def has_valid_pose(self) -> bool:
         """True if any of the poses is finite and has a quaternion."""
-        return bool(self._seen().any())
+        return bool(self._is_valid().any())
 
     def series(self, frame_id: str) -> PoseSeries:
-        """The poses that are finite and have a quaternion, at mended times; an error without any."""
-        seen = np.flatnonzero(self._seen()) if self.is_seen else np.arange(len(self._rows))
-        maps = _maps_of(np.array(self._rows)[seen])
+        """Poses that are finite and have a quaternion, at repaired times; an error without any."""
+        chosen = np.flatnonzero(self._is_valid()) if self.has_valid_pose else np.arange(len(self._rows))
+        maps = _maps_of(np.array(self._rows)[chosen])
         values = np.column_stack([maps[..., 3], maps[..., :3].reshape(-1, 9) / np.sqrt(2.0)])  # 1 m per rad
-        stamps, received = [self._stamps[k] for k in seen.tolist()], [self._received[k] for k in seen.tolist()]
+        stamps, received = [self._stamps[k] for k in chosen.tolist()], [self._received[k] for k in chosen.tolist()]
         times, kept = message_times(self._name, stamps, received, values, "m/s")
         return PoseSeries(times, tuple(map(as_pose, maps[kept])), frame_id)
 
     def last(self) -> Pose:
         """The last pose that is finite and has a quaternion; an error without any."""
-        return poses_of(np.array(self._rows)[self._seen()] if self.is_seen else self._rows)[-1]
+        return poses_of(np.array(self._rows)[self._is_valid()] if self.has_valid_pose else self._rows)[-1]
 
-    def _seen(self) -> NDArray[np.bool_]:
+    def _is_valid(self) -> NDArray[np.bool_]:
         numbers = np.array(self._rows)
-        seen: NDArray[np.bool_] = np.isfinite(numbers).all(axis=1) & numbers[:, 3:].any(axis=1)
-        return seen
+        valid: NDArray[np.bool_] = np.isfinite(numbers).all(axis=1) & numbers[:, 3:].any(axis=1)
+        return valid
 
 
 @check.knows_keywords
@@ -302,9 +302,9 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
 def pose_series(messages: Iterable[Any]) -> PoseSeries:
     """Series of ``geometry_msgs/PoseStamped`` (or with covariance) of one body, all in the same frame.
 
-    Takes bare messages, or those of `BagReader.messages`: their times of recording replace stamps of zero. Poses that
-    are not finite, or have no quaternion, are left out. Warns where stamps start again, repeat, or are so irregular
-    that speeds are wrong; the page of bags says how they are mended.
+    Takes bare messages or `BagReader.messages`, whose times of recording replace stamps of zero. Poses that are not
+    finite, or have no quaternion, are left out. Warns if stamps start again, repeat, or are so irregular that speeds
+    are wrong; the documentation of bags lists the repairs.
 
     See Also
     --------
@@ -359,7 +359,7 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
         for body in message.rigidbodies if hasattr(message, "rigidbodies") else message.rigid_bodies:
             name = str(body.rigid_body_name)
             found.setdefault(name, SeriesRows(f"{topic}, {name}")).add(time_ns, received, pose_numbers(body.pose))
-    return {name: rows.series(frame_id) for name, rows in found.items() if rows.is_seen}
+    return {name: rows.series(frame_id) for name, rows in found.items() if rows.has_valid_pose}
 
 
 @check.knows_keywords
@@ -369,21 +369,21 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
     Parameters
     ----------
     messages : iterable of sensor_msgs/JointState
-        Joints may stand in any order, and come from several publishers, such as an arm and its gripper. Bare messages,
-        or those of a bag, as for `pose_series`.
+        Joints may have any order and several publishers, such as an arm and its gripper. Messages as for
+        `pose_series`.
     names : sequence of str, optional
-        Joints in the order of the result; default: all that have positions, as they come first.
+        Joints in the order of the result; default: all with positions, in order of first appearance.
 
     Returns
     -------
     series : JointSeries
-        At the times of the joint with the most messages, where all joints are known. Those with other times follow
-        C2 splines between their own; a joint with a single message holds.
+        At the times of the joint with the most messages, while all joints are known. Cubic splines interpolate joints
+        with other times; a joint with a single message is constant.
 
     Raises
     ------
     ValueError
-        For a joint that is not there, and for joints without a common time.
+        For an unknown joint, and for joints without a common time.
 
     See Also
     --------
@@ -435,7 +435,7 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
     first, last = max((own[0] for own in moving), default=times[0]), min((own[-1] for own in moving), default=times[-1])
     times = times[(times >= first) & (times <= last)]
     if not len(times):
-        raise ValueError(f"names: expected joints at the same time, got {', '.join(wanted)}, which never come together")
+        raise ValueError(f"names: expected joints at the same time, got {', '.join(wanted)} without a common time")
     positions = np.empty((len(times), len(wanted)))
     for label, own, values, columns in tracks:
         positions[:, columns] = _positions_at(label, times, own, values)
@@ -443,7 +443,7 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
 
 
 def _positions_at(name: str, times_ns: NDArray[np.int64], own_ns: NDArray[np.int64], values: Any) -> Any:
-    """Positions (n, joint) at other times than the joints' own, which enclose them."""
+    """Positions (n, joint) at times within the joints' own times."""
     if len(own_ns) == 1 or np.isin(times_ns, own_ns).all():
         return values[np.searchsorted(own_ns, times_ns) if len(own_ns) > 1 else np.zeros(len(times_ns), int)]
     from scipy.interpolate import CubicSpline

@@ -27,14 +27,14 @@ class TransformTree:
     Parameters
     ----------
     messages : iterable of tf2_msgs/TFMessage
-        Those of ``/tf``: bare, or of a bag, as for `pose_series`.
+        Messages of ``/tf``, as for `pose_series`.
     static : iterable of tf2_msgs/TFMessage
         Those of ``/tf_static``: the last one of a frame holds at all times, whatever ``/tf`` says of it.
 
     Raises
     ------
     ValueError
-        When a frame is asked for that has two parents, or whose parents form a circle; others stay usable.
+        For a frame with two parents, or whose parents form a circle, when it is used; others stay usable.
 
     See Also
     --------
@@ -97,7 +97,7 @@ class TransformTree:
         return self._parent(self._known("frame", frame))
 
     def series(self, frame: str) -> PoseSeries | Pose:
-        """Poses of a frame in its parent, their times mended as by `pose_series`; the pose of a static one.
+        """Poses of a frame in its parent, at times repaired as by `pose_series`; one pose for a static frame.
 
         See Also
         --------

@@ -65,7 +65,7 @@ def run(
     with_robots : bool, optional
         Use the real UR10 and human meshes; default: when the extra `robots` is installed.
     overwrite : bool
-        Replace those of an earlier run.
+        Replace the files of an earlier run.
     """
     if duration is not None:
         check.positive("duration", duration, "s")

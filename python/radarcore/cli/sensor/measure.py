@@ -205,7 +205,7 @@ def _frames(
 
 
 def _is_port(source: str) -> bool:
-    """True for the name of a port, or of a capture that stands for one; ``COM3`` is one, ``COMPLETE`` a file."""
+    """True for the name of a port or a ``capture:``; ``COM3`` is a port, ``COMPLETE`` a file."""
     return (
         source.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", source, re.IGNORECASE) is not None
     )

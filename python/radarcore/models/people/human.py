@@ -24,7 +24,7 @@ _TALLEST = 3.0
 """Height above which it is hardly that of a person in metres [m]."""
 
 _MASS_INDICES = (6.0, 260.0)
-"""Mass over the square of the height, beyond which nobody has lived [kg/m^2]: reported are 7.5 to 251."""
+"""Limits of mass over height squared [kg/m^2]; reported extremes are 7.5 and 251."""
 
 
 @check.knows_keywords
@@ -61,8 +61,8 @@ class Human:
     Raises
     ------
     ValueError
-        For a height above 3 m, a mass that nobody has at that height, a speed above the model's limit, and for a path
-        with legs too short for its turns.
+        For a height above 3 m, an impossible mass for that height, a speed above the model's limit, and for a path with
+        legs too short for its turns.
 
     See Also
     --------

@@ -269,7 +269,7 @@ class LiveView:
         top, bottom = self._text_axes
         for ax in (top, bottom):
             ax.set_axis_off()
-        # Clipped text takes no room of the layout, however long it is.
+        # The layout ignores clipped text, however long it is.
         style: dict[str, Any] = {"verticalalignment": "center", "parse_math": False, "clip_on": True}
         top.text(0.0, 0.5, title, fontsize=12, fontweight="bold", **style)
         self._status = top.text(1.0, 0.5, "", fontsize=11, color="0.25", horizontalalignment="right", **style)

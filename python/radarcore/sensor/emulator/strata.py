@@ -207,8 +207,8 @@ class Controller:
             self.chip.reset()
             self.chip.complains = False
             return b""
-        # The next function of the registers tells of an overflow, once, and does its work all the same. EXECUTE is a
-        # function of the protocol.
+        # The next register function reports an overflow once and is still carried out. EXECUTE is a function of the
+        # protocol.
         complains = self.chip.complains and index >> 4 & 0xF == Avian.REGISTERS_SET >> 4 & 0xF
         answer = self._registers(kind, index, request.payload)
         if complains:

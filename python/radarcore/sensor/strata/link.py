@@ -97,7 +97,7 @@ class _Inbox:
         failure = self._failure
         if failure is not None:
             if isinstance(failure, CaptureError):
-                self._failure = None  # once: the board is as it was
+                self._failure = None  # raised once: the board still works
             raise type(failure)(*failure.args) from failure
 
     def take(self, timeout: float) -> list[DataPacket | Damage]:

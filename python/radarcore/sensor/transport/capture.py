@@ -48,8 +48,8 @@ class Capture:
     OSError
         The file cannot be made.
     CaptureError
-        Once, in the call after the one whose bytes could not be written (a full disk). The file then ends with its last
-        whole line; the conversation goes on without it.
+        Once, in the call after a failed write (a full disk). The file then ends with its last whole line; the
+        conversation goes on without it.
     """
 
     def __init__(self, stream: Stream, path: str | os.PathLike[str]) -> None:
@@ -104,7 +104,7 @@ class Capture:
             data = memoryview(f"{json.dumps(line)}\n".encode())
             num_whole = self._num_whole + len(data)
             try:
-                while data:  # a disk that runs full takes a part
+                while data:  # a full disk accepts only a part
                     data = data[self._file.write(data) :]
                 self._num_whole = num_whole
             except OSError as error:

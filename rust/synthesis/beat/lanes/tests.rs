@@ -248,7 +248,7 @@ fn tolerances_out_of_reach_name_one_that_is_not() {
 }
 
 #[test]
-fn tolerances_that_single_precision_hardly_reaches_are_not_tried() {
+fn tolerances_below_single_precision_are_not_tried() {
     let work = Work {
         channels: 3,
         paths: 30_000,
