@@ -30,7 +30,7 @@ for name, library in (("osmesa", "OSMesa"), ("egl", "EGL")):
     if not os.environ.get("MUJOCO_GL") and find_library(library):
         os.environ["MUJOCO_GL"] = name
 
-# Width and colours of the terminal that started the tests would show in what commands print.
+# The output of commands must not depend on the terminal that started the tests.
 for name in ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
     os.environ.pop(name, None)
 

@@ -55,7 +55,7 @@ def test_angles_in_degrees_are_said_at_the_line_that_has_them(make: Call, messag
 
 
 @pytest.mark.parametrize("mass", [7.0, 70_000.0])
-def test_mass_that_nobody_has_at_that_height_is_refused(mass: float) -> None:
+def test_impossible_mass_for_a_height_is_refused(mass: float) -> None:
     with pytest.raises(ValueError, match=rf"mass: expected 18.4 to 796 kg for a height of 1.75 m, got {mass:g}"):
         Human(height=1.75, mass=mass)
     assert [Human(height=h, mass=m, speed=0.5).mass for h, m in ((0.5, 3.5), (1.75, 40.0), (1.85, 635.0))] == [
@@ -80,7 +80,7 @@ def test_mass_that_nobody_has_at_that_height_is_refused(mass: float) -> None:
         ),
     ],
 )
-def test_surface_that_there_is_not_is_refused(make: Call, message: str) -> None:
+def test_impossible_surface_is_refused(make: Call, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
 
@@ -92,7 +92,7 @@ def test_conductors_and_a_vacuum_are_dielectrics() -> None:
 
 
 MS = 1e3
-"""Milliseconds per second: a factor that is forgotten."""
+"""Milliseconds per second."""
 
 
 def joints(times: list[float]) -> object:
@@ -100,7 +100,7 @@ def joints(times: list[float]) -> object:
 
 
 def poses(times: list[float]) -> list[rc.Pose]:
-    """At 1.4 m/s and 1 rad/s, of times in milliseconds."""
+    """Poses at 1.4 m/s and 1 rad/s; times in milliseconds."""
     return [rc.Pose.from_rpy([1.4e-3 * time, 0.0, 0.0], [0.0, 0.0, 1e-3 * time]) for time in times]
 
 
@@ -133,7 +133,7 @@ def live_group(times: list[float]) -> rc.LiveGroup:
     ],
     ids=["Trajectory", "JointTrajectory", "Deformation", "Live", "LiveGroup"],
 )
-def test_times_in_milliseconds_are_said_once(make: Callable[[list[float]], object], name: str, rate: float) -> None:
+def test_times_in_milliseconds_raise_one_warning(make: Callable[[list[float]], object], name: str, rate: float) -> None:
     times = [MS * k / rate for k in range(12)]
     message = rf"^{name}: expected times in seconds, got steps of {MS / rate:.4g} s .* faster than .*milliseconds\?"
     with pytest.warns(UserWarning, match=message) as caught:
@@ -146,7 +146,7 @@ def test_times_in_milliseconds_are_said_once(make: Callable[[list[float]], objec
     [(live, [0.0, 10.0]), (lambda times: rc.Trajectory(times, poses(times)), [0.0, 2000.0])],
     ids=["Live", "Trajectory"],
 )
-def test_two_times_in_milliseconds_are_said(make: Callable[[list[float]], object], times: list[float]) -> None:
+def test_two_times_in_milliseconds_raise_a_warning(make: Callable[[list[float]], object], times: list[float]) -> None:
     with pytest.warns(UserWarning, match=f"got steps of {times[1]:g} s in which .* 1.4 mm/s .*milliseconds"):
         make(times)
 
@@ -169,7 +169,7 @@ def far_apart(interval: float) -> list[rc.Pose]:
     return [rc.Pose([1e9 * interval * k, 0.0, 0.0]) for k in range(3)]
 
 
-def test_speeds_beyond_those_of_light_are_refused_of_every_motion() -> None:
+def test_speeds_above_light_are_refused_for_every_motion() -> None:
     times = [0.0, 1e-3, 2e-3]
     message = r"expected less than 3e\+08 m/s.*, got -?1e\+09"
     with pytest.raises(ValueError, match=f"times, poses: {message}"):
@@ -180,7 +180,7 @@ def test_speeds_beyond_those_of_light_are_refused_of_every_motion() -> None:
     body.update(0.0, rc.Pose())
     with pytest.raises(ValueError, match=f"poses: {message}"):
         body.update(1e-3, far_apart(1e-3)[1])
-    assert body.newest == 0.0  # nothing is lost, nothing is kept
+    assert body.newest == 0.0  # a refused update changes nothing
     body.update(1e-3, rc.Pose([1e-3, 0.0, 0.0]))
     with pytest.raises(ValueError, match=r"time: expected times up to 1e\+12 s, got 1.7e\+12"):
         body.update(1.7e12, rc.Pose())  # milliseconds since 1970
@@ -236,7 +236,7 @@ def test_narrow_fields_of_view_are_fields_of_view(view: tuple[float, float]) -> 
 
 
 WF = RADAR.waveform
-READERS: dict[str, Callable[[object], object]] = {  # of an array of two or three numbers, each by its name in messages
+READERS: dict[str, Callable[[object], object]] = {  # functions of an array, by its name in messages
     "position": lambda value: rc.Pose(value),
     "velocity": lambda value: rc.PointTarget([1.0, 0.0, 0.0], velocity=value),
     "points": lambda value: rc.Pose().apply(value),
@@ -302,7 +302,7 @@ TABLE = {"start_frequency": 60e9, "slope": 2e13, "sample_rate": 2e6, "num_sample
         ),
     ],
 )
-def test_numbers_far_beyond_what_can_be_meant_are_refused(make: Call, message: str) -> None:
+def test_implausible_numbers_are_refused(make: Call, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
 
@@ -336,13 +336,13 @@ QUARTER = 0.5 * pi
         ),
     ],
 )
-def test_angles_in_radians_and_intervals_in_microseconds_are_warned_of_once(make: Call, message: str) -> None:
-    with pytest.warns(UserWarning, match=message) as told:
+def test_angles_in_radians_and_intervals_in_microseconds_raise_one_warning(make: Call, message: str) -> None:
+    with pytest.warns(UserWarning, match=message) as caught:
         make()
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
-def test_angles_that_are_degrees_are_not_warned_of() -> None:
+def test_angles_in_degrees_raise_no_warning() -> None:
     rng = np.random.default_rng(3)
     angles = np.concatenate([np.linspace(-180.0, 180.0, 721), rng.uniform(-6.3, 6.3, 2000), np.arange(0.0, 7.0, 0.05)])
     for angle in angles.tolist():

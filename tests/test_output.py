@@ -73,9 +73,7 @@ WRITERS = (
     Writer("a.npz", lambda path, overwrite: recording().save(path, overwrite=overwrite)),
     Writer("a.png", lambda path, overwrite: view().save(path, overwrite=overwrite), "matplotlib"),
     Writer(
-        "b.png",
-        lambda path, overwrite: rc.plot.overview(recording()[0], None, path, overwrite=overwrite),
-        "matplotlib",
+        "b.png", lambda path, overwrite: rc.plot.overview(recording()[0], None, path, overwrite=overwrite), "matplotlib"
     ),
     Writer(
         "a.svg",
@@ -156,10 +154,7 @@ def test_full_disk_leaves_the_file_that_was_there(writer: Writer, tmp_path: Path
     path = tmp_path / "out" / writer.name
     writer.write(path, False)
     before = path.read_bytes()
-    with (
-        largest_file(2000),
-        pytest.raises(Exception, match=r"(?i)too large|full|disk I/O|can't|errno = 27"),
-    ):
+    with largest_file(2000), pytest.raises(Exception, match=r"(?i)too large|full|disk I/O|can't|errno = 27"):
         writer.write(path, True)
     assert path.read_bytes() == before
     assert set(names(path.parent)) <= {writer.name, f"{writer.name}.part"}  # of a bag, as far as it got

@@ -14,7 +14,7 @@ from radarcore.products import orthonormal, product, real_inner
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the system how long threads have run")
-def test_nothing_that_is_done_with_frames_wakes_threads_of_blas() -> None:
+def test_functions_on_frames_wake_no_threads_of_blas() -> None:
     script = Path(__file__).parent / "blas_threads.py"
     run = subprocess.run(
         [sys.executable, "-W", "ignore", str(script)],

@@ -104,7 +104,7 @@ def integral_near_db(distance: float, pitch: float = 1e-3, reflections: int = 6)
     height, wavenumber, areas = distance / np.sqrt(3.0), 2.0 * np.pi / WAVELENGTH, share * pitch**2
     far = np.sqrt((x - height) ** 2 + (y - height) ** 2 + height**2)
     wave, cosine = np.exp(-1j * wavenumber * far) / far, height / far
-    # What arrives, and the same times the cosine of where it comes from.
+    # The incident field, and the same times the cosine of its direction.
     arriving, slanting = wave, wave * cosine
     total = 0.0 + 0.0j
     for number in range(reflections):

@@ -150,7 +150,7 @@ def give_name(part: Path, path: Path, *, overwrite: bool) -> None:
     """Rename a complete file in one step; without `overwrite` only to a free name."""
     if not overwrite:
         try:
-            os.link(part, path)  # a rename would replace what another writer has put there just now
+            os.link(part, path)  # a rename would replace a file that another writer has just made
         except FileExistsError:
             raise already_exists(path, "a file; overwrite=True replaces it") from None
         except OSError:  # a file system without links

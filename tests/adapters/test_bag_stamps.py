@@ -68,7 +68,7 @@ LATE = np.r_[0:80, 84, 85, 80:84, 86:NUM]
 
 
 @pytest.mark.parametrize(
-    ("stamps", "true", "told", "error"),
+    ("stamps", "true", "expected", "error"),
     [
         # (stamps, times of the poses, parts of the warning, error of the speed [m/s])
         (
@@ -87,12 +87,12 @@ LATE = np.r_[0:80, 84, 85, 80:84, 86:NUM]
     ],
 )
 def test_reception_times_do_not_shake_the_motion(
-    tmp_path: Path, stamps: Any, true: Any, told: list[str], error: float
+    tmp_path: Path, stamps: Any, true: Any, expected: list[str], error: float
 ) -> None:
     motion, _, messages = cart_of(write_cart(tmp_path / "bag", stamps, place(true), recorded=np.arange(NUM) * PERIOD))
     text = "\n".join(messages)
-    assert all(one in text for one in told)
-    assert len(messages) == len({one.partition(":")[2][:10] for one in messages}) <= len(told)
+    assert all(one in text for one in expected)
+    assert len(messages) == len({one.partition(":")[2][:10] for one in messages}) <= len(expected)
     for time in np.linspace(0.2, 3.8, 301).tolist():
         assert motion.rate_at(time)[0, 3] == pytest.approx(SPEED, abs=error)
         assert motion.at(time).position[0] == pytest.approx(place(time + stamps[0]), abs=error)
@@ -161,9 +161,9 @@ def test_a_second_run_is_left_out_with_a_warning(tmp_path: Path, shift: float) -
 
 def test_repeated_stamps_with_other_poses_raise_a_warning(tmp_path: Path) -> None:
     times = np.repeat(np.arange(11) * 0.1, 2)
-    for name, places, told in (("same", place(times), 0), ("other", place(times) + 0.01 * (np.arange(22) % 2), 1)):
+    for name, places, expected in (("same", place(times), 0), ("other", place(times) + 0.01 * (np.arange(22) % 2), 1)):
         motion, _, messages = cart_of(write_cart(tmp_path / name, times, places, recorded=np.arange(22) * 0.05))
-        assert messages == told * ["/cart: 11 of 22 messages repeat a stamp with other values; left out"]
+        assert messages == expected * ["/cart: 11 of 22 messages repeat a stamp with other values; left out"]
         np.testing.assert_allclose(motion.rate_at(0.55)[:, 3], [SPEED, 0.0, 0.0], atol=1e-9)
 
 
@@ -204,7 +204,7 @@ def test_a_frame_with_two_parents_leaves_the_others_usable(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("stamps", "times", "told"),
+    ("stamps", "times", "expected"),
     [
         ([None] * 6, np.arange(6) * 0.1, "header stamps are zero; times of recording replace them"),
         (
@@ -219,7 +219,9 @@ def test_a_frame_with_two_parents_leaves_the_others_usable(tmp_path: Path) -> No
         ),
     ],
 )
-def test_stamps_of_depth_images_are_repaired_with_a_warning(tmp_path: Path, stamps: Any, times: Any, told: str) -> None:
+def test_stamps_of_depth_images_are_repaired_with_a_warning(
+    tmp_path: Path, stamps: Any, times: Any, expected: str
+) -> None:
     with BagWriter(tmp_path / "bag") as bag:
         for k, stamp in enumerate(stamps):
             time_ns = 0 if stamp is None else START_NS + round(stamp * 1e9)
@@ -229,7 +231,7 @@ def test_stamps_of_depth_images_are_repaired_with_a_warning(tmp_path: Path, stam
         warnings.simplefilter("always")
         found = [image.time for image in DepthImages(read, camera=(60.0, 45.0))]
     assert len(caught) == 1
-    assert told in str(caught[0].message)
+    assert expected in str(caught[0].message)
     np.testing.assert_allclose(np.array(found), stamps if times is None else times, atol=1e-9)
 
 

@@ -190,8 +190,8 @@ def test_types_that_are_not_read_are_told_by_name(tmp_path: Path) -> None:
     added = {kinds: 2 * ",Trained Markerset Bone" + ",Force Plate", names: 2 * ",hand:Wrist" + ",plate 1"}
     added[head - 1], added[head] = 2 * ",Position" + ",Fx", ",X,Y,"
     path.write_text("".join(line + added.get(k, "") + "\n" for k, line in enumerate(lines)))
-    told = r"left out: Trained Markerset Bone \(hand:Wrist\), Force Plate \(plate 1\)$"
-    with pytest.warns(UserWarning, match=rf"t1.csv: expected types Rigid Body, Bone, .*; {told}"):
+    left_out = r"left out: Trained Markerset Bone \(hand:Wrist\), Force Plate \(plate 1\)$"
+    with pytest.warns(UserWarning, match=rf"t1.csv: expected types Rigid Body, Bone, .*; {left_out}"):
         assert read_motive_csv(path).names == ("radar", "person")
 
 

@@ -105,7 +105,7 @@ def test_wide_tables_are_coloured_and_whole(on_terminal, recording: Path, capsys
 def test_names_do_not_command_the_terminal(
     on_terminal, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Names of bodies and files may hold anything; what a terminal would obey is shown as text."""
+    """Names of bodies and files may contain anything; control characters are shown as text."""
     monkeypatch.chdir(tmp_path)
     name = "ev\x1b]0;il\x07\u202e\x9b31m"
     body = rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name=name)

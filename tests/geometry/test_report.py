@@ -209,7 +209,7 @@ def test_two_windings_stay_where_they_are_no_double_surface() -> None:
     assert joined(box, moved(box, [0.1, 0.0, 0.0])).num_merged == 0
     assert rc.Mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]]).num_merged == 0
     assert joined(box, box).num_merged == 0
-    # A body of no thickness, whose two sides coincide, is a plate; pickles keep what was left out.
+    # A body of no thickness, whose two sides coincide, is a plate; pickles keep the count.
     plate = rc.shapes.plate(0.1, 0.1)
     thin = rc.Mesh(plate.vertices, np.vstack([plate.triangles, plate.triangles[:, ::-1]]))
     assert (thin.num_merged, thin.area) == (2, pytest.approx(plate.area))

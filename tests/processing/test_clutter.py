@@ -129,7 +129,7 @@ def test_frames_and_recordings_stay_what_they_are() -> None:
         moving = rc.cancel_pulses(recording, num_pulses=num_pulses)
         np.testing.assert_array_equal(moving.cube, rc.cancel_pulses(recording.cube, num_pulses=num_pulses))
         assert moving.radar.waveform.num_chirps == 33 - num_pulses
-        # What is left is the walker, at its place in the middle of the frame: within 0.002 bins.
+        # The walker remains, within 0.002 bins of its place in the middle of the frame.
         peak, truth = rc.strongest_peak(moving[1]), recording[1].truth
         assert peak is not None
         assert truth is not None

@@ -298,7 +298,7 @@ def test_velocity_of_what_accelerates_is_that_of_the_middle_of_the_frame(delay: 
     found, peak = rc.detect(cube, of, doppler_window=window), rc.strongest_peak(cube, of, doppler_window=window)
     assert peak is not None
     assert found.time == pytest.approx(middle)
-    # Half a chirp is 1 mm/s. What is left are 1.3 bins that the velocity crosses, which no tone does.
+    # Half a chirp is 1 mm/s. The rest of the error comes from the velocity, which crosses 1.3 bins.
     assert [found.velocity[0], peak.velocity] == pytest.approx([velocity, velocity], abs=0.45e-3)
 
 

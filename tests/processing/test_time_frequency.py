@@ -268,7 +268,7 @@ def test_frames_of_a_single_chirp_tell_velocities_over_frames(jitter: float) -> 
     assert len(found.time) == 8  # of 64 frames, half of them shared
     strongest = found.velocity[found.power.argmax(axis=1)]
     np.testing.assert_allclose(strongest, 0.4, atol=0.1 * wf.wavelength / (2.0 * 64e-3))
-    # A lost frame ends the window; a single one tells nothing.
+    # A lost frame ends the window; a single frame has no velocity.
     lost = rc.Recording(np.delete(recording.cube, 150, axis=0), np.delete(recording.time, 150), recording.radar)
     assert len(rc.spectrogram(lost).time) == 2 * 3
     for alone in (rc.spectrogram(recording[0]), rc.spectrogram(recording, window_length=1)):

@@ -288,7 +288,7 @@ def test_answer_that_says_nothing_is_refused_with_the_port(monkeypatch, link):
 
 
 def test_function_that_only_tells_of_an_overflow_is_asked_again(link, monkeypatch):
-    """By firmware that tells it of EXECUTE, too."""
+    """Also with firmware that reports it for EXECUTE."""
     board, handle, left = StrataBoard(link), Controller.handle, [1]
 
     def complaining(self, request):

@@ -94,7 +94,7 @@ class Viewer:
         An ``.rrd`` file: ``rerun run.rrd`` opens it, here or on another machine. Default: the viewer is opened on this
         one.
     overwrite : bool
-        Replace such a file that is there.
+        Replace an existing file.
 
     Raises
     ------

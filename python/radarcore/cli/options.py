@@ -38,7 +38,7 @@ File = Annotated[Path | None, Parameter(metavar="FILE")]
 OutputFile = Annotated[Path | None, Parameter(alias="-o", metavar="FILE")]
 OutputFolder = Annotated[Path | None, Parameter(alias="-o", metavar="DIR")]
 
-Overwrite = Annotated[bool, Parameter(show_default=False, help="replace the file that is there")]
+Overwrite = Annotated[bool, Parameter(show_default=False, help="replace an existing file")]
 
 Json = Annotated[bool, Parameter(name="--json", show_default=False, help="print as JSON")]
 

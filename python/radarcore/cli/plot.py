@@ -161,7 +161,7 @@ def draw(
     config : Description
         Of bare samples.
     overwrite : bool
-        Replace a picture that is there.
+        Replace an existing picture.
     **view
         `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
         `remove_static`: take off what stands still throughout, of a frame of a scene what does within the frame.

@@ -88,7 +88,7 @@ class Comparison(Record):
         max_range : float, optional
             End of the range axes [m]; default: a little beyond the targets.
         overwrite : bool
-            Replace a picture that is there.
+            Replace an existing picture.
         """
         return draw(self, path, time=time, max_range=max_range, overwrite=overwrite)
 
@@ -105,7 +105,7 @@ class Comparison(Record):
         time, max_range
             As in `figure`.
         overwrite : bool
-            Replace a report that is there.
+            Replace an existing report.
         """
         check_file(Path(path), overwrite=overwrite, kind=".html")
         write_text(Path(path), html(self, time=time, max_range=max_range), overwrite=overwrite)

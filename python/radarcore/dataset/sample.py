@@ -136,7 +136,7 @@ class Sample:
         ----------
         path : path
         overwrite : bool
-            Replace a file that is there.
+            Replace an existing file.
 
         Raises
         ------

@@ -155,7 +155,7 @@ class Motions:
 
 
 class Composed(ABC):
-    """A motion composed of others, its `factors`; an evaluation evaluates each of them once."""
+    """A motion composed of others, its `factors`; each factor is evaluated once."""
 
     @property
     @abstractmethod
@@ -171,7 +171,7 @@ class Composed(ABC):
 
     @property
     def newest(self) -> float | None:
-        """Time of the newest update of what is live in it [s]; None if nothing is."""
+        """Time of the newest update of its live motions [s]; None without any."""
         return self._motions.newest
 
     def at(self, time: float) -> Pose:
@@ -190,7 +190,7 @@ class Composed(ABC):
 
 
 def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
-    """Groups of all motions but those composed of others, each with the indices of its members."""
+    """Groups of all motions except composed ones, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
     live: list[int] = []

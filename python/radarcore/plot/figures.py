@@ -54,7 +54,7 @@ def overview(
         The frame without what stands still, such as `remove_mean` gives: its powers are drawn, and the chirp as it
         was received.
     overwrite : bool
-        Replace a picture that is there.
+        Replace an existing picture.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def experiment(
     path : path, optional
         Save here, in the format of the suffix; missing parents are made.
     overwrite : bool
-        Replace a picture that is there.
+        Replace an existing picture.
 
     Returns
     -------

@@ -191,7 +191,7 @@ def waves_of(
         known = slice(None)
     elif not known.any():
         return found
-    if number == 0 or not any(array.told):
+    if number == 0 or not any(array.observable):
         return found
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
@@ -217,14 +217,14 @@ def waves_of(
         array.channels,
         num_receivers=array.num_rx,
         wavenumber=array.wavenumber,
-        observable=array.told,
+        observable=array.observable,
     )
 
     # Angles, and how sure they are.
     forward = array.forward(sines)
-    if array.told[0]:
+    if array.observable[0]:
         azimuth[known] = np.arctan2(sines[:, 0], forward)
-    if array.told[1]:
+    if array.observable[1]:
         elevation[known] = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
     if snr is not None:
         snr = snr[known]
@@ -258,8 +258,8 @@ class _Array:
     """Positions in phase per sine: a wave with sines (u_y, u_z) has the phase ``-(x u_x + y u_y + z u_z)``."""
 
     x: _Reals  # (channel,) [rad]
-    across: _Reals  # (channel, 2), along y and z; zero where nothing is told
-    told: tuple[bool, bool]
+    across: _Reals  # (channel, 2), along y and z; zero along unobservable axes
+    observable: tuple[bool, bool]
     antennas: _Reals
     """Transmitters, if they have channels of their own, and receivers, (antenna, 3), from the array's centre [m]."""
     num_rx: int
@@ -294,7 +294,7 @@ class _Array:
     @property
     def num_freedoms(self) -> int:
         """Real degrees of freedom of the residual: amplitude, phase and direction are fitted."""
-        return 2 * len(self.x) - 2 - sum(self.told)
+        return 2 * len(self.x) - 2 - sum(self.observable)
 
     @cached_property
     def step(self) -> _Reals:
@@ -305,10 +305,10 @@ class _Array:
         return step
 
     def grid(self, largest: float) -> _Reals:
-        """Sines up to `largest` in length, (cell, 2); zero along an axis that is not told."""
+        """Sines up to `largest` in length, (cell, 2); zero along an unobservable axis."""
         axes = [
-            np.linspace(-largest, largest, 2 * int(np.ceil(largest / step)) + 1) if told else np.zeros(1)
-            for told, step in zip(self.told, self.step, strict=True)
+            np.linspace(-largest, largest, 2 * int(np.ceil(largest / step)) + 1) if observable else np.zeros(1)
+            for observable, step in zip(self.observable, self.step, strict=True)
         ]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         kept: _Reals = cells[np.square(cells).sum(axis=1) <= largest**2 * (1.0 + 1e-9)]
@@ -329,15 +329,15 @@ class _Array:
         Of a flat array with one channel more than there are sines to tell: there are always directions in which all
         channels add up in phase, and no power can be more. None for others.
         """
-        told = np.flatnonzero(self.told)
-        if self.x.any() or len(told) == 0 or len(self.across) != len(told) + 1:
+        axes = np.flatnonzero(self.observable)
+        if self.x.any() or len(axes) == 0 or len(self.across) != len(axes) + 1:
             return None
-        undone = np.zeros((len(told), 2))
-        undone[:, told] = -np.linalg.inv(self.across[1:, told] - self.across[0, told]).T
+        undone = np.zeros((len(axes), 2))
+        undone[:, axes] = -np.linalg.inv(self.across[1:, axes] - self.across[0, axes]).T
         # All that lead from within half a turn in every channel to a direction, by a little more than can be needed.
         reach = 1.01 + float(np.pi * np.linalg.norm(undone, axis=1).sum())
         most = np.ceil(reach * np.linalg.norm(np.diff(self.across, axis=0), axis=1).sum() / (2.0 * np.pi))
-        turns = np.stack(np.meshgrid(*len(told) * [np.arange(-most, most + 1)]), axis=-1).reshape(-1, len(told))
+        turns = np.stack(np.meshgrid(*len(axes) * [np.arange(-most, most + 1)]), axis=-1).reshape(-1, len(axes))
         shifts = 2.0 * np.pi * turns @ undone
         return undone, shifts[np.square(shifts).sum(axis=1) <= reach**2]
 
@@ -349,7 +349,7 @@ class _Array:
     @cached_property
     def variances(self) -> tuple[_Reals, _Reals, _Reals]:
         """Of the sines by a flat array, see `_variances`."""
-        return _variances(self.across, self.told)
+        return _variances(self.across, self.observable)
 
     def forward(self, sines: _Reals) -> _Reals:
         """The direction's part along x."""
@@ -367,7 +367,7 @@ class _Array:
         if not self.x.any():
             return np.broadcast_to(self.across, (*sines.shape[:-1], *self.across.shape))
         tangent = sines / np.maximum(self.forward(sines), 1e-3)[..., None]  # steep at the rim, but a number
-        slopes: _Reals = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.told)
+        slopes: _Reals = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.observable)
         return slopes
 
 
@@ -379,21 +379,18 @@ def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
         2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
         positions[:, 1:] - positions[:, 1:].mean(0),
     )
-    told = np.ptp(across, axis=0) > _SHORTEST_EXTENT
-    if told.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
-        told[:] = False
+    observable = np.ptp(across, axis=0) > _SHORTEST_EXTENT
+    if observable.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
+        observable[:] = False
     antennas = np.concatenate([radar.tx if len(radar.rx) < radar.num_channels else radar.tx[:0], radar.rx])
     array = _Array(
         along,
-        2.0 * np.pi * across * told,
-        (bool(told[0]), bool(told[1])),
+        2.0 * np.pi * across * observable,
+        (bool(observable[0]), bool(observable[1])),
         antennas - radar.array_center,
         len(radar.rx),
         2.0 * np.pi / radar.waveform.wavelength,
-        max(
-            (np.deg2rad(0.5 * view) for view, is_told in zip(radar.field_of_view_deg, told, strict=True) if is_told),
-            default=0.0,
-        ),
+        0.5 * float(np.deg2rad(np.array(radar.field_of_view_deg)[observable].max(initial=0.0))),
     )
     return array, array.ambiguities, channel_corrections(radar, None, None)
 
@@ -442,8 +439,8 @@ def _refined(
     waves: _Complexes, array: _Array, sines: _Reals, *, largest: float = np.inf, num_steps: int = _NUM_STEPS
 ) -> _Reals:
     """Sines of the peak of power by Newton's method from nearby, (detection, 2), at most `largest` in length."""
-    has_both = all(array.told)
-    along, up = (float(is_told) for is_told in array.told)
+    has_both = all(array.observable)
+    along, up = map(float, array.observable)
     for _ in range(num_steps):
         # Power |b|^2 and its derivatives; b is the sum of the channels with the wave's phases undone.
         terms = waves * np.exp(1j * array.phases(sines))
@@ -452,7 +449,7 @@ def _refined(
         total, first, second = sums[:, :1].conj(), sums[:, 1:3], sums[:, 3:]
         gradient = -(total * first).imag
         yy, zz, yz = (first[:, [0, 1, 0]] * first[:, [0, 1, 1]].conj() - total * second).real.T
-        # Uphill also where power is not concave: shift the larger eigenvalue below zero. A sine that is not told stays.
+        # Uphill also where power is not concave: shift the larger eigenvalue below zero. An unobservable sine stays.
         larger = 0.5 * (yy + zz) + np.hypot(0.5 * (yy - zz), yz) if has_both else yy + zz
         shift = 1.5 * np.maximum(larger, 0.0)
         yy, zz = yy - shift * along - (1.0 - along), zz - shift * up - (1.0 - up)
@@ -493,7 +490,7 @@ def _ambiguities(array: _Array) -> _Reals:
     Of arrays across x; with an extent along x, phases of different directions are never quite the same.
     """
     none = np.zeros((1, 2))
-    if array.x.any() or not any(array.told):
+    if array.x.any() or not any(array.observable):
         return none
     grid = array.grid(2.0)
     num_channels = len(array.across)
@@ -525,7 +522,7 @@ def _least_covariance(array: _Array, sines: _Reals, forward: _Reals, snr: _Reals
     The Fisher information of the sines is ``2 snr`` times the sum over the channels of the squared slopes of the phase
     about their mean (Van Trees, Optimum Array Processing, 8.4).
     """
-    yy, zz, yz = _variances(array.slopes(sines), array.told) if array.x.any() else array.variances
+    yy, zz, yz = _variances(array.slopes(sines), array.observable) if array.x.any() else array.variances
     # Angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el). At the horizon, steep.
     y, z = sines.T
     square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
@@ -535,19 +532,19 @@ def _least_covariance(array: _Array, sines: _Reals, forward: _Reals, snr: _Reals
     first = by_y * (by_y * yy + by_z * yz) + by_z * crossed
     both = crossed / np.sqrt(square)
     covariance = (np.array([first, both, both, zz / square]) * (0.5 / snr)).T.reshape(-1, 2, 2)
-    if not all(array.told):
-        untold = int(array.told[0])
-        covariance[:, [untold, 0, 1], [untold, 1, 0]] = np.nan
+    if not all(array.observable):
+        unobservable = int(array.observable[0])
+        covariance[:, [unobservable, 0, 1], [unobservable, 1, 0]] = np.nan
     return covariance
 
 
-def _variances(slopes: _Reals, told: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
+def _variances(slopes: _Reals, observable: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
     """Of both sines and their covariance (...,), times twice the SNR; slopes (..., channel, 2).
 
-    The inverse of the information; of the one sine alone where only one is told.
+    The inverse of the information; of the only observable sine if there is one.
     """
     about_mean = slopes - slopes.mean(axis=-2, keepdims=True)
     yy, zz, yz = np.moveaxis(_products(about_mean)[..., 3:].sum(axis=-2), -1, 0)
-    yy, zz = yy + (not told[0]), zz + (not told[1])
+    yy, zz = yy + (not observable[0]), zz + (not observable[1])
     determinant = yy * zz - yz * yz
     return zz / determinant, yy / determinant, -yz / determinant

@@ -111,7 +111,7 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
     steps = _LEAST_STEPS
     least = 0.0 if receiver.high_pass is None else _STEPS_PER_CORNER * farthest / receiver.high_pass
     if len(delays) > 0:
-        longest = min(longest, 8.0 * delays[-1])  # of ramps with hardly a slope
+        longest = min(longest, 8.0 * delays[-1])  # for ramps with almost no slope
         least = max(least, _STEPS_PER_TURN * 0.5 * waveform.sample_rate * longest)
     while steps < min(least, _MOST_STEPS):
         steps *= 2

@@ -467,7 +467,7 @@ class MotionCaptureClient:
 
 
 def _host_of(name: str) -> str:
-    """Numeric address of a server: packets of others are ignored."""
+    """Numeric address of a server, to ignore packets of other senders."""
     try:
         return socket.gethostbyname(name)
     except socket.gaierror as error:

@@ -99,13 +99,13 @@ class DepthImages:
         An image without a stamp gets its time of recording. Warns once of each case, and at the end if images were so
         close that the difference of two gives wrong velocities.
         """
-        last, told = -inf, set[str]()
+        last, warned = -inf, set[str]()
         intervals: list[float] = []
 
-        def warn(what: str) -> None:
-            if what not in told:
-                told.add(what)
-                notice.warn(f"{self.topic}: {what}")
+        def warn(message: str) -> None:
+            if message not in warned:
+                warned.add(message)
+                notice.warn(f"{self.topic}: {message}")
 
         for found in self._bag.messages(self.topic):
             image = from_ros_image(found.message, camera=self._camera, start_ns=self.start_ns)

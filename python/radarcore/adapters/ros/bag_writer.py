@@ -39,8 +39,7 @@ class BagWriter:
 
     The bag gets its name when it is finished; until then it is ``NAME.part`` beside that, which `BagReader` reads as
     far as it got. Leaving a ``with`` block finishes it, by an exception or Ctrl-C too: what was written is readable.
-    A process that is killed loses at most what it wrote in its last second; its part stays, and no other writer
-    replaces it.
+    A killed process loses at most its last second; its part stays, and no other writer replaces it.
 
     Parameters
     ----------

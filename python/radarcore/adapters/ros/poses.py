@@ -174,7 +174,7 @@ def from_pose(message: Any) -> Pose:
     >>> pose.apply([1.0, 0.0, 0.0]).round(6).tolist()
     [0.0, 2.0, 0.5]
     """
-    return poses_of([pose_numbers(message)])[0]
+    return as_pose(_maps_of([pose_numbers(message)])[0])
 
 
 def pose_numbers(message: Any) -> tuple[float, ...]:
@@ -186,11 +186,6 @@ def pose_numbers(message: Any) -> tuple[float, ...]:
     else:
         p, q = message.translation, message.rotation
     return p.x, p.y, p.z, q.x, q.y, q.z, q.w
-
-
-def poses_of(rows: ArrayLike) -> tuple[Pose, ...]:
-    """Poses of many rows of `pose_numbers`."""
-    return tuple(map(as_pose, _maps_of(rows)))
 
 
 def _maps_of(rows: ArrayLike) -> NDArray[np.float64]:
@@ -225,16 +220,20 @@ class SeriesRows:
 
     def series(self, frame_id: str) -> PoseSeries:
         """Poses that are finite and have a quaternion, at repaired times; an error without any."""
-        chosen = np.flatnonzero(self._is_valid()) if self.has_valid_pose else np.arange(len(self._rows))
-        maps = _maps_of(np.array(self._rows)[chosen])
+        chosen, maps = self._valid_maps()
         values = np.column_stack([maps[..., 3], maps[..., :3].reshape(-1, 9) / np.sqrt(2.0)])  # 1 m per rad
-        stamps, received = [self._stamps[k] for k in chosen.tolist()], [self._received[k] for k in chosen.tolist()]
+        stamps, received = [self._stamps[k] for k in chosen], [self._received[k] for k in chosen]
         times, kept = message_times(self._name, stamps, received, values, "m/s")
         return PoseSeries(times, tuple(map(as_pose, maps[kept])), frame_id)
 
     def last(self) -> Pose:
         """The last pose that is finite and has a quaternion; an error without any."""
-        return poses_of(np.array(self._rows)[self._is_valid()] if self.has_valid_pose else self._rows)[-1]
+        return as_pose(self._valid_maps()[1][-1])
+
+    def _valid_maps(self) -> tuple[list[int], NDArray[np.float64]]:
+        """Indices and maps of the valid poses; of all poses without any, so that the error names one."""
+        chosen = np.flatnonzero(self._is_valid()) if self.has_valid_pose else np.arange(len(self._rows))
+        return chosen.tolist(), _maps_of(np.array(self._rows)[chosen])
 
     def _is_valid(self) -> NDArray[np.bool_]:
         numbers = np.array(self._rows)

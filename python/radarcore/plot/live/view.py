@@ -195,7 +195,7 @@ class LiveView:
         ----------
         path : path
         overwrite : bool
-            Replace a picture that is there.
+            Replace an existing picture.
 
         See Also
         --------

@@ -62,7 +62,7 @@ def view(
     output : path, optional
         Directory for PNG pictures instead of a window; made if missing. Default without a window: ``out/view``.
     overwrite : bool
-        Replace pictures of an earlier view that are there.
+        Replace pictures of an earlier view.
     every : float
         A picture whenever this much time of the frames has passed [s], and one of the last frame.
     title : str
