@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 import radarcore as rc
-from radarcore.radar.pattern import pattern_from_dict, pattern_to_dict
+from radarcore.radar.pattern import Pattern, pattern_from_dict, pattern_to_dict
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=20e12, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=100e-6
@@ -211,6 +211,14 @@ def test_depth_images_of_other_programs_take_tables_too() -> None:
 
 
 TABLE = rc.TabulatedPattern([-1.0, 0.0, 0.5], [-0.2, 0.3], [[0.1, 0.2], [3.0, 4.0], [5.0, -6.0]])
+
+
+@pytest.mark.parametrize("pattern", [TABLE, rc.GaussianPattern(6.0, 60.0, 40.0)])
+def test_azimuths_repeat_after_a_whole_turn(pattern: Pattern) -> None:
+    azimuth = np.array([-3.1, -0.3, 0.2, 3.0])
+    for turns in (-2, -1, 1):
+        again = pattern.gain(azimuth + 2.0 * np.pi * turns, 0.1)
+        np.testing.assert_allclose(again, pattern.gain(azimuth, 0.1), rtol=1e-12, atol=0)
 
 
 def test_table_makes_the_round_trip_through_json_and_pickle() -> None:

@@ -231,8 +231,7 @@ class TabulatedPattern(Twinned):
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
         """Power gain (ratio) at angles in radians, broadcast together; 0 outside of the table."""
         az, el = np.broadcast_arrays(*_direction(azimuth, elevation))
-        within = np.where(np.abs(az) > np.pi, np.arctan2(np.sin(az), np.cos(az)), az)
-        return self._core.gain(within.ravel(), np.ascontiguousarray(el).ravel()).reshape(az.shape)
+        return self._core.gain(az.ravel(), np.ascontiguousarray(el).ravel()).reshape(az.shape)
 
     @cached_property
     def _core(self) -> _core.Pattern:
@@ -284,7 +283,9 @@ def pattern_from_dict(values: Mapping[str, Any]) -> Pattern:
 
 
 def _direction(azimuth: ArrayLike, elevation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return check.numbers("azimuth", azimuth), check.numbers("elevation", elevation)
+    """The angles as arrays, azimuths from -pi to pi."""
+    az = check.numbers("azimuth", azimuth)
+    return np.where(np.abs(az) > np.pi, np.arctan2(np.sin(az), np.cos(az)), az), check.numbers("elevation", elevation)
 
 
 def _warn_of_gain(
