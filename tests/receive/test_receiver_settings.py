@@ -227,7 +227,8 @@ def test_filters_beyond_half_the_sample_rate_are_warned_of(filters: dict[str, fl
     ("settings", "warning"),
     [
         ({"gain_db": 35.0}, None),
-        ({"gain_db": 70.0}, r"receiver\.full_scale: .* % of the samples are beyond it and clip"),
+        ({"gain_db": 70.0}, r"receiver\.full_scale: [\d.]+ % of the samples are beyond it and clip"),
+        ({"gain_db": 120.0}, r"receiver\.full_scale: 100 % of the samples are beyond it and clip"),
         ({"gain_db": -5.0}, r"receiver\.adc_bits: the signal uses 2 of 256 codes"),
         ({"gain_db": -60.0}, r"receiver\.adc_bits: the signal uses 2 of 256 codes"),
         ({"gain_db": -60.0, "dc_offset": 0.1}, r"receiver\.adc_bits: the signal uses 1 of 256 codes"),

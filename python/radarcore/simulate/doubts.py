@@ -335,7 +335,7 @@ class Doubts:
             return {}
         if use.clipped_share > _CLIPS and self._is_new("clipping"):
             notice.warn(
-                f"receiver.full_scale: {100.0 * use.clipped_share:.2g} % of the samples are beyond it and clip; less "
+                f"receiver.full_scale: {100.0 * use.clipped_share:.3g} % of the samples are beyond it and clip; less "
                 "gain_db or a larger full_scale keeps them"
             )
         bits = receiver.adc_bits or 0
