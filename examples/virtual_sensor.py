@@ -41,10 +41,11 @@ def main(output: Path, num_frames: int) -> None:
     print(f"ball: range errors of {1e3 * np.sqrt(np.mean(np.square(errors))):.1f} mm (rms)")
 
     figure = Figure(figsize=(7.2, 4.0), layout="constrained")
-    ax = rc.plot.range_time(measured, figure.subplots(), max_range=3.2, dynamic_range_db=35.0)
+    # The leakage of the board is 40 dB stronger than the ball; it stands still, as the plate does.
+    ax = rc.plot.range_time(measured, figure.subplots(), max_range=3.2, dynamic_range_db=25.0, remove_static=True)
     ax.plot(middle, distance(middle) - 0.1, "w--", linewidth=1.5, label="truth")
     ax.legend()
-    ax.set_title("A swinging ball and a plate, measured through the driver of the board")
+    ax.set_title("A swinging ball, measured through the driver, static echoes removed")
     output.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(output, dpi=90)
 
