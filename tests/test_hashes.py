@@ -38,7 +38,7 @@ def test_every_class_with_a_hash_of_its_own_is_in_the_table() -> None:
         if found.ispkg or found.name[-2:] != "__"
     ]
     classes = {kind for name in names for _, kind in getmembers(import_module(name), isclass)}
-    # Dataclasses and tuples make theirs of the hashes of their fields, in code without a file.
+    # Generated hashes, as of dataclasses, hash the fields and have no file.
     hashes = {kind: getattr(kind.__hash__, "__code__", None) for kind in classes if "__hash__" in vars(kind)}
     own = {kind for kind, code in hashes.items() if code and code.co_filename.startswith(rc.__path__[0])}
     assert own == set(MADE)

@@ -89,10 +89,11 @@ def near_db(distance: float, pitch: float = 4e-4) -> float:
 
 @cache
 def integral_near_db(distance: float, pitch: float = 1e-3, reflections: int = 6) -> float:
-    """The same by an integral over all three plates, in which all rims diffract, up to a number of reflections [dB].
+    """Near level by an integral over all three plates with all their rims, up to a number of reflections [dB].
 
-    Every point of a plate sends on -1 times what arrives, ``(j / wavelength) (cos_in + cos_out) / 2 exp(-jkR) / R dA``,
-    to the antenna and to the other two plates. No light is polarised, and simulator and images have no part in it.
+    Every point of a plate re-radiates -1 times the incident field, ``(j / wavelength) (cos_in + cos_out) / 2
+    exp(-jkR) / R dA``, to the antenna and to the other two plates. The field is scalar. The integral is
+    independent of the simulator and of mirror images.
     """
     steps = np.arange(0.5 * pitch, LEG, pitch)
     x, y = (values.ravel() for values in np.meshgrid(steps, steps))

@@ -112,7 +112,7 @@ class Measured:
     largest_level: float
     """At the worst frequency of the worst turn [dB]."""
     largest_phase: float
-    """Likewise [rad]."""
+    """At the worst frequency of the worst turn [rad]."""
     rays: int
     """Of the first turn."""
     paths: int

@@ -15,7 +15,7 @@ _MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16
 """Largest number of multiplications for which OpenBLAS wakes no threads."""
 
 _MOST_OF_VECTOR = 2**12
-"""The same for a matrix and a vector."""
+"""Largest number for a matrix and a vector."""
 
 _LONGEST = 10_000
 """Largest length of an inner product for which OpenBLAS wakes no threads."""

@@ -46,8 +46,7 @@ def test_every_level_gives_the_same_results_in_512_kb_of_stack(tmp_path: Path) -
         assert samples == pytest.approx(avx2["frames"][name][1], abs=1e-5), name
 
 
-@pytest.mark.parametrize("wrong", ["AVX2", "sse2", "avx2 ", "0"])
-def test_a_name_of_no_level_is_refused_by_name(wrong: str) -> None:
-    done = run("-c", "import radarcore as rc; rc.Simulator", level=wrong)
-    expected = f"ValueError: RADARCORE_SIMD: expected 'baseline', 'avx2' or 'avx512', got \"{wrong}\""
+def test_unknown_level_is_an_error() -> None:
+    done = run("-c", "import radarcore as rc; rc.Simulator", level="AVX2")
+    expected = "ValueError: RADARCORE_SIMD: expected 'baseline', 'avx2' or 'avx512', got \"AVX2\""
     assert done.stderr.splitlines()[-1:] == [expected]

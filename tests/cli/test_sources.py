@@ -1,4 +1,4 @@
-"""Paths of recordings, with topics of bags, as people write them."""
+"""Paths of recordings with topics of bags."""
 
 from __future__ import annotations
 
@@ -21,5 +21,5 @@ from radarcore.cli.source import path_and_topic
         (r"C:\data\take.mcap:/radar", (r"C:\data\take.mcap", "/radar")),
     ],
 )
-def test_topic_of_a_bag_is_told_from_the_drive_of_windows(source: PurePath | str, expected: tuple[str, str]) -> None:
+def test_drive_of_windows_is_no_topic_of_a_bag(source: PurePath | str, expected: tuple[str, str]) -> None:
     assert path_and_topic(source) == (Path(expected[0]), expected[1])

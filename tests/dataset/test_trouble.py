@@ -75,8 +75,8 @@ class Waiting(Broken):
         return super().submit(function, *given)
 
 
-def test_only_one_process_goes_on_with_a_dataset(tmp_path: Path) -> None:
-    """The others are refused by name, whether they begin with it or are begun beside it."""
+def test_only_one_process_makes_a_dataset(tmp_path: Path) -> None:
+    """Other processes get an error that names the first, which makes or resumes the dataset."""
     scene, path = write_scene(tmp_path), tmp_path / "out"
     refused = []
 
@@ -95,7 +95,7 @@ def test_only_one_process_goes_on_with_a_dataset(tmp_path: Path) -> None:
     assert digests(path) == digests(tmp_path / "whole")
 
 
-def test_what_is_beside_a_dataset_or_in_its_folder_of_parts_is_left_alone(tmp_path: Path) -> None:
+def test_foreign_files_beside_and_within_a_dataset_stay(tmp_path: Path) -> None:
     scene, path = write_scene(tmp_path), tmp_path / "out"
     part = tmp_path / "out.part"
     part.mkdir()

@@ -151,7 +151,7 @@ def test_3mf_is_in_its_own_unit(tmp_path: Path, unit: str, per_metre: float) -> 
 
 
 def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
-    """Of another part of the package, mirrored, in a group that is turned: rows of the matrices are images of axes."""
+    """An object of another part, mirrored in a rotated group: rows of the matrices are images of the axes."""
     more = (
         '<object id="2"><components><component objectid="7" p:path="/3D/other.model" '
         'transform="0 1 0 1 0 0 0 0 1 100 0 0"/></components></object><object id="3" type="support"/>'
@@ -194,17 +194,19 @@ def test_3mf_without_its_objects_is_refused(tmp_path: Path, items: str, more: st
 
 
 @pytest.mark.parametrize(
-    ("told", "rest", "read"),
+    ("stated", "rest", "read"),
     [(0, b"", 12), (13, b"", 12), (5, b"", 12), (12, b"made by hand", 12), (7, b"made by hand", 7)],
 )
 def test_stl_with_a_wrong_count_or_more_bytes_is_read_with_a_warning(
-    tmp_path: Path, told: int, rest: bytes, read: int
+    tmp_path: Path, stated: int, rest: bytes, read: int
 ) -> None:
     corners = BOX.vertices[BOX.triangles].astype("<f4")
     facets = b"".join(bytes(12) + facet.tobytes() + bytes(2) for facet in corners)
     path = tmp_path / "box.stl"
-    path.write_bytes(b"made by hand".ljust(80) + struct.pack("<I", told) + facets + rest)
-    expected = rf"expected {84 + 50 * told} bytes for {told} facets by the file's count, got {684 + len(rest)}; {read} "
+    path.write_bytes(b"made by hand".ljust(80) + struct.pack("<I", stated) + facets + rest)
+    expected = (
+        rf"expected {84 + 50 * stated} bytes for {stated} facets by the file's count, got {684 + len(rest)}; {read} "
+    )
     with pytest.warns(UserWarning, match=expected):
         mesh = rc.load_mesh(path)
     if read == 12:
@@ -230,7 +232,7 @@ def test_packages_that_a_format_needs_are_named(tmp_path: Path, monkeypatch: pyt
 
 
 def test_unit_that_trimesh_knows_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of formats for which it tells one, as 3DXML: the same box in millimetres."""
+    """3DXML has a unit: the same box in millimetres."""
     trimesh: ModuleType = pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     box = trimesh.Trimesh(1000.0 * BOX.vertices, BOX.triangles)
     box.units = "mm"

@@ -192,7 +192,7 @@ def test_quaternions_of_urdf_1_1_turn_origins(tmp_path):
 
 
 def test_expanded_files_of_xacro_are_read(tmp_path):
-    """They keep its namespace."""
+    """The tags keep the namespace of xacro."""
     text = URDF.replace('<robot name="machine">', '<robot name="m" xmlns:xacro="http://www.ros.org/wiki/xacro">')
     assert RobotArm.from_urdf(write_urdf(tmp_path, text)).name == "m"
 

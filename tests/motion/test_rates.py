@@ -21,7 +21,7 @@ BEYOND = (None, "hold", "continue", "error")
 STEP = 1e-5
 """Step of one-sided differences of second order [s]: off by 3e-11 of the third derivative and by 1e-10 of rounding."""
 TOLERANCE = 2e-5
-"""Of rates [m/s or 1/s]: third derivatives are below 1e5, a lost rate is 1e-2 or more."""
+"""Tolerance of rates [m/s or 1/s]: third derivatives are below 1e5, a lost rate is 1e-2 or more."""
 
 TIMES = [0.0, 0.4, 1.0, 1.5, 2.0]
 POSES = [rc.Pose.from_rpy([k, 0.3 * k**2, np.sin(k)], [0.4 * k, 0.2 * k, -0.5 * k]) for k in range(5)]

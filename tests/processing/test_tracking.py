@@ -265,7 +265,7 @@ def test_person_of_many_detections_is_one_track() -> None:
 
 
 def test_extents_are_deviations_that_detections_have_as_well() -> None:
-    """As if detections were less certain by the place on the target, seen 2 m away, and by its parts' velocities."""
+    """Extent adds to the uncertainty of detections: positions on the target, seen 2 m away, and velocities of parts."""
     extents = {"extent": 0.3, "velocity_extent": 0.25}
     larger = np.hypot(ERRORS, [0.3, 0.25, 0.15, 0.15])
     values, times = np.array([2.0, 0.0, 0.2, -0.1]), np.arange(10) / RATE

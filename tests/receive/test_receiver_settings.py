@@ -215,12 +215,12 @@ def test_leakage_that_gains_or_comes_after_the_ramp_is_refused(leakage: dict[str
         ({"high_pass": 1.2e6}, r"receiver\.high_pass: expected at most half the sample rate"),
     ],
 )
-def test_filters_beyond_half_the_sample_rate_are_warned_of(filters: dict[str, float], warning: str | None) -> None:
-    with warnings.catch_warnings(record=True) as told:
+def test_filters_beyond_half_the_sample_rate_raise_a_warning(filters: dict[str, float], warning: str | None) -> None:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         rc.Simulator(SCENE, rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**filters)), resolution=8).frame()
-    assert len(told) == (warning is not None)
-    assert warning is None or re.search(warning, str(told[0].message))
+    assert len(caught) == (warning is not None)
+    assert warning is None or re.search(warning, str(caught[0].message))
 
 
 @pytest.mark.parametrize(
@@ -236,13 +236,13 @@ def test_filters_beyond_half_the_sample_rate_are_warned_of(filters: dict[str, fl
         ({"gain_db": 0.0, "adc_bits": None}, None),
     ],
 )
-def test_adc_that_clips_or_uses_two_codes_is_warned_of_once(settings: dict[str, Any], warning: str | None) -> None:
+def test_adc_that_clips_or_uses_two_codes_raises_one_warning(settings: dict[str, Any], warning: str | None) -> None:
     """An echo of 1 m^2 at 1 m: a tone of its amplitude has the same shares."""
     receiver = rc.Receiver(**({"output": "real", "full_scale": 0.1, "adc_bits": 8} | settings))
     scene = rc.Scene([rc.PointTarget([1.0, 0.0, 0.0])])
     ideal = rc.Simulator(scene, rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")), resolution=8).frame().cube
     sim = rc.Simulator(scene, rc.Radar(WAVEFORM, receiver=receiver), resolution=8)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         stats = sim.frame().stats
         sim.frame(0.1)
@@ -251,10 +251,10 @@ def test_adc_that_clips_or_uses_two_codes_is_warned_of_once(settings: dict[str, 
     if receiver.adc_bits is not None:
         codes = np.rint(0.5 * (np.clip(tone, -1.0, 1.0) + 1.0) * (2**receiver.adc_bits - 1))
         assert stats["used_codes_share"] == (np.ptp(codes) + 1) / 2**receiver.adc_bits
-    assert [re.search(str(warning), str(each.message)) is not None for each in told] == [True] * (warning is not None)
+    assert [re.search(str(warning), str(each.message)) is not None for each in caught] == [True] * (warning is not None)
 
 
-def test_adc_without_a_signal_is_not_warned_of() -> None:
+def test_adc_without_a_signal_raises_no_warning() -> None:
     radar = rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real", full_scale=0.1, adc_bits=8))
     assert rc.Simulator(rc.Scene(), radar, resolution=8).frame().stats["clipped_share"] == 0.0
 

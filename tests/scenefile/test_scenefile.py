@@ -426,6 +426,6 @@ def test_a_run_without_a_rate_has_that_of_the_radar(tmp_path: Path) -> None:
 
 
 def test_angles_in_radians_are_warned_of_by_the_name_of_their_key(tmp_path: Path) -> None:
-    with pytest.warns(UserWarning, match="rpy_deg: expected degrees, got 3.14159; radians") as told:
+    with pytest.warns(UserWarning, match="rpy_deg: expected degrees, got 3.14159; radians") as caught:
         load(tmp_path, BALL + "[sensor]\npose = { rpy_deg = [0.0, 0.0, 3.14159] }\n")
-    assert len(told) == 1
+    assert len(caught) == 1

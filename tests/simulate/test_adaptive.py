@@ -139,7 +139,7 @@ def test_a_ball_far_away_is_found_between_the_rays_of_the_base_grid() -> None:
 @pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 @pytest.mark.parametrize("tilts", [(20.0, 20.0), (30.0, 25.0), (10.0, 15.0)])
 def test_corners_of_a_flat_surface_have_its_echo_over_the_band(tilts: tuple[float, float]) -> None:
-    """Its sides are borders of cells, so four corners are left, whose field falls with the square of the frequency."""
+    """The sides are borders of cells: only the four corners contribute, with a field ~ 1 / frequency^2."""
     pitch, distance = 2.0 * np.tan(np.deg2rad(1.5)) / 8, 9.0
     normal = rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, *np.deg2rad(tilts)]).rotation @ [-1.0, 0.0, 0.0]
 

@@ -130,7 +130,7 @@ def test_scene_of_which_nothing_is_seen_says_where_the_nearest_body_is(position:
         assert said.startswith(f"no body is seen: the middle of the nearest, 'part', lies at {where} degrees from")
 
 
-def test_mesh_without_triangles_is_told() -> None:
+def test_mesh_without_triangles_raises_a_warning() -> None:
     empty, plate = body(rc.Mesh([], []), name="empty"), body(PLATE, rc.Pose([3.0, 0.0, 0.0]), "plate")
     sim = simulator(plate, empty)
     assert warned(lambda: [sim.frame(time) for time in (0.0, 0.1)]) == [
@@ -142,8 +142,8 @@ def test_mesh_without_triangles_is_told() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.1, 1.0])
-def test_lone_body_far_away_is_told_by_its_range(radius: float) -> None:
-    """Of the small one no path comes back."""
+def test_lone_body_beyond_the_largest_range_raises_a_warning(radius: float) -> None:
+    """No path of the small one comes back."""
     sim = rc.Simulator(rc.Scene([body(rc.shapes.sphere(radius), rc.Pose([2000.0, 0.0, 0.0]))]), RADAR)
     (said,) = warned(lambda: [sim.frame(time) for time in (0.0, 0.1)])
     assert re.match(r"the scene reaches to 1999\.\d\d m, beyond max_range 47\.97 m of the waveform: ", said)
@@ -156,7 +156,7 @@ def test_lone_body_far_away_is_told_by_its_range(radius: float) -> None:
         rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="part"),
     ],
 )
-def test_times_since_1970_are_told(part: rc.Body | rc.PointTarget) -> None:
+def test_times_since_1970_are_refused(part: rc.Body | rc.PointTarget) -> None:
     """At 0.5 m/s the body is 8.5e8 m away by then."""
     with pytest.raises(ValueError, match=r"1700000000 s, as times since 1970 are: 'part' has moved to 8.5e\+08 m by"):
         simulator(part).frame(1.7e9)
@@ -190,7 +190,7 @@ def test_corner_whose_reflections_are_left_out_is_told_once(mesh: rc.Mesh) -> No
 
 
 def plain(mesh: rc.Mesh) -> rc.Mesh:
-    """The same triangles as no reflector."""
+    """A mesh of the same triangles that is no reflector."""
     return rc.Mesh(mesh.vertices, mesh.triangles)
 
 
@@ -204,7 +204,7 @@ REFLECTORS = {
 
 @pytest.mark.parametrize("mesh", REFLECTORS.values(), ids=REFLECTORS)
 @pytest.mark.parametrize("max_bounces", [None, 1, 3])
-def test_reflector_that_shows_its_back_is_warned_of_once(mesh: rc.Mesh, max_bounces: int | None) -> None:
+def test_reflector_that_shows_its_back_raises_one_warning(mesh: rc.Mesh, max_bounces: int | None) -> None:
     """`look_at` turns +x to the radar; half a turn more turns the opening, towards -x, to it."""
     at = rc.Pose.look_at([2.0, 0.5, 0.1], target=[0.0, 0.0, 0.0])
     opened = at @ rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, np.pi])
@@ -213,10 +213,10 @@ def test_reflector_that_shows_its_back_is_warned_of_once(mesh: rc.Mesh, max_boun
     for motion, is_back in ((at, True), (opened, False), (sidewards, False)):
         parts = [body(mesh, motion), body(mesh, motion, "other")]
         sim = rc.Simulator(rc.Scene(parts), RADAR, resolution=32, max_bounces=max_bounces)
-        told = [said for said in warned(lambda sim=sim: [sim.frame(), sim.frame(0.1)]) if "back" in said]
-        assert len(told) == is_back
-        assert all(said.startswith(message) for said in told)
-    # Behind the radar, and of a mesh that may be meant to be seen from there.
+        caught = [said for said in warned(lambda sim=sim: [sim.frame(), sim.frame(0.1)]) if "back" in said]
+        assert len(caught) == is_back
+        assert all(said.startswith(message) for said in caught)
+    # No warning behind the radar, or for a mesh that is no reflector.
     for away in (body(mesh, rc.Pose([-2.0, 0.0, 0.0])), body(plain(mesh), at)):
         assert not [said for said in warned(lambda away=away: simulator(away).frame()) if "back" in said]
 

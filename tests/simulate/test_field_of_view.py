@@ -383,13 +383,13 @@ POINTS = [  # azimuth and elevation [degrees], field of view, whether it shows t
 
 
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg", "view", "is_shown", "warning"), POINTS)
-def test_truth_of_points_that_the_field_of_view_does_not_show_is_nan(
+def test_truth_of_points_outside_of_the_field_of_view_is_nan(
     azimuth_deg: float, elevation_deg: float, view: Any, is_shown: bool, warning: str | None
 ) -> None:
     point = rc.PointTarget(towards(azimuth_deg, elevation_deg, 2.0), name="p")
     seen = [] if view is None else [beside(0.0)]
     sim = simulator([point, *seen], rc.Radar(BGT60.waveform, pattern=BEAM), field_of_view_deg=view)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         truths = [sim.frame().truth, sim.frame(0.1).truth, next(sim.record(0.0, 0.02, progress=False).frames()).truth]
     for truth in truths:
@@ -398,7 +398,7 @@ def test_truth_of_points_that_the_field_of_view_does_not_show_is_nan(
         expected = [2.0, 0.0, azimuth_deg, elevation_deg] if is_shown else [np.nan] * 4
         np.testing.assert_allclose(got, expected, atol=1e-9)
         assert np.isfinite(truth.range[1:]).all()
-    assert len(told) == (warning is not None)
+    assert len(caught) == (warning is not None)
     if warning:
-        assert re.search(warning, str(told[0].message))
-        assert told[0].filename == __file__
+        assert re.search(warning, str(caught[0].message))
+        assert caught[0].filename == __file__

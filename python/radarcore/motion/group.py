@@ -130,7 +130,7 @@ class Motions:
         return self._rates(times, self._poses(times) if self._composed else None)[:, : self._number]
 
     def poses_and_rates_at(self, times: Matrix) -> tuple[Matrix, Matrix]:
-        """Both of `poses_at` and `rates_at`."""
+        """`poses_at` and `rates_at` in one evaluation."""
         poses = self._poses(times)
         return poses[:, : self._number], self._rates(times, poses)[:, : self._number]
 
