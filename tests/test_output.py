@@ -126,7 +126,7 @@ def names(path: Path) -> list[str]:
 
 
 @pytest.mark.filterwarnings("ignore:A. expected at least one track")
-def test_file_is_replaced_only_when_told_to_and_only_by_its_own_kind(writer: Writer, tmp_path: Path) -> None:
+def test_file_is_replaced_only_on_request_and_only_by_its_own_kind(writer: Writer, tmp_path: Path) -> None:
     path = tmp_path / "out" / writer.name
     path.write_text("mine")
     with pytest.raises(FileExistsError, match="overwrite=True replaces it"):

@@ -288,13 +288,10 @@ def keywords(owner: str, given: Iterable[str], known: Iterable[str], made: type 
 
 def _constructors(made: type | None, keyword: str) -> list[str]:
     """Names of the public class methods of a class that have a keyword."""
-    methods = (
-        {} if made is None else {name: value for name, value in vars(made).items() if isinstance(value, classmethod)}
-    )
     return [
         name
-        for name, method in methods.items()
-        if not name.startswith("_") and keyword in signature(method.__func__).parameters
+        for name, method in ({} if made is None else vars(made)).items()
+        if isinstance(method, classmethod) and name[0] != "_" and keyword in signature(method.__func__).parameters
     ]
 
 

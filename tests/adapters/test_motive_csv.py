@@ -182,7 +182,7 @@ def test_damaged_file_is_an_error_that_names_the_place(old: bytes, new: bytes, m
         read_motive_csv(path)
 
 
-def test_types_that_are_not_read_are_told_by_name(tmp_path: Path) -> None:
+def test_warning_names_types_that_are_not_read(tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
     lines = path.read_text().splitlines()
     head = next(k for k, line in enumerate(lines) if line.startswith("Frame"))
@@ -207,7 +207,7 @@ def test_encodings_with_a_mark_are_read(tmp_path: Path, encoding: str) -> None:
 
 
 @pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabulators")])
-def test_files_of_spreadsheets_are_told_by_their_separator(tmp_path: Path, mark: str, name: str) -> None:
+def test_error_for_files_of_spreadsheets_names_their_separator(tmp_path: Path, mark: str, name: str) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
     path.write_text(path.read_text().replace(",", mark).replace(".", ","))
     with pytest.raises(

@@ -419,7 +419,7 @@ def test_what_is_not_of_the_model_is_refused() -> None:
         LiveModel(model, groups=(3,))
 
 
-def test_urdf_of_other_kinds_is_read_or_told(tmp_path: Any) -> None:
+def test_urdf_of_other_kinds_is_read_or_refused(tmp_path: Any) -> None:
     """Origins by quaternions, x y z w: a quarter turn about z; shapes of one kind alone; macros."""
     half, path = np.sqrt(0.5), tmp_path / "robot.urdf"
     origin = f'<origin xyz="1 0 0" quat_xyzw="0 0 {half} {half}"/>'

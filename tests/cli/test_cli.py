@@ -341,7 +341,7 @@ pose = { position = [{ uniform = [1.5, 2.5] }, 0.0, 0.0] }
     assert all(line.endswith("got a distribution, which radarcore.dataset.Variation draws from") for line in lines)
 
 
-def test_recording_in_place_of_a_scene_is_told_what_it_is_good_for(
+def test_error_for_a_recording_in_place_of_a_scene_names_its_uses(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rc.Recording.load(recording).save(tmp_path / "rec.npz")

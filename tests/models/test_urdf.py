@@ -198,7 +198,7 @@ def test_expanded_files_of_xacro_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "other"), [("collision", "visual"), ("visual", "collision")])
-def test_shapes_of_the_other_kind_alone_are_told(tmp_path, kind, other):
+def test_urdf_with_only_the_other_kind_of_shapes_raises_a_warning(tmp_path, kind, other):
     shape = f'<{other}><geometry><box size="0.5 0.5 0.5"/></geometry></{other}>'
     (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="base">{shape}</link></robot>')
     with pytest.warns(

@@ -116,7 +116,7 @@ def test_of_few_channels_too_the_direction_nearest_to_the_front_is_taken(positio
         np.testing.assert_allclose(np.sin(elevation), nearest[:, 1], atol=4 * EXACT)
 
 
-def test_ambiguity_outside_of_the_field_of_view_is_not_warned_of() -> None:
+def test_ambiguity_outside_of_the_field_of_view_raises_no_warning() -> None:
     narrow = rc.GaussianPattern(12.0, 20.0, 20.0)  # two ways 20 dB down at 18 degrees
     for rx, pattern, limit in ((row(4, 1.0), narrow, np.pi / 6), (row(4, 0.5), None, np.pi / 2)):
         radar = rc.Radar(WAVEFORM, rx=rx, pattern=pattern)

@@ -44,7 +44,7 @@ def test_leakage_alone_is_no_peak(settings: dict[str, Any]) -> None:
     assert len(rc.detect(frame)) == 0
 
 
-def test_leakage_in_a_cube_without_its_frame_is_told() -> None:
+def test_leakage_in_a_bare_cube_raises_a_warning() -> None:
     frame = measured(rc.PointTarget([2.0, 0.0, 0.0], rcs=0.02)).frame()
     with pytest.warns(UserWarning, match="give the sensor's Frame, or min_range"):
         loudest = rc.strongest_peak(frame.cube, frame.radar)

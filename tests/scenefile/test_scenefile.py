@@ -425,7 +425,7 @@ def test_a_run_without_a_rate_has_that_of_the_radar(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.time, 0.1 * np.arange(5), atol=1e-15)
 
 
-def test_angles_in_radians_are_warned_of_by_the_name_of_their_key(tmp_path: Path) -> None:
+def test_warning_of_angles_in_radians_names_their_key(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="rpy_deg: expected degrees, got 3.14159; radians") as caught:
         load(tmp_path, BALL + "[sensor]\npose = { rpy_deg = [0.0, 0.0, 3.14159] }\n")
     assert len(caught) == 1

@@ -24,8 +24,6 @@ _MIRRORED = 6.0
 _NUM_REFITS = 2
 """Refits after subtracting the mirror images of the previous fit: each reduces the error a hundred times."""
 
-_FIELDS = ("offset", "amplitude", "energy_gain", "information")
-
 _DEGREE = 24
 """Degree of the polynomials: pi^25 / 25! = 2e-13, for a peak one cell away from the middle."""
 
@@ -192,7 +190,7 @@ def refit_near(
         alone[..., :reach] -= product(amplitude.conj().T, both).reshape(-1, rows.shape[1], reach)
         found = fit(alone, near, offset, axes, is_cyclic=False)
         offset, amplitude = found.offset, found.amplitude
-    result = Fit(*(getattr(tones, name).copy() for name in _FIELDS))
-    for name in _FIELDS:
-        getattr(result, name)[is_near] = getattr(found, name)
+    result = Fit(**{name: values.copy() for name, values in vars(tones).items()})
+    for name, values in vars(result).items():
+        values[is_near] = getattr(found, name)
     return result
