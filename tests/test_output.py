@@ -216,6 +216,12 @@ def test_linked_folder_and_files_of_others_stay(tmp_path: Path) -> None:
     assert names(tmp_path / "elsewhere") == [".lock", "new"]
     assert (tmp_path / "elsewhere" / ".lock").read_text() == "mine"
     assert names(tmp_path) == ["elsewhere", "link"]
+    with output.PartFolder(tmp_path / "link") as part:
+        (part.folder / "made").mkdir()
+        (part.folder / "made" / "new").write_text("newer")
+        part.put(part.folder / "made", ours=[tmp_path / "link" / "new"])
+    assert (tmp_path / "link" / "new").read_text() == "newer"
+    assert names(tmp_path / "elsewhere") == [".lock", "new"]
 
 
 def test_protected_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

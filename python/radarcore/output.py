@@ -298,9 +298,9 @@ class PartFolder:
     def put(self, made: Path, ours: Iterable[Path] = ()) -> None:
         """Rename a folder within the part to the path and remove the part.
 
-        `ours` are the files of an older result; only these are deleted.
+        `ours` are the files of an older result in the folder; only these are deleted.
         """
-        old = set(ours)
+        old = {self._path / file.name for file in ours}  # theirs is the path as given, which may be a link
         if self._path.is_dir():
             kept = [place for place in self._path.iterdir() if place not in old and place.name != LOCK]
             if taken := {place.name for place in kept} & {place.name for place in made.iterdir()}:
