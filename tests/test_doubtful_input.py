@@ -315,7 +315,7 @@ QUARTER = 0.5 * pi
     [
         (
             lambda: rc.Waveform(**TABLE, num_chirps=4, chirp_interval=60.0),
-            "interval: expected at most 1 s, got 60 s",
+            "interval: expected at most 2 s, got 60 s",
         ),
         (
             lambda: rc.GaussianPattern(3.0, 1.047, 0.785),

@@ -27,8 +27,8 @@ _LONGEST_CHIRP = 0.1
 _USUAL_RATE = 40.0
 """Highest default rate of frames back to back [Hz]."""
 
-_LONGEST_INTERVAL = 1.0
-"""Longer chirp intervals are implausible, such as microseconds in place of seconds [s]."""
+_LONGEST_INTERVAL = 2.0
+"""Longer chirp intervals are implausible, such as microseconds in place of seconds [s]; a BGT60 has up to 1 s."""
 
 _LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones overflow."""
