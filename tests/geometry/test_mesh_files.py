@@ -150,6 +150,12 @@ def test_3mf_is_in_its_own_unit(tmp_path: Path, unit: str, per_metre: float) -> 
     assert_box(rc.load_mesh(path), low=[-0.05, -0.1, 0.0])
 
 
+def test_3mf_in_an_unknown_unit_is_refused(tmp_path: Path) -> None:
+    path = write_3mf(tmp_path / "box.3mf", '<item objectid="1"/>', unit="parsec")
+    with pytest.raises(ValueError, match=r"box\.3mf: unit: expected micron, millimeter, .*, got 'parsec'"):
+        rc.load_mesh(path)
+
+
 def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
     """An object of another part, mirrored in a rotated group: rows of the matrices are images of the axes."""
     more = (

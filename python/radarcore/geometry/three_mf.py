@@ -39,7 +39,10 @@ def load_3mf(path: Path) -> _Part:
         )
         build = _Build(package)
         model = build.model(root)
-        build.unit = _UNITS[model.get("unit", "millimeter")]
+        unit = model.get("unit", "millimeter")
+        if unit not in _UNITS:
+            raise ValueError(f"unit: expected {', '.join(_UNITS)}, got {unit!r}")
+        build.unit = _UNITS[unit]
         for item in model.iterfind(f"{_CORE}build/{_CORE}item"):
             build.add(item, root, np.eye(4))
     vertices = [np.empty((0, 3)), *(vertices for vertices, _ in build.parts)]
