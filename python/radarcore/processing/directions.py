@@ -196,7 +196,7 @@ def waves_of(
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
         notice.warn(
-            f"radar: expected a channel spacing below {limit:.2g} wavelengths for antennas that see "
+            f"radar: expected a channel spacing below {limit:.3g} wavelengths for antennas that see "
             f"{np.rad2deg(array.half_view):.0f} deg to each side, got {spacing:.3g}: directions are ambiguous beyond "
             f"{np.rad2deg(array.ambiguous_beyond):.0f} deg from the front"
         )
