@@ -103,7 +103,7 @@ All of them are physical optics: what it lacks is in the [last section](#limits-
 
 Bounds and measured errors: worst and median over the targets of a kind. The error of a single body is an rms over 64
 frequencies and six turns of the radar, or the largest of these ("any turn and frequency"). A real mesh has one error
-per view. Those of the default setting are bounds that the tests hold: `test_closed_forms.py`, `test_exact_surfaces.py`
+per view. The default setting has bounds that the tests hold: `test_closed_forms.py`, `test_exact_surfaces.py`
 and `test_accuracy_meshes.py` in `tests/simulate/`. The script fails if the default setting misses one. Other settings
 miss some ("no" in the last column):
 
