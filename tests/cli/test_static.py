@@ -19,6 +19,12 @@ START, SPEED, WALL = 2.0, 0.8, 3.0
 """Range [m] and velocity [m/s] of what moves, and range of what stands still and echoes more [m]."""
 
 
+@pytest.fixture(autouse=True)
+def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures with relative names stay out of the checkout."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture(scope="module")
 def simulated() -> rc.Recording:
     """Half a second of the chip's whole chain."""
