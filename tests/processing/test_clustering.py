@@ -55,6 +55,29 @@ def test_deviations_of_many_detections_take_little_memory_and_group_as_all_pairs
     assert len(cluster(some, num_deviations=3.0)) == connected_components(pairs)[0]
 
 
+@pytest.mark.parametrize(("number", "fewest"), [(2_000, 1), (2_000, 900), (300, 8)])
+def test_dense_detections_take_little_memory_and_group_as_all_pairs_do(number: int, fewest: int) -> None:
+    rng = np.random.default_rng(number)
+    covariance = np.broadcast_to(np.eye(4) * 0.01**2, (number, 4, 4))
+    dense = detections(rng.normal(0.0, 0.03 if number > 1_000 else 0.2, number) + 5.0, np.zeros(number), covariance=covariance)
+    tracemalloc.start()
+    found = cluster(dense, num_deviations=2.0, min_detections=fewest)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6, f"{peak / 1e6:.0f} MB"
+
+    # DBSCAN by a matrix of all pairs.
+    is_near = np.abs(dense.range[:, None] - dense.range) <= 2.0 * np.sqrt(2.0) * 0.01
+    is_core = is_near.sum(axis=1) >= fewest
+    groups = connected_components(is_near & is_core & is_core[:, None])[1]
+    same = found.labels[:, None] == found.labels
+    both = is_core & is_core[:, None]
+    np.testing.assert_array_equal(same[both], (groups[:, None] == groups)[both])
+    has_core = (is_near & is_core).any(axis=1)
+    np.testing.assert_array_equal(found.labels >= 0, has_core)
+    assert ((is_near & is_core & same).any(axis=1) == has_core).all(), "each is with a core near it"
+
+
 def test_a_cluster_is_resolved_where_all_of_its_detections_are() -> None:
     found = cluster(detections([1.0, 1.1, 3.0], is_resolved=[True, False, True], ambiguous_beyond=0.5), distance=0.3)
     assert found.centroids.is_resolved.tolist() == [False, True]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -143,10 +144,10 @@ def cluster(
     periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
     values, covariance = coordinates(detections), covariances(detections)
     if num_deviations is None:
-        pairs = pairs_within(values, *limits, periods)
+        labels = connected(len(detections), *pairs_within(values, *limits, periods), fewest)
     else:
-        pairs = _pairs_of_one(values, covariance, check.positive("num_deviations", num_deviations), periods)
-    labels = connected(len(detections), *pairs, fewest)
+        number = check.positive("num_deviations", num_deviations)
+        labels = _connected_in_blocks(len(values), lambda: _near_pairs(values, covariance, number, periods), fewest)
     level = levels(detections)
     labels, found = groups(values, level, covariance, labels, periods)
     distances, velocities, azimuths, elevations = found.values.T
@@ -311,6 +312,33 @@ def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> 
     return np.where(labels == number, -1, labels)
 
 
+def _connected_in_blocks(number: int, near_pairs: Callable[[], Iterator[Indices]], fewest: int) -> Indices:
+    """As `connected`, of pairs that come in blocks (2, n), each pair once: memory does not grow with their number."""
+    is_core = np.ones(number, dtype=bool)
+    if fewest > 1:
+        counts = np.ones(number, dtype=np.int64)
+        for pairs in near_pairs():
+            counts += np.bincount(pairs.ravel(), minlength=number)
+        is_core = counts >= fewest
+
+    # Groups so far, as pairs of each detection with the first one of its group, join those of the next block.
+    itself = np.arange(number)
+    labels = itself
+    for pairs in near_pairs():
+        one, other = np.concatenate([[itself, labels], pairs[:, is_core[pairs].all(axis=0)]], axis=1)
+        labels = connected(number, *both_ways(number, one, other))
+    if fewest == 1:
+        return labels
+
+    # Others belong to the group of the smallest index that has a core near them, or to none.
+    found = np.where(is_core, labels, number)
+    for pairs in near_pairs():
+        for one, other in (pairs, pairs[::-1]):
+            border = ~is_core[one] & is_core[other]
+            np.minimum.at(found, one[border], labels[other[border]])
+    return np.where(found == number, -1, found)
+
+
 def groups(values: Array, level: Array, covariance: Array, labels: Indices, periods: Array) -> tuple[Indices, Groups]:
     """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none).
 
@@ -385,8 +413,8 @@ def _each_alone(
     return place[labels], found
 
 
-def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, periods: Array) -> tuple[Indices, Indices]:
-    """Pairs within a Mahalanobis distance, both ways round, and each by itself."""
+def _near_pairs(values: Array, covariance: Array, num_deviations: float, periods: Array) -> Iterator[Indices]:
+    """Pairs within a Mahalanobis distance, (2, n) at a time."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     lacks = np.isfinite(values) & ~(variance > 0.0)
     if lacks.any():
@@ -403,12 +431,10 @@ def _pairs_of_one(values: Array, covariance: Array, num_deviations: float, perio
     if not np.isnan(ranges).any():
         last = np.searchsorted(ranges[order], farthest[order], side="right")
     begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # first pair of each detection
-    pairs = [np.empty((2, 0), np.int64)]
     for begin in range(0, int(begins[-1]), _MOST_AT_ONCE):
         pair = np.arange(begin, min(begin + _MOST_AT_ONCE, begins[-1]))
         row = np.searchsorted(begins, pair, side="right") - 1
         one, other = order[row], order[row + 1 + pair - begins[row]]
         differences = wrapped(values[one] - values[other], periods)
         squares, _ = normalized_squares(differences, covariance[one] + covariance[other])
-        pairs.append(np.stack([one, other])[:, squares <= num_deviations**2])
-    return both_ways(number, *np.concatenate(pairs, axis=1))
+        yield np.stack([one, other])[:, squares <= num_deviations**2]
