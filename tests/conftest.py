@@ -69,7 +69,7 @@ MODULES = {
 
 @cache
 def is_installed(extra: str) -> bool:
-    """Whether all packages of an extra of radarcore are there."""
+    """True if all packages of an extra are installed."""
     project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = {re.split(r"[^\w-]", requirement)[0] for requirement in project["optional-dependencies"][extra]}
     return wanted <= {re.sub(r"[-_.]+", "-", found.metadata["Name"]).lower() for found in distributions()}

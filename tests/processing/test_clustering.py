@@ -59,7 +59,9 @@ def test_deviations_of_many_detections_take_little_memory_and_group_as_all_pairs
 def test_dense_detections_take_little_memory_and_group_as_all_pairs_do(number: int, fewest: int) -> None:
     rng = np.random.default_rng(number)
     covariance = np.broadcast_to(np.eye(4) * 0.01**2, (number, 4, 4))
-    dense = detections(rng.normal(0.0, 0.03 if number > 1_000 else 0.2, number) + 5.0, np.zeros(number), covariance=covariance)
+    dense = detections(
+        rng.normal(0.0, 0.03 if number > 1_000 else 0.2, number) + 5.0, np.zeros(number), covariance=covariance
+    )
     tracemalloc.start()
     found = cluster(dense, num_deviations=2.0, min_detections=fewest)
     peak = tracemalloc.get_traced_memory()[1]

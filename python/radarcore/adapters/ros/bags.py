@@ -365,7 +365,7 @@ class BagReader:
         return ", ".join(shown) or "none"
 
 
-class _Bounded(type(Path())):  # type: ignore[misc]  # of this system
+class _Bounded(type(Path())):  # type: ignore[misc]  # Python 3.11 has no subclasses of Path itself
     """A path whose file never reads beyond its size: rosbags asks for the length in a damaged record."""
 
     def open(self, mode: str = "r", *args: Any, **options: Any) -> Any:
