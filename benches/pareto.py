@@ -79,6 +79,12 @@ blades of 0.15 m at 20 turns per second.
 
 {moving}
 
+## Fewer paths
+
+The same scenes in milliseconds by tolerance, and the largest error relative to the tolerance.
+
+{fewer}
+
 ## Growth
 
 Milliseconds at a tolerance of {growth_tolerance:g}, 1 GHz, 128 samples per chirp.
@@ -90,7 +96,7 @@ Milliseconds at a tolerance of {growth_tolerance:g}, 1 GHz, 128 samples per chir
 {overhead}
 """
 
-MOVING_TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-6]
+MOVING_TOLERANCES = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6]
 GROWTH_TOLERANCE = 1e-4
 
 Phasors = NDArray[np.complex128]
@@ -100,7 +106,8 @@ Phasors = NDArray[np.complex128]
 class Run:
     """Sizes of a measurement."""
 
-    side: int  # square root of the number of paths
+    paths: int
+    fewer_paths: list[int]
     samples: int
     tolerances: list[float]  # of linear delays
     repeats: int
@@ -110,7 +117,8 @@ class Run:
 
 
 FULL = Run(
-    side=256,
+    paths=65_536,
+    fewer_paths=[100, 1000, 8192],
     samples=200,
     tolerances=[10.0**-k for k in range(2, 13)],
     repeats=5,
@@ -118,7 +126,9 @@ FULL = Run(
     growth=[16, 32, 64, 128, 256, 512, 1024],
     calls=5000,
 )
-TINY = Run(side=8, samples=10, tolerances=[1e-3, 1e-10], repeats=1, round=0.0, growth=[16, 32], calls=10)
+TINY = Run(
+    paths=64, fewer_paths=[16], samples=10, tolerances=[1e-3, 1e-10], repeats=1, round=0.0, growth=[16, 32], calls=10
+)
 
 
 @dataclass
@@ -442,7 +452,7 @@ def library(job: Job, tolerances: Iterable[float]) -> Iterator[Method]:
 def linear_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
     for bandwidth, num_samples in ((1e9, 128), (5e9, 256)):
         wf = waveform(bandwidth=bandwidth, num_samples=num_samples)
-        for case in (random_order(wf, run.side), image_order(wf, run.side)):
+        for case in (random_order(wf, run.paths), image_order(wf, run.paths)):
             job = case.job(run.tolerances[0])
             methods = [*ours(case, run.tolerances), *in_c(job), *library(job, run.tolerances)]
             measure(case, methods, run)
@@ -450,18 +460,44 @@ def linear_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
 
 
 def moving_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
-    wf, wide = waveform(), waveform(bandwidth=5e9, num_samples=256)
-    cases = [
-        walker_case(wf, run.side),
-        arm_case(wf, run.side),
-        room_case(wf, run.side),
-        walker_case(wide, run.side),
-        fan_case(wf, run.side),
-    ]
-    for case in cases:
+    for case in moving_cases(run.paths):
         methods = list(ours(case, MOVING_TOLERANCES))
         measure(case, methods, run)
-        yield case.name + (", 5 GHz" if case.waveform is wide else ""), methods
+        yield title(case), methods
+
+
+def moving_cases(num_paths: int) -> Iterator[Case]:
+    wf, wide = waveform(), waveform(bandwidth=5e9, num_samples=256)
+    yield walker_case(wf, num_paths)
+    yield arm_case(wf, num_paths)
+    yield room_case(wf, num_paths)
+    yield walker_case(wide, num_paths)
+    yield fan_case(wf, num_paths)
+
+
+def title(case: Case) -> str:
+    """The case, and its bandwidth if it is not the usual one."""
+    bandwidth = f"{case.waveform.bandwidth / 1e9:.0f}"
+    return case.name if bandwidth == "1" else f"{case.name}, {bandwidth} GHz"
+
+
+def fewer_rows(run: Run) -> Iterator[list[str]]:
+    """Times by tolerance for fewer paths, linear and moving."""
+    for num_paths in run.fewer_paths:
+        wf = waveform()
+        for case in (random_order(wf, num_paths), image_order(wf, num_paths), *moving_cases(num_paths)):
+            methods = list(ours(case, MOVING_TOLERANCES))
+            measure(case, methods, run)
+            by_grid = methods[: len(MOVING_TOLERANCES)]
+            excess = max(method.error / tolerance for method, tolerance in zip(by_grid, MOVING_TOLERANCES, strict=True))
+            direct = [m for m in methods if m.name == "direct f64"]
+            yield [
+                title(case),
+                str(num_paths),
+                *(milliseconds(method.seconds) for method in by_grid),
+                milliseconds(direct[0].seconds) if direct else "-",
+                f"{excess:.2g}",
+            ]
 
 
 def growth_rows(run: Run) -> Iterator[list[str]]:
@@ -469,7 +505,7 @@ def growth_rows(run: Run) -> Iterator[list[str]]:
     for num_chirps in run.growth:
         wf = waveform(num_chirps=num_chirps)
         num_nodes = round(6.0 * math.sqrt(max(1.0, num_chirps / 64)))
-        for case in (random_order(wf, run.side), walker_case(wf, run.side, {GROWTH_TOLERANCE: num_nodes})):
+        for case in (random_order(wf, run.paths), walker_case(wf, run.paths, {GROWTH_TOLERANCE: num_nodes})):
             job = case.job(GROWTH_TOLERANCE)
             methods = [
                 Method(
@@ -583,6 +619,9 @@ def main() -> None:
     moving = list(moving_results(run))
     moving_table = result_table(moving, "terms", "with numpy")
     print(moving_table, end="\n\n")
+    columns = ["case", "paths", *(f"{tolerance:.0e}" for tolerance in MOVING_TOLERANCES), "direct f64", "error"]
+    fewer = table(columns, fewer_rows(run))
+    print(fewer, end="\n\n")
     columns = ["case", "chirps", "nodes", "error", "direct f32", "2 threads", "grid", "2 threads"]
     growth = table(columns, growth_rows(run))
     print(growth, end="\n\n")
@@ -594,13 +633,14 @@ def main() -> None:
     if arguments.write:
         PICTURE.write_bytes(image.getvalue())
         text = PAGE_TEXT.format(
-            num_paths=f"{run.side**2:,}".replace(",", " "),
+            num_paths=f"{run.paths:,}".replace(",", " "),
             machine=machine(),
             repeats=run.repeats,
             num_samples=run.samples,
             picture=PICTURE.name,
             linear=linear_table,
             moving=moving_table,
+            fewer=fewer,
             growth_tolerance=GROWTH_TOLERANCE,
             growth=growth,
             overhead=call,

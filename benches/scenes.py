@@ -1,11 +1,12 @@
 """Paths whose delays and amplitudes are known exactly at any time, for the benches.
 
-Linear jobs give range and velocity; moving scenes are rigid parts on prescribed motions, seen from the origin. Lists of
-`side` x `side` paths, in the order of the pixels of an image unless said otherwise, with complex Gaussian amplitudes.
+Linear jobs give range and velocity; moving scenes are rigid parts on prescribed motions, seen from the origin. Paths
+are in the order of the pixels of an image unless said otherwise, and have complex Gaussian amplitudes.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -19,7 +20,7 @@ SPEED_OF_LIGHT = 299_792_458.0
 Reals = NDArray[np.float64]
 Phasors = NDArray[np.complex128]
 
-NODES = {1e-2: 4, 1e-3: 5, 1e-4: 6, 1e-6: 8}
+NODES = {1e-2: 4, 1e-3: 5, 1e-4: 6, 1e-5: 7, 1e-6: 8}
 """Times per frame at which bodies of everyday accelerations need their delays, by tolerance."""
 
 
@@ -77,6 +78,12 @@ def waveform(*, bandwidth: float = 1e9, num_chirps: int = 64, num_samples: int =
     )
 
 
+def image_shape(num_paths: int) -> tuple[int, int]:
+    """Rows and columns of an image with this number of pixels, as square as can be."""
+    rows = next(n for n in range(math.isqrt(num_paths), 0, -1) if num_paths % n == 0)
+    return rows, num_paths // rows
+
+
 def gaussian(rng: np.random.Generator, num_paths: int) -> Phasors:
     return rng.normal(size=num_paths) + 1j * rng.normal(size=num_paths)
 
@@ -84,33 +91,31 @@ def gaussian(rng: np.random.Generator, num_paths: int) -> Phasors:
 # Linear delays.
 
 
-def linear_case(
-    name: str, wf: rc.Waveform, distance: Reals, velocity: Reals, rng: np.random.Generator, num_paths: int
-) -> Case:
+def linear_case(name: str, wf: rc.Waveform, distance: Reals, velocity: Reals, rng: np.random.Generator) -> Case:
     delay, rate = 2.0 * distance / SPEED_OF_LIGHT, 2.0 * velocity / SPEED_OF_LIGHT
 
     def delay_at(times: Reals) -> NDArray[np.longdouble]:
         # Rounding a delay to f64 costs 1e-12, as much as the finest tolerance.
         return delay.astype(np.longdouble) + rate * times.astype(np.longdouble)[:, None]
 
-    return Case(name, wf, delay_at, gaussian(rng, num_paths), delay_rate=rate)
+    return Case(name, wf, delay_at, gaussian(rng, len(delay)), delay_rate=rate)
 
 
-def random_order(wf: rc.Waveform, side: int) -> Case:
+def random_order(wf: rc.Waveform, num_paths: int) -> Case:
     """Ranges of 0.5 to 8 m, velocities to 3 m/s, without any order."""
     rng = np.random.default_rng(1)
-    distance, velocity = rng.uniform(0.5, 8.0, side**2), rng.uniform(-3.0, 3.0, side**2)
-    return linear_case("random order", wf, distance, velocity, rng, side**2)
+    distance, velocity = rng.uniform(0.5, 8.0, num_paths), rng.uniform(-3.0, 3.0, num_paths)
+    return linear_case("random order", wf, distance, velocity, rng)
 
 
-def image_order(wf: rc.Waveform, side: int) -> Case:
+def image_order(wf: rc.Waveform, num_paths: int) -> Case:
     """A depth image of a wall and three balls, from a radar that drives at the wall at 0.5 m/s."""
     balls = [  # centre [m], radius [m], velocity [m/s]
         ([2.0, -0.6, 0.0], 0.5, [-1.5, 1.0, 0.0]),
         ([3.5, 1.0, 0.3], 0.7, [2.0, -1.0, 0.5]),
         ([1.2, 0.3, -0.4], 0.3, [-2.5, -1.0, 0.5]),
     ]
-    rays = image_rays(side)
+    rays = image_rays(*image_shape(num_paths))
     distance = 6.0 / rays[:, 0]
     velocity = -0.5 * rays[:, 0]
     for center, radius, v in balls:
@@ -120,14 +125,13 @@ def image_order(wf: rc.Waveform, side: int) -> Case:
         is_hit = (square > 0.0) & (depth < distance)
         distance = np.where(is_hit, depth, distance)
         velocity = np.where(is_hit, rays @ v, velocity)
-    return linear_case("image order", wf, distance, velocity, np.random.default_rng(2), side**2)
+    return linear_case("image order", wf, distance, velocity, np.random.default_rng(2))
 
 
-def image_rays(side: int) -> Reals:
+def image_rays(rows: int, columns: int) -> Reals:
     """Unit vectors through the pixels of an image of 90 x 60 degrees, row by row, (pixel, 3)."""
-    centers = (np.arange(side) + 0.5) / side - 0.5
-    y = -2.0 * np.tan(np.deg2rad(45.0)) * centers
-    z = -2.0 * np.tan(np.deg2rad(30.0)) * centers[:, None]
+    y = -2.0 * np.tan(np.deg2rad(45.0)) * ((np.arange(columns) + 0.5) / columns - 0.5)
+    z = -2.0 * np.tan(np.deg2rad(30.0)) * ((np.arange(rows) + 0.5) / rows - 0.5)[:, None]
     rays = np.stack(np.broadcast_arrays(1.0, y, z), axis=-1).reshape(-1, 3)
     return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
@@ -167,20 +171,20 @@ def at_rest(times: Reals, origin: Iterable[float] = (0.0, 0.0, 0.0)) -> Reals:
     return np.tile(np.asarray(origin), (len(times), 1))
 
 
-def moving_case(name: str, wf: rc.Waveform, parts: list[Part], side: int, nodes: dict[float, int] = NODES) -> Case:
+def moving_case(name: str, wf: rc.Waveform, parts: list[Part], nodes: dict[float, int] = NODES) -> Case:
     def position(times: Reals) -> Reals:
         return np.concatenate([part.position(times) for part in parts], axis=1)
 
     # Rows from top to bottom, each from left to right, as the radar sees the points at mid-frame.
     x, y, z = position(np.array([0.5 * wf.duration]))[0].T
-    rows = np.argsort(-z / np.hypot(x, y)).reshape(side, side)
+    rows = np.argsort(-z / np.hypot(x, y)).reshape(image_shape(len(x)))
     columns = np.argsort(-np.arctan2(y, x)[rows], axis=1)
     order = np.take_along_axis(rows, columns, axis=1).ravel()
 
     def delay_at(times: Reals) -> Reals:
         return 2.0 / SPEED_OF_LIGHT * np.linalg.norm(position(times)[:, order], axis=-1)
 
-    return Case(name, wf, delay_at, gaussian(np.random.default_rng(3), side**2), nodes=nodes)
+    return Case(name, wf, delay_at, gaussian(np.random.default_rng(3), len(order)), nodes=nodes)
 
 
 def tube(rng: np.random.Generator, num_points: int, radius: float, axis: Iterable[float]) -> Reals:
@@ -238,23 +242,24 @@ def walker(position: list[float], num_points: int) -> list[Part]:
     ]
 
 
-def walker_case(wf: rc.Waveform, side: int, nodes: dict[float, int] = NODES) -> Case:
-    return moving_case("walker at 1 m", wf, walker([1.1, -0.15, 0.1], side**2), side, nodes)
+def walker_case(wf: rc.Waveform, num_paths: int, nodes: dict[float, int] = NODES) -> Case:
+    return moving_case("walker at 1 m", wf, walker([1.1, -0.15, 0.1], num_paths), nodes)
 
 
-def room_case(wf: rc.Waveform, side: int) -> Case:
+def room_case(wf: rc.Waveform, num_paths: int) -> Case:
     """A walker at 3 m, and four paths out of five from the walls, the floor and the ceiling, which do not move."""
-    num_static = round(0.8 * side**2)
-    rays = np.random.default_rng(5).choice(image_rays(4 * side), num_static, replace=False)
+    num_static = round(0.8 * num_paths)
+    rows, columns = image_shape(num_paths)
+    rays = np.random.default_rng(5).choice(image_rays(4 * rows, 4 * columns), num_static, replace=False)
     with np.errstate(divide="ignore"):
         planes = np.where(rays > 0.0, [6.0, 2.5, 1.5], [np.inf, 2.5, 1.0]) / np.abs(rays)
     walls = planes.min(axis=1, keepdims=True) * rays
     static = Part(walls, lambda times: (at_rest(times), about_z(0.0 * times)))
     name = "room, 80 % static, walker at 3 m"
-    return moving_case(name, wf, [static, *walker([3.0, -0.3, 0.1], side**2 - num_static)], side)
+    return moving_case(name, wf, [static, *walker([3.0, -0.3, 0.1], num_paths - num_static)])
 
 
-def arm_case(wf: rc.Waveform, side: int) -> Case:
+def arm_case(wf: rc.Waveform, num_paths: int) -> Case:
     """A robot arm of two links whose elbow is 0.5 m away; both joints turn at 2 rad/s."""
     rng = np.random.default_rng(6)
     base, rate = [0.6, 0.35, 0.0], 2.0
@@ -266,25 +271,25 @@ def arm_case(wf: rc.Waveform, side: int) -> Case:
         origin, rotation = upper(times)
         return origin + 0.35 * rotation[:, :, 0], rotation @ about_z(rate * times + np.deg2rad(30.0))
 
-    half = side**2 // 2
+    half = num_paths // 2
     parts = [
         Part(tube(rng, half, 0.05, [0.35, 0.0, 0.0]), upper),
-        Part(tube(rng, side**2 - half, 0.04, [0.3, 0.0, 0.0]), fore),
+        Part(tube(rng, num_paths - half, 0.04, [0.3, 0.0, 0.0]), fore),
     ]
-    return moving_case("robot arm at 0.5 m", wf, parts, side)
+    return moving_case("robot arm at 0.5 m", wf, parts)
 
 
-def fan_case(wf: rc.Waveform, side: int) -> Case:
+def fan_case(wf: rc.Waveform, num_paths: int) -> Case:
     """Three blades of 0.15 m at 20 turns per second about an upright axis 1 m away."""
     rng = np.random.default_rng(7)
     angles = np.deg2rad([10.0, 130.0, 250.0])
     blades = [
         tube(rng, count, 0.02, [0.15 * np.cos(angle), 0.15 * np.sin(angle), 0.0])
-        for count, angle in zip(shares(side**2, [1.0, 1.0, 1.0]), angles, strict=True)
+        for count, angle in zip(shares(num_paths, [1.0, 1.0, 1.0]), angles, strict=True)
     ]
 
     def motion(times: Reals) -> tuple[Reals, Reals]:
         return at_rest(times, [1.0, 0.0, 0.0]), about_z(2.0 * np.pi * 20.0 * times)
 
     # Half a turn in 26 ms.
-    return moving_case("fan at 1 m", wf, [Part(np.concatenate(blades), motion)], side, nodes=dict.fromkeys(NODES, 16))
+    return moving_case("fan at 1 m", wf, [Part(np.concatenate(blades), motion)], nodes=dict.fromkeys(NODES, 16))
