@@ -1,4 +1,4 @@
-"""Run time of a frame, stage by stage: a person and an arm in a room, and ten boxes.
+"""Run time of a frame, stage by stage: a person and an arm in a room, and ten boxes; and of one from a depth image.
 
 python benches/frame.py            print the tables
 python benches/frame.py --write    also write the section of docs/performance.md
@@ -23,8 +23,8 @@ from radarcore.motion.protocol import Motion
 
 RATE = 40.0
 
-RECEIVE = _core.receive
-"""The core's function, in whose place the stopwatch stands."""
+RECEIVE, ENGINE = _core.receive, _core.Simulator
+"""What the stopwatch stands in the place of."""
 
 ENOUGH_TIMES = 8
 """Times at which delays of smooth motion need to be taken at most."""
@@ -41,6 +41,10 @@ nothing moves in view. "paths" is the number of material points. "more than {eno
 delays need more node times.
 
 {table}
+
+The same call without a scene, from depth images of {image} pixels that all move:
+
+{depth}
 """
 
 
@@ -58,7 +62,7 @@ class Stopwatch:
         """Run times of the stages of the last frame [s]."""
         return {} if self.ideal is None else dict(self.ideal.stage_times())
 
-    def frame(self, motion: _core.Placement, rates: _core.Placement | None) -> _core.IdealFrame | None:
+    def frame(self, motion: _core.Placement, rates: _core.Placement | None = None) -> _core.IdealFrame | None:
         """The engine's frame."""
         start = time.perf_counter()
         ideal = self.engine.frame(motion, rates)
@@ -121,6 +125,36 @@ def boxes() -> rc.Scene:
         )
         for k in range(10)
     )
+
+
+def depth_images(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Distances of a wavy wall that comes closer, now and one frame before [m]: every pixel has a range rate."""
+    y, z = np.meshgrid(np.linspace(-1.0, 1.0, columns), np.linspace(0.75, -0.75, rows))
+    now = 2.5 + 0.3 * np.sin(3.0 * y + 1.0) * np.cos(2.0 * z)
+    return now, now + (0.8 + 0.5 * y - 0.2 * z) / RATE
+
+
+def depth_row(radar: rc.Radar, rows: int, columns: int, num_frames: int) -> list[str]:
+    """Number of paths and run times of `frame_from_depth`."""
+    now, before = depth_images(rows, columns)
+    watches: list[Stopwatch] = []
+
+    def engine(*arguments: Any, **settings: Any) -> Stopwatch:
+        watches.append(Stopwatch(ENGINE(*arguments, **settings)))
+        return watches[-1]
+
+    times = []
+    with mock.patch.object(_core, "Simulator", engine):
+        for _ in range(num_frames + 1):  # the first warms up
+            start = time.perf_counter()
+            frame = rc.frame_from_depth(
+                now, 0.5, radar, camera=(60.0, 45.0), albedo=0.2, previous=before, interval=1.0 / RATE, threads=2
+            )
+            times.append(time.perf_counter() - start)
+    core = np.median([watch.seconds for watch in watches[1:]])
+    whole = np.array(times[1:])
+    spread = [core, np.median(whole), whole.mean(), np.quantile(whole, 0.95)]
+    return ["frame_from_depth", str(frame.stats["paths"]), *(milliseconds(float(each)) for each in spread)]
 
 
 def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
@@ -188,9 +222,20 @@ def main() -> None:
             columns.append(measure(f"{name}, {sampling}", simulator, num_frames))
     columns.append(measure("ten boxes", rc.Simulator(boxes(), radar, threads=2), num_frames))
     text = table(["stage", *(column.name for column in columns)], rows(columns))
-    print(text)
+    print(text, end="\n\n")
+    shape = (24, 32) if options.tiny else (240, 320)
+    depth = table(["call", "paths", "core", "all", "all, mean", "all, 95 %"], [depth_row(radar, *shape, num_frames)])
+    print(depth)
     if options.write:
-        filled = TEXT.format(table=text, machine=machine(), frames=num_frames, enough=ENOUGH_TIMES, **triangles)
+        filled = TEXT.format(
+            table=text,
+            machine=machine(),
+            frames=num_frames,
+            enough=ENOUGH_TIMES,
+            image=f"{shape[1]} x {shape[0]}",
+            depth=depth,
+            **triangles,
+        )
         write_section(PERFORMANCE, "frame", filled)
 
 
