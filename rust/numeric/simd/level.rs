@@ -2,13 +2,15 @@
 
 use std::sync::OnceLock;
 
-#[cfg(any(test, not(target_arch = "x86_64")))]
-use super::portable;
+#[cfg(target_arch = "aarch64")]
+use fearless_simd::aarch64::Neon as Baseline;
 #[cfg(target_arch = "x86_64")]
-use super::sse2;
-use super::vector::{Isa, Kernel};
+use fearless_simd::x86::Sse2 as Baseline;
 #[cfg(target_arch = "x86_64")]
-use super::{avx2, avx512};
+use fearless_simd::x86::{Avx2, Avx512};
+
+use super::lanes::run;
+use super::vector::Kernel;
 use crate::error::{Error, Result};
 
 /// Environment variable that names the highest level of the process, see [`Level::available`].
@@ -18,39 +20,33 @@ const VARIABLE: &str = "RADARCORE_SIMD";
 const NAMES: [&str; 3] = ["baseline", "avx2", "avx512"];
 
 /// Instruction set of this processor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Level(Set);
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Proofs that the processor has the instructions.
+#[derive(Clone, Copy, Debug)]
 enum Set {
-    /// Arrays that the compiler vectorises: the baseline of processors other than x86-64; tests run it everywhere.
-    #[cfg(any(test, not(target_arch = "x86_64")))]
-    Portable,
+    Baseline(Baseline),
     #[cfg(target_arch = "x86_64")]
-    Sse2,
+    Avx2(Avx2),
     #[cfg(target_arch = "x86_64")]
-    Avx2,
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
+    Avx512(Avx512),
 }
 
 impl Level {
     /// Levels of this processor, slowest first. The environment variable `RADARCORE_SIMD`, read once, names the highest:
     /// `baseline` (x86-64: SSE2; aarch64: NEON), `avx2` or `avx512`. Without it, or if it is empty, there is no limit.
     pub fn available() -> Vec<Self> {
-        let mut levels = vec![
-            #[cfg(any(test, not(target_arch = "x86_64")))]
-            Self(Set::Portable),
-            #[cfg(target_arch = "x86_64")]
-            Self(Set::Sse2),
-        ];
+        let best = fearless_simd::Level::new();
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            levels.push(Self(Set::Avx2));
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
-                levels.push(Self(Set::Avx512));
-            }
-        }
+        let sets = [
+            best.as_sse2().map(Set::Baseline),
+            best.as_avx2().map(Set::Avx2),
+            best.as_avx512().map(Set::Avx512),
+        ];
+        #[cfg(target_arch = "aarch64")]
+        let sets = [best.as_neon().map(Set::Baseline)];
+        let mut levels: Vec<Self> = sets.into_iter().flatten().map(Self).collect();
         // Kernels may run before the variable is checked: with the baseline if it is wrong.
         let allowed = highest(variable()).unwrap_or(1);
         levels.retain(|level| NAMES[..allowed].contains(&level.name()));
@@ -71,39 +67,24 @@ impl Level {
     /// Name: `baseline`, `avx2` or `avx512`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            #[cfg(any(test, not(target_arch = "x86_64")))]
-            Set::Portable => NAMES[0],
+            Set::Baseline(_) => NAMES[0],
             #[cfg(target_arch = "x86_64")]
-            Set::Sse2 => NAMES[0],
+            Set::Avx2(_) => NAMES[1],
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => NAMES[1],
-            #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => NAMES[2],
+            Set::Avx512(_) => NAMES[2],
         }
     }
 
     /// Run a kernel compiled for this level.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            #[cfg(any(test, not(target_arch = "x86_64")))]
-            Set::Portable => run::<portable::Baseline, K>(kernel),
+            Set::Baseline(token) => run(token, kernel),
             #[cfg(target_arch = "x86_64")]
-            Set::Sse2 => run::<sse2::Baseline, K>(kernel),
-            // SAFETY: `available` found AVX2 and FMA on this processor.
+            Set::Avx2(token) => run(token, kernel),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => unsafe { avx2::run(kernel) },
-            // SAFETY: `available` found AVX-512 F and DQ on this processor.
-            #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => unsafe { avx512::run(kernel) },
+            Set::Avx512(token) => run(token, kernel),
         }
     }
-}
-
-/// A kernel compiled for the instructions that the target guarantees. Not inlined into [`Level::run`], whose stack frame
-/// all levels share.
-#[inline(never)]
-fn run<I: Isa, K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<I>()
 }
 
 /// Value of the environment variable at the first call.
@@ -153,11 +134,14 @@ mod tests {
             .unwrap()
             .split(' ')
             .collect();
-        let has = |wanted: &[&str]| wanted.iter().all(|flag| flags.contains(flag));
-        // The portable level and SSE2 are both the baseline.
-        let mut expected = vec!["baseline", "baseline"];
-        expected.extend(has(&["avx2", "fma"]).then_some("avx2"));
-        expected.extend(has(&["avx2", "fma", "avx512f", "avx512dq"]).then_some("avx512"));
+        let has = |wanted: &str| wanted.split_whitespace().all(|flag| flags.contains(&flag));
+        let avx2 = "avx2 fma f16c bmi1 bmi2 abm movbe popcnt cx16 xsave";
+        let avx512 = "adx aes avx512_bitalg avx512_vbmi2 avx512_vnni avx512_vpopcntdq avx512bw avx512cd avx512dq avx512f \
+                      avx512ifma avx512vbmi avx512vl gfni pclmulqdq rdrand rdseed sha_ni vaes vpclmulqdq xsavec xsaveopt \
+                      xsaves";
+        let mut expected = vec!["baseline"];
+        expected.extend(has(avx2).then_some("avx2"));
+        expected.extend((has(avx2) && has(avx512)).then_some("avx512"));
         let limit = std::env::var(VARIABLE).unwrap_or_default();
         if let Some(last) = expected.iter().rposition(|name| *name == limit) {
             expected.truncate(last + 1);

@@ -62,9 +62,17 @@ pub trait Vector: Copy {
     /// `a` in the lower half, `b` in the upper.
     fn halves(a: Self::Scalar, b: Self::Scalar) -> Self;
     /// `re, im, re, im, ...`
-    fn alternate(re: Self::Scalar, im: Self::Scalar) -> Self;
+    #[cfg_attr(optimised, inline(always))]
+    fn alternate(re: Self::Scalar, im: Self::Scalar) -> Self {
+        Self::splat(re).interleave(Self::splat(im))[0]
+    }
     /// `v0, v0, v1, v1, ...` from the lower half, and the same from the upper.
-    fn pairs(self) -> [Self; 2];
+    #[cfg_attr(optimised, inline(always))]
+    fn pairs(self) -> [Self; 2] {
+        self.interleave(self)
+    }
+    /// `self0, b0, self1, b1, ...` from the lower halves, and the same from the upper.
+    fn interleave(self, b: Self) -> [Self; 2];
     /// `self + b`
     fn add(self, b: Self) -> Self;
     /// `self - b`
@@ -94,37 +102,15 @@ pub trait Vector: Copy {
     /// The largest number; none may be NaN.
     fn largest(self) -> Self::Scalar;
     /// Load the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
-    #[cfg_attr(optimised, inline(always))]
-    fn load(from: &[Self::Scalar]) -> Self {
-        assert!(from.len() >= Self::LANES);
-        // SAFETY: there are `LANES` numbers.
-        unsafe { Self::load_unchecked(from.as_ptr()) }
-    }
+    fn load(from: &[Self::Scalar]) -> Self;
     /// Store to the first numbers of a slice; panics if there are fewer than [`Self::LANES`].
-    #[cfg_attr(optimised, inline(always))]
-    fn store(self, to: &mut [Self::Scalar]) {
-        assert!(to.len() >= Self::LANES);
-        // SAFETY: there are `LANES` numbers.
-        unsafe { self.store_unchecked(to.as_mut_ptr()) }
-    }
-    /// # Safety
-    /// `LANES` numbers can be read.
-    unsafe fn load_unchecked(from: *const Self::Scalar) -> Self;
-    /// # Safety
-    /// `LANES` numbers can be written.
-    unsafe fn store_unchecked(self, to: *mut Self::Scalar);
+    fn store(self, to: &mut [Self::Scalar]);
 }
 
 /// `re0, im0, re1, im1, ...`
 #[cfg_attr(optimised, inline(always))]
 pub fn interleave<V: Vector>(re: V, im: V) -> [V; 2] {
-    let (zero, one) = (V::Scalar::of(0.0), V::Scalar::of(1.0));
-    let (real, imaginary) = (V::alternate(one, zero), V::alternate(zero, one));
-    let (mut sides, im) = (re.pairs(), im.pairs());
-    for i in 0..2 {
-        sides[i] = im[i].mul_add(imaginary, sides[i].mul(real));
-    }
-    sides
+    re.interleave(im)
 }
 
 /// Add to rows of a grid: `grid[start + j stride ..] += taps[j] values` for `W` rows of `N` vectors.
@@ -136,15 +122,12 @@ pub fn add_rows<V: Vector, const W: usize, const N: usize>(
     taps: &[V::Scalar; W],
     values: &[V; N],
 ) {
-    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    let window = &mut grid[start..][..(W - 1) * stride + N * V::LANES];
     for j in 0..W {
+        let row = &mut window[j * stride..][..N * V::LANES];
         for i in 0..N {
-            // SAFETY: checked for all rows above.
-            unsafe {
-                let tap = V::splat(taps[j]);
-                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
-                tap.mul_add(values[i], V::load_unchecked(at)).store_unchecked(at);
-            }
+            let at = &mut row[i * V::LANES..];
+            V::splat(taps[j]).mul_add(values[i], V::load(at)).store(at);
         }
     }
 }
@@ -157,14 +140,12 @@ pub fn add_patch<V: Vector, const W: usize, const N: usize>(
     stride: usize,
     patch: &[[V; N]; W],
 ) {
-    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    let window = &mut grid[start..][..(W - 1) * stride + N * V::LANES];
     for j in 0..W {
+        let row = &mut window[j * stride..][..N * V::LANES];
         for i in 0..N {
-            // SAFETY: checked for all rows above.
-            unsafe {
-                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
-                patch[j][i].add(V::load_unchecked(at)).store_unchecked(at);
-            }
+            let at = &mut row[i * V::LANES..];
+            patch[j][i].add(V::load(at)).store(at);
         }
     }
 }
@@ -178,14 +159,12 @@ pub fn add_window<V: Vector, const W: usize, const N: usize>(
     taps: &[V; W],
     values: &[V; N],
 ) {
-    assert!(start + (W - 1) * stride + N * V::LANES <= grid.len());
+    let window = &mut grid[start..][..(W - 1) * stride + N * V::LANES];
     for j in 0..W {
+        let row = &mut window[j * stride..][..N * V::LANES];
         for i in 0..N {
-            // SAFETY: checked for all rows above.
-            unsafe {
-                let at = grid.as_mut_ptr().add(start + j * stride + i * V::LANES);
-                taps[j].mul_add(values[i], V::load_unchecked(at)).store_unchecked(at);
-            }
+            let at = &mut row[i * V::LANES..];
+            taps[j].mul_add(values[i], V::load(at)).store(at);
         }
     }
 }
@@ -209,6 +188,7 @@ pub trait Isa {
 }
 
 /// Prefetch a value that will be read soon: its first and second cache line.
+#[allow(unsafe_code)]
 #[cfg_attr(optimised, inline(always))]
 pub fn prefetch<T>(what: &T) {
     #[cfg(target_arch = "x86_64")]
