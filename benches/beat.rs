@@ -1,4 +1,4 @@
-//! Sum over paths: NUFFT on the range-velocity grid, sums in lanes, recurrence sum and direct sum.
+//! Sum over paths: the chirp-wise NUFFT, the range-Doppler NUFFT and the direct sum.
 //!
 //! Paths lie between 0.5 and 8 m at up to 3 m/s, in random order or in the order of an image. Names of benches are
 //! `beat/<what varies>/<method>/<value>`; everything else is 65 536 paths, 64 chirps of 128 samples over 1 GHz, one
@@ -9,7 +9,8 @@ mod common;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Throughput};
 use num_complex::Complex64;
-use radarcore::{Basis, Level, Method, Options, PathSeries, Waveform, beat_signal};
+use radarcore::stages::{Basis, Known, Level, Options, PathSeries, beat_signal};
+use radarcore::{Method, Waveform};
 
 const C: f64 = 299_792_458.0;
 
@@ -83,26 +84,25 @@ impl Case {
         };
         let options = Options {
             tolerance: self.tolerance,
-            method: self.method,
             level: self.level,
             is_parallel: self.threads > 1,
-            ..Options::default()
+            cancel: None,
+            known: Known::NOTHING,
         };
         let pool = common::pool(self.threads);
         group.throughput(Throughput::Elements(self.num_paths as u64));
         group.bench_function(id, |bencher| {
-            bencher.iter(|| pool.install(|| beat_signal(&waveform, &series, &options).unwrap()));
+            bencher.iter(|| pool.install(|| beat_signal(&waveform, &series, self.method, &options).unwrap()));
         });
     }
 }
 
-/// Methods that every group compares: the NUFFT at a tolerance, and the direct sums in f32 and f64.
-fn methods() -> [(&'static str, Case); 4] {
+/// Methods that every group compares: the NUFFT at two tolerances, and the direct sum.
+fn methods() -> [(&'static str, Case); 3] {
     [
         ("grid_1e-5", Case::new(Method::Grid, 1e-5)),
         ("grid_1e-10", Case::new(Method::Grid, 1e-10)),
-        ("direct_f32", Case::new(Method::Recurrence, 1e-3)),
-        ("direct_f64", Case::new(Method::Recurrence, 1e-9)),
+        ("direct", Case::new(Method::Direct, 1e-10)),
     ]
 }
 
@@ -128,7 +128,7 @@ fn main() {
             for (name, mut case) in methods() {
                 change(&mut case, value);
                 // Direct sums of more than a second add no information.
-                if case.num_paths * case.num_chirps * case.num_samples < 1 << 31 || name.starts_with("grid") {
+                if case.num_paths * case.num_chirps * case.num_samples < 1 << 27 || name.starts_with("grid") {
                     case.run(&mut group, BenchmarkId::new(name, value));
                 }
             }
@@ -156,30 +156,28 @@ fn main() {
     let levels = Level::available();
     vary("level", (0..levels.len()).collect(), &|case, n| case.level = levels[n]);
 
-    let mut group = criterion.benchmark_group("beat/lanes");
-    Case::new(Method::Lanes, 1e-3).run(&mut group, BenchmarkId::new("lanes", "1e-3"));
-    group.finish();
-
-    // Frames of three channels: lanes against the grid and the recurrence, for the constants of their choice.
+    // Frames of three channels by every engine, for the constants of the rule that chooses.
     let mut group = criterion.benchmark_group("beat/take_over");
-    let methods = [
-        ("lanes", Method::Lanes),
-        ("grid", Method::Grid),
-        ("recurrence", Method::Recurrence),
+    let engines = [
+        ("chirp", Method::Grid, true),
+        ("doppler", Method::Grid, false),
+        ("direct", Method::Direct, true),
     ];
-    for num_chirps in common::sizes([16, 64, 256, 512], 2) {
-        for num_points in common::sizes([30, 4_000, 10_000, 33_000], 10) {
-            for (name, method) in methods {
-                if method != Method::Recurrence || num_points < 1000 {
-                    let case = Frame {
+    for num_chirps in common::sizes([1, 16, 64, 256, 512], 2) {
+        for num_points in common::sizes([1, 30, 1000, 4_000, 10_000, 33_000], 10) {
+            for (name, method, is_bending) in engines {
+                for tolerance in [1e-3, 1e-7] {
+                    let frame = Frame {
                         num_points,
                         num_chirps,
+                        is_bending,
                         method,
+                        tolerance,
                     };
-                    case.run(
-                        &mut group,
-                        BenchmarkId::new(name, format!("{num_points}_points_{num_chirps}_chirps")),
-                    );
+                    if method != Method::Direct || num_points * num_chirps < 20_000 {
+                        let value = format!("{num_points}_points_{num_chirps}_chirps_{tolerance:e}");
+                        frame.run(&mut group, BenchmarkId::new(name, value));
+                    }
                 }
             }
         }
@@ -188,24 +186,28 @@ fn main() {
     criterion.final_summary();
 }
 
-/// Frame of three channels: points that swing, half a metre to five metres away, at eight times, with amplitudes at four.
+/// Frame of three channels: points half a metre to five metres away that swing, with delays at eight times and amplitudes
+/// at four, which the chirp-wise NUFFT sums; or their motion at constant rates, which the range-Doppler NUFFT sums where
+/// it is the faster one.
 #[derive(Clone, Copy)]
 struct Frame {
     num_points: usize,
     num_chirps: usize,
+    is_bending: bool,
     method: Method,
+    tolerance: f64,
 }
 
 impl Frame {
     fn run(&self, group: &mut BenchmarkGroup<WallTime>, id: BenchmarkId) {
         const NUM_CHANNELS: usize = 3;
-        let case = Case::new(self.method, 1e-3);
+        let num_samples = Case::new(Method::Grid, self.tolerance).num_samples;
         let waveform = Waveform {
             start_frequency: 60e9,
-            slope: 1e9 * 2e6 / case.num_samples as f64,
+            slope: 1e9 * 2e6 / num_samples as f64,
             sample_rate: 2e6,
             adc_delay: 3.1e-6,
-            num_samples: case.num_samples,
+            num_samples,
             chirp_times: (0..self.num_chirps).map(|chirp| 300e-6 * chirp as f64).collect(),
         };
         let number = NUM_CHANNELS * self.num_points;
@@ -219,12 +221,14 @@ impl Frame {
             let angle = move |node: usize| std::f64::consts::PI * (2 * node + 1) as f64 / (2 * count) as f64;
             (0..count).map(move |node| 0.5 * duration * (1.0 - angle(node).cos()))
         };
-        let delays: Vec<Vec<f64>> = times(8)
+        // Two Chebyshev nodes are a constant rate.
+        let (num_delays, num_amplitudes) = if self.is_bending { (8, 4) } else { (2, 1) };
+        let delays: Vec<Vec<f64>> = times(num_delays)
             .map(|time| (0..number).map(|path| 2.0 / C * distance(path, time)).collect())
             .collect();
         let amplitude =
             |path: usize, time: f64| Complex64::from_polar(distance(path, time).powi(-2), 5e4 * place(path, 0.37));
-        let amplitudes: Vec<Vec<Complex64>> = times(4)
+        let amplitudes: Vec<Vec<Complex64>> = times(num_amplitudes)
             .map(|time| (0..number).map(|path| amplitude(path, time)).collect())
             .collect();
         let delay: Vec<&[f64]> = delays.iter().map(Vec::as_slice).collect();
@@ -237,14 +241,15 @@ impl Frame {
             num_paths: self.num_points,
         };
         let options = Options {
-            tolerance: case.tolerance,
-            method: self.method,
+            tolerance: self.tolerance,
+            level: Level::best(),
             is_parallel: false,
-            ..Options::default()
+            cancel: None,
+            known: Known::NOTHING,
         };
         group.throughput(Throughput::Elements(number as u64));
         group.bench_function(id, |bencher| {
-            bencher.iter(|| beat_signal(&waveform, &series, &options).unwrap());
+            bencher.iter(|| beat_signal(&waveform, &series, self.method, &options).unwrap());
         });
     }
 }

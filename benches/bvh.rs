@@ -7,7 +7,8 @@ mod common;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
-use radarcore::{Bounds, ShadingMode, Surface, Tree, WIDTH};
+use radarcore::stages::{Bounds, Tree, WIDTH};
+use radarcore::{ShadingMode, Surface};
 
 fn build(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/build");

@@ -1,4 +1,4 @@
-"""Error of the beat signal against run time: the grid, direct sums, and a public library of nonuniform FFTs.
+"""Error of the beat signal against run time: the NUFFTs, direct sums, and a public library of nonuniform FFTs.
 
     python benches/pareto.py            print the tables
     python benches/pareto.py --write    also write docs/performance.md and docs/performance.png
@@ -46,12 +46,11 @@ PAGE_TEXT = """\
 Error of the beat signal against run time, written by `python benches/pareto.py --write`.
 
 {num_paths} paths, one channel, {machine}; one thread unless stated otherwise. Times are medians over {repeats} rounds
-in which the methods take turns, and include the call from Python with delays and amplitudes in memory. "× f32" and "×
-f64" are speedups over the direct sums of radarcore (phasor recurrences) in single and double precision: medians of the
-ratios of the rounds, not ratios of the medians beside them. On other machines times change more than ratios. "C f64"
-is "direct f64" in forty lines of C (`benches/direct_sum.c`, `cc -O3 -march=native -ffast-math`), to tell whether the
-yardstick is a good one. "grid" is `method="auto"`; the plan chooses the
-range-velocity grid in all cases but the fan. [Synthesis](synthesis.md) describes the methods.
+in which the methods take turns, and include the call from Python with delays and amplitudes in memory. "auto" and
+"direct" are methods of `beat_signal`, see [synthesis](synthesis.md). "C f64" is an independent baseline for linear
+delays: a direct sum by phasor recurrences in forty lines of C (`benches/direct_sum.c`, `cc -O3 -march=native
+-ffast-math`). "× C" and "× direct" are speedups over these two: medians of the ratios of the rounds, not ratios of the
+medians beside them. On other machines times change more than ratios.
 
 Errors are rms over samples relative to the l2 norm of the amplitudes, estimated at {num_samples} random samples of
 the frame against eq. (1) with the exact delays of all paths.
@@ -174,34 +173,17 @@ class Method:
 
 
 def radarcore_sum(job: Job, method: str, tolerance: float, threads: int) -> Phasors:
-    """The samples of a job by "grid" (what the plan chooses), "direct f32" or "direct f64".
-
-    The direct sums are those by phasor recurrences, the fastest there are: any tolerance above their error picks the
-    precision.
-    """
-    sum_method, bound = {"grid": ("auto", tolerance), "direct f32": ("recurrence", 1e-3)}.get(
-        method, ("recurrence", 1e-7)
-    )
+    """The samples of a job by a method of `beat_signal`."""
     samples, _ = _core.beat_signal(
         job.delay,
         job.amplitude,
         job.delay_rate,
         waveform=job.waveform._core,
-        tolerance=bound,
-        method=sum_method,
+        tolerance=tolerance,
+        method=method,
         threads=threads,
     )
     return samples
-
-
-def has_direct_f64(job: Job) -> bool:
-    """True if the recurrences can be bounded in double precision: not where a path turns within a chirp."""
-    paths = (job.delay, job.amplitude, job.delay_rate)
-    try:
-        _core.beat_signal(*paths, waveform=job.waveform._core, tolerance=4e-6, method="recurrence", plan_only=True)
-    except ValueError:
-        return False
-    return True
 
 
 # The direct sum in C.
@@ -413,19 +395,17 @@ def measure(case: Case, methods: list[Method], run: Run) -> None:
 
 
 def ours(case: Case, tolerances: Iterable[float]) -> Iterator[Method]:
-    """The grid at every tolerance, and the direct sums with the delays of the finest."""
+    """The fastest sum at every tolerance, and the direct sum with the delays of the finest."""
     jobs = {tolerance: case.job(tolerance) for tolerance in tolerances}
 
     def method(name: str, tolerance: float | None) -> Method:
         job = jobs[min(jobs) if tolerance is None else tolerance]
         nodes = None if case.is_linear else len(job.delay)
-        return Method(name, tolerance, lambda: radarcore_sum(job, name, tolerance or 1e-4, 1), nodes)
+        return Method(name, tolerance, lambda: radarcore_sum(job, name, tolerance or 1e-9, 1), nodes)
 
     for tolerance in jobs:
-        yield method("grid", tolerance)
-    yield method("direct f32", None)
-    if has_direct_f64(jobs[min(jobs)]):
-        yield method("direct f64", None)
+        yield method("auto", tolerance)
+    yield method("direct", None)
 
 
 def in_c(job: Job) -> Iterator[Method]:
@@ -488,14 +468,11 @@ def fewer_rows(run: Run) -> Iterator[list[str]]:
         for case in (random_order(wf, num_paths), image_order(wf, num_paths), *moving_cases(num_paths)):
             methods = list(ours(case, MOVING_TOLERANCES))
             measure(case, methods, run)
-            by_grid = methods[: len(MOVING_TOLERANCES)]
-            excess = max(method.error / tolerance for method, tolerance in zip(by_grid, MOVING_TOLERANCES, strict=True))
-            direct = [m for m in methods if m.name == "direct f64"]
+            excess = max(method.error / method.tolerance for method in methods if method.tolerance is not None)
             yield [
                 title(case),
                 str(num_paths),
-                *(milliseconds(method.seconds) for method in by_grid),
-                milliseconds(direct[0].seconds) if direct else "-",
+                *(milliseconds(method.seconds) for method in methods),
                 f"{excess:.2g}",
             ]
 
@@ -508,18 +485,18 @@ def growth_rows(run: Run) -> Iterator[list[str]]:
         for case in (random_order(wf, run.paths), walker_case(wf, run.paths, {GROWTH_TOLERANCE: num_nodes})):
             job = case.job(GROWTH_TOLERANCE)
             methods = [
-                Method(
-                    name, GROWTH_TOLERANCE, lambda j=job, n=name, t=threads: radarcore_sum(j, n, GROWTH_TOLERANCE, t)
-                )
-                for name, threads in (("direct f32", 1), ("direct f32", 2), ("grid", 1), ("grid", 2))
+                Method("auto", GROWTH_TOLERANCE, lambda j=job, t=threads: radarcore_sum(j, "auto", GROWTH_TOLERANCE, t))
+                for threads in (1, 2)
             ]
-            measure(case, methods, run)
+            baseline = list(in_c(job)) if case.is_linear else []
+            measure(case, methods + baseline, run)
             yield [
                 case.name,
                 str(num_chirps),
                 "-" if case.is_linear else str(num_nodes),
-                f"{methods[2].error:.1e}",
+                f"{methods[0].error:.1e}",
                 *(milliseconds(method.seconds) for method in methods),
+                milliseconds(baseline[0].seconds) if baseline else "-",
             ]
 
 
@@ -542,7 +519,7 @@ def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[st
     """One row per method: what nodes and the library's columns are missing is a dash."""
     for name, methods in results:
         by_name = {method.name: method for method in methods}
-        direct = [by_name.get(f"direct {precision}") for precision in ("f32", "f64")]
+        bases = [by_name.get(name) for name in ("C f64", "direct")]
         for method in methods:
             is_library = isinstance(method.call, LibrarySum)
             yield [
@@ -554,20 +531,19 @@ def result_rows(results: Iterable[tuple[str, list[Method]]]) -> Iterator[list[st
                 f"{method.error:.1e}",
                 milliseconds(method.seconds),
                 milliseconds(method.total_seconds) if is_library else "-",
-                *("-" if base is None else f"{method.speedup(base):.3g}" for base in direct),
+                *("-" if base is None else f"{method.speedup(base):.3g}" for base in bases),
             ]
 
 
 def result_table(results: list[tuple[str, list[Method]]], *leave_out: str) -> str:
-    header = ["case", "method", "tolerance", "nodes", "terms", "error", "ms", "with numpy", "× f32", "× f64"]
+    header = ["case", "method", "tolerance", "nodes", "terms", "error", "ms", "with numpy", "× C", "× direct"]
     kept = [i for i, name in enumerate(header) if name not in leave_out]
     return table([header[i] for i in kept], [[row[i] for i in kept] for row in result_rows(results)])
 
 
 STYLES = {
-    "grid": "o-C3",
-    "direct f32": "sC0",
-    "direct f64": "DC0",
+    "auto": "o-C3",
+    "direct": "DC0",
     "C f64": "xC0",
     "finufft 2-D f32": "^--C1",
     "finufft 2-D f64": "v--C1",
@@ -585,10 +561,9 @@ def picture(linear: list[tuple[str, list[Method]]], moving: list[tuple[str, list
             draw(ax, [m for m in methods if m.name == method_name], style, label=method_name)
         ax.set_title(f"Linear delays, {name}")
     for color, (name, methods) in enumerate(moving):
-        draw(axes[3], [m for m in methods if m.name == "grid"], f"o-C{color}", label=name)
-        draw(axes[3], [m for m in methods if m.name == "direct f32"], f"sC{color}")
-        draw(axes[3], [m for m in methods if m.name == "direct f64"], f"DC{color}")
-    axes[3].set_title("Real motion: grid (lines), direct f32 (□), f64 (◇)")
+        draw(axes[3], [m for m in methods if m.name == "auto"], f"o-C{color}", label=name)
+        draw(axes[3], [m for m in methods if m.name == "direct"], f"DC{color}")
+    axes[3].set_title("Real motion: auto (lines), direct (◇)")
     for ax in axes:
         ax.set(xscale="log", yscale="log", xlabel="run time [ms]", ylabel="rms error / l2 of the amplitudes")
         ax.xaxis.set_major_formatter("{x:g}")
@@ -617,12 +592,12 @@ def main() -> None:
     linear_table = result_table(linear, "nodes", *(["terms", "with numpy"] if finufft is None else []))
     print(linear_table, end="\n\n")
     moving = list(moving_results(run))
-    moving_table = result_table(moving, "terms", "with numpy")
+    moving_table = result_table(moving, "terms", "with numpy", "× C")
     print(moving_table, end="\n\n")
-    columns = ["case", "paths", *(f"{tolerance:.0e}" for tolerance in MOVING_TOLERANCES), "direct f64", "error"]
+    columns = ["case", "paths", *(f"{tolerance:.0e}" for tolerance in MOVING_TOLERANCES), "direct", "error"]
     fewer = table(columns, fewer_rows(run))
     print(fewer, end="\n\n")
-    columns = ["case", "chirps", "nodes", "error", "direct f32", "2 threads", "grid", "2 threads"]
+    columns = ["case", "chirps", "nodes", "error", "auto", "2 threads", "C f64"]
     growth = table(columns, growth_rows(run))
     print(growth, end="\n\n")
     call = overhead(run)

@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, ShadingMode, SmoothHits, Surface, Traversals};
+use radarcore::stages::{Cast, Level, PosedScene, Ray, SmoothHits, Traversals};
+use radarcore::{ImagePlane, Pose, ShadingMode, Surface};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {

@@ -5,38 +5,39 @@
 //!                            └──────────────────────────────────────────────────────────────── truth
 //! ```
 //!
-//! [`simulate`] has one line per stage. A frame whose bodies turn fast is cast in parts, one after the other.
+//! [`simulate`] has one line per stage. A frame whose bodies turn fast is cast in spans of chirps, one after the other.
 
-mod groups;
-mod lanes;
 mod model;
-mod outcome;
-mod parts;
+mod path_groups;
 mod rays;
+mod spans;
 mod stages;
-mod sum;
 mod truth;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use crate::cancel::Cancel;
+use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Result, fits_memory};
-use crate::paths::placement::World;
+use crate::paths::node_times::NodeTimes;
+use crate::paths::sensor_motion::World;
 use crate::rays::scene::Occlusion;
-use crate::synthesis::beat::Samples;
+use crate::synthesis::beat_signal::sum_groups;
+use crate::synthesis::report::{Report, Samples};
+use crate::synthesis::source::{PathSource, Shape};
 
-pub use groups::PathArrays;
 pub use model::{DepthImage, Model, RaySampling, Scene, Settings, Source};
-pub use outcome::Outcome;
+pub use path_groups::PathArrays;
 pub use rays::Image;
 pub use truth::Truth;
 
-use groups::{Groups, Motions};
 use model::Shapes;
-use parts::Part;
+use path_groups::{Motions, PathGroups, PathsAtNodes};
 use rays::Rays;
+use spans::Span;
 use stages::{StageTimes, timed};
 
 /// Share of the tolerance for the error of the series of motions.
@@ -67,7 +68,7 @@ pub struct Memory {
     shapes: Shapes,
 }
 
-/// Counts of rays and paths of a frame, summed over its parts, and the worst errors.
+/// Counts of rays and paths of a frame, summed over its spans, and the worst errors.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
     /// Times at which rays were cast.
@@ -94,46 +95,58 @@ pub struct Counts {
     pub bounces_stopped: usize,
     /// Cells of ray tubes that were not quartered, as there were too many.
     pub bounces_not_split: usize,
-    /// Statistics of the sum.
-    pub sum: Outcome,
+    /// Static paths.
+    pub static_paths: usize,
+    /// The most node times of all groups of paths, and the largest errors of the series through them.
+    pub node_times: NodeTimes,
+    /// Descriptions of the sums, a line per span.
+    pub plan: Vec<String>,
     /// Distance of the farthest echo [m].
     pub farthest: f64,
     /// Error of phases by the series of the motion [rad].
     pub motion_error: f64,
-    /// Numbers, in the scene, of the bodies and point targets whose motion needs more times than the others', and which
-    /// have a sum of their own.
-    pub rough: Vec<usize>,
+    /// Numbers, in the scene, of the bodies and point targets in fast-varying motion, which needs more node times than the
+    /// others'.
+    pub fast_varying: Vec<usize>,
     /// Run time of every stage.
     pub times: StageTimes,
 }
 
-/// Simulate a frame. `motion`: positions at the Chebyshev times of the frame, in the world; `rates`: time derivatives,
-/// which a frame of a single sample needs, as its times are all the same. None where the times are too few for the motion.
+/// Answer to the motion of a frame.
+pub enum Answer {
+    /// The frame.
+    Done(Box<Frame>),
+    /// The times are too few for the motion.
+    MoreTimes,
+}
+
+/// Simulate a frame. `world`: positions at the Chebyshev times of the frame; `rates`: time derivatives, which a frame of a
+/// single sample needs, as its times are all the same.
 pub fn simulate(
     model: &Model,
-    motion: &World,
+    world: &World,
     rates: Option<&World>,
     memory: &mut Memory,
     cancel: &Cancel,
-) -> Result<Option<Frame>> {
+) -> Result<Answer> {
     let mut times = StageTimes::default();
-    let placement = timed(&mut times.motion, || model.placement(motion))?;
-    let motion_error = model.phase_error(&placement);
-    if motion_error > MOTION_SHARE * model.settings.tolerance && placement.num_times() < MOST_TIMES {
-        return Ok(None);
+    let motion = timed(&mut times.motion, || model.motion(world))?;
+    let motion_error = model.phase_error(&motion);
+    if motion_error > MOTION_SHARE * model.settings.tolerance && motion.num_times() < MOST_TIMES {
+        return Ok(Answer::MoreTimes);
     }
     let rates = timed(&mut times.motion, || match rates {
-        Some(rates) => model.rates(&placement, motion, rates),
-        None => Ok(placement.rates(model.waveform.duration())),
+        Some(rates) => model.rates(&motion, world, rates),
+        None => Ok(motion.rates(model.waveform.duration())),
     })?;
 
-    let mut frame = FrameBuilder::new(model)?;
-    for part in parts::of_frame(model, &placement) {
+    let mut frame = Frame::zeros(model)?;
+    for span in spans::of_frame(model, &motion) {
         cancel.check()?;
         let (rays, motions) = timed(&mut times.rays, || {
-            let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-            let rays = || Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel);
-            let (rays, motions) = rayon::join(rays, || Motions::new(model, &placement, &part));
+            let scene = model.posed(&motion, span.cast, &mut memory.shapes)?;
+            let rays = || Rays::cast(model, &scene, &span.rotation_angles, memory.rays.as_ref(), cancel);
+            let (rays, motions) = rayon::join(rays, || Motions::new(model, &motion, &span));
             Ok((rays?, motions))
         })?;
         // Freeing thousands of tiles takes as long as a stage: beside the next ones.
@@ -141,43 +154,53 @@ pub fn simulate(
             rayon::spawn(move || drop(before));
         }
         let groups = timed(&mut times.scatterers, || {
-            Groups::new(model, motions, &rays, &mut memory.tubes, cancel)
+            PathGroups::new(model, &motions, &rays, &mut memory.tubes, cancel)
         })?;
-        let (samples, outcome) = groups.sum(model, &placement, &part, cancel)?;
-        frame.add(&part, samples, &outcome, &rays, &groups);
-        if part.has_middle {
-            frame.truth = timed(&mut times.truth, || truth::of(model, &rays, &placement, &rates));
+        let options = model.options(groups.len(), span.chirps.len(), cancel);
+        let paths = timed(&mut times.node_times, || {
+            groups.at_nodes(model, &motion, &span, options.is_parallel)
+        });
+        let (samples, report) = timed(&mut times.sum, || {
+            let sources: Vec<_> = paths.iter().map(PathsAtNodes::group).collect();
+            let num_channels = model.array.num_channels();
+            sum_groups(&span.waveform, num_channels, &sources, model.settings.method, &options)
+        })?;
+        frame.add(model.shape(), &span, samples);
+        frame.counts.add(&rays, &groups, &paths, &report);
+        if span.has_middle {
+            frame.truth = timed(&mut times.truth, || truth::of(model, &rays, &motion, &rates));
         }
         memory.rays = Some(rays);
     }
-    frame.counts.times.add(&times);
-    Ok(Some(frame.finish(motion_error)))
+    frame.counts.motion_error = motion_error;
+    frame.counts.times = times;
+    Ok(Answer::Done(Box::new(frame)))
 }
 
-/// Paths at one time, from the rays of the first part of the frame of a motion; `at` and `rates_at`: positions and time
+/// Paths at one time, from the rays of the first span of the frame of a motion; `at` and `rates_at`: positions and time
 /// derivatives at that time.
 pub fn paths(
     model: &Model,
-    motion: &World,
+    world: &World,
     (at, rates_at): (&World, &World),
     memory: &mut Memory,
     cancel: &Cancel,
 ) -> Result<PathArrays> {
-    let placement = model.placement(motion)?;
-    let part = &parts::of_frame(model, &placement)[0];
-    let scene = model.posed(&placement, part.cast, &mut memory.shapes)?;
-    let rays = Rays::cast(model, &scene, &part.turns, memory.rays.as_ref(), cancel)?;
-    let motions = Motions::new(model, &placement, part);
-    let groups = Groups::new(model, motions, &rays, &mut memory.tubes, cancel)?;
+    let motion = model.motion(world)?;
+    let span = &spans::of_frame(model, &motion)[0];
+    let scene = model.posed(&motion, span.cast, &mut memory.shapes)?;
+    let rays = Rays::cast(model, &scene, &span.rotation_angles, memory.rays.as_ref(), cancel)?;
+    let motions = Motions::new(model, &motion, span);
+    let groups = PathGroups::new(model, &motions, &rays, &mut memory.tubes, cancel)?;
     memory.rays = Some(rays);
-    let at_seen = model.placement(at)?;
+    let at_seen = model.motion(at)?;
     groups.arrays(model, &at_seen, &model.rates(&at_seen, at, rates_at)?)
 }
 
 /// Image of the hits of rays at one time.
 pub fn image(model: &Model, at: &World, memory: &mut Memory, cancel: &Cancel) -> Result<Arc<Image>> {
-    let placement = model.placement(at)?;
-    let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
+    let motion = model.motion(at)?;
+    let scene = model.posed(&motion, 0.0, &mut memory.shapes)?;
     let image = Arc::new(model.cast_image(scene, memory.image.as_deref(), cancel)?);
     memory.image = Some(image.clone());
     Ok(image)
@@ -191,101 +214,79 @@ pub fn occluded(
     ends_early: bool,
     memory: &mut Memory,
 ) -> Result<Occlusion> {
-    let placement = model.placement(at)?;
-    let scene = model.posed(&placement, 0.0, &mut memory.shapes)?;
+    let motion = model.motion(at)?;
+    let scene = model.posed(&motion, 0.0, &mut memory.shapes)?;
     Ok(scene.occluded(points, ends_early))
 }
 
-/// Frame under construction, part by part.
-struct FrameBuilder<'a> {
-    model: &'a Model,
-    cube: Option<Samples>,
-    truth: Option<Truth>,
-    counts: Counts,
-}
-
-impl<'a> FrameBuilder<'a> {
-    fn new(model: &'a Model) -> Result<Self> {
-        let shape = [
-            model.array.num_channels(),
-            model.waveform.chirp_times.len(),
-            model.waveform.num_samples,
-        ];
+impl Frame {
+    /// Samples of zero and no counts.
+    fn zeros(model: &Model) -> Result<Self> {
+        let shape = model.shape();
         fits_memory("samples", &shape, 2 * size_of::<num_complex::Complex64>())?;
         Ok(Self {
-            model,
-            cube: None,
+            cube: Samples::zeros(shape, model.settings.tolerance),
             truth: None,
             counts: Counts::default(),
         })
     }
 
-    fn add(&mut self, part: &Part, samples: Samples, outcome: &Outcome, rays: &Rays, groups: &Groups) {
-        let counts = &mut self.counts;
-        let (cast, hit, (num_bounces, bounces)) = (rays.counts(), rays.num_hit(), groups.bounces());
-        counts.casts += 1;
-        counts.rays_cast += cast.rays;
-        counts.rays_hit += hit;
-        counts.tiles_skipped += cast.tiles_skipped;
-        counts.tiles_reused += cast.tiles_reused;
-        if let Some(number) = rays.num_coarse() {
-            *counts.cells_not_split.get_or_insert(0) += number;
+    /// Take the samples of a span.
+    fn add(&mut self, [_, num_chirps, num_samples]: [usize; 3], span: &Span, samples: Samples) {
+        fn place<T: Copy>(cube: &mut [T], samples: &[T], per_channel: usize, chirps: Range<usize>) {
+            let channels = samples.chunks_exact(chirps.len());
+            for (channel, samples) in cube.chunks_exact_mut(per_channel).zip(channels) {
+                channel[chirps.clone()].copy_from_slice(samples);
+            }
         }
-        counts.paths += groups.num_paths();
-        let lit = rays.num_lit().unwrap_or_else(|| groups.num_cells());
-        counts.paths_skipped += hit.saturating_sub(lit);
-        counts.bounce_paths += num_bounces;
-        counts.bounce_rays += bounces.rays;
-        counts.bounces_stopped += bounces.stopped;
-        counts.bounces_not_split += bounces.coarse;
-        counts.farthest = counts.farthest.max(outcome.farthest).max(groups.farthest());
-        counts.rough.extend_from_slice(groups.rough());
-        counts.rough.sort_unstable();
-        counts.rough.dedup();
-        counts.sum.add(outcome);
-        counts.times.add(&outcome.times);
-
-        // A part has some of the chirps of every channel.
-        let (num_chirps, num_samples) = (self.model.waveform.chirp_times.len(), self.model.waveform.num_samples);
-        if part.chirps.len() == num_chirps {
-            self.cube = Some(samples);
-            return;
-        }
-        let shape = [self.model.array.num_channels(), num_chirps, num_samples];
-        let cube = self
-            .cube
-            .get_or_insert_with(|| sum::zeros(shape, self.model.settings.tolerance));
-        match (cube, samples) {
-            (Samples::Single(cube), Samples::Single(samples)) => place(cube, &samples, part, num_chirps, num_samples),
-            (Samples::Double(cube), Samples::Double(samples)) => place(cube, &samples, part, num_chirps, num_samples),
+        let per_channel = num_chirps * num_samples;
+        let chirps = span.chirps.start * num_samples..span.chirps.end * num_samples;
+        match (&mut self.cube, samples) {
+            (cube, samples) if chirps.len() == per_channel => *cube = samples,
+            (Samples::Single(cube), Samples::Single(samples)) => place(cube, &samples, per_channel, chirps),
+            (Samples::Double(cube), Samples::Double(samples)) => place(cube, &samples, per_channel, chirps),
             _ => unreachable!("one tolerance, one precision"),
-        }
-    }
-
-    fn finish(self, motion_error: f64) -> Frame {
-        let shape = [
-            self.model.array.num_channels(),
-            self.model.waveform.chirp_times.len(),
-            self.model.waveform.num_samples,
-        ];
-        Frame {
-            cube: self
-                .cube
-                .unwrap_or_else(|| sum::zeros(shape, self.model.settings.tolerance)),
-            truth: self.truth,
-            counts: Counts {
-                motion_error,
-                ..self.counts
-            },
         }
     }
 }
 
-/// Put the samples of a part into the cube of its frame.
-fn place<T: Copy>(cube: &mut [T], samples: &[T], part: &Part, num_chirps: usize, num_samples: usize) {
-    let rows = samples.chunks_exact(part.chirps.len() * num_samples);
-    for (frame, rows) in cube.chunks_exact_mut(num_chirps * num_samples).zip(rows) {
-        let first = part.chirps.start * num_samples;
-        frame[first..first + rows.len()].copy_from_slice(rows);
+impl Counts {
+    /// Add the counts of a span.
+    fn add(&mut self, rays: &Rays, groups: &PathGroups, paths: &[PathsAtNodes], report: &Report) {
+        let (cast, hit, (num_bounces, bounces)) = (rays.counts(), rays.num_hit(), groups.bounces);
+        self.casts += 1;
+        self.rays_cast += cast.rays;
+        self.rays_hit += hit;
+        self.tiles_skipped += cast.tiles_skipped;
+        self.tiles_reused += cast.tiles_reused;
+        if let Some(number) = rays.num_coarse() {
+            *self.cells_not_split.get_or_insert(0) += number;
+        }
+        self.paths += groups.len();
+        let lit = rays.num_lit().unwrap_or_else(|| groups.num_cells());
+        self.paths_skipped += hit.saturating_sub(lit);
+        self.bounce_paths += num_bounces;
+        self.bounce_rays += bounces.rays;
+        self.bounces_stopped += bounces.stopped;
+        self.bounces_not_split += bounces.coarse;
+        let shapes = paths.iter().map(PathsAtNodes::shape).filter(Shape::is_static);
+        self.static_paths += shapes.map(|shape| shape.paths).sum::<usize>();
+        self.farthest = self
+            .farthest
+            .max(0.5 * SPEED_OF_LIGHT * report.longest)
+            .max(groups.farthest);
+        self.fast_varying.extend_from_slice(&groups.fast_varying);
+        self.fast_varying.sort_unstable();
+        self.fast_varying.dedup();
+        let nodes = paths.iter().map(|paths| paths.node_times).reduce(NodeTimes::max);
+        if let Some(nodes) = nodes {
+            let [delays, amplitudes] = [nodes.delays, nodes.amplitudes].map(|n| match n {
+                1 => "1 time".to_owned(),
+                _ => format!("{n} times"),
+            });
+            self.plan
+                .push(format!("delays at {delays}, amplitudes at {amplitudes}; {report}"));
+            self.node_times = self.node_times.max(nodes);
+        }
     }
 }

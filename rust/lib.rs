@@ -15,7 +15,7 @@
 //! - `scattering`: hits to scatterers, by physical optics for the specular part and Lambert's law for the diffuse one.
 //! - `bounces`: paths of several reflections, by shooting and bouncing rays.
 //! - `paths`: delay and amplitude of every path at every time of a frame, as bodies move and deform.
-//! - `synthesis`: sum over all paths, to a tolerance: direct, by recurrence, or by NUFFT with low-rank corrections.
+//! - `synthesis`: sum over all paths, to a tolerance: direct, by chirp-wise NUFFT, or by range-Doppler NUFFT.
 //! - `processing`: tones in the cells about peaks, and the steps of a tracker: what is called often on small arrays.
 //! - `python`: boundary, one file per stage.
 //!
@@ -30,7 +30,7 @@
 //! - Amplitudes are in sqrt(W): the squared magnitude is the received power.
 //! - f32 bounds, f64 measures: boxes of the trees are f32, every distance, delay and phase is f64.
 //! - Results do not depend on the number of threads: every sum has a fixed order.
-//! - Kernels take the fastest instruction set of the processor, see [`Level`]. The environment variable `RADARCORE_SIMD`
+//! - Kernels take the fastest instruction set of the processor. The environment variable `RADARCORE_SIMD`
 //!   names the highest: `baseline`, `avx2` or `avx512`.
 //! - Threads need 512 kB of stack, also without optimisation.
 //!
@@ -38,7 +38,6 @@
 //!
 //! | | |
 //! |---|---|
-//! | adaptive cross approximation | low-rank interpolation of residual phases from a few of their rows and columns |
 //! | beat signal | product of the sent and the received wave, sampled; its frequency grows with range |
 //! | channel | pair of a transmitter and a receiver |
 //! | chirp, frame | one linear ramp of frequency; ramps that are processed together |
@@ -50,7 +49,6 @@
 //! | packet | 16 rays of an 8 x 8 tile that traverse a tree together |
 //! | path | way of a wave from a transmitter over one or more surfaces to a receiver |
 //! | physical optics | currents on a lit surface as if it were an infinite plane, and what they radiate |
-//! | residual phase | what a moving path adds to its plane wave on the range-velocity grid |
 //! | scatterer | material point with the amplitude that it returns to every channel |
 //! | shooting and bouncing rays | ray tubes by geometrical optics, radiating at their last surface by physical optics |
 //! | specular, diffuse | reflected coherently as from a mirror; scattered into all directions with random phase |
@@ -65,19 +63,19 @@
 //! ```
 //! use std::sync::Arc;
 //!
-//! use glam::DVec3;
+//! use glam::{DMat3, DVec3};
 //! use radarcore::*;
 //!
 //! # fn main() -> Result<()> {
 //! let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| 0.015 * DVec3::new(0.0, y, z));
 //! let plate = Arc::new(Surface::new(&corners, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat)?);
-//! let pose = Pose { translation: DVec3::new(2.0, 0.0, 0.0), ..Pose::IDENTITY };
-//!
-//! // Rays: image of the scene.
-//! let scene = PosedScene::new(vec![plate], vec![pose]);
-//! let hits = scene.cast_image(&ImagePlane::centered(64, 64, 0.01, 0.01))?;
-//!
-//! // Scattering: hits to scatterers.
+//! let scene = Scene {
+//!     surfaces: vec![plate],
+//!     deforming: vec![],
+//!     rcs: vec![],
+//!     body_numbers: vec![0],
+//!     point_numbers: vec![],
+//! };
 //! let isotropic = Pattern::Gaussian { peak: 1.0, azimuth: 0.0, elevation: 0.0 };
 //! let antennas = Array {
 //!     tx: vec![DVec3::ZERO],
@@ -89,16 +87,6 @@
 //!     polarization: None,
 //!     responses: Vec::new(),
 //! };
-//! let smooth = SmoothHits::new(&scene, &hits);
-//! let scatterers = Scatterers::new(&scene, &hits, &smooth, &[CONDUCTOR], antennas, Sampling::Footprint, 0);
-//!
-//! // Paths: delay and amplitude of each at one time, as nothing moves.
-//! let kinematics = Kinematics { num_nodes: 1, num_bodies: 1, poses: &[pose], points: &[], rcs: &[], vertices: &[] };
-//! let all = Members::all(&scatterers, 0);
-//! let num_paths = all.len();
-//! let paths = scatterers.paths(&kinematics, &kinematics, &all, Selection { first: 0, last: num_paths, step: 1 })?;
-//!
-//! // Synthesis: samples of 16 chirps.
 //! let waveform = Waveform {
 //!     start_frequency: 59.5e9,
 //!     slope: 1e9 / 64e-6,
@@ -107,15 +95,33 @@
 //!     num_samples: 128,
 //!     chirp_times: (0..16).map(|chirp| f64::from(chirp) * 400e-6).collect(),
 //! };
-//! let series = PathSeries {
-//!     basis: Basis::Chebyshev,
-//!     delay: &[&paths.delay],
-//!     amplitude: &[&paths.amplitude],
-//!     num_channels: 1,
-//!     num_paths,
+//! let plane = ImagePlane::centered(64, 64, 0.01, 0.01);
+//! let settings = Settings {
+//!     rotations: vec![DMat3::IDENTITY],
+//!     rays: RaySampling::Pixels(vec![plane], Sampling::Footprint),
+//!     tubes: vec![plane],
+//!     image: plane,
+//!     gain_floor: None,
+//!     skip_empty: true,
+//!     reuse_tiles: true,
+//!     limits: Limits { max_bounces: 1, floor: 1e-3 },
+//!     retrace: f64::INFINITY,
+//!     seed: 0,
+//!     tolerance: 1e-3,
+//!     method: Method::Auto,
 //! };
-//! let (samples, _report) = beat_signal(&waveform, &series, &Options::default())?;
-//! let Samples::Single(samples) = samples else { unreachable!("asked for single precision") };
+//! let model = Model::new(Source::Scene(scene), vec![CONDUCTOR], antennas, waveform, DVec3::ZERO, settings)?;
+//!
+//! // Nothing moves: poses at one time.
+//! let world = World {
+//!     sensor: vec![Pose::IDENTITY],
+//!     poses: vec![Pose { translation: DVec3::new(2.0, 0.0, 0.0), ..Pose::IDENTITY }],
+//!     points: vec![],
+//!     vertices: vec![],
+//! };
+//! let answer = simulate(&model, &world, None, &mut Memory::default(), &Cancel::default())?;
+//! let Answer::Done(frame) = answer else { unreachable!("one time does for what stands still") };
+//! let Samples::Single(samples) = frame.cube else { unreachable!("asked for single precision") };
 //! assert_eq!(samples.len(), 16 * 128);
 //!
 //! // The radar equation with the cross-section 4 pi A^2 / lambda^2 of a plate: P (A / (4 pi R^2))^2.
@@ -149,28 +155,36 @@ mod synthesis;
 
 pub use antennas::array::Array;
 pub use antennas::pattern::Pattern;
-pub use bounces::{Aspect, Limits, cross_sections};
+pub use bounces::Limits;
 pub use cancel::Cancel;
 pub use error::{Error, Result};
-pub use frame::{Memory, Model, RaySampling, Scene, Settings, Source, image, paths as frame_paths, simulate};
-pub use geometry::aabb::Bounds;
+pub use frame::{Answer, Memory, Model, RaySampling, Scene, Settings, Source, simulate};
 pub use geometry::pose::Pose;
-pub use numeric::normal::add_normal;
-pub use numeric::simd::Level;
-pub use paths::kinematics::Kinematics;
-pub use paths::placement::{VertexMotion, World};
-pub use paths::scatterers::{Members, Scatterers};
-pub use paths::series::{Paths, Selection};
+pub use paths::sensor_motion::World;
 pub use rays::camera::ImagePlane;
-pub use rays::hits::{Cast, Hits};
-pub use rays::packet_search::Traversals;
-pub use rays::scene::{Hit, NO_BODY, PosedScene};
-pub use rays::smooth_hits::SmoothHits;
 pub use rays::surface::{ShadingMode, Surface};
-pub use rays::tree::{Ray, Tree, WIDTH};
-pub use scattering::material::{CONDUCTOR, Material, Response};
+pub use scattering::material::CONDUCTOR;
 pub use scattering::physical_optics::Sampling;
-pub use synthesis::beat::{Options, Report, Samples, beat_signal};
 pub use synthesis::chirp::Waveform;
-pub use synthesis::delay::{Basis, PathSeries};
-pub use synthesis::plan::Method;
+pub use synthesis::choose::Method;
+pub use synthesis::report::Samples;
+
+/// Stages by themselves, for benches and tests.
+#[doc(hidden)]
+pub mod stages {
+    pub use crate::bounces::{Aspect, cross_sections};
+    pub use crate::frame::{image, paths};
+    pub use crate::geometry::aabb::Bounds;
+    pub use crate::numeric::normal::add_normal;
+    pub use crate::numeric::simd::Level;
+    pub use crate::paths::sensor_motion::VertexMotion;
+    pub use crate::rays::hits::Cast;
+    pub use crate::rays::packet_search::Traversals;
+    pub use crate::rays::scene::PosedScene;
+    pub use crate::rays::smooth_hits::SmoothHits;
+    pub use crate::rays::tree::{Ray, Tree, WIDTH};
+    pub use crate::scattering::material::{Material, Response};
+    pub use crate::synthesis::beat_signal::beat_signal;
+    pub use crate::synthesis::delay::{Basis, PathSeries};
+    pub use crate::synthesis::report::{Known, Options};
+}

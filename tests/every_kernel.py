@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 import radarcore as rc
-from fast_sums import moving
-from path_scenes import relative_error
+from fast_sums import moving, steady
+from path_scenes import allowance, relative_error, scene_paths
 from radarcore import _core
 
 STACK = 512 * 1024
@@ -43,18 +43,21 @@ def scene() -> rc.Scene:
 
 
 def sums() -> dict[str, Any]:
-    """Sums of every method, to tolerances of every width: largest error in units of the tolerance."""
+    """Sums by both NUFFTs, to tolerances of every width: largest error in units of its bound, and the kernels used."""
     wf = rc.Waveform(
         start_frequency=60e9, slope=1.5e13, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=3e-4
     )
-    paths = moving(500)
-    exact = paths.exact(wf)
-    errors = []
-    for method, finest in (("grid", 11), ("recurrence", 9), ("lanes", 4)):
-        for digits in range(1, finest + 1):
-            got, _ = paths.signal(wf, tolerance=0.1**digits, method=method)
-            errors.append(float(relative_error(got, exact, paths).max()) / 0.1**digits)
-    return {"direct": digest(exact), "worst": max(errors)}
+    errors, kernels = [], set()
+    in_phase = scene_paths("facing", wf, 500, np.random.default_rng(0))
+    for paths in (moving(500), steady(0, 3000), steady(2000), steady(2000, 1000), in_phase):
+        exact = paths.exact(wf)
+        for digits in range(1, 12):
+            tolerance = 0.1**digits
+            got, report = paths.signal(wf, tolerance=tolerance, method="grid")
+            bound = tolerance + allowance(exact, paths, wf, tolerance)
+            errors.append(float(relative_error(got, exact, paths).max()) / bound)
+            kernels.add((report.engine, report.precision, report.width))
+    return {"direct": digest(moving(500).exact(wf)), "worst": max(errors), "kernels": sorted(kernels)}
 
 
 def frames() -> dict[str, Any]:

@@ -9,10 +9,10 @@ const LAYERS: [(&str, &str); 11] = [
     ("geometry", "numeric"),
     ("antennas", "numeric"),
     ("rays", "geometry numeric"),
-    ("paths", "antennas geometry numeric"),
-    ("scattering", "paths rays antennas geometry numeric"),
-    ("bounces", "scattering paths rays antennas geometry numeric"),
     ("synthesis", "numeric"),
+    ("paths", "synthesis antennas geometry numeric"),
+    ("scattering", "paths rays antennas geometry numeric"),
+    ("bounces", "scattering paths synthesis rays antennas geometry numeric"),
     ("processing", "numeric"),
     (
         "frame",

@@ -53,24 +53,9 @@ class Paths:
     def samples(self, waveform: rc.Waveform, **options: Any) -> NDArray[Any]:
         return self.signal(waveform, **options)[0]
 
-    def plan(self, waveform: rc.Waveform, **options: Any) -> rc.Plan:
-        return rc.plan_beat_signal(
-            self.delay, self.amplitude, waveform, delay_rate=self.rate, delay_acceleration=self.acceleration, **options
-        )
-
     def exact(self, waveform: rc.Waveform) -> NDArray[np.complex128]:
-        """Every sample of every path in double precision: (channel, chirp, sample)."""
+        """Every sample of every path in double precision, 5 ns each: (channel, chirp, sample)."""
         return self.samples(waveform, tolerance=1e-12, method="direct", threads=None)
-
-    def nearly_exact(self, waveform: rc.Waveform) -> NDArray[np.complex128]:
-        """As `exact`, in a twentieth of the time: by recurrences within 1e-9, to 3e-12 as measured; or `exact` itself.
-
-        For sums by other methods, as the grid is, within 1e-7 or more.
-        """
-        try:
-            return self.samples(waveform, tolerance=1e-9, method="recurrence", threads=None)
-        except ValueError:
-            return self.exact(waveform)
 
     def norm(self) -> Real:
         """l2 of the amplitudes, (channel,); amplitudes at nodes count with their mean power."""

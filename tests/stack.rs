@@ -6,10 +6,13 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
+use radarcore::stages::{
+    Aspect, Basis, Known, Level, Material, Options, PathSeries, PosedScene, Ray, Response, VertexMotion, add_normal,
+    beat_signal, cross_sections, image, paths as frame_paths,
+};
 use radarcore::{
-    Array, Aspect, Basis, CONDUCTOR, Cancel, ImagePlane, Level, Limits, Material, Memory, Method, Model, Options,
-    PathSeries, Pattern, Pose, PosedScene, Ray, RaySampling, Response, Sampling, Scene, Settings, ShadingMode, Source,
-    Surface, VertexMotion, Waveform, World, add_normal, beat_signal, cross_sections, frame_paths, image, simulate,
+    Answer, Array, CONDUCTOR, Cancel, ImagePlane, Limits, Memory, Method, Model, Pattern, Pose, RaySampling, Sampling,
+    Scene, Settings, ShadingMode, Source, Surface, Waveform, World, simulate,
 };
 
 const STACK: usize = 512 * 1024;
@@ -105,23 +108,17 @@ fn sums() {
             num_channels: 1,
             num_paths: number,
         };
-        let methods = [
-            Method::Direct,
-            Method::Recurrence,
-            Method::Lanes,
-            Method::Grid,
-            Method::Auto,
-        ];
-        for method in methods {
+        for method in [Method::Direct, Method::Grid, Method::Auto] {
             for digits in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 13.0] {
                 let options = Options {
                     tolerance: 0.1_f64.powf(digits),
-                    method,
-                    ..Options::default()
+                    level: Level::best(),
+                    is_parallel: true,
+                    cancel: None,
+                    known: Known::NOTHING,
                 };
-                // The method refuses tolerances that it cannot reach.
-                let sum = beat_signal(&waveform, &series, &options);
-                assert!(sum.is_ok() || method != Method::Auto, "{method:?} 1e-{digits}");
+                let sum = beat_signal(&waveform, &series, method, &options);
+                assert!(sum.is_ok(), "{method:?} 1e-{digits}");
             }
         }
     }
@@ -246,8 +243,8 @@ fn frames() {
         let (motion, instant) = (world(&rest, 17), world(&rest, 1));
         let (mut memory, cancel) = (Memory::default(), Cancel::default());
         for _ in 0..2 {
-            let frame = simulate(&model, &motion, None, &mut memory, &cancel).unwrap().unwrap();
-            assert!(frame.counts.paths > 0);
+            let answer = simulate(&model, &motion, None, &mut memory, &cancel).unwrap();
+            assert!(matches!(answer, Answer::Done(frame) if frame.counts.paths > 0));
         }
         frame_paths(&model, &motion, (&instant, &instant), &mut memory, &cancel).unwrap();
         image(&model, &instant, &mut memory, &cancel).unwrap();

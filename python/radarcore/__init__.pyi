@@ -99,7 +99,4 @@ from radarcore.simulate.cross_section import rcs as rcs
 from radarcore.simulate.depth_image import DepthImage as DepthImage
 from radarcore.simulate.paths import Paths as Paths
 from radarcore.simulate.simulator import Simulator as Simulator
-from radarcore.simulate.synthesis import Plan as Plan
-from radarcore.simulate.synthesis import PlanPart as PlanPart
 from radarcore.simulate.synthesis import beat_signal as beat_signal
-from radarcore.simulate.synthesis import plan_beat_signal as plan_beat_signal

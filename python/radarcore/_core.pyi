@@ -57,16 +57,12 @@ def beat_signal(
     method: str,
     threads: int | None = None,
     level: str | None = None,
-    split_still: bool = True,
-    skip_rows: bool = True,
-    plan_only: bool = False,
     report: Callable[[int], object] | None = None,
 ) -> tuple[Any, Report]:
     """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
 
-    complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid", "recurrence", "lanes".
-    With `plan_only` None, and the report of the sum that would be run. `report` receives the number of chirps of all
-    channels that a direct sum has done, from time to time.
+    complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives the number
+    of chirps of all channels that a direct sum has done, from time to time.
     """
 
 def levels() -> list[str]:
@@ -228,28 +224,38 @@ class Waveform:
 
 @final
 class Report:
-    """Report of a sum: classes of paths and their methods; `str` has one line per class."""
+    """Report of a sum; `str` is a sentence."""
 
     @property
+    def engine(self) -> str:
+        """Name of the engine: "direct", "chirp-wise NUFFT" or "range-Doppler NUFFT"."""
+    @property
+    def precision(self) -> str:
+        """Precision of the sum: "single" or "double"."""
+    @property
+    def width(self) -> int:
+        """Width of the spreading kernel [cells]; 0 for none."""
+    @property
+    def grids(self) -> int:
+        """Number of grids: of powers of time within a chirp, or of strengths."""
+    @property
+    def blocks(self) -> int:
+        """Largest number of blocks of chirps of a group of paths."""
+    @property
+    def static_paths(self) -> int:
+        """Number of paths of all channels that stand still."""
+    @property
     def error(self) -> float:
-        """Predicted error of the plan, relative to l2(amplitudes)."""
+        """Error relative to l2(amplitudes) that the sum holds."""
     @property
     def memory(self) -> int:
         """Memory beside input and result [bytes]."""
     @property
-    def rows(self) -> int:
-        """Velocity rows that were transformed."""
-    @property
-    def rows_skipped(self) -> int:
-        """Velocity rows that no path had touched."""
-    @property
     def runs(self) -> int:
-        """Number of plans that were run: more than one where paths add up in phase, or differ from the samples."""
+        """Number of runs: two where paths add up in phase."""
     @property
     def gain(self) -> float:
         """Largest rms of the samples of a channel relative to its l2(amplitudes)."""
-    def parts(self) -> list[tuple[Any, ...]]:
-        """Fields of `PlanPart`, per class of paths."""
 
 @final
 class Surface:
@@ -505,11 +511,8 @@ class IdealFrame:
     def series_errors(self) -> tuple[float, float]:
         """Errors of phases [rad] and of amplitudes by the series over the frame, relative to l2(amplitudes)."""
     @property
-    def rough(self) -> list[int]:
-        """Numbers of the bodies in the scene that have a sum of their own.
-
-        Few times of the frame do not describe their motion.
-        """
+    def fast_varying(self) -> list[int]:
+        """Numbers, in the scene, of the bodies and points whose motion varies too fast for few times of the frame."""
     @property
     def plan(self) -> str:
         """A line per sum over a group of paths."""

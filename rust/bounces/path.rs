@@ -9,11 +9,13 @@ use super::interaction::Interaction;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
-use crate::error::Result;
 use crate::geometry::moving_triangle::MovingTriangle;
+use crate::numeric::simd::Precision;
+use crate::paths::evaluate::finish;
 use crate::paths::kinematics::Kinematics;
-use crate::paths::series::{Paths, Selection};
 use crate::rays::scene::PosedScene;
+use crate::synthesis::chunk::Chunk;
+use crate::synthesis::source::Request;
 
 /// Paths between the transmitters and the receivers over two and more surfaces, one per cell of the image and number of
 /// reflections.
@@ -28,8 +30,6 @@ pub struct Bounces {
     directions: Vec<Direction>,
     /// `(path, channel)`: amplitude without the gains of the antennas and the lengths to and from the last point.
     weights: Vec<Complex64>,
-    /// Bodies that deform and their numbers of vertices.
-    deforming: Vec<(u32, usize)>,
 }
 
 /// A material point.
@@ -111,17 +111,11 @@ impl BouncePath {
 }
 
 impl Bounces {
-    pub(super) fn of_paths(scene: &PosedScene, array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
+    pub(super) fn of_paths(array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
         let mut bounces = Self::empty(array);
         for path in paths {
             bounces.push(path.direction, &path.points, &path.weights);
         }
-        let on_triangles = bounces.points.iter().filter(|point| point.corners.is_some());
-        let mut bodies: Vec<u32> = on_triangles.map(|point| point.body).collect();
-        bodies.sort_unstable();
-        bodies.dedup();
-        let with_number = |body: u32| (body, scene.surface(body).vertices().len());
-        bounces.deforming = bodies.into_iter().map(with_number).collect();
         bounces
     }
 
@@ -133,7 +127,6 @@ impl Bounces {
             points: Vec::new(),
             directions: Vec::new(),
             weights: Vec::new(),
-            deforming: Vec::new(),
         }
     }
 
@@ -153,10 +146,6 @@ impl Bounces {
             let channels = self.num_channels();
             let weights = &self.weights[channels * path..channels * (path + 1)];
             parts[usize::from(!are_wanted)].push(self.directions[path], points, weights);
-        }
-        for part in &mut parts {
-            let is_met = |body: u32| part.points.iter().any(|point| point.body == body);
-            part.deforming = self.deforming.iter().copied().filter(|d| is_met(d.0)).collect();
         }
         parts
     }
@@ -186,21 +175,41 @@ impl Bounces {
         })
     }
 
-    /// Bodies that deform and are on a path, in increasing order, and their numbers of vertices.
-    pub fn deforming(&self) -> &[(u32, usize)] {
-        &self.deforming
+    /// True if a body is on a path.
+    pub fn has_body(&self, body: u32) -> bool {
+        self.points.iter().any(|point| point.body == body)
     }
 
-    /// Delays of the selected paths at the nodes of `kinematics` and amplitudes at those of `amplitudes_at`; neither
-    /// needs point targets.
-    pub fn paths(&self, kinematics: &Kinematics, amplitudes_at: &Kinematics, selection: Selection) -> Result<Paths> {
-        Paths::of(
-            [kinematics.num_nodes, amplitudes_at.num_nodes],
-            self.num_channels(),
-            selection,
-            |node, channel, path| self.path(kinematics, node, channel, path).0,
-            |node, channel, path| self.path(amplitudes_at, node, channel, path).1,
-        )
+    /// Fill a chunk with paths, by number: delays at the nodes of `delays`, and amplitudes at those of `amplitudes`.
+    pub fn fill<T: Precision>(
+        &self,
+        [delays, amplitudes]: [&Kinematics; 2],
+        numbers: &[usize],
+        request: &Request,
+        chunk: &mut Chunk<T>,
+    ) {
+        chunk.num_paths = numbers.len();
+        let channels = request.channels.clone();
+        for (row, out) in chunk
+            .delay
+            .iter_mut()
+            .enumerate()
+            .take(channels.len() * delays.num_nodes)
+        {
+            let (channel, node) = (channels.start + row / delays.num_nodes, row % delays.num_nodes);
+            for (out, path) in out.iter_mut().zip(numbers) {
+                *out = self.path(delays, node, channel, *path).0;
+            }
+        }
+        let rows = chunk.re.iter_mut().zip(&mut chunk.im).enumerate();
+        for (row, (re, im)) in rows.take(channels.len() * amplitudes.num_nodes) {
+            let (channel, node) = (channels.start + row / amplitudes.num_nodes, row % amplitudes.num_nodes);
+            for (i, path) in numbers.iter().enumerate() {
+                let amplitude = request.scale * self.path(amplitudes, node, channel, *path).1;
+                (re[i], im[i]) = (T::of(amplitude.re), T::of(amplitude.im));
+            }
+        }
+        finish(chunk, [delays.num_nodes, amplitudes.num_nodes], channels.len());
     }
 
     /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
@@ -216,7 +225,7 @@ impl Bounces {
                 let points = self.points(path, channel);
                 let moving = points
                     .iter()
-                    .map(|point| kinematics.motion(rates, &self.deforming, point.body, point.corners, point.position));
+                    .map(|point| kinematics.motion(rates, point.body, point.corners, point.position));
                 for to in moving.chain([end]) {
                     rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
                     from = to;
@@ -246,10 +255,10 @@ impl Bounces {
     fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, path);
         let points = self.points(path, channel);
-        let departure = self.position(kinematics, node, &points[0]) - start.0;
+        let departure = position(kinematics, node, &points[0]) - start.0;
         let (mut length, mut last) = (0.0, start.0);
         for point in points {
-            let next = self.position(kinematics, node, point);
+            let next = position(kinematics, node, point);
             length += (next - last).length();
             last = next;
         }
@@ -261,11 +270,11 @@ impl Bounces {
         let length = length + distance;
         (length / SPEED_OF_LIGHT, self.array.received(channel, amplitude, length))
     }
+}
 
-    /// Position of a material point at a node, sensor frame [m].
-    fn position(&self, kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
-        let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
-        let triangle = kinematics.moving_triangle(&self.deforming, node, point.body, point.corners);
-        pose.point(triangle.map_or(point.position, |triangle| triangle.point(point.position)))
-    }
+/// Position of a material point at a node, sensor frame [m].
+fn position(kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
+    let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
+    let triangle = kinematics.moving_triangle(node, point.body, point.corners);
+    pose.point(triangle.map_or(point.position, |triangle| triangle.point(point.position)))
 }

@@ -85,10 +85,7 @@ impl Bounces {
             refine.counts.coarse += 1;
             refine.keep(cell.paths);
         }
-        (
-            Self::of_paths(scene, array.clone(), refine.paths.into_iter()),
-            refine.counts,
-        )
+        (Self::of_paths(array.clone(), refine.paths.into_iter()), refine.counts)
     }
 }
 

@@ -370,7 +370,7 @@ impl Bounces {
             .iter()
             .fold(Counts::default(), |counts, cell| counts.plus(cell.counts));
         let paths = cells.into_iter().flat_map(|cell| cell.paths);
-        (Self::of_paths(scene, array.clone(), paths), counts)
+        (Self::of_paths(array.clone(), paths), counts)
     }
 }
 

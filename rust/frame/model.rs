@@ -8,10 +8,11 @@ use num_complex::Complex64;
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::bounces::Limits;
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::Level;
-use crate::paths::placement::{Placement, VertexMotion, World};
+use crate::paths::sensor_motion::{SensorMotion, VertexMotion, World};
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
@@ -19,9 +20,10 @@ use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::Material;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::reflection_table::Reflection;
-use crate::synthesis::beat;
+use crate::synthesis::beat_signal::is_worth_threads;
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::plan::Method;
+use crate::synthesis::choose::Method;
+use crate::synthesis::report::{Known, Options};
 
 /// Largest phase of joined points from their mean [rad] times the bandwidth over the carrier frequency, and the least and
 /// the largest such phase: the sum over the band then changes by a few percent.
@@ -135,7 +137,7 @@ pub struct Settings {
     pub retrace: f64,
     /// Seed of speckle.
     pub seed: u64,
-    /// Bound on the error of the sum, see [`beat::Options`].
+    /// Bound on the error of the sum, see [`Options`].
     pub tolerance: f64,
     /// Method of the sum.
     pub method: Method,
@@ -270,8 +272,8 @@ impl Model {
     }
 
     /// Motion in the sensor frame.
-    pub(super) fn placement(&self, motion: &World) -> Result<Placement> {
-        let placement = motion.seen(self.center);
+    pub(super) fn motion(&self, world: &World) -> Result<SensorMotion> {
+        let motion = world.seen(self.center);
         let (bodies, points, vertices) = match &self.source {
             Source::Scene(scene) => {
                 let vertices = scene.deforming.iter();
@@ -280,13 +282,13 @@ impl Model {
             }
             Source::Depth(image) => (image.num_bodies, 0, Vec::new()),
         };
-        placement.check(bodies, points, &vertices)?;
-        Ok(placement)
+        motion.check(bodies, points, &vertices)?;
+        Ok(motion)
     }
 
     /// Time derivatives in the sensor frame, of the motion `at` one time, its first.
-    pub(super) fn rates(&self, placement: &Placement, at: &World, rates: &World) -> Result<Placement> {
-        let (bodies, points) = (placement.num_bodies(), placement.num_points());
+    pub(super) fn rates(&self, motion: &SensorMotion, at: &World, rates: &World) -> Result<SensorMotion> {
+        let (bodies, points) = (motion.num_bodies(), motion.num_points());
         let lengths = [
             ("poses", bodies, rates.poses.len()),
             ("points", points, rates.points.len()),
@@ -295,14 +297,14 @@ impl Model {
             return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
         }
         let seen = World::seen_rates(at, rates, self.center);
-        let num_vertices: Vec<usize> = placement.vertices().iter().map(VertexMotion::num_vertices).collect();
+        let num_vertices: Vec<usize> = motion.vertices().iter().map(VertexMotion::num_vertices).collect();
         seen.check(bodies, points, &num_vertices)?;
         Ok(seen)
     }
 
     /// Error of phases by the series of the motion [rad].
-    pub(super) fn phase_error(&self, placement: &Placement) -> f64 {
-        self.phase_per_length() * placement.tail(&self.radii)
+    pub(super) fn phase_error(&self, motion: &SensorMotion) -> f64 {
+        self.phase_per_length() * motion.tail(&self.radii)
     }
 
     /// Phase of an echo by the distance to its scatterer [rad/m], at most.
@@ -311,16 +313,16 @@ impl Model {
     }
 
     /// Bodies at the time `x` of the frame, those that deform with the vertices of that time.
-    pub(super) fn posed(&self, placement: &Placement, x: f64, shapes: &mut Shapes) -> Result<Arc<PosedScene>> {
+    pub(super) fn posed(&self, motion: &SensorMotion, x: f64, shapes: &mut Shapes) -> Result<Arc<PosedScene>> {
         let Source::Scene(scene) = &self.source else {
             return Ok(Arc::new(PosedScene::new(Vec::new(), Vec::new())));
         };
         let mut surfaces = scene.surfaces.clone();
-        for (body, motion) in scene.deforming.iter().zip(placement.vertices()) {
-            let vertices: Vec<DVec3> = motion.at(x).into_iter().map(DVec3::from_array).collect();
+        for (body, vertices) in scene.deforming.iter().zip(motion.vertices()) {
+            let vertices: Vec<DVec3> = vertices.at(x).into_iter().map(DVec3::from_array).collect();
             surfaces[*body] = shapes.deformed(*body, &scene.surfaces[*body], vertices)?;
         }
-        Ok(Arc::new(PosedScene::new(surfaces, placement.poses_at(x))))
+        Ok(Arc::new(PosedScene::new(surfaces, motion.poses_at(x))))
     }
 
     /// Highest frequency of the sampled band [Hz].
@@ -330,20 +332,30 @@ impl Model {
         waveform.start_frequency.max(waveform.center_frequency()) + half
     }
 
+    /// Shape of the samples of a frame, `(channel, chirp, sample)`.
+    pub fn shape(&self) -> [usize; 3] {
+        let waveform = &self.waveform;
+        [
+            self.array.num_channels(),
+            waveform.chirp_times.len(),
+            waveform.num_samples,
+        ]
+    }
+
     /// Options of the sum over `num_paths` paths.
-    pub(super) fn options(&self, num_paths: usize, num_chirps: usize) -> beat::Options<'static> {
+    pub(super) fn options<'a>(&self, num_paths: usize, num_chirps: usize, cancel: &'a Cancel) -> Options<'a> {
         let work = [
             num_paths,
             self.array.num_channels(),
             num_chirps,
             self.waveform.num_samples,
         ];
-        beat::Options {
+        Options {
             tolerance: self.settings.tolerance,
-            method: self.settings.method,
             level: Level::best(),
-            is_parallel: rayon::current_num_threads() > 1 && beat::is_worth_threads(work),
-            ..beat::Options::default()
+            is_parallel: rayon::current_num_threads() > 1 && is_worth_threads(work),
+            cancel: Some(cancel),
+            known: Known::NOTHING,
         }
     }
 }

@@ -13,9 +13,7 @@ pub struct StageTimes {
     pub scatterers: Duration,
     /// Choice of the node times.
     pub node_times: Duration,
-    /// Delays and amplitudes at the node times.
-    pub paths: Duration,
-    /// Sum over paths.
+    /// Delays and amplitudes at the node times, and the sum over paths.
     pub sum: Duration,
     /// Truth.
     pub truth: Duration,
@@ -23,28 +21,16 @@ pub struct StageTimes {
 
 impl StageTimes {
     /// Names and times [s], in the order of the stages.
-    pub fn named(&self) -> [(&'static str, f64); 7] {
+    pub fn named(&self) -> [(&'static str, f64); 6] {
         [
             ("motion", self.motion),
             ("rays", self.rays),
             ("scatterers", self.scatterers),
             ("node times", self.node_times),
-            ("delays and amplitudes", self.paths),
             ("sum over paths", self.sum),
             ("truth", self.truth),
         ]
         .map(|(name, time)| (name, time.as_secs_f64()))
-    }
-
-    /// Add the times of another part of the frame.
-    pub fn add(&mut self, other: &Self) {
-        self.motion += other.motion;
-        self.rays += other.rays;
-        self.scatterers += other.scatterers;
-        self.node_times += other.node_times;
-        self.paths += other.paths;
-        self.sum += other.sum;
-        self.truth += other.truth;
     }
 }
 

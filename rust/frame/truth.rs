@@ -4,19 +4,19 @@ use glam::DVec3;
 
 use super::model::{Model, Source};
 use super::rays::Rays;
-use crate::paths::placement::Placement;
+use crate::paths::sensor_motion::SensorMotion;
 
 /// Per body and point target of the scene: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray
 /// hit.
 pub type Truth = Vec<[f64; 4]>;
 
 /// Truth of a scene; none for images.
-pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) -> Option<Truth> {
+pub fn of(model: &Model, rays: &Rays, motion: &SensorMotion, rates: &SensorMotion) -> Option<Truth> {
     let Source::Scene(scene) = &model.source else {
         return None;
     };
     let mut truth = vec![[f64::NAN; 4]; scene.body_numbers.len() + scene.point_numbers.len()];
-    let (poses, pose_rates) = (placement.poses_at(0.0), rates.poses_at(0.0));
+    let (poses, pose_rates) = (motion.poses_at(0.0), rates.poses_at(0.0));
     for hit in rays.nearest(model) {
         // The material point that was hit, at the middle of the frame.
         let (pose, rate) = (&poses[hit.body], &pose_rates[hit.body]);
@@ -31,14 +31,14 @@ pub fn of(model: &Model, rays: &Rays, placement: &Placement, rates: &Placement) 
                         .map(|(corner, weight)| *weight * DVec3::from_array(vertices[*corner as usize]))
                         .sum()
                 };
-                let [at, rates] = [placement, rates].map(|of| of.vertices()[index].at(0.0));
+                let [at, rates] = [motion, rates].map(|of| of.vertices()[index].at(0.0));
                 (on_mesh(&at), on_mesh(&rates))
             }
         };
         let moving = rate.point(position) + pose.direction(velocity);
         truth[scene.body_numbers[hit.body]] = row(pose.point(position), moving);
     }
-    let points = placement.points_at(0.0).into_iter().zip(rates.points_at(0.0));
+    let points = motion.points_at(0.0).into_iter().zip(rates.points_at(0.0));
     for (number, (point, velocity)) in scene.point_numbers.iter().zip(points) {
         truth[*number] = row(point, velocity);
     }

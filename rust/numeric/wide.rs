@@ -65,6 +65,10 @@ each_vector!(
     mul(b)
 );
 each_vector!(
+    /// `x / b`
+    div(b)
+);
+each_vector!(
     /// `x b + c`
     mul_add(b, c)
 );

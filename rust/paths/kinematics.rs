@@ -5,39 +5,31 @@ use glam::DVec3;
 use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 
-/// Poses, points and vertices at node times, in the sensor frame; borrowed.
-#[derive(Clone, Copy, Debug)]
-pub struct Kinematics<'a> {
+/// Poses, points and vertices at node times, in the sensor frame; or their time derivatives.
+#[derive(Clone, Debug)]
+pub struct Kinematics {
     /// Number of times.
     pub num_nodes: usize,
     /// Number of bodies.
     pub num_bodies: usize,
     /// Poses `(node, body)`.
-    pub poses: &'a [Pose],
+    pub poses: Vec<Pose>,
     /// Positions of the point targets `(node, point)` [m].
-    pub points: &'a [DVec3],
+    pub points: Vec<DVec3>,
     /// Radar cross-sections of the point targets [m^2].
-    pub rcs: &'a [f64],
-    /// Vertices `(node, vertex)` of the bodies of [`Scatterers::deforming`], one after the other, in body coordinates
-    /// [m].
-    pub vertices: &'a [&'a [[f64; 3]]],
+    pub rcs: Vec<f64>,
+    /// Bodies that deform, with their vertices `(node, vertex)` in body coordinates [m]; others may be left out.
+    pub vertices: Vec<(u32, Vec<[f64; 3]>)>,
 }
 
-impl Kinematics<'_> {
+impl Kinematics {
     /// Triangle that carries a material point of a body that deforms; the corners may be velocities.
     ///
-    /// `deforming`: the bodies of `vertices` and their numbers of vertices; `corners`: vertices of the triangle, none on
-    /// bodies that do not deform.
-    pub(crate) fn moving_triangle(
-        &self,
-        deforming: &[(u32, usize)],
-        node: usize,
-        body: u32,
-        corners: Option<[u32; 3]>,
-    ) -> Option<MovingTriangle> {
+    /// `corners`: vertices of the triangle, none on bodies that do not deform.
+    pub(crate) fn moving_triangle(&self, node: usize, body: u32, corners: Option<[u32; 3]>) -> Option<MovingTriangle> {
         let corners = corners?;
-        let index = deforming.iter().position(|deforming| deforming.0 == body)?;
-        let vertices = &self.vertices[index][node * deforming[index].1..];
+        let (_, vertices) = self.vertices.iter().find(|deforming| deforming.0 == body)?;
+        let vertices = &vertices[node * (vertices.len() / self.num_nodes)..];
         Some(MovingTriangle::new(
             corners.map(|vertex| DVec3::from_array(vertices[vertex as usize])),
         ))
@@ -47,14 +39,13 @@ impl Kinematics<'_> {
     /// derivatives. See [`Self::moving_triangle`].
     pub(crate) fn motion(
         &self,
-        rates: &Kinematics,
-        deforming: &[(u32, usize)],
+        rates: &Self,
         body: u32,
         corners: Option<[u32; 3]>,
         mut position: DVec3,
     ) -> (DVec3, DVec3) {
         let (pose, rate) = (&self.poses[body as usize], &rates.poses[body as usize]);
-        let triangles = [self, rates].map(|kinematics| kinematics.moving_triangle(deforming, 0, body, corners));
+        let triangles = [self, rates].map(|kinematics| kinematics.moving_triangle(0, body, corners));
         let mut velocity = DVec3::ZERO;
         if let [Some(triangle), Some(triangle_rate)] = triangles {
             velocity = triangle.velocity(&triangle_rate, position);

@@ -3,8 +3,6 @@
 pub mod evaluate;
 pub mod kinematics;
 pub mod node_times;
-pub mod placement;
-pub mod rows;
 pub mod scatterers;
-pub mod series;
+pub mod sensor_motion;
 mod sixteen;

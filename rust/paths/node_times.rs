@@ -3,11 +3,9 @@
 
 use std::f64::consts::TAU;
 
-use num_complex::Complex64;
-
-use crate::error::Result;
 use crate::numeric::chebyshev::chebyshev_matrix;
-use crate::paths::series::{Paths, Selection};
+use crate::numeric::simd::{Isa, Kernel, Level};
+use crate::synthesis::chunk::{CHUNK, Chunk, expand};
 
 /// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge
 /// slowly: twice as many times help little.
@@ -16,14 +14,11 @@ const COUNTS: [usize; 9] = [4, 6, 8, 12, 16, 24, 32, 48, 64];
 /// Number of times beyond which the series of a kink no longer improves.
 const ENOUGH_FOR_KINKS: usize = 16;
 
-/// Numbers of times at which a sample of paths is evaluated, to choose one of [`COUNTS`] up to that.
+/// Numbers of times at which a chunk of paths is evaluated, to choose one of [`COUNTS`] up to that.
 const PROBED_COUNTS: [usize; 4] = [8, 16, 32, 64];
 
-/// Number of sampled paths.
-const NUM_PROBES: usize = 512;
-
-/// Share of the tolerance for the error of the series.
-const SHARE: f64 = 0.1;
+/// Shares of the tolerance for the errors of phases and of amplitudes.
+const SHARES: [f64; 2] = [0.1, 0.2];
 
 /// Relative error of delays by rounding.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -41,6 +36,12 @@ pub struct NodeTimes {
     pub weight: f64,
 }
 
+impl Default for NodeTimes {
+    fn default() -> Self {
+        Self::ONCE
+    }
+}
+
 impl NodeTimes {
     /// Node times of static paths: one each.
     pub const ONCE: Self = Self {
@@ -50,143 +51,145 @@ impl NodeTimes {
         weight: 0.0,
     };
 
-    /// Sum of both errors.
-    pub fn residual(&self) -> f64 {
-        self.phase.hypot(self.weight)
+    /// The larger numbers of both.
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            delays: self.delays.max(other.delays),
+            amplitudes: self.amplitudes.max(other.amplitudes),
+            phase: self.phase.max(other.phase),
+            weight: self.weight.max(other.weight),
+        }
     }
 }
 
-/// Choose numbers of times for paths up to a highest frequency [Hz].
+/// Choose numbers of times for paths of some channels, up to a highest frequency [Hz].
 ///
-/// `take` gives the selected paths with delays and amplitudes at a number of Chebyshev times of the frame.
+/// `fill` gives a chunk of the paths with delays and amplitudes at a number of Chebyshev times of the frame.
 pub fn choose(
-    num_paths: usize,
     num_channels: usize,
     highest: f64,
     tolerance: f64,
-    take: impl Fn(usize, Selection) -> Result<Paths>,
-) -> Result<NodeTimes> {
-    let probes = Selection {
-        first: 0,
-        last: num_paths,
-        step: (num_paths / NUM_PROBES).max(1),
-    };
-    let goal = SHARE * tolerance;
+    level: Level,
+    fill: impl Fn(usize) -> Chunk<f64>,
+) -> NodeTimes {
+    let goals = SHARES.map(|share| share * tolerance);
     let (mut last_weight, mut chosen) = (f64::INFINITY, NodeTimes::ONCE);
-    for probed in PROBED_COUNTS {
-        let counts: Vec<usize> = COUNTS.into_iter().filter(|count| *count <= probed).collect();
-        let errors = SeriesErrors::of(
-            &take(probed, probes)?,
-            [probed, num_channels, probes.len()],
-            highest,
-            &counts,
-        );
-        let [(delays, phase), (amplitudes, weight)] =
-            [&errors.phase, &errors.weight].map(|errors| first_within(&counts, errors, goal));
+    for number in PROBED_COUNTS {
+        let chunk = fill(number);
+        let errors = level.run(SeriesErrors {
+            chunk: &chunk,
+            num_channels,
+            number,
+            frequency: highest,
+        });
+        let [(delays, phase), (amplitudes, weight)] = [0, 1].map(|kind| first_within(&errors[kind], goals[kind]));
         chosen = NodeTimes {
             delays,
             amplitudes,
             phase,
             weight,
         };
-        let is_kink = probed >= ENOUGH_FOR_KINKS && weight > 0.05 * last_weight;
-        if phase <= goal && (weight <= goal || is_kink) {
-            return Ok(chosen);
+        let is_kink = number >= ENOUGH_FOR_KINKS && weight > 0.05 * last_weight;
+        if phase <= goals[0] && (weight <= goals[1] || is_kink) {
+            break;
         }
-        if probed == PROBED_COUNTS[PROBED_COUNTS.len() - 1] && phase > goal {
+        if number == PROBED_COUNTS[PROBED_COUNTS.len() - 1] && phase > goals[0] {
             // Rounding of large absolute times is the limit: fewer times do as well.
-            let least = errors.phase.iter().copied().fold(f64::INFINITY, f64::min);
-            (chosen.delays, chosen.phase) = first_within(&counts, &errors.phase, 2.0 * least);
+            let least = errors[0].iter().copied().fold(f64::INFINITY, f64::min);
+            (chosen.delays, chosen.phase) = first_within(&errors[0], 2.0 * least);
         }
         last_weight = weight;
     }
-    Ok(chosen)
+    chosen
 }
 
-/// The smallest number of times whose error is within a goal, or the largest.
-fn first_within(counts: &[usize], errors: &[f64], goal: f64) -> (usize, f64) {
-    let mut pairs = counts.iter().copied().zip(errors.iter().copied());
-    let last = (counts[counts.len() - 1], errors[errors.len() - 1]);
-    pairs.find(|(_, error)| *error <= goal).unwrap_or(last)
+/// The smallest of [`COUNTS`] whose error is within a goal, or the last with an error.
+fn first_within(errors: &[f64], goal: f64) -> (usize, f64) {
+    let at = errors.iter().position(|error| *error <= goal);
+    let at = at.unwrap_or(errors.len() - 1);
+    (COUNTS[at], errors[at])
 }
 
-/// Errors of the Chebyshev series of some lengths through the paths: rms over the frame relative to l2(amplitudes), the
-/// worst channel's. They are twice the l2 norm of the coefficients beyond a length, as a series through so many times
-/// folds them back; for the last length, that of the whole series, four times the larger of the last two coefficients.
-struct SeriesErrors {
-    phase: Vec<f64>,
-    weight: Vec<f64>,
+/// Errors of phases and of amplitudes of the Chebyshev series of every one of [`COUNTS`] up to the number of rows of a chunk:
+/// rms over the frame relative to l2(amplitudes), the worst channel's.
+struct SeriesErrors<'a> {
+    chunk: &'a Chunk<f64>,
+    num_channels: usize,
+    /// Number of times.
+    number: usize,
+    frequency: f64,
 }
 
-impl SeriesErrors {
-    /// `shape`: numbers of nodes, channels and paths.
-    fn of(paths: &Paths, shape: [usize; 3], frequency: f64, counts: &[usize]) -> Self {
-        let [num_nodes, num_channels, num_paths] = shape;
-        let matrix = chebyshev_matrix(num_nodes);
-        let (mut phase, mut weight) = (vec![0.0_f64; counts.len()], vec![0.0_f64; counts.len()]);
-        let mut values = vec![0.0; num_nodes];
-        let mut squares = vec![0.0; num_nodes];
-        for channel in 0..num_channels {
-            let at = |node: usize, path: usize| (node * num_channels + channel) * num_paths + path;
-            let (mut of_phases, mut of_weights) = (vec![0.0; counts.len()], vec![0.0; counts.len()]);
-            let mut total = 0.0;
-            for path in 0..num_paths {
-                let amplitude = |node: usize| paths.amplitude[at(node, path)];
-                let power = (0..num_nodes)
-                    .map(|node| amplitude(node).norm_sqr())
-                    .fold(0.0, f64::max);
-                total += power;
-                // Relative to the first delay: the rounding of large delays is no part of the phases.
-                let first = paths.delay[at(0, path)];
-                for (node, value) in values.iter_mut().enumerate() {
-                    *value = paths.delay[at(node, path)] - first;
-                }
-                square_coefficients(&matrix, &values, &mut squares);
-                add_left_out(&squares, counts, (TAU * frequency).powi(2) * power, &mut of_phases);
-                let parts: [fn(Complex64) -> f64; 2] = [|a| a.re, |a| a.im];
-                for part in parts {
-                    for (node, value) in values.iter_mut().enumerate() {
-                        *value = part(amplitude(node));
-                    }
-                    square_coefficients(&matrix, &values, &mut squares);
-                    add_left_out(&squares, counts, 1.0, &mut of_weights);
+impl Kernel for SeriesErrors<'_> {
+    type Output = [Vec<f64>; 2];
+
+    #[cfg_attr(optimised, inline(always))]
+    fn run<I: Isa>(self) -> [Vec<f64>; 2] {
+        let (chunk, number) = (self.chunk, self.number);
+        let matrix: Vec<Vec<f64>> = chebyshev_matrix(number).chunks(number).map(<[f64]>::to_vec).collect();
+        let mut coefficients = vec![[0.0; CHUNK]; number];
+        let mut worst = [(); 2].map(|()| Vec::new());
+        let mut longest = 0.0_f64;
+        for channel in 0..self.num_channels {
+            let rows = channel * number..(channel + 1) * number;
+            let (delay, re, im) = (&chunk.delay[rows.clone()], &chunk.re[rows.clone()], &chunk.im[rows]);
+            let mut power = [0.0_f64; CHUNK];
+            for node in 0..number {
+                for path in 0..CHUNK {
+                    let [re, im] = [re, im].map(|rows| rows[0][path] + if node > 0 { rows[node][path] } else { 0.0 });
+                    power[path] = power[path].max(re * re + im * im);
                 }
             }
-            let total = total.sqrt().max(f64::MIN_POSITIVE);
-            for (worst, sums) in [(&mut phase, of_phases), (&mut weight, of_weights)] {
-                for (worst, sum) in worst.iter_mut().zip(sums) {
-                    *worst = worst.max(f64::sqrt(sum) / total);
+            let mut squares = [(); 2].map(|()| vec![0.0; number]);
+            expand::<f64, I>(&matrix, delay, &mut coefficients);
+            add_squares(&coefficients, &power, (TAU * self.frequency).powi(2), &mut squares[0]);
+            for part in [re, im] {
+                expand::<f64, I>(&matrix, part, &mut coefficients);
+                add_squares(&coefficients, &[1.0; CHUNK], 1.0, &mut squares[1]);
+            }
+            let total = power.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            for (worst, squares) in worst.iter_mut().zip(&squares) {
+                for (at, count) in COUNTS.iter().take_while(|count| **count <= number).enumerate() {
+                    let error = (left_out(squares, *count) / total).sqrt();
+                    worst.resize(worst.len().max(at + 1), 0.0);
+                    worst[at] = error.max(worst[at]);
                 }
             }
+            longest = delay[0].iter().copied().fold(longest, f64::max);
         }
         // Rounding of delays is no error of a series: more times do not help.
-        let longest = paths.delay.iter().copied().fold(0.0, f64::max);
-        let rounding = ROUNDING * TAU * frequency * longest;
-        for phase in phase.iter_mut().filter(|phase| **phase <= rounding) {
+        let rounding = ROUNDING * TAU * self.frequency * longest;
+        for phase in worst[0].iter_mut().filter(|phase| **phase <= rounding) {
             *phase = 0.0;
         }
-        Self { phase, weight }
+        worst
     }
 }
 
-/// Squares of the Chebyshev coefficients of the series through values.
-fn square_coefficients(matrix: &[f64], values: &[f64], squares: &mut [f64]) {
-    for (row, square) in matrix.chunks(values.len()).zip(squares) {
-        let coefficient: f64 = row.iter().zip(values).map(|(a, b)| a * b).sum();
-        *square = coefficient * coefficient;
+/// Add the squares of coefficients of all paths, times their weights and a factor, by degree.
+#[cfg_attr(optimised, inline(always))]
+fn add_squares(coefficients: &[[f64; CHUNK]], weights: &[f64; CHUNK], factor: f64, squares: &mut [f64]) {
+    for (coefficients, square) in coefficients.iter().zip(squares) {
+        for path in 0..CHUNK {
+            *square += factor * weights[path] * coefficients[path] * coefficients[path];
+        }
     }
 }
 
-/// Add the squares of the coefficients beyond series of `counts` terms, times a weight.
-fn add_left_out(squares: &[f64], counts: &[usize], weight: f64, sums: &mut [f64]) {
+/// Square of the error of a series of `count` terms, for squares of the coefficients of a series through as many values or
+/// more. It is twice the l2 norm of the coefficients beyond, as a series through so many values folds them back; for the whole
+/// series, what four times the larger of its last two coefficients becomes, if further ones fall half as fast as these.
+fn left_out(squares: &[f64], count: usize) -> f64 {
     let number = squares.len();
-    for (count, sum) in counts.iter().zip(sums) {
-        *sum += weight
-            * if *count < number {
-                4.0 * squares[*count..].iter().sum::<f64>()
-            } else {
-                16.0 * squares[number - 2].max(squares[number - 1])
-            };
+    if count < number {
+        return 4.0 * squares[count..].iter().sum::<f64>();
+    }
+    let last = squares[number - 2].max(squares[number - 1]);
+    let before = squares[number - 4].max(squares[number - 3]);
+    if last == 0.0 {
+        0.0
+    } else {
+        16.0 * last * (4.0 * last / before).min(1.0)
     }
 }
 
@@ -194,23 +197,31 @@ fn add_left_out(squares: &[f64], counts: &[usize], weight: f64, sums: &mut [f64]
 mod tests {
     use super::*;
     use crate::numeric::chebyshev::chebyshev_nodes;
+    use crate::paths::evaluate::finish;
+    use crate::synthesis::delay::Basis;
+    use crate::synthesis::source::Shape;
 
     const FREQUENCY: f64 = 60e9;
 
     /// Two paths of one channel with a delay and an amplitude that are functions of x.
     fn choice(tolerance: f64, delay: impl Fn(f64) -> f64, amplitude: impl Fn(f64) -> f64) -> NodeTimes {
-        choose(2, 1, FREQUENCY, tolerance, |number, selection| {
-            Paths::of([number; 2], 1, selection, |_, _, _| 0.0, |_, _, _| Complex64::ZERO).map(|mut paths| {
-                for (node, x) in chebyshev_nodes(number).into_iter().enumerate() {
-                    for path in 0..2 {
-                        paths.delay[2 * node + path] = 1e-8 + delay(x);
-                        paths.amplitude[2 * node + path] = Complex64::from(amplitude(x));
-                    }
-                }
-                paths
-            })
+        choose(1, FREQUENCY, tolerance, Level::best(), |number| {
+            let shape = Shape {
+                channels: 1,
+                paths: 2,
+                delay_rows: number,
+                amplitude_rows: number,
+                basis: Basis::Chebyshev,
+            };
+            let mut chunk = Chunk::new(&shape, 1);
+            chunk.num_paths = 2;
+            for (node, x) in chebyshev_nodes(number).into_iter().enumerate() {
+                chunk.delay[node][..2].fill(1e-8 + delay(x));
+                chunk.re[node][..2].fill(amplitude(x));
+            }
+            finish(&mut chunk, [number; 2], 1);
+            chunk
         })
-        .unwrap()
     }
 
     #[test]
@@ -227,7 +238,7 @@ mod tests {
     fn kinks_of_amplitudes_end_the_search() {
         let kink = choice(1e-6, |x| 1e-10 * x, f64::abs);
         assert!(kink.amplitudes <= 32, "{kink:?}");
-        assert!(kink.weight > 1e-4 && kink.residual() >= kink.weight);
+        assert!(kink.weight > 1e-4);
     }
 
     #[test]

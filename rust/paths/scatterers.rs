@@ -19,7 +19,7 @@ pub struct Scatterers {
     pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
     /// Power of the frequency by which the field falls; empty: zero.
-    pub(crate) order: Vec<u8>,
+    pub(crate) frequency_exponent: Vec<u8>,
     /// Vertices of the triangle that carries the point, where the body deforms; empty: no body does.
     pub(crate) corners: Vec<Option<[u32; 3]>>,
     /// Position in coordinates of the body [m], or of the triangle.
@@ -28,8 +28,6 @@ pub struct Scatterers {
     pub(crate) normal: Vec<DVec3>,
     /// Edges of the patch that the specular part is a mean over; empty: points.
     pub(crate) patch: Vec<Edges>,
-    /// Bodies that deform and their numbers of vertices.
-    pub(crate) deforming: Vec<(u32, usize)>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels.
     pub(crate) weights: Vec<Weight>,
 }
@@ -49,38 +47,25 @@ pub type Edges = [DVec3; 2];
 
 /// Some neighbouring material points, followed by point targets.
 #[derive(Clone, Debug)]
-pub struct Members {
+pub struct PathRange {
     /// Numbers of the material points.
     pub surfaces: Range<usize>,
     /// Number of point targets.
     pub num_points: usize,
 }
 
-impl Members {
-    /// All material points, and a number of point targets.
-    pub fn all(scatterers: &Scatterers, num_points: usize) -> Self {
-        Self {
-            surfaces: 0..scatterers.len(),
-            num_points,
-        }
-    }
-
+impl PathRange {
     /// Number of paths.
     pub fn len(&self) -> usize {
         self.surfaces.len() + self.num_points
     }
 
-    /// True if there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Number of a path among those of [`Scatterers::path`].
     #[inline]
-    pub fn number(&self, scatterers: &Scatterers, member: usize) -> usize {
-        match member.checked_sub(self.surfaces.len()) {
+    pub fn number(&self, scatterers: &Scatterers, path: usize) -> usize {
+        match path.checked_sub(self.surfaces.len()) {
             Some(point) => scatterers.len() + point,
-            None => self.surfaces.start + member,
+            None => self.surfaces.start + path,
         }
     }
 }
@@ -98,18 +83,6 @@ impl Weight {
 }
 
 impl Scatterers {
-    /// Add the numbers of vertices of the bodies that deform.
-    pub fn with_vertices(mut self, number: impl Fn(u32) -> usize) -> Self {
-        let on_triangles = self.body.iter().zip(&self.corners);
-        let mut bodies: Vec<u32> = on_triangles
-            .filter_map(|(body, corners)| corners.and(Some(*body)))
-            .collect();
-        bodies.sort_unstable();
-        bodies.dedup();
-        self.deforming = bodies.into_iter().map(|body| (body, number(body))).collect();
-        self
-    }
-
     /// Append the material points of others; those of no cell have the number `u32::MAX` of one.
     pub(crate) fn append(&mut self, mut others: Self) {
         if self.is_empty() {
@@ -126,7 +99,7 @@ impl Scatterers {
                     .collect();
             }
             of.cell.resize(number, u32::MAX);
-            of.order.resize(number, 0);
+            of.frequency_exponent.resize(number, 0);
             of.corners.resize(number, None);
             of.patch.resize(number, Edges::default());
         }
@@ -135,16 +108,16 @@ impl Scatterers {
         self.normal.append(&mut others.normal);
         self.weights.append(&mut others.weights);
         self.cell.append(&mut others.cell);
-        self.order.append(&mut others.order);
+        self.frequency_exponent.append(&mut others.frequency_exponent);
         self.corners.append(&mut others.corners);
         self.patch.append(&mut others.patch);
     }
 
     /// Order the material points by a key of body and power of the frequency, and bodies within it.
-    pub fn order_by(&mut self, key: impl Fn(u32, u8) -> u8) {
+    pub fn sort_by(&mut self, key: impl Fn(u32, u8) -> u8) {
         let number = self.num_weights();
         let keys: Vec<(u8, u32)> = (0..self.len())
-            .map(|i| (key(self.body[i], self.order_of(i)), self.body[i]))
+            .map(|i| (key(self.body[i], self.frequency_exponent(i)), self.body[i]))
             .collect();
         if keys.is_sorted() {
             return;
@@ -154,7 +127,7 @@ impl Scatterers {
         rows.sort_by_key(|row| keys[*row]);
         permute(&mut self.cell, &rows);
         permute(&mut self.body, &rows);
-        permute(&mut self.order, &rows);
+        permute(&mut self.frequency_exponent, &rows);
         permute(&mut self.corners, &rows);
         permute(&mut self.position, &rows);
         permute(&mut self.normal, &rows);
@@ -163,12 +136,14 @@ impl Scatterers {
         self.weights = weights.copied().collect();
     }
 
-    /// Members from `first` on for which a condition on body and power of the frequency holds, where the material
-    /// points are [in an order](Self::order_by) by which they are neighbours.
-    pub fn members(&self, first: usize, num_points: usize, belongs: impl Fn(u32, u8) -> bool) -> Members {
+    /// PathRange from `first` on for which a condition on body and power of the frequency holds, where the material
+    /// points are [in an order](Self::sort_by) by which they are neighbours.
+    pub fn range(&self, first: usize, num_points: usize, belongs: impl Fn(u32, u8) -> bool) -> PathRange {
         let rest = first..self.len();
-        let number = rest.take_while(|i| belongs(self.body[*i], self.order_of(*i))).count();
-        Members {
+        let number = rest
+            .take_while(|i| belongs(self.body[*i], self.frequency_exponent(*i)))
+            .count();
+        PathRange {
             surfaces: first..first + number,
             num_points,
         }
@@ -190,8 +165,8 @@ impl Scatterers {
     }
 
     /// Power of the frequency by which the field of a material point falls.
-    pub fn order_of(&self, number: usize) -> u8 {
-        self.order.get(number).copied().unwrap_or(0)
+    pub fn frequency_exponent(&self, number: usize) -> u8 {
+        self.frequency_exponent.get(number).copied().unwrap_or(0)
     }
 
     /// Cell of every material point, see [`Scatterers`]; empty if no point has one.
@@ -208,11 +183,6 @@ impl Scatterers {
 
     fn num_weights(&self) -> usize {
         self.weights.len() / self.len().max(1)
-    }
-
-    /// Bodies that deform and have material points here, in increasing order, and their numbers of vertices.
-    pub fn deforming(&self) -> &[(u32, usize)] {
-        &self.deforming
     }
 
     /// Number of TX-RX pairs.
@@ -233,7 +203,7 @@ impl Scatterers {
         let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
         let (mut position, mut normal) = (self.position[path], self.normal[path]);
         let mut edges = self.patch.get(path).copied().unwrap_or_default();
-        if let Some(triangle) = kinematics.moving_triangle(&self.deforming, node, body, self.corners_of(path)) {
+        if let Some(triangle) = kinematics.moving_triangle(node, body, self.corners_of(path)) {
             (position, normal) = (triangle.point(position), triangle.normal(normal));
             edges = edges.map(|edge| triangle.vector(edge));
         }
@@ -248,19 +218,17 @@ impl Scatterers {
         self.corners.get(path).copied().flatten()
     }
 
-    /// Rate of every delay of the members [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the
+    /// Rate of every delay of a range [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the
     /// time derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor
     /// too.
-    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics, members: &Members) -> Vec<f64> {
-        let num_paths = members.len();
+    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics, range: &PathRange) -> Vec<f64> {
+        let num_paths = range.len();
         (0..self.num_channels() * num_paths)
             .into_par_iter()
             .map(|i| {
-                let (channel, path) = (i / num_paths, members.number(self, i % num_paths));
+                let (channel, path) = (i / num_paths, range.number(self, i % num_paths));
                 let (position, velocity) = match self.body.get(path) {
-                    Some(&body) => {
-                        kinematics.motion(rates, &self.deforming, body, self.corners_of(path), self.position[path])
-                    }
+                    Some(&body) => kinematics.motion(rates, body, self.corners_of(path), self.position[path]),
                     None => (kinematics.points[path - self.len()], rates.points[path - self.len()]),
                 };
                 let (t, r) = self.array.pair(channel, position);

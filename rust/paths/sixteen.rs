@@ -7,7 +7,7 @@ use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::pose::Pose;
-use crate::numeric::simd::{Isa, Real, Vector};
+use crate::numeric::simd::{Isa, Precision, Real, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns};
 use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::Scatterers;
@@ -114,7 +114,7 @@ impl Scatterers {
 impl Sixteen {
     /// Poses of the bodies at a node.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn poses<'a>(&self, kinematics: &Kinematics<'a>, node: usize) -> Poses<'a> {
+    pub(super) fn poses<'a>(&self, kinematics: &'a Kinematics, node: usize) -> Poses<'a> {
         let of = &kinematics.poses[node * kinematics.num_bodies..];
         let mut is_one = true;
         for lane in 1..STEP {
@@ -177,10 +177,10 @@ impl Poses<'_> {
         turned
     }
 
-    /// Vectors of bodies, rotated to the axes of the sensor, in single precision.
+    /// Vectors of bodies, rotated to the axes of the sensor, in a precision: of the lanes of one vector from `first` on.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn turned_single<I: Isa>(&self, vectors: &[Lanes<f64>; 3]) -> [I::F32; 3] {
-        narrow::<I>(&self.turned::<I>(vectors, 0), &self.turned::<I>(vectors, HALF))
+    pub(super) fn turned_to<T: Precision, I: Isa>(&self, vectors: &[Lanes<f64>; 3], first: usize) -> [T::In<I>; 3] {
+        narrow::<T, I>(&self.turned::<I>(vectors, first), &self.turned::<I>(vectors, HALF))
     }
 }
 
@@ -299,12 +299,12 @@ fn splat<V: Vector>(x: f64) -> V {
     V::splat(V::Scalar::of(x))
 }
 
-/// Vectors in single precision, from their lower and upper eight lanes.
+/// Vectors in a precision: of the lower and upper eight lanes in single precision, of the lower ones in double precision.
 #[cfg_attr(optimised, inline(always))]
-pub(super) fn narrow<I: Isa>(low: &[I::F64; 3], high: &[I::F64; 3]) -> [I::F32; 3] {
-    let mut narrowed = [I::narrow(low[0], high[0]); 3];
+pub(super) fn narrow<T: Precision, I: Isa>(low: &[I::F64; 3], high: &[I::F64; 3]) -> [T::In<I>; 3] {
+    let mut narrowed = [T::narrow::<I>([low[0], high[0]]); 3];
     for axis in 1..3 {
-        narrowed[axis] = I::narrow(low[axis], high[axis]);
+        narrowed[axis] = T::narrow::<I>([low[axis], high[axis]]);
     }
     narrowed
 }

@@ -21,10 +21,10 @@ use super::threads::{check_threads, new_pool, pool, watch};
 use crate::bounces::Limits;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
-use crate::frame::{self, Counts, Memory, Model, RaySampling, Source};
-use crate::paths::placement::{VertexMotion, World};
+use crate::frame::{self, Answer, Counts, Memory, Model, RaySampling, Source};
+use crate::paths::sensor_motion::{VertexMotion, World};
 use crate::rays::camera::ImagePlane;
-use crate::synthesis::beat::Samples;
+use crate::synthesis::report::Samples;
 
 /// Surfaces of bodies, and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
@@ -293,22 +293,19 @@ impl IdealFrame {
     /// Errors of phases [rad] and of amplitudes, relative to l2(amplitudes), by the series over the frame.
     #[getter]
     fn series_errors(&self) -> (f64, f64) {
-        let nodes = self.counts.sum.nodes.as_ref();
-        let (phase, weight) = nodes.map_or((0.0, 0.0), |nodes| (nodes.phase, nodes.weight));
-        (phase.max(self.counts.motion_error), weight)
+        let nodes = &self.counts.node_times;
+        (nodes.phase.max(self.counts.motion_error), nodes.weight)
     }
 
-    /// Numbers of the bodies in the scene that have a sum of their own, as few times of the frame do not describe their
-    /// motion.
+    /// Numbers, in the scene, of the bodies and point targets whose motion varies too fast for few times of the frame.
     #[getter]
-    fn rough(&self) -> Vec<usize> {
-        self.counts.rough.clone()
+    fn fast_varying(&self) -> Vec<usize> {
+        self.counts.fast_varying.clone()
     }
 
     /// Counts of rays, hits, tiles, paths and velocity rows, by name.
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let counts = &self.counts;
-        let nodes = counts.sum.nodes.as_ref();
         let mut all = vec![
             ("casts", counts.casts),
             ("rays_cast", counts.rays_cast),
@@ -324,11 +321,9 @@ impl IdealFrame {
             ("bounce_rays", counts.bounce_rays),
             ("bounces_stopped", counts.bounces_stopped),
             ("bounces_not_split", counts.bounces_not_split),
-            ("delay_nodes", nodes.map_or(1, |nodes| nodes.delays)),
-            ("amplitude_nodes", nodes.map_or(1, |nodes| nodes.amplitudes)),
-            ("still_paths", counts.sum.still_paths),
-            ("velocity_rows", counts.sum.rows),
-            ("velocity_rows_skipped", counts.sum.rows_skipped),
+            ("delay_nodes", counts.node_times.delays),
+            ("amplitude_nodes", counts.node_times.amplitudes),
+            ("still_paths", counts.static_paths),
         ]);
         all.into_py_dict(py)
     }
@@ -338,13 +333,13 @@ impl IdealFrame {
         self.counts.times.named().to_vec()
     }
 
-    /// Plan of the sum, a line per group of paths.
+    /// Plan of the sum, a line per span of chirps.
     #[getter]
-    fn plan(&self) -> &str {
-        if self.counts.sum.plan.is_empty() {
-            "no paths"
+    fn plan(&self) -> String {
+        if self.counts.plan.is_empty() {
+            "no paths".to_owned()
         } else {
-            &self.counts.sum.plan
+            self.counts.plan.join("\n")
         }
     }
 }
@@ -421,15 +416,10 @@ impl Simulator {
         let simulated = self.run(py, |memory, cancel| {
             frame::simulate(&self.model, motion, rates, memory, cancel)
         })?;
-        let Some(frame) = simulated else {
+        let Answer::Done(frame) = simulated else {
             return Ok(None);
         };
-        let waveform = &self.model.waveform;
-        let shape = [
-            self.model.array.num_channels(),
-            waveform.chirp_times.len(),
-            waveform.num_samples,
-        ];
+        let shape = self.model.shape();
         let cube = match frame.cube {
             Samples::Single(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
             Samples::Double(samples) => samples.into_pyarray(py).reshape(shape)?.into_any(),
@@ -472,7 +462,7 @@ impl Simulator {
             paths.delay_rate.into_pyarray(py).reshape(shape)?,
             paths.amplitude.into_pyarray(py).reshape(shape)?,
             paths.body.into_pyarray(py),
-            paths.order.into_pyarray(py),
+            paths.frequency_exponent.into_pyarray(py),
         ))
     }
 

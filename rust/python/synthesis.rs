@@ -3,17 +3,16 @@
 use num_complex::Complex64;
 use numpy::{IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 
 use super::arrays::{contiguous, numbers};
 use super::threads::{check_threads, compute};
 use crate::error::{Error, Result};
 use crate::numeric::simd::Level;
-use crate::synthesis::beat;
+use crate::synthesis::beat_signal as sums;
 use crate::synthesis::chirp;
+use crate::synthesis::choose::Method;
 use crate::synthesis::delay::{Basis, PathSeries};
-use crate::synthesis::low_rank::block_plan::BlockPlan;
-use crate::synthesis::plan::{Method, Part, Step};
+use crate::synthesis::report::{self, Known, Options, Samples};
 
 /// Times and frequencies of a frame.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -141,12 +140,11 @@ pub(super) fn method(name: &str) -> Result<Method> {
         "auto" => Ok(Method::Auto),
         "direct" => Ok(Method::Direct),
         "grid" => Ok(Method::Grid),
-        "recurrence" => Ok(Method::Recurrence),
-        "lanes" => Ok(Method::Lanes),
-        _ => {
-            let expected = "'auto', 'direct', 'grid', 'recurrence' or 'lanes'";
-            Err(Error::value("method", expected, format!("{name:?}")))
-        }
+        _ => Err(Error::value(
+            "method",
+            "'auto', 'direct' or 'grid'",
+            format!("{name:?}"),
+        )),
     }
 }
 
@@ -168,11 +166,11 @@ fn level(name: Option<&str>) -> Result<Level> {
         .ok_or_else(|| Error::value("level", format!("one of {:?}", levels()), name))
 }
 
-/// Beat samples (channel, chirp, sample) of paths, and the report of the sum; with `plan_only` its plan alone. `report`
-/// receives the number of chirps of all channels that a direct sum has done, from time to time.
+/// Beat samples (channel, chirp, sample) of paths, and the report of the sum. `report` receives the number of chirps of
+/// all channels that a direct sum has done, from time to time.
 #[pyfunction(signature = (
     delay, amplitude, delay_rate=None, delay_acceleration=None, *, waveform, tolerance, method, threads=None, level=None,
-    split_still=true, skip_rows=true, plan_only=false, report=None
+    report=None
 ))]
 pub(super) fn beat_signal<'py>(
     py: Python<'py>,
@@ -185,39 +183,26 @@ pub(super) fn beat_signal<'py>(
     method: &str,
     threads: Option<usize>,
     level: Option<&str>,
-    split_still: bool,
-    skip_rows: bool,
-    plan_only: bool,
     report: Option<Py<PyAny>>,
-) -> PyResult<(Option<Bound<'py, PyAny>>, Report)> {
+) -> PyResult<(Bound<'py, PyAny>, Report)> {
     check_threads(threads)?;
     let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
     let waveform = &waveform.0;
     let shape = [paths.num_channels, waveform.chirp_times.len(), waveform.num_samples];
-    let is_long = beat::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
-    let options = beat::Options {
-        method: self::method(method)?,
+    let is_long = sums::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
+    let method = self::method(method)?;
+    let options = Options {
         level: self::level(level)?,
         tolerance: self::tolerance(tolerance)?,
         is_parallel: is_long && threads != Some(1),
-        split_still,
-        skip_rows,
         cancel: None,
+        known: Known::NOTHING,
     };
     let (samples, report) = paths.with_series(|series| {
-        let sum = |options: &beat::Options| {
-            if plan_only {
-                let report = beat::Report {
-                    plan: beat::plan(waveform, series, options)?,
-                    ..beat::Report::default()
-                };
-                return Ok((None, report));
-            }
-            beat::beat_signal(waveform, series, options).map(|(samples, report)| (Some(samples), report))
-        };
+        let sum = |options: &Options| sums::beat_signal(waveform, series, method, options);
         if is_long {
             compute(py, threads, report.as_ref(), |cancel| {
-                sum(&beat::Options {
+                sum(&Options {
                     cancel: Some(cancel),
                     ..options
                 })
@@ -226,82 +211,81 @@ pub(super) fn beat_signal<'py>(
             py.detach(|| sum(&options).map_err(PyErr::from))
         }
     })?;
-    let array = |samples| match samples {
-        beat::Samples::Single(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
-        beat::Samples::Double(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
+    let array = match samples {
+        Samples::Single(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
+        Samples::Double(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
     };
-    Ok((samples.map(array).transpose()?, Report(report)))
+    Ok((array?, Report(report)))
 }
 
-/// Report of a sum: classes of paths and their methods.
+/// Report of a sum.
 #[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Report(pub(super) beat::Report);
+pub(super) struct Report(report::Report);
 
 #[pymethods]
 impl Report {
-    /// One line per class of paths.
     fn __str__(&self) -> String {
-        self.0.plan.to_string()
+        self.0.to_string()
     }
 
-    /// Predicted error of the plan, relative to l2(amplitudes).
+    /// Name of the engine: "direct", "chirp-wise NUFFT" or "range-Doppler NUFFT".
+    #[getter]
+    fn engine(&self) -> &'static str {
+        self.0.engine
+    }
+
+    /// Precision of the sum: "single" or "double".
+    #[getter]
+    fn precision(&self) -> &'static str {
+        if self.0.is_single { "single" } else { "double" }
+    }
+
+    /// Width of the spreading kernel [cells]; 0 for none.
+    #[getter]
+    fn width(&self) -> usize {
+        self.0.width
+    }
+
+    /// Number of grids: of powers of time within a chirp, or of strengths.
+    #[getter]
+    fn grids(&self) -> usize {
+        self.0.num_grids
+    }
+
+    /// Largest number of blocks of chirps of a group of paths.
+    #[getter]
+    fn blocks(&self) -> usize {
+        self.0.num_blocks
+    }
+
+    /// Number of paths of all channels that stand still.
+    #[getter]
+    fn static_paths(&self) -> usize {
+        self.0.num_static
+    }
+
+    /// Error relative to l2(amplitudes) that the sum holds.
     #[getter]
     fn error(&self) -> f64 {
-        self.0.plan.error()
+        self.0.total_error
     }
 
     /// Memory beside input and result [bytes].
     #[getter]
     fn memory(&self) -> usize {
-        self.0.plan.memory()
+        self.0.memory
     }
 
-    /// Velocity rows that were transformed.
-    #[getter]
-    fn rows(&self) -> usize {
-        self.0.rows
-    }
-
-    /// Velocity rows that no path had touched.
-    #[getter]
-    fn rows_skipped(&self) -> usize {
-        self.0.rows_skipped
-    }
-
-    /// Number of plans that were run: more than one where paths add up in phase, or differ from the samples.
+    /// Number of runs: two where paths add up in phase.
     #[getter]
     fn runs(&self) -> usize {
-        self.0.runs
+        self.0.num_runs
     }
 
     /// Largest rms of the samples of a channel relative to its l2(amplitudes).
     #[getter]
     fn gain(&self) -> f64 {
         self.0.gain
-    }
-
-    /// Classes of paths: name, number of paths, method, precision, width of the kernel (0: none), velocity rows per
-    /// block, terms per block, predicted error, and memory [bytes].
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyTuple>>> {
-        let part = |part: &Part| {
-            let block_plans: &[BlockPlan] = match &part.step {
-                Step::Grid { block_plans, .. } => block_plans,
-                _ => &[],
-            };
-            (
-                part.class.name(),
-                part.num_paths,
-                part.step.name(),
-                if part.step.is_single() { "single" } else { "double" },
-                part.step.width().unwrap_or(0),
-                PyTuple::new(py, block_plans.iter().map(|plan| plan.rows))?,
-                PyTuple::new(py, block_plans.iter().map(|plan| plan.approximation.num_sets()))?,
-                part.error(self.0.plan.gain),
-                part.memory,
-            )
-                .into_pyobject(py)
-        };
-        self.0.plan.parts.iter().map(part).collect()
     }
 }
 

@@ -26,20 +26,6 @@ use crate::scattering::samples::Samples;
 use crate::scattering::sampling::{Piece, Tiles};
 
 impl Scatterers {
-    /// Material points of all hits of one image, see [`Self::of_images`].
-    pub fn new(
-        scene: &PosedScene,
-        hits: &Hits,
-        smooth: &SmoothHits,
-        materials: &[Material],
-        array: Array,
-        sampling: Sampling,
-        seed: u64,
-    ) -> Self {
-        let image = (scene, hits, smooth, &array.clone());
-        Self::of_images(&[image], materials, array, sampling, seed)
-    }
-
     /// Material points of all hits of images that return power, one image after the other; `materials` per body, `seed`
     /// for the diffuse phases. Images have axes of their own, in which they have the array beside them.
     pub fn of_images(
@@ -62,12 +48,7 @@ impl Scatterers {
             points.append(of_image.with_cells_from(num_pixels));
             num_pixels += hits.plane.num_pixels() as u32;
         }
-        let scene = |body: u32| {
-            images
-                .first()
-                .map_or(0, |(scene, ..)| scene.surface(body).vertices().len())
-        };
-        points.shared(sampling, array).with_vertices(scene)
+        points.shared(sampling, array)
     }
 
     /// Material points of adaptive samples of sectors, in their scenes and arrays: specular ones, and diffuse ones. Those
@@ -97,7 +78,7 @@ impl Scatterers {
         let mut scatterers = points.with_array(array);
         let scenes: Vec<&PosedScene> = sectors.iter().map(|(scene, _)| *scene).collect();
         scatterers.append(of_tiles(&scenes, &samples.tiles, scatterers.array.clone(), rank));
-        scatterers.with_vertices(|body| sectors[0].0.surface(body).vertices().len())
+        scatterers
     }
 
     /// Material points of all surface elements that return power; `seed` for the diffuse phases.
@@ -231,7 +212,7 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
         scatterers.patch = vec![Edges::default(); number];
     }
     if has_orders {
-        scatterers.order = vec![0; number];
+        scatterers.frequency_exponent = vec![0; number];
     }
     if is_deformed {
         scatterers.corners = vec![None; number];
@@ -244,7 +225,7 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
         .zip(scatterers.weights.chunks_mut(BLOCK * num_weights))
         .zip(blocks_or_none(&mut scatterers.patch, number, BLOCK))
         .zip(blocks_or_none(&mut scatterers.corners, number, BLOCK))
-        .zip(blocks_or_none(&mut scatterers.order, number, BLOCK))
+        .zip(blocks_or_none(&mut scatterers.frequency_exponent, number, BLOCK))
         .zip((0..number).step_by(BLOCK))
         .collect();
     blocks.into_par_iter().for_each(|block| {

@@ -69,12 +69,11 @@ impl Points {
         Scatterers {
             cell: self.cell,
             body: self.body,
-            order: self.order,
+            frequency_exponent: self.order,
             corners: self.corners,
             position: self.position,
             normal: self.normal,
             patch: self.patch,
-            deforming: Vec::new(),
             weights: self.weights,
             array,
         }

@@ -62,6 +62,13 @@ impl Waveform {
         (0..self.num_samples).map(ratio).collect()
     }
 
+    /// Ratio of the largest expected rms of errors with random phases to the mean: few samples fluctuate.
+    pub fn fluctuation(&self) -> f64 {
+        let number = (self.chirp_times.len() * self.num_samples) as f64;
+        // Three standard deviations of the mean of squares of normal numbers.
+        (1.0 + 3.0 / number.sqrt()).sqrt()
+    }
+
     /// Time of the middle sample, number `num_samples / 2`, after the start of its ramp [s].
     pub fn middle_time(&self) -> f64 {
         self.sample_time(self.num_samples / 2)

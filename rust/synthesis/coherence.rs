@@ -11,14 +11,6 @@ use crate::numeric::simd::Real;
 const MOST_ROWS: usize = 64;
 const MOST_COLUMNS: usize = 128;
 
-/// Largest integer that is not greater than a number of magnitude below 2^31, without a call where the instruction set
-/// has none for it.
-#[cfg_attr(optimised, inline(always))] // within loops over paths
-fn floor(x: f64) -> i64 {
-    const ABOVE: f64 = 2_147_483_648.0; // 2^31
-    (x + ABOVE) as i64 - (1 << 31)
-}
-
 /// Sums of amplitudes over cells of velocity and range of some paths of a channel; no memory before the first path.
 #[derive(Clone, Debug, Default)]
 pub struct Coherence {
@@ -47,28 +39,22 @@ impl Coherence {
         }
     }
 
-    /// Add paths: turns of phase from sample to sample, turns over the frame, amplitudes.
-    #[cfg_attr(optimised, inline(always))] // within loops over paths
-    pub fn add(&mut self, range: f64, velocity: f64, amplitude: f64) {
-        if self.cells.is_empty() {
-            self.cells.resize(self.rows * self.columns, 0.0);
-        }
-        // Phases of samples repeat after a turn.
-        let column = (range - floor(range) as f64) * self.columns as f64;
-        let column = (column as usize).min(self.columns - 1);
-        let row = floor(velocity * self.rows_per_turn);
-        let row = row.cast_unsigned() as usize & (self.rows - 1);
-        self.cells[row * self.columns + column] += amplitude as f32;
-        self.squares += amplitude * amplitude;
+    /// Numbers of cells along velocity and along range.
+    pub fn num_cells(&self) -> [usize; 2] {
+        [self.rows, self.columns]
     }
 
-    /// Cells of a grid, (row, column): at most one per turn along each axis.
-    pub fn of_grid(rows: usize, columns: usize) -> Self {
-        Self {
-            rows,
-            columns,
-            ..Self::default()
-        }
+    /// Cells along velocity per turn of phase over the frame.
+    pub fn rows_per_turn(&self) -> f64 {
+        self.rows_per_turn
+    }
+
+    /// Add a path: turns of phase from sample to sample, turns over the frame, amplitude.
+    pub fn add(&mut self, range: f64, velocity: f64, amplitude: f64) {
+        let number = |turns: f64, cells: usize| ((turns - turns.floor()) * cells as f64) as usize % cells;
+        let row = number(velocity * self.rows_per_turn / self.rows as f64, self.rows);
+        let cell = row * self.columns + number(range, self.columns);
+        self.add_to(&[cell as u32], &[amplitude], amplitude * amplitude);
     }
 
     /// Add the amplitudes of paths to the cells of some indices, and the sum of their squares.

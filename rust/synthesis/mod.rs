@@ -1,15 +1,15 @@
 //! Synthesis of the beat signal: delays and amplitudes of paths to samples of every chirp and channel.
 
-pub mod beat;
-pub mod block;
+pub mod arrays;
+pub mod beat_signal;
 pub mod chirp;
+pub mod chirp_nufft;
+pub mod choose;
+pub mod chunk;
 pub mod coherence;
 pub mod delay;
 pub mod direct;
-pub mod interval;
-pub mod lanes;
-pub mod low_rank;
-pub mod nufft;
-pub mod plan;
-pub mod recurrence;
-pub mod statistics;
+pub mod doppler_nufft;
+pub mod kaiser_bessel;
+pub mod report;
+pub mod source;

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,9 @@ def test_every_level_gives_the_same_results_in_512_kb_of_stack(tmp_path: Path) -
         allowed = LEVELS[: LEVELS.index(level) + 1]
         assert found["level"] == [name for name in machine if name in allowed][-1]
         assert found["worst"] <= 1.0
+        for engine, precision in product(("chirp-wise NUFFT", "range-Doppler NUFFT"), ("single", "double")):
+            widths = {width for *kind, width in found["kernels"] if kind == [engine, precision]}
+            assert len(widths) >= 2, (engine, precision, widths)
         for name in ("hits", "noise", "direct"):
             assert found[name] == baseline[name], (level, name)
     # Multiplication and addition are fused in both. Without, samples in units of their rms differ by rounding.

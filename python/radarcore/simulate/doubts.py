@@ -286,8 +286,8 @@ class Doubts:
         """
         phase, weight = ideal.series_errors
         if (residual := hypot(phase, weight)) > self._tolerance and self._is_new("series"):
-            rough = ", ".join(repr(names[body]) for body in ideal.rough[:_MOST_NAMES])
-            of = f" of {rough}" if rough else ""
+            bodies = ", ".join(repr(names[body]) for body in ideal.fast_varying[:_MOST_NAMES])
+            of = f" of {bodies}" if bodies else ""
             phases = f"phases (fast motion{of}, or large absolute times)"
             series = phases if phase > weight else f"amplitudes (turning edges{of})"
             notice.warn(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,87 +25,6 @@ SINGLE_PRECISION_TOLERANCE = 1e-6
 
 MAX_THREADS = 1024
 """Largest number of threads that the core starts."""
-
-
-@dataclass(frozen=True)
-class PlanPart:
-    """Synthesis of one class of paths.
-
-    Attributes
-    ----------
-    paths : "still", "moving" or "all"
-    num_paths : int
-        Over all channels.
-    method : "direct", "recurrence", "lanes" or "grid"
-        Eq. (1) sample by sample; a direct sum by phasor recurrences; range grids of 16 chirps side by side; the
-        range-velocity grid.
-    precision : "single" or "double"
-    width : int
-        Cells of the kernel that spreads a path on the grid; 0 for direct sums.
-    rows, terms : tuple of int
-        Velocity rows and sets of strengths of the grid, one number per block of chirps; empty for other methods.
-    error : float
-        Predicted rms error relative to l2(amplitudes).
-    memory : int
-        Beside input and result [bytes].
-
-    See Also
-    --------
-    Plan : All parts together.
-    plan_beat_signal : Makes a plan.
-
-    Examples
-    --------
-    >>> waveform = rc.bgt60tr13c(num_chirps=16).waveform
-    >>> part = rc.plan_beat_signal([10e-9], [1e-6], waveform, method="direct").parts[0]
-    >>> part.method, part.num_paths
-    ('direct', 1)
-    """
-
-    paths: str
-    num_paths: int
-    method: str
-    precision: str
-    width: int
-    rows: tuple[int, ...]
-    terms: tuple[int, ...]
-    error: float
-    memory: int
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Plan of `beat_signal`: the method for every class of paths; `print` shows it.
-
-    Attributes
-    ----------
-    parts : tuple of PlanPart
-    error : float
-        Predicted rms error relative to l2(amplitudes), by some hundred paths, for samples of up to 1.2 times the rms of
-        independent phases. Where paths have more or add up in phase, `beat_signal` finds out and runs a finer plan.
-    memory : int
-        Beside input and result [bytes].
-
-    See Also
-    --------
-    plan_beat_signal : Makes one.
-    PlanPart : Part for one class of paths.
-
-    Examples
-    --------
-    >>> waveform = rc.bgt60tr13c(num_chirps=16).waveform
-    >>> plan = rc.plan_beat_signal([10e-9], [1e-6], waveform)
-    >>> len(plan.parts), plan.error < 1e-3
-    (1, True)
-    """
-
-    parts: tuple[PlanPart, ...]
-    error: float
-    memory: int
-    text: str
-
-    def __str__(self) -> str:
-        return self.text
 
 
 @check.knows_keywords
@@ -145,8 +63,8 @@ def beat_signal(
         complex64, at most 6e-8 of the samples: 6e-8 sqrt(n) in this measure for n equal paths in phase, 1.9e-5 for 1e5.
         Below 1e-6 the samples are complex128.
     method : "auto", "direct" or "grid"
-        Auto: the cheapest that keeps to the tolerance. Direct: every sample of every path in double precision.
-        Grid: the range-velocity grid, however few the paths.
+        Auto: the fastest that keeps the tolerance. Direct: every sample of every path in double precision. Grid: the
+        faster of the two NUFFTs that take the paths, however few they are.
     threads : int, optional
         Threads to use; default: all cores. The result does not depend on it.
     progress : bool
@@ -159,8 +77,7 @@ def beat_signal(
     Raises
     ------
     ValueError
-        For shapes that do not fit together, numbers that are not finite, phases beyond 1e12 turns, and a tolerance that
-        the grid cannot reach.
+        For shapes that do not fit together, numbers that are not finite, and phases beyond 1e12 turns.
     TypeError
         For complex delays and values that are no numbers.
     MemoryError
@@ -168,7 +85,6 @@ def beat_signal(
 
     See Also
     --------
-    plan_beat_signal : Method, error and memory, without the work.
     Simulator.paths : Paths of a scene.
     Waveform.delay_times : Times of nodal delays.
 
@@ -188,40 +104,6 @@ def beat_signal(
     with notice.progress_if_long("direct sum", "chirp", total, shown=shown) as report:
         samples, _ = _sum(waveform, tolerance, method, threads, paths, report=report)
     return samples
-
-
-@check.knows_keywords
-def plan_beat_signal(
-    delay: ArrayLike,
-    amplitude: ArrayLike,
-    waveform: Waveform,
-    *,
-    delay_rate: ArrayLike | None = None,
-    delay_acceleration: ArrayLike | None = None,
-    tolerance: float = 1e-3,
-    method: str = "auto",
-    threads: int | None = None,
-) -> Plan:
-    """Plan of `beat_signal` with these arguments, with its error and its memory; nothing is computed.
-
-    See Also
-    --------
-    beat_signal : The samples themselves.
-    Plan : What comes back.
-
-    Examples
-    --------
-    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> delays = np.linspace(5e-9, 40e-9, 100_000)
-    >>> plan = rc.plan_beat_signal(delays, np.ones(100_000), waveform)
-    >>> plan.parts[0].num_paths, plan.error < 1e-3
-    (100000, True)
-    """
-    _check_waveform(waveform)
-    paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
-    _, report = _sum(waveform, tolerance, method, threads, paths, plan_only=True)
-    parts = tuple(PlanPart(*part) for part in report.parts())
-    return Plan(parts, report.error, report.memory, str(report))
 
 
 def check_tolerance(tolerance: float) -> float:
@@ -255,7 +137,7 @@ def _check_waveform(waveform: Waveform) -> None:
 def _sum(
     waveform: Waveform, tolerance: float, method: str, threads: int | None, paths: _Paths, **options: Any
 ) -> tuple[Any, _core.Report]:
-    """Samples, None with `plan_only`, and report of the sum over paths."""
+    """Samples and report of the sum over paths."""
     return _core.beat_signal(
         *paths,
         waveform=waveform._core,

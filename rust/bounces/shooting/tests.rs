@@ -4,10 +4,15 @@ use super::*;
 use crate::antennas::pattern::Pattern;
 use crate::bounces::field::{Field, Incidence};
 use crate::geometry::pose::Pose;
+use crate::numeric::simd::Level;
+use crate::paths::kinematics::Kinematics;
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Response};
+use crate::synthesis::chunk::{CHUNK, Chunk};
+use crate::synthesis::delay::Basis;
+use crate::synthesis::source::{Request, Shape};
 
 /// Return of one cell to the centre of the array by its last reflection of a number of reflections.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -420,22 +425,37 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (one, counts) = run(1, 1e-8);
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
-    let poses = [Pose::IDENTITY; 2];
-    let kinematics = crate::paths::kinematics::Kinematics {
+    let kinematics = Kinematics {
         num_nodes: 1,
         num_bodies: 2,
-        poses: &poses,
-        points: &[],
-        rcs: &[],
-        vertices: &[],
+        poses: vec![Pose::IDENTITY; 2],
+        points: Vec::new(),
+        rcs: Vec::new(),
+        vertices: Vec::new(),
     };
-    let all = crate::paths::series::Selection {
-        first: 0,
-        last: one.len(),
-        step: 1,
-    };
-    let [a, b] = [&one, &four].map(|bounces| bounces.paths(&kinematics, &kinematics, all).unwrap());
-    assert_eq!((a.delay, a.amplitude), (b.delay, b.amplitude));
+    assert_eq!(one.len(), four.len());
+    let numbers: Vec<usize> = (0..one.len()).collect();
+    for numbers in numbers.chunks(CHUNK) {
+        let [a, b] = [&one, &four].map(|bounces| {
+            let shape = Shape {
+                channels: 2,
+                paths: bounces.len(),
+                delay_rows: 1,
+                amplitude_rows: 1,
+                basis: Basis::Chebyshev,
+            };
+            let request = Request {
+                channels: 0..2,
+                paths: 0..0,
+                scale: 1.0,
+                level: Level::best(),
+            };
+            let mut chunk = Chunk::<f64>::new(&shape, 2);
+            bounces.fill([&kinematics; 2], numbers, &request, &mut chunk);
+            chunk
+        });
+        assert_eq!((a.delay, a.re, a.im), (b.delay, b.re, b.im));
+    }
     assert_eq!(counts.stopped, 0);
     // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
     let (fewer, counts) = run(2, 0.02);

@@ -1,7 +1,7 @@
 //! Instruction sets chosen at run time: one generic kernel, compiled once per level.
 //!
 //! Element-wise loops over fixed-size arrays are left to the compiler, which vectorises them inside a function with
-//! `#[target_feature]`. Windows of the grid and recurrences it does not: they are written with [`Vector`], 64 bytes of
+//! `#[target_feature]`. Windows of the grid it does not: they are written with [`Vector`], 64 bytes of
 //! numbers whatever the level, so that a kernel has one layout everywhere. Instructions are those of the crate
 //! `fearless_simd`.
 //!

@@ -3,7 +3,7 @@
 use num_traits::{Float, FromPrimitive};
 
 /// Real number type: f32 or f64.
-pub trait Real: Float + FromPrimitive + radarcore_fft::Precision + Default {
+pub trait Real: Float + FromPrimitive + Default + Send + Sync + 'static {
     /// Nearest number of this type.
     fn of(x: f64) -> Self;
     /// Conversion to f64.

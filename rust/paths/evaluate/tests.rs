@@ -1,24 +1,30 @@
+use std::f64::consts::PI;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
+use num_complex::Complex64;
 
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::gain_table::Table;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
-use crate::numeric::simd::Isa;
-use crate::paths::rows::Rows;
+use crate::numeric::simd::Level;
+use crate::paths::scatterers::PathRange;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Cast;
 use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::SmoothHits;
 use crate::rays::surface::{ShadingMode, Surface as Mesh};
+use crate::scattering::depth_image::Surfels;
 use crate::scattering::material::{Material, Response};
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::refinement::Refinement;
 use crate::scattering::samples::Samples;
 use crate::scattering::sector::Sector;
+use crate::synthesis::delay::Basis;
+use crate::synthesis::source::Shape;
 
 fn array(pattern: &Pattern) -> Array {
     Array {
@@ -46,44 +52,65 @@ fn plate() -> Arc<Mesh> {
     Arc::new(Mesh::new(&vertices, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat).unwrap())
 }
 
-/// Most paths of the rows.
-const ROW: usize = 128;
-
-struct OfRows<'a>([&'a Kinematics<'a>; 2], &'a Scatterers, &'a Members, Selection);
-
-impl Kernel for OfRows<'_> {
-    type Output = Rows<ROW>;
-
-    #[cfg_attr(optimised, inline(always))]
-    fn run<I: Isa>(self) -> Rows<ROW> {
-        let Self([delays, amplitudes], scatterers, members, selection) = self;
-        let mut rows = Rows::new(scatterers.num_channels(), [delays.num_nodes, amplitudes.num_nodes]);
-        let numbers: Vec<usize> = (selection.first..selection.last)
-            .step_by(selection.step)
-            .take(ROW)
-            .map(|member| members.number(scatterers, member))
-            .collect();
-        scatterers.rows::<I, ROW>(delays, amplitudes, &numbers, 1024.0, &mut rows);
-        rows
+/// A chunk of some paths of some channels.
+fn filled<T: Precision>(
+    scatterers: &Scatterers,
+    [delays, amplitudes]: [&Kinematics; 2],
+    numbers: &[usize],
+    channels: Range<usize>,
+    level: Level,
+) -> Chunk<T> {
+    let request = Request {
+        channels: channels.clone(),
+        paths: 0..numbers.len(),
+        scale: 1024.0,
+        level,
+    };
+    let shape = Shape {
+        channels: scatterers.num_channels(),
+        paths: numbers.len(),
+        delay_rows: delays.num_nodes,
+        amplitude_rows: amplitudes.num_nodes,
+        basis: Basis::Chebyshev,
+    };
+    let mut chunk = Chunk::new(&shape, channels.len());
+    for row in &mut chunk.delay {
+        row.fill(f64::NAN);
     }
+    scatterers.fill([delays, amplitudes], numbers, &request, &mut chunk);
+    chunk
 }
 
-/// Check rows of four channels, of two nodes of delays and one of amplitudes, times 1024.
-fn assert_rows_are(rows: &Rows<ROW>, expected: &Paths, num_paths: usize, strongest: f64) {
-    for (row, expected) in expected.delay.chunks(num_paths).enumerate() {
-        // Rows are by channel and node, differences to the first node.
-        let (node, channel) = (row / 4, row % 4);
-        for (i, expected) in expected.iter().enumerate().take(ROW) {
-            let [first, this] = [0, node].map(|node| rows.delay[2 * channel + node][i]);
-            let delay = if node == 0 { first } else { first + this };
-            assert!((delay - expected).abs() <= 1e-15 * expected);
-        }
-    }
-    for (channel, expected) in expected.amplitude.chunks(num_paths).enumerate() {
-        for (i, expected) in expected.iter().enumerate().take(ROW) {
-            let [re, im] = [&rows.re, &rows.im].map(|rows| f64::from(rows[channel][i]) / 1024.0);
-            let error = (Complex64::new(re, im) - expected).norm();
-            assert!(error <= 2e-6 * expected.norm() + 1e-7 * strongest, "{error}");
+/// Check a chunk against paths one by one; errors of amplitudes relative to each and to the strongest.
+fn assert_is<T: Precision>(
+    chunk: &Chunk<T>,
+    scatterers: &Scatterers,
+    [delays, amplitudes]: [&Kinematics; 2],
+    numbers: &[usize],
+    channels: Range<usize>,
+    [relative, absolute]: [f64; 2],
+) {
+    assert_eq!(chunk.num_paths, numbers.len());
+    for (at, channel) in channels.enumerate() {
+        for i in 0..CHUNK {
+            let number = numbers[i.min(numbers.len() - 1)];
+            for node in 0..delays.num_nodes {
+                let expected = scatterers.path(delays, node, channel, number).0;
+                let rows = &chunk.delay[at * delays.num_nodes..];
+                let delay = rows[0][i] + if node > 0 { rows[node][i] } else { 0.0 };
+                assert!((delay - expected).abs() <= 1e-15 * expected, "{delay} {expected}");
+            }
+            for node in 0..amplitudes.num_nodes {
+                let mut expected = scatterers.path(amplitudes, node, channel, number).1;
+                if i >= numbers.len() {
+                    expected = Complex64::ZERO;
+                }
+                let row = at * amplitudes.num_nodes;
+                let [re, im] = [&chunk.re[row..], &chunk.im[row..]]
+                    .map(|rows| rows[0][i].wide() + if node > 0 { rows[node][i].wide() } else { 0.0 });
+                let error = (Complex64::new(re, im) / 1024.0 - expected).norm();
+                assert!(error <= relative * expected.norm() + absolute, "{error} {expected}");
+            }
         }
     }
 }
@@ -145,15 +172,8 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
         let materials = vec![half_matt; 2];
         let hits = scene.cast_image(&plane).unwrap();
         let smooth = SmoothHits::at(&scene, &hits, Level::best());
-        let of_pixels = Scatterers::new(
-            &scene,
-            &hits,
-            &smooth,
-            &materials,
-            array.clone(),
-            Sampling::Footprint,
-            1,
-        );
+        let image = (&scene, &hits, &smooth, &array);
+        let of_pixels = Scatterers::of_images(&[image], &materials, array.clone(), Sampling::Footprint, 1);
         let of_cells = [false, true].map(|end_points| of_cells(&scene, &array, &materials, plane, end_points));
         let [of_tiles, of_leaves] = of_cells;
         for scatterers in [of_pixels, of_tiles, of_leaves] {
@@ -161,46 +181,96 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
             let kinematics = Kinematics {
                 num_nodes: 2,
                 num_bodies: 2,
-                poses: &moved,
-                points: &[DVec3::new(2.0, 0.0, 0.0), DVec3::new(2.1, 0.0, 0.0)],
-                rcs: &[1.0],
-                vertices: &[],
+                poses: moved.clone(),
+                points: vec![DVec3::new(2.0, 0.0, 0.0), DVec3::new(2.1, 0.0, 0.0)],
+                rcs: vec![1.0],
+                vertices: Vec::new(),
             };
             // Amplitudes at a time of their own.
             let other = Kinematics {
                 num_nodes: 1,
-                poses: &moved[2..],
-                points: &kinematics.points[1..],
-                ..kinematics
+                poses: moved[2..].to_vec(),
+                points: vec![kinematics.points[1]],
+                ..kinematics.clone()
             };
-            for (first, step) in [(0, 1), (3, 7)] {
-                let last = scatterers.len() + 1;
-                let members = Members::all(&scatterers, 1);
-                let selection = Selection { first, last, step };
-                let expected = Paths::of(
-                    [2, 1],
-                    scatterers.num_channels(),
-                    selection,
-                    |node, channel, path| scatterers.path(&kinematics, node, channel, path).0,
-                    |node, channel, path| scatterers.path(&other, node, channel, path).1,
-                );
-                let expected = expected.unwrap();
-                let strongest = expected.amplitude.iter().fold(0.0, |most: f64, a| most.max(a.norm()));
-                assert!(strongest > 0.0 && selection.len() > 20);
-                for level in Level::available() {
-                    let paths = scatterers
-                        .paths_by(&kinematics, &other, &members, selection, level)
-                        .unwrap();
-                    for (path, expected) in paths.delay.iter().zip(&expected.delay) {
-                        assert!((path - expected).abs() <= 1e-15 * expected);
+            // Point targets come last.
+            let last = scatterers.len();
+            let all = PathRange {
+                surfaces: 0..last,
+                num_points: 1,
+            };
+            assert_eq!((all.len(), all.number(&scatterers, last)), (last + 1, last));
+            let nodes = [&kinematics, &other];
+            let amplitude = |number: usize| scatterers.path(&other, 0, 0, number).1.norm();
+            let strongest = (0..=last).map(amplitude).fold(0.0, f64::max);
+            assert!(strongest > 0.0 && last > 20);
+            let spread = (0..=last).step_by(last.div_ceil(100)).chain([last]);
+            for numbers in [
+                (0..=last).take(CHUNK).collect(),
+                spread.collect::<Vec<usize>>(),
+                vec![last],
+            ] {
+                for channels in [0..4, 1..2] {
+                    for level in Level::available() {
+                        let chunk = filled::<f64>(&scatterers, nodes, &numbers, channels.clone(), level);
+                        let errors = [0.0, 1e-13 * strongest];
+                        assert_is(&chunk, &scatterers, nodes, &numbers, channels.clone(), errors);
+                        let chunk = filled::<f32>(&scatterers, nodes, &numbers, channels.clone(), level);
+                        let errors = [2e-6, 1e-7 * strongest];
+                        assert_is(&chunk, &scatterers, nodes, &numbers, channels.clone(), errors);
                     }
-                    for (path, expected) in paths.amplitude.iter().zip(&expected.amplitude) {
-                        assert!((path - expected).norm() <= 1e-13 * strongest, "{path} {expected}");
-                    }
-                    let rows = level.run(OfRows([&kinematics, &other], &scatterers, &members, selection));
-                    assert_rows_are(&rows, &expected, selection.len(), strongest);
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn chunk_of_points_has_delays_and_amplitudes_of_the_radar_equation() {
+    // A point target that passes the antennas, at the places of four times.
+    let all_round = Pattern::Gaussian {
+        peak: 3.0,
+        azimuth: 0.0,
+        elevation: 0.0,
+    };
+    let array = array(&all_round);
+    let scatterers = Scatterers::from_surfels(
+        &Surfels {
+            plane: ImagePlane::centered(1, 1, 0.1, 0.1),
+            distance: &[0.0],
+            normal: &[DVec3::X],
+            reflection: &[Complex64::ONE],
+            albedo: &[0.0],
+            body: &[-1],
+            num_bodies: 0,
+        },
+        array.clone(),
+        Sampling::Point,
+        1,
+    )
+    .unwrap();
+    let points: Vec<DVec3> = (0..4).map(|node| DVec3::new(2.0, f64::from(node), 0.3)).collect();
+    let kinematics = Kinematics {
+        num_nodes: 4,
+        num_bodies: 0,
+        poses: Vec::new(),
+        points: points.clone(),
+        rcs: vec![0.5],
+        vertices: Vec::new(),
+    };
+    let chunk = filled::<f64>(&scatterers, [&kinematics; 2], &[0], 0..4, Level::best());
+    for channel in 0..4 {
+        for (node, point) in points.iter().enumerate() {
+            let [t, r] = [array.tx[channel / 2], array.rx[channel % 2]].map(|place| (*point - place).length());
+            let rows = 4 * channel..;
+            let value = |rows: &[Lane<f64>]| rows[0][0] + if node > 0 { rows[node][0] } else { 0.0 };
+            let delay = (t + r) / SPEED_OF_LIGHT;
+            assert!((value(&chunk.delay[rows.clone()]) - delay).abs() < 1e-15 * delay);
+            // sqrt(P G G) lambda sqrt(sigma) / ((4 pi)^(3/2) R R)
+            let wavelength = SPEED_OF_LIGHT / 60e9;
+            let expected = 1024.0 * 2.0_f64.sqrt() * 3.0 * wavelength * (0.5 / (4.0 * PI).powi(3)).sqrt() / (t * r);
+            assert!((value(&chunk.re[rows.clone()]) - expected).abs() < 1e-13 * expected);
+            assert!(value(&chunk.im[rows]).abs() < 1e-13 * expected);
         }
     }
 }

@@ -3,7 +3,9 @@
 use super::exhaustive::Answer;
 use super::meshes::{Mesh, Random, lens, moved, prism, star, surface, turned, turns};
 use super::{Scene, is_near, odd};
-use crate::{ImagePlane, Level, Pose, Ray};
+use crate::numeric::simd::Level;
+use crate::rays::tree::Ray;
+use crate::{ImagePlane, Pose};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 

@@ -2,7 +2,8 @@
 
 use super::meshes::{Mesh, Random, moved, surface, wall};
 use super::{Scene, is_near, odd};
-use crate::{Pose, Ray};
+use crate::Pose;
+use crate::rays::tree::Ray;
 use glam::DVec3;
 
 /// Triangles in the plane y = 0 of the sensor, seen edge-on, and a wall behind them at x = 2.

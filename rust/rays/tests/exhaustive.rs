@@ -7,7 +7,9 @@
 
 use std::sync::Arc;
 
-use crate::{Hit, NO_BODY, Pose, Ray, Surface};
+use crate::rays::scene::{Hit, NO_BODY};
+use crate::rays::tree::Ray;
+use crate::{Pose, Surface};
 use glam::DVec3;
 use rayon::prelude::*;
 

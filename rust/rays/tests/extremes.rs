@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use super::meshes::{Mesh, Random, join, moved, star, surface, turns, wall};
 use super::{Scene, cut_out, is_near};
-use crate::{ImagePlane, Level, Pose, PosedScene, Ray};
+use crate::numeric::simd::Level;
+use crate::rays::scene::PosedScene;
+use crate::rays::tree::Ray;
+use crate::{ImagePlane, Pose};
 use glam::{DMat3, DVec3};
 
 #[test]

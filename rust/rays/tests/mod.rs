@@ -10,7 +10,12 @@ mod meshes;
 mod origins;
 mod random_rays;
 
-use crate::{Cast, ImagePlane, Level, Pose, PosedScene, Ray, Traversals};
+use crate::numeric::simd::Level;
+use crate::rays::hits::Cast;
+use crate::rays::packet_search::Traversals;
+use crate::rays::scene::PosedScene;
+use crate::rays::tree::Ray;
+use crate::{ImagePlane, Pose};
 use exhaustive::{Answer, Exhaustive, TOLERANCE};
 use glam::DVec3;
 use meshes::{Bodies, Mesh, surface};

@@ -3,7 +3,8 @@
 use super::exhaustive::Answer;
 use super::meshes::{Random, moved, star, surface, turned, turns, wall};
 use super::{START, Scene, is_near};
-use crate::{ImagePlane, Pose, Ray};
+use crate::rays::tree::Ray;
+use crate::{ImagePlane, Pose};
 use glam::DVec3;
 
 #[test]

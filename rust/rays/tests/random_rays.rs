@@ -3,7 +3,8 @@
 use super::exhaustive::{Answer, Exhaustive, TOLERANCE};
 use super::meshes::{self, Bodies, Random, turns};
 use super::{START, Scene, cut_out};
-use crate::{Pose, Ray};
+use crate::Pose;
+use crate::rays::tree::Ray;
 use glam::DVec3;
 use rayon::prelude::*;
 

@@ -64,6 +64,7 @@ pub struct Tiles {
     turns: Vec<f32>,
     poses: Vec<Pose>,
     /// Cross-section that quarters were refined for [m^2].
+    #[cfg(test)]
     pub rcs_floor: f64,
     /// Number of cells that would have been split, but for the finest level or the budget.
     pub num_coarse: usize,
@@ -230,6 +231,7 @@ impl Tiles {
             poses: (0..first.turns.len() as u32)
                 .map(|body| *first.scene.pose(body))
                 .collect(),
+            #[cfg(test)]
             rcs_floor: refine.floor.unwrap_or(sectors[0].refinement.rcs_floor),
             num_coarse: refine.num_coarse(&levels),
             num_hit: gathered.num_hit,

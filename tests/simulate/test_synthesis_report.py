@@ -1,0 +1,291 @@
+"""Reports of sums: the engine, its precision and kernel, and its memory; and the sums of the simulator."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import radarcore as rc
+from fast_sums import CHIRP, DOPPLER, METHODS, check, moving, steady
+from path_scenes import Paths, scene_paths, sweep_waveform
+from radarcore import _core
+
+
+def report_of(paths: Paths, wf: rc.Waveform, **options: Any) -> _core.Report:
+    return paths.signal(wf, **options)[1]
+
+
+# --- engines -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-4, 1e-8, 1e-12])
+def test_one_path_of_one_chirp_is_summed_directly(tolerance: float) -> None:
+    report = report_of(moving(1), sweep_waveform(1, 16), tolerance=tolerance)
+    assert (report.engine, report.precision, report.width) == ("direct", "double", 0)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("method", METHODS)
+def test_motion_of_many_paths_decides_on_the_engine(method: str, tolerance: float) -> None:
+    wf, steadily = sweep_waveform(), steady(50_000)
+    # Amplitudes that change need an engine for any motion, as delays do.
+    nodes = wf.delay_times(3)[:, None, None]
+    assert steadily.rate is not None
+    growing = Paths(steadily.delay + steadily.rate * nodes, steadily.amplitude * (1.0 + 0.1 * nodes / nodes.max()))
+    for paths, engine, num_static in (
+        (steady(0, 50_000), DOPPLER, 50_000),
+        (steadily, DOPPLER, 0),
+        (moving(50_000), CHIRP, 0),
+        (growing, CHIRP, 0),
+    ):
+        report = report_of(paths, wf, method=method, tolerance=tolerance)
+        assert (report.engine, report.static_paths) == (engine, num_static)
+
+
+@pytest.mark.parametrize("num_paths", [1, 30])
+def test_grid_is_a_nufft_however_few_the_paths(num_paths: int) -> None:
+    for paths in (moving(num_paths), steady(num_paths), steady(0, num_paths)):
+        report = report_of(paths, sweep_waveform(), method="grid")
+        assert report.engine in (CHIRP, DOPPLER)
+        assert report.width >= 4
+        assert report.grids >= 1
+
+
+@pytest.mark.parametrize("num_chirps", [1, 64])
+def test_direct_is_the_sum_of_every_sample(num_chirps: int) -> None:
+    report = report_of(steady(300, 200), sweep_waveform(num_chirps), method="direct", tolerance=1e-2)
+    assert (report.engine, report.precision, report.width, report.grids) == ("direct", "double", 0, 0)
+    assert (report.static_paths, report.runs) == (200, 1)
+
+
+def test_nodes_that_repeat_a_delay_are_static() -> None:
+    wf, static = sweep_waveform(), steady(0, 5000)
+    delay = np.tile(static.delay, (5, 1, 1))
+    delay[:, :, :2000] += 1e-12 * wf.delay_times(5)[:, None, None]
+    assert report_of(Paths(delay, static.amplitude), wf).static_paths == 3000
+
+
+@pytest.mark.parametrize("num_paths", [3000, 100_000])
+@pytest.mark.parametrize("scene", ["random", "image", "still", "lateral"])
+def test_larger_tolerance_needs_no_wider_kernel_nor_more_digits(scene: str, num_paths: int) -> None:
+    wf = sweep_waveform()
+    paths = scene_paths(scene, wf, num_paths, np.random.default_rng(2))
+    last = (False, False, 0)
+    for digits in range(1, 10):
+        report = report_of(paths, wf, tolerance=10.0**-digits, method="grid")
+        finest = (report.engine == "direct", report.precision == "double", report.width)
+        assert finest >= last, f"{scene}: tolerance 1e-{digits}: {report}"
+        last = finest
+        assert report.error <= 10.0**-digits
+
+
+@pytest.mark.parametrize("paths", [moving(30_000), steady(30_000)], ids=["bending", "steady"])
+@pytest.mark.parametrize("method", METHODS)
+def test_coarse_sums_are_in_single_precision_and_fine_ones_in_double(method: str, paths: Paths) -> None:
+    reports = [report_of(paths, sweep_waveform(), tolerance=t, method=method) for t in (1e-1, 1e-3, 1e-4, 2e-7, 1e-9)]
+    assert [report.precision for report in reports] == ["single"] * 3 + ["double"] * 2
+
+
+def test_fast_motion_takes_blocks_of_chirps() -> None:
+    wf = sweep_waveform(64, 128)
+    fan = scene_paths("fan", wf, 3000, np.random.default_rng(3))
+    exact = fan.exact(wf)
+    for tolerance in (1e-2, 1e-4):
+        report = check(fan, wf, tolerance, exact=exact, method="grid")
+        assert report.engine == CHIRP
+        assert report.blocks > 1, str(report)
+    assert report_of(moving(3000), wf).blocks == 1
+
+
+# --- numbers of a report -------------------------------------------------------------------------------------------
+
+
+def test_memory_of_constant_rates_does_not_grow_with_the_paths() -> None:
+    few, many = (report_of(steady(n), sweep_waveform(), method="grid", tolerance=1e-3) for n in (400_000, 800_000))
+    assert 0 < many.memory <= 1.3 * few.memory  # but for some more rows of velocity
+    # Less than the paths themselves: 32 bytes each.
+    assert many.memory < 0.1 * 32 * 800_000
+
+
+@pytest.mark.parametrize(("tolerance", "most"), [(1e-3, 80), (1e-8, 300)])
+def test_memory_of_moving_paths_is_that_of_their_records(tolerance: float, most: int) -> None:
+    report = report_of(moving(100_000), sweep_waveform(), method="grid", tolerance=tolerance)
+    assert report.engine == CHIRP
+    assert report.memory < most * 100_000
+
+
+PEAK_OF_A_SUM = """
+import ctypes
+
+# Whole huge pages of 2 MB count as used from the first byte: no such pages (PR_SET_THP_DISABLE).
+assert ctypes.CDLL(None).prctl(41, 1, 0, 0, 0) == 0
+
+import numpy as np
+import radarcore as rc
+from radarcore import _core
+
+def kilobytes(key):
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(key))
+
+def run(*paths):
+    return _core.beat_signal(
+        *paths, waveform=wf._core, tolerance={tolerance}, method="grid", threads={threads}
+    )[1].memory
+
+n = {num_paths}
+wf = rc.Waveform(start_frequency=58e9, slope=3e13, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4)
+few, amplitudes = np.linspace(1e-8, 4e-8, 1000), np.ones(1000, complex)
+run(few, amplitudes, *[few] * {num_rates})
+delay, rate, amplitude = np.empty(n), np.empty(n), np.empty(n, complex)
+for i in range(0, n, 1000):
+    delay[i:i + 1000], rate[i:i + 1000], amplitude[i:i + 1000] = few, few[::-1], 1.0
+open("/proc/self/clear_refs", "w").write("5")
+before = kilobytes("VmRSS")
+print(run(delay, amplitude, *[rate] * {num_rates}), 1024 * (kilobytes("VmHWM") - before))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read from Linux's /proc")
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("num_rates", [1, 2], ids=["steady", "bending"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
+def test_a_sum_takes_no_more_memory_than_its_report_says(tolerance: float, num_rates: int, threads: int) -> None:
+    num_paths = 2_000_000
+    code = PEAK_OF_A_SUM.format(num_paths=num_paths, tolerance=tolerance, num_rates=num_rates, threads=threads)
+    # The samples, a flag per path, and some tables; a tenth for records in lists that grow.
+    beside = 16 * 64 * 64 + num_paths + 1e6
+    for _ in range(3):  # a busy kernel counts pages late: the peak is sometimes too high, never too low
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        reported, taken = map(int, run.stdout.split())
+        if taken <= 1.2 * reported + beside:
+            break
+    assert taken <= 1.2 * reported + beside, f"{taken / 1e6:.1f} MB, reported {reported / 1e6:.1f} MB"
+
+
+@pytest.mark.parametrize("method", ["auto", "direct", "grid"])
+def test_report_prints_its_numbers(method: str) -> None:
+    report = report_of(steady(2000, 3000), sweep_waveform(), method=method)
+    text = str(report)
+    assert text.startswith(f"5000 paths (3000 static): {report.engine}, {report.precision} precision")
+    assert (f"kernel of {report.width} cells" in text) == (report.width > 0)
+    assert float(text.rsplit(" error ")[1]) == pytest.approx(report.error, rel=0.1)
+    assert " 0 " not in text
+    assert str(report_of(moving(0), sweep_waveform(), method=method)) == "no paths"
+
+
+def test_gain_is_the_rms_of_the_samples() -> None:
+    for scene in ("random", "image", "together", "tilted"):
+        wf = sweep_waveform(20, 40)
+        paths = scene_paths(scene, wf, 1000, np.random.default_rng(6))
+        got, report = paths.signal(wf)
+        gain = float(np.sqrt(np.mean(abs(got) ** 2)) / paths.norm()[0])
+        assert report.gain == pytest.approx(gain, rel=1e-3), scene
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-7])
+def test_paths_in_phase_take_a_second_run_at_most(tolerance: float) -> None:
+    wf = sweep_waveform()
+    for paths in (moving(5000), steady(2500, 2500), scene_paths("image", wf, 5000, np.random.default_rng(5))):
+        assert report_of(paths, wf, tolerance=tolerance).runs <= 2
+    together = scene_paths("together", wf, 5000, np.random.default_rng(5))
+    report = check(together, wf, tolerance)
+    # All of one point: every sample is the sum of the amplitudes, sqrt(n) times their l2 norm.
+    assert report.gain == pytest.approx(np.sqrt(5000), rel=1e-2)
+    assert report.error <= tolerance
+    assert report.runs <= 2
+    independent = replace(together, amplitude=moving(5000).amplitude)
+    ordinary = report_of(independent, wf, tolerance=tolerance)
+    finest, usual = ((r.engine == "direct", r.precision == "double", r.width) for r in (report, ordinary))
+    assert finest >= usual
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
+@pytest.mark.parametrize("seed", range(3))
+def test_report_is_the_same_for_paths_in_another_order(seed: int, tolerance: float) -> None:
+    wf = sweep_waveform()
+    for paths in (steady(3000, 2000, seed), moving(5000, seed)):
+        order = np.random.default_rng(seed).permutation(5000)
+        mine, other = (report_of(some, wf, tolerance=tolerance) for some in (paths, paths.pick(order)))
+        names = ("engine", "precision", "width", "grids", "blocks", "static_paths", "memory", "runs")
+        for name in names:
+            assert getattr(mine, name) == getattr(other, name), f"seed {seed}: {name}"
+        assert mine.error == pytest.approx(other.error, rel=1e-3), f"seed {seed}"
+
+
+# --- the simulator -------------------------------------------------------------------------------------------------
+
+
+def room() -> rc.Scene:
+    """A wall and a point that stand still, a ball and a point that do not."""
+    return rc.Scene(
+        [
+            rc.Body(rc.shapes.plate(2.0, 2.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0])),
+            rc.PointTarget([1.2, -0.2, 0.1], rcs=1e-3),
+            rc.Body(
+                rc.shapes.sphere(0.2),
+                material=rc.Material(-0.5, 0.5),
+                motion=rc.Linear(rc.Pose([1.5, 0.2, 0.1]), velocity=[-1.0, 0.5, 0.0], angular_velocity=[0, 0, 2.0]),
+            ),
+            rc.PointTarget([0.9, 0.2, 0.0], rcs=1e-3, velocity=[1.0, 2.0, 0.0]),
+        ]
+    )
+
+
+def frame(method: str, tolerance: float = 1e-4, scene: rc.Scene | None = None, **options: Any) -> rc.Frame:
+    radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]], **options)
+    return rc.Simulator(
+        scene or room(),
+        radar,
+        sampling="footprint",
+        resolution=48,
+        field_of_view_deg=(50.0, 50.0),
+        tolerance=tolerance,
+        method=method,
+    ).frame(0.1)
+
+
+@cache
+def exact_frame(output: str) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Samples, (channel, chirp, sample), and the l2 norm of the amplitudes, (channel,)."""
+    exact = frame("direct", 1e-12, receiver=rc.Receiver(output=output)).cube.astype(complex)
+    radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]])
+    simulator = rc.Simulator(room(), radar, sampling="footprint", resolution=48, field_of_view_deg=(50.0, 50.0))
+    return exact, np.linalg.norm(simulator.paths(0.1).amplitude, axis=1)
+
+
+@pytest.mark.parametrize("output", ["iq", "real"])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_methods_of_the_simulator_agree(tolerance: float, output: str) -> None:
+    receiver = rc.Receiver(output=output)
+    exact, norm = exact_frame(output)
+    for method in ("direct", "auto", "grid"):
+        got = frame(method, tolerance, receiver=receiver).cube
+        assert np.iscomplexobj(got) == (output == "iq")
+        error = np.sqrt((abs(got - exact) ** 2).mean(axis=(1, 2))) / norm
+        rounding = 6e-8 * np.sqrt((abs(exact) ** 2).mean(axis=(1, 2))) / norm
+        # Delays at more or fewer nodes, a tenth of the tolerance; their rounding is 1e-10.
+        bound = 1.1 * tolerance + (rounding if tolerance >= 1e-6 else 0.0) + 1e-10
+        assert (error <= bound).all(), f"{method}: {error} beyond {bound}"
+
+
+@pytest.mark.parametrize("method", ["auto", "direct", "grid"])
+def test_stats_hold_the_report_of_the_sum(method: str) -> None:
+    stats = frame(method).stats
+    assert stats["still_paths"] > 500
+    assert stats["paths"] > stats["still_paths"]
+    assert ("direct" if method == "direct" else CHIRP) in stats["plan"]
+    assert " static)" in stats["plan"]
+    assert not any(name.startswith("velocity_rows") for name in stats)
+
+
+def test_stats_of_nothing() -> None:
+    stats = frame("auto", scene=rc.Scene([])).stats
+    assert (stats["plan"], stats["still_paths"]) == ("no paths", 0)
