@@ -11,7 +11,7 @@ use crate::synthesis::source::{PathSource, Request, Shape};
 /// Static paths are summed by themselves from this share of all paths on: a second pass must be worth its cost.
 const WORTHWHILE: usize = 16;
 
-/// All paths of some arrays, or those of a list.
+/// All paths of some arrays, or the paths of a list.
 pub struct ArrayPaths<'a> {
     arrays: &'a PathSeries<'a>,
     /// Numbers of the paths; none for all of them.

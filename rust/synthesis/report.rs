@@ -1,4 +1,4 @@
-//! What a sum is asked for, and what it says of itself.
+//! Options, results and reports of sums.
 
 use std::fmt;
 
@@ -24,11 +24,11 @@ pub struct Options<'a> {
     pub is_parallel: bool,
     /// Request to stop the sum.
     pub cancel: Option<&'a Cancel>,
-    /// What a first run has measured, or [`Known::NOTHING`].
+    /// Measurements of a first run, or [`Known::NOTHING`].
     pub known: Known,
 }
 
-/// How much the paths add up in phase.
+/// Coherent gain of the paths, as a first run has measured it.
 #[derive(Clone, Copy, Debug)]
 pub struct Known {
     /// Largest rms of the samples of a channel, relative to its l2(amplitudes); at least 1.
@@ -120,7 +120,7 @@ pub struct Sum {
     pub power: Vec<f64>,
     /// [Coherence](Known::coherence) of the paths.
     pub coherence: f64,
-    /// What is true of the sum.
+    /// Report of the sum.
     pub report: Report,
 }
 
@@ -151,7 +151,7 @@ pub struct Report {
     pub error: ErrorBound,
     /// Error with the measured gain; set by `beat_signal`.
     pub total_error: f64,
-    /// Largest rms of the samples of a channel relative to its l2(amplitudes), at least 1; set by `beat_signal`.
+    /// Largest rms of the samples of a channel relative to its l2(amplitudes); set by `beat_signal`.
     pub gain: f64,
     /// Number of runs; set by `beat_signal`.
     pub num_runs: usize,

@@ -21,7 +21,7 @@ pub(super) fn run<S: Simd, K: Kernel>(token: S, kernel: K) -> K::Output {
     )
 }
 
-/// Data that has to be aligned.
+/// Data that has to be aligned; its only field gives it a size and is never read.
 #[repr(align(64))]
 struct CacheLine(#[allow(dead_code)] u8);
 

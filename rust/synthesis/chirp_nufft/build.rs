@@ -34,7 +34,7 @@ pub struct Coefficients<'a, T> {
     pub num_paths: usize,
     /// Coefficients of the delays.
     pub delay: &'a [Lane<f64>],
-    /// Real parts of those of the amplitudes.
+    /// Real parts of the coefficients of the amplitudes.
     pub re: &'a [Lane<T>],
     /// Imaginary parts.
     pub im: &'a [Lane<T>],
@@ -82,7 +82,7 @@ impl Weights {
     }
 }
 
-/// What the phases of some paths have: bounds over the block.
+/// Bounds of the phases of some paths over the block.
 struct PhaseBounds<V> {
     /// Sum of the coefficients [turns].
     drift: V,
@@ -374,7 +374,7 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// What the amplitudes of some paths have: bounds over the block.
+/// Bounds of the amplitudes of some paths over the block.
 struct AmplitudeBounds<V> {
     /// Mean square.
     power: V,

@@ -1,4 +1,4 @@
-//! How much the errors of a kernel may add up.
+//! Coherent sum of the errors of a kernel.
 //!
 //! The kernel's error of a tone is what the transform of the grid has of other fast times, a period of the grid away:
 //! the sum over the paths there, times a small factor. Paths whose phases are unrelated within the chirps may add up
@@ -57,26 +57,26 @@ impl Default for Sketch {
     }
 }
 
-/// What a sketch tells.
+/// Bound of the coherent sum of some paths beside the chirps.
 #[derive(Clone, Copy, Debug)]
 pub struct Coherence {
     /// Sum of the squares of amplitudes.
     pub power: f64,
     /// Bound of the energy beside the chirps over that of independent phases, at least 1.
     pub energy: f64,
-    /// Share of the energy that may be that of a short time.
+    /// Share of the energy that may lie within a short time.
     pub peak: f64,
 }
 
 impl Coherence {
-    /// That of one path, or of none.
+    /// Coherence of one path, or of none.
     pub const NONE: Self = Self {
         power: 0.0,
         energy: 1.0,
         peak: 0.0,
     };
 
-    /// Add other paths, or those of another block, times a weight.
+    /// Add other paths, or the paths of another block, times a weight.
     pub fn add(&mut self, other: &Self, weight: f64) {
         let power = weight * other.power;
         if power > 0.0 {
@@ -90,7 +90,7 @@ impl Coherence {
 }
 
 impl Sketch {
-    /// What it tells.
+    /// Bound by this sketch.
     pub fn coherence(&self) -> Coherence {
         let [own, next] = &self.slots;
         let (mut squares, mut fourth, mut products) = (0.0, 0.0, [[0.0; 2]; 2]);

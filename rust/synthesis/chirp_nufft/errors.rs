@@ -30,7 +30,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Add those of other paths, times a weight.
+    /// Add the errors of other paths, times a weight.
     pub fn add(&mut self, other: &Self, weight: f64) {
         self.power += weight * other.power;
         self.strongest = self.strongest.max(other.strongest);

@@ -277,7 +277,7 @@ fn wrap<T: Real>(grid: &mut [T], end: usize) {
     }
 }
 
-/// Add a spectrum to the samples `(chirp, sample)`: the middle sample is that of cell zero.
+/// Add a spectrum to the samples `(chirp, sample)`: cell zero has the middle sample.
 #[cfg_attr(optimised, inline(always))]
 fn add_to_samples<T: Number>(num_cells: usize, spectrum: &[T], factors: &[T], out: &mut [Complex<T>]) {
     let num_samples = factors.len();

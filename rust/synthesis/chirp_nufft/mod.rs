@@ -42,7 +42,7 @@ enum Records<'a> {
 
 /// A sum that is ready to run.
 pub struct Prepared<'a> {
-    /// What the sum will be.
+    /// Report of the sum before it runs.
     pub report: Report,
     records: Records<'a>,
     options: &'a Options<'a>,

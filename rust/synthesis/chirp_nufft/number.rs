@@ -104,7 +104,7 @@ pub struct Static<T> {
     pub amplitude: T,
 }
 
-/// What a sketch needs of a path: phase [turns], cell, place after it [cells], linear coefficient of the phase [turns], and
+/// Numbers of a path for a sketch: phase [turns], cell, place after it [cells], linear coefficient of the phase [turns], and
 /// amplitude.
 pub trait Tone<T> {
     /// These numbers.

@@ -63,7 +63,7 @@ pub struct Plan<'a, T: Number> {
     num_paths: usize,
     /// Errors by channel.
     pub errors: Vec<Errors>,
-    /// How far paths add up beside the chirps, by channel.
+    /// Coherence beside the chirps, by channel.
     pub coherence: Vec<Coherence>,
     /// Cheapest steps that keep the tolerance, or the finest.
     pub steps: Steps,
@@ -213,7 +213,7 @@ impl<'a, T: Number> Plan<'a, T> {
         errors
     }
 
-    /// How far paths add up beside the chirps, by channel: means over blocks and groups.
+    /// Coherence beside the chirps, by channel: means over blocks and groups.
     fn measure(&self, num_channels: usize) -> Vec<Coherence> {
         if self.num_paths <= 1 {
             return vec![Coherence::NONE; num_channels];
@@ -254,7 +254,7 @@ impl<'a, T: Number> Plan<'a, T> {
         parallel::map(self.options.is_parallel, (0..num_channels).collect(), of_channel)
     }
 
-    /// Choose the cheapest steps that keep the tolerance, or those of the least error.
+    /// Choose the cheapest steps that keep the tolerance, or the steps of the least error.
     fn choose(&mut self) {
         let (known, tolerance) = (self.options.known.gain, MARGIN * self.options.tolerance);
         let mut best = (f64::INFINITY, f64::INFINITY);

@@ -10,7 +10,7 @@ const VECTOR: usize = 64;
 /// Padding of a row [cells], in whole vectors of either precision.
 pub const PAD: usize = 16;
 
-/// Largest phase over half of the frame from one velocity row to the next [turns], and that of fine grids.
+/// Largest phase over half of the frame from one velocity row to the next [turns], and for fine grids.
 pub const STEP: f64 = 0.25;
 pub const FINE_STEP: f64 = 0.2;
 

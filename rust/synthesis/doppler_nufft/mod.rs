@@ -45,7 +45,7 @@ pub struct Prepared<'a> {
     plan: Option<Plan>,
     /// Power of two that all amplitudes are multiplied by.
     scale: f64,
-    /// What is known of the sum; an infinite error if the paths are too fast for a velocity axis.
+    /// Report of the sum before it runs; an infinite error if the paths are too fast for a velocity axis.
     pub report: Report,
 }
 

@@ -109,7 +109,7 @@ pub struct Points<T> {
     magnitudes: Lane<T>,
 }
 
-/// What a run measures of the paths of a channel.
+/// Measurements of the paths of a channel by a run.
 pub struct Measured {
     /// Sum of the squared amplitudes, scaled.
     pub power: f64,
@@ -132,7 +132,7 @@ impl Measured {
         }
     }
 
-    /// Add those of other paths.
+    /// Add the measurements of other paths.
     pub fn join(&mut self, other: &Self) {
         self.power += other.power;
         self.strongest = self.strongest.max(other.strongest);

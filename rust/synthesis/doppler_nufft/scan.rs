@@ -21,7 +21,7 @@ const NUM_MOMENTS: usize = 4;
 /// Paths that coherence is estimated by.
 const NUM_SAMPLED: usize = 256;
 
-/// Least and largest number of some.
+/// Least and largest of some numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
     /// Least number.
@@ -61,18 +61,18 @@ impl Range {
     }
 }
 
-/// What is known of paths.
+/// Ranges, moments and coherence of paths.
 #[derive(Clone, Debug)]
 pub struct Scan {
     /// Number of paths of a channel.
     pub num_paths: usize,
     /// Largest [gain](Coherence::gain) that the paths of a channel may have in phase, known or an estimate.
     pub coherence: f64,
-    /// What is known of moving paths, if there are any.
+    /// Ranges and moments of moving paths, if there are any.
     pub moving: Option<Moving>,
 }
 
-/// What is known of moving paths: their delays are `c_0 + c_1 x`.
+/// Ranges and moments of moving paths, whose delays are `c_0 + c_1 x`.
 #[derive(Clone, Debug)]
 pub struct Moving {
     /// Ranges of c_0 and c_1 [s].
@@ -190,7 +190,7 @@ pub fn turns(waveform: &Waveform) -> [f64; 2] {
     [waveform.slope / waveform.sample_rate, 2.0 * frequency]
 }
 
-/// What a look at a part of the paths of a channel has found.
+/// Ranges and moments of a part of the paths of a channel.
 struct Part {
     delay: [Range; 2],
     moments: [f64; NUM_MOMENTS],
@@ -289,7 +289,7 @@ impl Kernel for LookAtChunk<'_> {
             let row = load(&chunk.delay[rows][at..]);
             let delay = row.mul_add(splat(weights[0]), load(&chunk.delay[0][at..]));
             let rate = row.mul(splat(weights[1]));
-            // Without those that are no numbers.
+            // NaN is left out.
             low = [delay.min(low[0]), rate.min(low[1])];
             high = [delay.max(high[0]), rate.max(high[1])];
             if let Some(middle) = self.look.middle {
