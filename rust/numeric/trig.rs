@@ -4,29 +4,32 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI, TAU};
 
 use crate::numeric::simd::{Real, Vector};
 
-/// Constant whose addition and subtraction rounds to the nearest integer; unlike `round`, it vectorises everywhere.
-pub const ROUND: f64 = <f64 as Real>::ROUND;
+/// Taylor series of exp(x) on |x| <= ln(2) / 2: the remainder is below 5e-18.
+const EXP: [f64; 14] = taylor(0, 1, 1.0);
 
-/// Taylor series on an eighth of a turn to either side, |x| <= pi/4: the remainder after seven terms is below 1e-17;
-/// after four, below 3e-9.
-const SIN: [f64; 7] = [
-    -1.0 / 6.0,
-    1.0 / 120.0,
-    -1.0 / 5_040.0,
-    1.0 / 362_880.0,
-    -1.0 / 39_916_800.0,
-    1.0 / 6_227_020_800.0,
-    -1.0 / 1_307_674_368_000.0,
-];
-const COS: [f64; 7] = [
-    1.0 / 24.0,
-    -1.0 / 720.0,
-    1.0 / 40_320.0,
-    -1.0 / 3_628_800.0,
-    1.0 / 479_001_600.0,
-    -1.0 / 87_178_291_200.0,
-    1.0 / 20_922_789_888_000.0,
-];
+/// Taylor series of sin(x) / x over x^2 on |x| <= pi/2: the remainder is below 1e-18; on |x| <= pi/4, that after eight
+/// terms is below 1e-17.
+const SINC: [f64; 11] = taylor(1, 2, -1.0);
+
+/// Taylor series of cos(x) over x^2 on |x| <= pi/4: the remainder is below 1e-17.
+const COS: [f64; 9] = taylor(0, 2, -1.0);
+
+/// `sign^k / (first + step k)!`
+const fn taylor<const N: usize>(first: usize, step: usize, sign: f64) -> [f64; N] {
+    let mut series = [0.0; N];
+    // Factorials up to 22! are exact.
+    let (mut k, mut number, mut factorial, mut signs) = (0, 0, 1.0, 1.0);
+    while k < N {
+        while number < first + step * k {
+            number += 1;
+            factorial *= number as f64;
+        }
+        series[k] = signs / factorial;
+        signs *= sign;
+        k += 1;
+    }
+    series
+}
 
 /// atan(t) / t over t^2, up to t = tan(pi / 8): the polynomial through eleven Chebyshev nodes, to 6e-17.
 const ATAN: [f64; 11] = [
@@ -46,39 +49,6 @@ const ATAN: [f64; 11] = [
 /// tan(pi / 8)
 const TAN_EIGHTH: f64 = 0.414_213_562_373_095_05;
 
-/// sin(x) / x over x^2, up to |x| = pi/2: the remainder of Taylor's series after eleven terms is below 1e-18.
-const SINC: [f64; 11] = [
-    1.0,
-    SIN[0],
-    SIN[1],
-    SIN[2],
-    SIN[3],
-    SIN[4],
-    SIN[5],
-    SIN[6],
-    1.0 / 355_687_428_096_000.0,
-    -1.0 / 121_645_100_408_832_000.0,
-    1.0 / 51_090_942_171_709_440_000.0,
-];
-
-/// 1 / k!: Taylor's series of exp(x) on |x| <= ln(2) / 2; the remainder is below 5e-18.
-const EXP: [f64; 14] = [
-    1.0,
-    1.0,
-    1.0 / 2.0,
-    1.0 / 6.0,
-    1.0 / 24.0,
-    1.0 / 120.0,
-    1.0 / 720.0,
-    1.0 / 5_040.0,
-    1.0 / 40_320.0,
-    1.0 / 362_880.0,
-    1.0 / 3_628_800.0,
-    1.0 / 39_916_800.0,
-    1.0 / 479_001_600.0,
-    1.0 / 6_227_020_800.0,
-];
-
 /// Largest number of lanes of a vector.
 const MOST_LANES: usize = 16;
 
@@ -86,51 +56,37 @@ const MOST_LANES: usize = 16;
 const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
 const LN_2_SINGLE: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
 
-/// Phase in turns reduced to -1/2 to 1/2.
+/// Nearest integers.
 #[cfg_attr(optimised, inline(always))]
-pub fn reduce(phase: f64) -> f64 {
-    phase - ((phase + ROUND) - ROUND)
+pub fn round<V: Vector>(x: V) -> V {
+    let magic = V::splat(V::Scalar::ROUND);
+    x.add(magic).sub(magic)
 }
 
-/// Cosine and sine of phases in turns, below 2^50 turns: to 2e-16 in f64. In f32, phases are reduced in f64.
+/// Cosine and sine of phases of -1/2 to 1/2 turns: to 1e-15 in f64 and 2e-7 in f32.
 #[cfg_attr(optimised, inline(always))]
-pub fn cos_sin_turns<T: Real, const N: usize>(phase: &[f64; N]) -> ([T; N], [T; N]) {
-    let num_terms = if size_of::<T>() == 4 { 4 } else { 7 };
-    let (mut cos, mut sin) = ([T::zero(); N], [T::zero(); N]);
-    let (one, two, half) = (T::one(), T::of(2.0), T::of(0.5));
-    for i in 0..N {
-        let quarters = (4.0 * phase[i] + ROUND) - ROUND;
-        let x = T::of(std::f64::consts::TAU * (phase[i] - 0.25 * quarters));
-        let z = x * x;
-        let (mut s, mut c) = (T::of(SIN[num_terms - 1]), T::of(COS[num_terms - 1]));
-        for k in (0..num_terms - 1).rev() {
-            s = T::of(SIN[k]) + z * s;
-            c = T::of(COS[k]) + z * c;
-        }
-        let s = x + x * z * s;
-        let c = one - half * z + z * z * c;
-        // Turn back by the quarters, -2 ..= 2 of them: multiply by (1, j, -1, -j).
-        let turn = T::of(quarters - 4.0 * ((0.25 * quarters + ROUND) - ROUND));
-        let (cos_q, sin_q) = (one - turn.abs(), turn * (two - turn.abs()));
-        cos[i] = c * cos_q - s * sin_q;
-        sin[i] = s * cos_q + c * sin_q;
-    }
-    (cos, sin)
-}
-
-/// Cosine and sine of angles up to a quarter of a turn to either side [rad], by Taylor series: to 2e-7.
-#[cfg_attr(optimised, inline(always))]
-pub fn cos_sin_quarter<V: Vector<Scalar = f32>>(x: V) -> (V, V) {
-    const TERMS: usize = 5;
-    let splat = V::splat;
+pub fn cos_sin_turn<V: Vector>(phase: V) -> [V; 2] {
+    let splat = splat::<V>;
+    // Quarters of a turn, -2 to 2, and the rest: at most an eighth to either side.
+    let magic = V::splat(V::Scalar::ROUND);
+    let quarters = phase.mul_add(splat(4.0), magic).sub(magic);
+    let x = quarters.neg_mul_add(splat(0.25), phase).mul(splat(TAU));
     let z = x.mul(x);
-    let (mut s, mut c) = (splat(SIN[TERMS - 1] as f32), splat(COS[TERMS - 1] as f32));
-    for k in (0..TERMS - 1).rev() {
-        s = s.mul(z).add(splat(SIN[k] as f32));
-        c = c.mul(z).add(splat(COS[k] as f32));
-    }
-    let cos = splat(1.0).sub(z.mul(splat(0.5).sub(z.mul(c))));
-    (cos, x.add(x.mul(z).mul(s)))
+    let (c, s) = (polynomial(&COS, 6, z), x.mul(polynomial(&SINC[..8], 5, z)));
+    // Turn back by the quarters t = -2 ..= 2: cos = 1 - t^2 (7 - t^2) / 6, sin = t (4 - t^2) / 3.
+    let square = quarters.mul(quarters);
+    let cos = square
+        .mul(splat(7.0).sub(square))
+        .neg_mul_add(splat(1.0 / 6.0), splat(1.0));
+    let sin = quarters.mul(splat(4.0).sub(square)).mul(splat(1.0 / 3.0));
+    [s.neg_mul_add(sin, c.mul(cos)), s.mul_add(cos, c.mul(sin))]
+}
+
+/// Cosine and sine of angles up to a quarter of a turn to either side [rad]: to 2e-7 in f32 and 1e-12 in f64.
+#[cfg_attr(optimised, inline(always))]
+pub fn cos_sin_quarter<V: Vector>(x: V) -> (V, V) {
+    let z = x.mul(x);
+    (polynomial(&COS, 7, z), x.mul(polynomial(&SINC, 6, z)))
 }
 
 /// Magnitude of `atan2(y, x)`: angles from 0 to pi, to 3e-16 in f64 and 4e-7 in f32; 0 where both are zero.
@@ -144,7 +100,7 @@ pub fn angle<V: Vector>(y: V, x: V) -> V {
     let is_large = splat(TAN_EIGHTH).at_most(ratio);
     let turned = ratio.sub(splat(1.0)).div(ratio.add(splat(1.0)));
     let t = turned.select(is_large, ratio);
-    let sum = polynomial::<V>(&ATAN, 7, t.mul(t));
+    let sum = polynomial(&ATAN, 7, t.mul(t));
     let angle = t.mul_add(sum, splat(FRAC_PI_4).select(is_large, splat(0.0)));
     let angle = angle.select(across.at_most(along), splat(FRAC_PI_2).sub(angle));
     angle.select(splat(0.0).at_most(x), splat(PI).sub(angle))
@@ -157,11 +113,10 @@ pub fn exp_of_negative<V: Vector>(x: V) -> V {
     let splat = splat::<V>;
     let least = splat((V::Scalar::LEAST_EXPONENT + 1.0) / LOG2_E);
     let number = x.max(least);
-    let magic = V::splat(V::Scalar::ROUND);
-    let power = number.mul_add(splat(LOG2_E), magic).sub(magic);
+    let power = round(number.mul(splat(LOG2_E)));
     let [high, low] = if is_single::<V>() { LN_2_SINGLE } else { LN_2 };
     let r = power.neg_mul_add(splat(low), power.neg_mul_add(splat(high), number));
-    let sum = polynomial::<V>(&EXP, 8, r);
+    let sum = polynomial(&EXP, 8, r);
     let mut scales = [V::Scalar::of(0.0); MOST_LANES];
     power.store(&mut scales);
     for lane in 0..V::LANES {
@@ -175,14 +130,13 @@ pub fn exp_of_negative<V: Vector>(x: V) -> V {
 #[cfg_attr(optimised, inline(always))]
 pub fn sinc_turns<V: Vector>(turns: V) -> V {
     let splat = splat::<V>;
-    let magic = V::splat(V::Scalar::ROUND);
     // Sine of the angle reduced by half turns, with the sign of these.
-    let halves = turns.add(turns).add(magic).sub(magic);
-    let wholes = halves.mul(splat(0.5)).add(magic).sub(magic);
+    let halves = round(turns.add(turns));
+    let wholes = round(halves.mul(splat(0.5)));
     let is_odd = wholes.neg_mul_add(splat(2.0), halves);
     let sign = is_odd.mul(is_odd).neg_mul_add(splat(2.0), splat(1.0));
     let x = halves.neg_mul_add(splat(0.5), turns).mul(splat(TAU));
-    let sum = polynomial::<V>(&SINC, 7, x.mul(x));
+    let sum = polynomial(&SINC, 7, x.mul(x));
     let sine = sign.mul(x).mul(sum);
     // Near zero the series itself is the result.
     let is_first = halves.mul(halves).at_most(splat(0.0));
@@ -212,19 +166,10 @@ fn polynomial<V: Vector>(coefficients: &[f64], enough: usize, x: V) -> V {
     sum
 }
 
-/// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored
-/// (Dekker's product: no level needs a fused multiply-add for it).
-#[cfg_attr(optimised, inline(always))]
+/// Exact phase `frequency * delay`, reduced to -1/2 to 1/2 turns, with the rounding error of the product restored.
 pub fn turns(frequency: f64, delay: f64) -> f64 {
-    let split = |x: f64| {
-        let big = 134_217_729.0 * x; // 2^27 + 1
-        let high = big - (big - x);
-        (high, x - high)
-    };
     let product = frequency * delay;
-    let ((fh, fl), (dh, dl)) = (split(frequency), split(delay));
-    let rounding = ((fh * dh - product) + fh * dl + fl * dh) + fl * dl;
-    reduce(product) + rounding
+    product - product.round() + frequency.mul_add(delay, -product)
 }
 
 /// Sinc sin(x) / x of an angle [rad].
@@ -235,195 +180,123 @@ pub fn sinc(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numeric::simd::{Isa, Kernel, Level};
+    use crate::numeric::simd::{Isa, Kernel, Level, Precision};
 
-    #[test]
-    fn cosine_and_sine_agree_with_the_library_to_rounding() {
-        const N: usize = 64;
-        let mut phase = [0.0; N];
-        for trial in 0..1000 {
-            for (i, x) in phase.iter_mut().enumerate() {
-                *x = (f64::from(trial) - 500.0) * 0.731 + i as f64 * 0.125;
-            }
-            let (cos, sin) = cos_sin_turns::<f64, N>(&phase);
-            let (cos_single, sin_single) = cos_sin_turns::<f32, N>(&phase);
-            for i in 0..N {
-                let x = TAU * phase[i].fract();
-                assert!((cos[i] - x.cos()).abs() < 1e-15 && (sin[i] - x.sin()).abs() < 1e-15);
-                assert!((f64::from(cos_single[i]) - x.cos()).abs() < 1.5e-7);
-                assert!((f64::from(sin_single[i]) - x.sin()).abs() < 1.5e-7);
-            }
-        }
-    }
-
-    #[test]
-    fn cosine_and_sine_of_a_quarter_turn_agree_with_the_library_to_rounding() {
-        struct Quarter([f32; 16]);
-        impl Kernel for Quarter {
-            type Output = [[f32; 16]; 2];
-            #[cfg_attr(optimised, inline(always))]
-            fn run<I: Isa>(self) -> [[f32; 16]; 2] {
-                let mut values = [[0.0; 16]; 2];
-                let (cos, sin) = cos_sin_quarter(I::F32::load(&self.0));
-                cos.store(&mut values[0]);
-                sin.store(&mut values[1]);
-                values
-            }
-        }
-        for level in Level::available() {
-            for trial in -98..98_i16 {
-                let x: [f32; 16] = std::array::from_fn(|lane| 0.016 * (f32::from(trial) + lane as f32 / 16.0));
-                let [cos, sin] = level.run(Quarter(x));
-                for lane in 0..16 {
-                    let x = f64::from(x[lane]);
-                    assert!((f64::from(cos[lane]) - x.cos()).abs() < 2e-7, "{x}");
-                    assert!((f64::from(sin[lane]) - x.sin()).abs() < 2e-7, "{x}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn angles_agree_with_the_library_to_rounding() {
-        struct Angle([f64; 8], [f64; 8]);
-        impl Kernel for Angle {
-            type Output = [f64; 8];
-            #[cfg_attr(optimised, inline(always))]
-            fn run<I: Isa>(self) -> [f64; 8] {
-                let mut angles = [0.0; 8];
-                angle(I::F64::load(&self.0), I::F64::load(&self.1)).store(&mut angles);
-                angles
-            }
-        }
-        for level in Level::available() {
-            for trial in 0..500 {
-                let (mut x, mut y) = ([0.0; 8], [0.0; 8]);
-                for lane in 0..8 {
-                    let turn = f64::from(trial) * 0.0126 + lane as f64 * 0.79;
-                    (x[lane], y[lane]) = (3.0 * turn.cos(), 3.0 * turn.sin());
-                }
-                let angles = level.run(Angle(y, x));
-                for lane in 0..8 {
-                    assert!((angles[lane] - y[lane].atan2(x[lane]).abs()).abs() < 5e-16);
-                }
-            }
-            let axes = level.run(Angle(
-                [0.0, 0.0, 1.0, -1.0, 0.0, 1e-300, 0.0, -2.0],
-                [1.0, -1.0, 0.0, -0.0, 0.0, 1.0, -1e300, -2.0],
-            ));
-            let expected = [0.0, PI, FRAC_PI_2, FRAC_PI_2, 0.0, 0.0, PI, 0.75 * PI];
-            for lane in 0..8 {
-                assert!((axes[lane] - expected[lane]).abs() < 5e-16, "{axes:?}");
-            }
-        }
-    }
-
-    /// Kernel of a function of eight numbers.
-    struct Of<'a>(Function, &'a [f64; 8]);
-
+    #[derive(Clone, Copy, Debug)]
     enum Function {
+        Angle,
         Exp,
         Sinc,
+        Cos,
+        Sin,
+        CosQuarter,
+        SinQuarter,
     }
 
-    impl Kernel for Of<'_> {
-        type Output = [f64; 8];
+    /// Kernel of a function of sixteen numbers x and y.
+    struct Of<T>(Function, [[T; 16]; 2]);
+
+    impl<T: Precision> Kernel for Of<T> {
+        type Output = [T; 16];
         #[cfg_attr(optimised, inline(always))]
-        fn run<I: Isa>(self) -> [f64; 8] {
-            let mut values = [0.0; 8];
-            let x = I::F64::load(self.1);
-            match self.0 {
-                Function::Exp => exp_of_negative(x),
-                Function::Sinc => sinc_turns(x),
+        fn run<I: Isa>(self) -> [T; 16] {
+            let mut values = [T::zero(); 16];
+            for at in (0..16).step_by(<T::In<I>>::LANES) {
+                let (x, y) = (<T::In<I>>::load(&self.1[0][at..]), <T::In<I>>::load(&self.1[1][at..]));
+                let value = match self.0 {
+                    Function::Angle => angle(y, x),
+                    Function::Exp => exp_of_negative(x),
+                    Function::Sinc => sinc_turns(x),
+                    Function::Cos => cos_sin_turn(x)[0],
+                    Function::Sin => cos_sin_turn(x)[1],
+                    Function::CosQuarter => cos_sin_quarter(x).0,
+                    Function::SinQuarter => cos_sin_quarter(x).1,
+                };
+                value.store(&mut values[at..]);
             }
-            .store(&mut values);
             values
         }
     }
 
-    /// Kernel of all functions of sixteen numbers in single precision: angles of (x, 1), exponentials of -|x|, sincs.
-    struct Single<'a>(&'a [f32; 16]);
-
-    impl Kernel for Single<'_> {
-        type Output = [[f32; 16]; 3];
-        #[cfg_attr(optimised, inline(always))]
-        fn run<I: Isa>(self) -> [[f32; 16]; 3] {
-            let mut values = [[0.0; 16]; 3];
-            let x = I::F32::load(self.0);
-            let zero = I::F32::splat(0.0);
-            angle(x, I::F32::splat(1.0)).store(&mut values[0]);
-            exp_of_negative(zero.sub(x.max(zero.sub(x)))).store(&mut values[1]);
-            sinc_turns(x).store(&mut values[2]);
-            values
+    fn expected(function: Function, x: f64, y: f64) -> f64 {
+        match function {
+            Function::Angle => y.atan2(x).abs(),
+            Function::Exp => x.exp(),
+            Function::Sinc if x == 0.0 => 1.0,
+            Function::Sinc => (TAU * x.fract()).sin() / (TAU * x),
+            Function::Cos => (TAU * x).cos(),
+            Function::Sin => (TAU * x).sin(),
+            Function::CosQuarter => x.cos(),
+            Function::SinQuarter => x.sin(),
         }
     }
 
-    #[test]
-    fn functions_in_single_precision_are_those_in_double_precision_to_rounding() {
-        for level in Level::available() {
-            for trial in -300..300_i16 {
-                let x: [f32; 16] = std::array::from_fn(|lane| f32::from(trial) * 0.337 + lane as f32 * 0.02);
-                let values = level.run(Single(&x));
-                for lane in 0..16 {
-                    let [angle, exp, sinc_] = values.map(|values| f64::from(values[lane]));
-                    let x = f64::from(x[lane]);
-                    assert!((angle - x.abs().atan()).abs() < 5e-7, "{x} {angle}");
-                    let expected = (-x.abs()).exp();
-                    assert!((exp - expected).abs() <= 3e-7 * expected + 1e-37, "{x} {exp}");
-                    assert!((sinc_ - sinc(TAU * x)).abs() < 5e-7, "{x} {sinc_}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn exponentials_agree_with_the_library_to_rounding() {
-        for level in Level::available() {
-            for trial in 0..900 {
-                let x: [f64; 8] = std::array::from_fn(|lane| -0.1 * (f64::from(8 * trial) + lane as f64));
-                for (x, exp) in x.iter().zip(level.run(Of(Function::Exp, &x))) {
+    /// Compare with the library; errors relative and absolute.
+    fn check<T: Precision + std::fmt::Debug>(
+        function: Function,
+        numbers: &[(f64, f64)],
+        [relative, absolute]: [f64; 2],
+    ) {
+        for numbers in numbers.chunks(16) {
+            let number = |i: usize| numbers[i.min(numbers.len() - 1)];
+            let [x, y]: [[T; 16]; 2] = [
+                std::array::from_fn(|i| T::of(number(i).0)),
+                std::array::from_fn(|i| T::of(number(i).1)),
+            ];
+            for level in Level::available() {
+                let values = level.run(Of(function, [x, y]));
+                for ((x, y), value) in x.iter().zip(&y).zip(values) {
+                    let expected = expected(function, x.wide(), y.wide());
+                    let error = (value.wide() - expected).abs();
                     assert!(
-                        (exp - x.exp()).abs() <= 5e-16 * x.exp() || *x < -700.0 && exp == 0.0,
-                        "{x} {exp}"
+                        error <= relative * expected.abs() + absolute,
+                        "{function:?} {x:?} {y:?} {value:?}"
                     );
                 }
             }
-            assert_eq!(level.run(Of(Function::Exp, &[-1e9; 8])), [0.0; 8]);
         }
     }
 
     #[test]
-    fn sines_over_angles_agree_with_the_library_to_rounding() {
-        for level in Level::available() {
-            for trial in -400..400 {
-                let turns: [f64; 8] = std::array::from_fn(|lane| 0.003_7 * (f64::from(8 * trial) + lane as f64));
-                for (turns, value) in turns.iter().zip(level.run(Of(Function::Sinc, &turns))) {
-                    let x = TAU * turns;
-                    let expected = if x == 0.0 { 1.0 } else { (TAU * turns.fract()).sin() / x };
-                    assert!((value - expected).abs() < 5e-16, "{turns} {value} {expected}");
-                }
-            }
-            let near = level.run(Of(Function::Sinc, &[0.0, 1e-300, -1e-12, 1e-9, 0.25, -0.25, 0.5, 1.0]));
-            let expected = [1.0, 1.0, 1.0, 1.0, 2.0 / PI, 2.0 / PI, 0.0, 0.0];
-            for (value, expected) in near.into_iter().zip(expected) {
-                assert!((value - expected).abs() < 5e-16, "{near:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn turns_of_long_delays_keep_all_digits() {
-        for (frequency, delay) in [
-            (60e9, 66.712_819_039_630_4e-6),
-            (61.25e9, 3.3e-9),
-            (57.1e9, 0.0),
-            (60e9, -1e-5),
+    fn functions_agree_with_the_library_to_rounding() {
+        let circle = |i: i32| (3.0 * (0.0016 * f64::from(i)).cos(), 3.0 * (0.0016 * f64::from(i)).sin());
+        let line = |step: f64| move |i: i32| (step * f64::from(i), 1.0);
+        let numbers = |numbers: &dyn Fn(i32) -> (f64, f64)| (-4000..=4000).map(numbers).collect::<Vec<_>>();
+        let negative = |step: f64| (0..=7000).map(|i: i32| (-step * f64::from(i), 0.0)).collect::<Vec<_>>();
+        for (function, numbers, double, single) in [
+            (Function::Angle, numbers(&circle), 5e-16, 5e-7),
+            (Function::Angle, numbers(&line(0.025)), 5e-16, 5e-7),
+            (Function::Sinc, numbers(&line(0.0037)), 5e-16, 5e-7),
+            (Function::Sinc, numbers(&line(0.025)), 5e-16, 5e-7),
+            (Function::Cos, numbers(&line(0.5 / 4000.0)), 1e-15, 2e-7),
+            (Function::Sin, numbers(&line(0.5 / 4000.0)), 1e-15, 2e-7),
+            (Function::CosQuarter, numbers(&line(FRAC_PI_2 / 4000.0)), 1e-12, 2e-7),
+            (Function::SinQuarter, numbers(&line(FRAC_PI_2 / 4000.0)), 1e-12, 2e-7),
         ] {
-            let (frequency, delay): (f64, f64) = (frequency, delay);
-            let product = frequency * delay;
-            let expected = product.fract() + frequency.mul_add(delay, -product);
-            let difference = turns(frequency, delay) - expected;
-            assert!((difference - difference.round()).abs() < 1e-15);
+            check::<f64>(function, &numbers, [0.0, double]);
+            check::<f32>(function, &numbers, [0.0, single]);
+        }
+        check::<f64>(Function::Exp, &negative(0.1), [5e-16, 0.0]);
+        check::<f32>(Function::Exp, &negative(0.0125), [3e-7, 1e-37]);
+    }
+
+    #[test]
+    fn functions_are_exact_at_the_ends_of_their_ranges() {
+        let axes = [
+            (1.0, 0.0),
+            (-1.0, 0.0),
+            (0.0, 1.0),
+            (-0.0, -1.0),
+            (0.0, 0.0),
+            (1.0, 1e-300),
+            (-1e300, 0.0),
+            (-2.0, -2.0),
+        ];
+        check::<f64>(Function::Angle, &axes, [0.0, 5e-16]);
+        let turns = [0.0, 1e-300, -1e-12, 1e-9, 0.25, -0.25, 0.5, 1.0].map(|x| (x, 0.0));
+        check::<f64>(Function::Sinc, &turns, [0.0, 5e-16]);
+        for level in Level::available() {
+            assert_eq!(level.run(Of(Function::Exp, [[-1e9; 16], [0.0; 16]])), [0.0; 16]);
         }
     }
 }

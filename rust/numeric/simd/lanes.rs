@@ -1,11 +1,10 @@
 //! Vectors of `fearless_simd` behind [`Isa`].
 
 use std::hint::black_box;
-use std::marker::PhantomData;
 
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, SimdNarrow, f32x16, f64x8, mask32x16, u32x16};
 
-use super::vector::{Isa, Kernel, Real, Vector};
+use super::vector::{Isa, Kernel, Vector};
 
 /// A kernel compiled for an instruction set. Not inlined into `Level::run`, whose stack frame all levels share.
 #[inline(never)]
@@ -16,7 +15,7 @@ pub(super) fn run<S: Simd, K: Kernel>(token: S, kernel: K) -> K::Output {
             // Aligns the stack frame of the kernel. Without it, the compiler spills registers to unaligned places, some
             // across two cache lines.
             black_box(&mut CacheLine(0));
-            kernel.run::<Set<S>>()
+            kernel.run::<S>()
         },
     )
 }
@@ -25,26 +24,23 @@ pub(super) fn run<S: Simd, K: Kernel>(token: S, kernel: K) -> K::Output {
 #[repr(align(64))]
 struct CacheLine(#[allow(dead_code)] u8);
 
-/// An instruction set by the type of its token, which proves that the processor has it.
-struct Set<S>(PhantomData<S>);
-
-/// The token, which is no data. Vectors would otherwise need it to be passed to all functions of kernels.
+/// The token, which is no data and proves that the processor has the instructions. Vectors would otherwise need it to be
+/// passed to all functions of kernels.
 #[allow(unsafe_code)]
 #[cfg_attr(optimised, inline(always))]
 fn token<S: Simd>() -> S {
     const { assert!(size_of::<S>() == 0) };
-    // SAFETY: a type without data; its promise holds, as `Set` and `Lanes` exist inside `run` alone, which was given one.
+    // SAFETY: a type without data. Its promise holds: nothing outside of this folder names an instruction set, and kernels
+    // get theirs from `run`, which was given the token.
     unsafe { std::mem::transmute_copy(&()) }
 }
 
-impl<S: Simd> Isa for Set<S> {
-    const REGISTERS: usize = 16 / <S::f32s as SimdBase<S>>::LEN;
-    const IS_FUSED: bool = Self::REGISTERS < 4 || cfg!(target_arch = "aarch64");
-    type F32 = Lanes<S, f32x16<S>>;
-    type F64 = Lanes<S, f64x8<S>>;
+impl<S: Simd> Isa for S {
+    type F32 = f32x16<S>;
+    type F64 = f64x8<S>;
     #[cfg_attr(optimised, inline(always))]
     fn narrow(low: Self::F64, high: Self::F64) -> Self::F32 {
-        Lanes::of(low.0.narrow(high.0))
+        low.narrow(high)
     }
     #[cfg_attr(optimised, inline(always))]
     fn equal(numbers: &[u32; 16], number: u32) -> u32 {
@@ -60,104 +56,98 @@ impl<S: Simd> Isa for Set<S> {
     }
 }
 
-/// A vector.
-#[derive(Clone, Copy)]
-struct Lanes<S, V>(V, PhantomData<S>);
-
-impl<S: Simd, V: SimdFloat<S>> Lanes<S, V> {
-    #[cfg_attr(optimised, inline(always))]
-    fn of(v: V) -> Self {
-        Self(v, PhantomData)
-    }
+macro_rules! vector {
+    ($type:ident, $scalar:ty, $lanes:literal) => {
+        impl<S: Simd> Vector for $type<S> {
+            type Scalar = $scalar;
+            const LANES: usize = $lanes;
+            #[cfg_attr(optimised, inline(always))]
+            fn splat(x: $scalar) -> Self {
+                SimdBase::splat(token::<S>(), x)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn halves(a: $scalar, b: $scalar) -> Self {
+                let (a, b): (Self, Self) = (Vector::splat(a), Vector::splat(b));
+                Vector::select(a, u32::MAX >> (32 - $lanes / 2), b)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn interleave(self, b: Self) -> [Self; 2] {
+                let (low, high) = SimdBase::interleave(self, b);
+                [low, high]
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn add(self, b: Self) -> Self {
+                self + b
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn sub(self, b: Self) -> Self {
+                self - b
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn mul(self, b: Self) -> Self {
+                self * b
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                SimdFloat::mul_add(self, b, c)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn neg_mul_add(self, b: Self, c: Self) -> Self {
+                SimdFloat::mul_add(-self, b, c)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn div(self, b: Self) -> Self {
+                self / b
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn sqrt(self) -> Self {
+                SimdFloat::sqrt(self)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn min(self, b: Self) -> Self {
+                if cfg!(target_arch = "x86_64") {
+                    return SimdBase::min(self, b);
+                }
+                self.simd_lt(b).select(self, b)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn max(self, b: Self) -> Self {
+                if cfg!(target_arch = "x86_64") {
+                    return SimdBase::max(self, b);
+                }
+                b.simd_lt(self).select(self, b)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn at_most(self, b: Self) -> u32 {
+                self.simd_le(b).to_bitmask() as u32
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn equal(self, b: Self) -> u32 {
+                self.simd_eq(b).to_bitmask() as u32
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn first(self) -> $scalar {
+                self[0]
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn select(self, bits: u32, b: Self) -> Self {
+                <Self as SimdBase<S>>::Mask::from_bitmask(token::<S>(), bits.into()).select(self, b)
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn largest(self) -> $scalar {
+                self.reduce_max()
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn load(from: &[$scalar]) -> Self {
+                SimdBase::from_slice(token::<S>(), &from[..$lanes])
+            }
+            #[cfg_attr(optimised, inline(always))]
+            fn store(self, to: &mut [$scalar]) {
+                self.store_slice(&mut to[..$lanes]);
+            }
+        }
+    };
 }
 
-impl<S: Simd, V: SimdFloat<S>> Vector for Lanes<S, V>
-where
-    V::Element: Real,
-{
-    type Scalar = V::Element;
-    const LANES: usize = V::LEN;
-    #[cfg_attr(optimised, inline(always))]
-    fn splat(x: Self::Scalar) -> Self {
-        Self::of(V::splat(token::<S>(), x))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn halves(a: Self::Scalar, b: Self::Scalar) -> Self {
-        Self::splat(a).select(u32::MAX >> (32 - V::LEN / 2), Self::splat(b))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn interleave(self, b: Self) -> [Self; 2] {
-        let (low, high) = self.0.interleave(b.0);
-        [Self::of(low), Self::of(high)]
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn add(self, b: Self) -> Self {
-        Self::of(self.0 + b.0)
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn sub(self, b: Self) -> Self {
-        Self::of(self.0 - b.0)
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn mul(self, b: Self) -> Self {
-        Self::of(self.0 * b.0)
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn mul_add(self, b: Self, c: Self) -> Self {
-        Self::of(self.0.mul_add(b.0, c.0))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn neg_mul_add(self, b: Self, c: Self) -> Self {
-        Self::of((-self.0).mul_add(b.0, c.0))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn div(self, b: Self) -> Self {
-        Self::of(self.0 / b.0)
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn sqrt(self) -> Self {
-        Self::of(self.0.sqrt())
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn min(self, b: Self) -> Self {
-        if cfg!(target_arch = "x86_64") {
-            return Self::of(self.0.min(b.0));
-        }
-        Self::of(self.0.simd_lt(b.0).select(self.0, b.0))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn max(self, b: Self) -> Self {
-        if cfg!(target_arch = "x86_64") {
-            return Self::of(self.0.max(b.0));
-        }
-        Self::of(b.0.simd_lt(self.0).select(self.0, b.0))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn at_most(self, b: Self) -> u32 {
-        self.0.simd_le(b.0).to_bitmask() as u32
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn equal(self, b: Self) -> u32 {
-        self.0.simd_eq(b.0).to_bitmask() as u32
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn first(self) -> Self::Scalar {
-        self.0[0]
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn select(self, bits: u32, b: Self) -> Self {
-        Self::of(V::Mask::from_bitmask(token::<S>(), bits.into()).select(self.0, b.0))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn largest(self) -> Self::Scalar {
-        self.0.reduce_max()
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn load(from: &[Self::Scalar]) -> Self {
-        Self::of(V::from_slice(token::<S>(), &from[..V::LEN]))
-    }
-    #[cfg_attr(optimised, inline(always))]
-    fn store(self, to: &mut [Self::Scalar]) {
-        self.0.store_slice(&mut to[..V::LEN]);
-    }
-}
+vector!(f32x16, f32, 16);
+vector!(f64x8, f64, 8);

@@ -2,12 +2,7 @@
 
 use std::sync::OnceLock;
 
-#[cfg(target_arch = "aarch64")]
-use fearless_simd::aarch64::Neon as Baseline;
-#[cfg(target_arch = "x86_64")]
-use fearless_simd::x86::Sse2 as Baseline;
-#[cfg(target_arch = "x86_64")]
-use fearless_simd::x86::{Avx2, Avx512};
+use fearless_simd::Level as Set;
 
 use super::lanes::run;
 use super::vector::Kernel;
@@ -23,29 +18,19 @@ const NAMES: [&str; 3] = ["baseline", "avx2", "avx512"];
 #[derive(Clone, Copy, Debug)]
 pub struct Level(Set);
 
-/// Proofs that the processor has the instructions.
-#[derive(Clone, Copy, Debug)]
-enum Set {
-    Baseline(Baseline),
-    #[cfg(target_arch = "x86_64")]
-    Avx2(Avx2),
-    #[cfg(target_arch = "x86_64")]
-    Avx512(Avx512),
-}
-
 impl Level {
     /// Levels of this processor, slowest first. The environment variable `RADARCORE_SIMD`, read once, names the highest:
     /// `baseline` (x86-64: SSE2; aarch64: NEON), `avx2` or `avx512`. Without it, or if it is empty, there is no limit.
     pub fn available() -> Vec<Self> {
-        let best = fearless_simd::Level::new();
+        let best = Set::new();
         #[cfg(target_arch = "x86_64")]
         let sets = [
-            best.as_sse2().map(Set::Baseline),
+            best.as_sse2().map(Set::Sse2),
             best.as_avx2().map(Set::Avx2),
             best.as_avx512().map(Set::Avx512),
         ];
         #[cfg(target_arch = "aarch64")]
-        let sets = [best.as_neon().map(Set::Baseline)];
+        let sets = [best.as_neon().map(Set::Neon)];
         let mut levels: Vec<Self> = sets.into_iter().flatten().map(Self).collect();
         // Kernels may run before the variable is checked: with the baseline if it is wrong.
         let allowed = highest(variable()).unwrap_or(1);
@@ -67,22 +52,26 @@ impl Level {
     /// Name: `baseline`, `avx2` or `avx512`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Set::Baseline(_) => NAMES[0],
             #[cfg(target_arch = "x86_64")]
             Set::Avx2(_) => NAMES[1],
             #[cfg(target_arch = "x86_64")]
             Set::Avx512(_) => NAMES[2],
+            _ => NAMES[0],
         }
     }
 
     /// Run a kernel compiled for this level.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            Set::Baseline(token) => run(token, kernel),
+            #[cfg(target_arch = "x86_64")]
+            Set::Sse2(token) => run(token, kernel),
             #[cfg(target_arch = "x86_64")]
             Set::Avx2(token) => run(token, kernel),
             #[cfg(target_arch = "x86_64")]
             Set::Avx512(token) => run(token, kernel),
+            #[cfg(target_arch = "aarch64")]
+            Set::Neon(token) => run(token, kernel),
+            _ => unreachable!("`available` gives no others"),
         }
     }
 }

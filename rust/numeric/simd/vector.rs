@@ -1,9 +1,9 @@
 //! Vectors of 64 bytes, one interface for every instruction set.
 
-use num_traits::{Float, FromPrimitive};
+use num_traits::Float;
 
 /// Real number type: f32 or f64.
-pub trait Real: Float + FromPrimitive + Default + Send + Sync + 'static {
+pub trait Real: Float + Default + Send + Sync + 'static {
     /// Nearest number of this type.
     fn of(x: f64) -> Self;
     /// Conversion to f64.
@@ -171,10 +171,6 @@ pub fn add_window<V: Vector, const W: usize, const N: usize>(
 
 /// Vector types of an instruction set.
 pub trait Isa {
-    /// Number of registers of a vector.
-    const REGISTERS: usize;
-    /// True if `mul_add` rounds once.
-    const IS_FUSED: bool;
     /// Vector of 16 f32.
     type F32: Vector<Scalar = f32>;
     /// Vector of 8 f64.
