@@ -160,7 +160,7 @@ pub use cancel::Cancel;
 pub use error::{Error, Result};
 pub use frame::{Answer, Memory, Model, RaySampling, Scene, Settings, Source, simulate};
 pub use geometry::pose::Pose;
-pub use paths::sensor_motion::World;
+pub use paths::kinematics::World;
 pub use rays::camera::ImagePlane;
 pub use rays::surface::{ShadingMode, Surface};
 pub use scattering::material::CONDUCTOR;
@@ -177,7 +177,7 @@ pub mod stages {
     pub use crate::geometry::aabb::Bounds;
     pub use crate::numeric::normal::add_normal;
     pub use crate::numeric::simd::Level;
-    pub use crate::paths::sensor_motion::VertexMotion;
+    pub use crate::paths::kinematics::TimeSeries;
     pub use crate::rays::hits::Cast;
     pub use crate::rays::packet_search::Traversals;
     pub use crate::rays::scene::PosedScene;

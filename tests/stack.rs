@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 use radarcore::stages::{
-    Aspect, Basis, Known, Level, Material, Options, PathSeries, PosedScene, Ray, Response, VertexMotion, add_normal,
+    Aspect, Basis, Known, Level, Material, Options, PathSeries, PosedScene, Ray, Response, TimeSeries, add_normal,
     beat_signal, cross_sections, image, paths as frame_paths,
 };
 use radarcore::{
@@ -281,11 +281,11 @@ fn world(rest: &[DVec3], num_times: usize) -> World {
     });
     let vertices = times
         .clone()
-        .flat_map(|x| rest.iter().map(move |vertex| (*vertex * (1.0 + 0.01 * x)).to_array()));
+        .flat_map(|x| rest.iter().map(move |vertex| *vertex * (1.0 + 0.01 * x)));
     World {
         sensor: vec![Pose::IDENTITY; num_times],
         poses: poses.collect(),
         points: times.map(|x| DVec3::new(2.0 + 0.01 * x, 0.1, 0.0)).collect(),
-        vertices: vec![VertexMotion::new(num_times, vertices.collect())],
+        vertices: vec![TimeSeries::new(num_times, vertices.collect())],
     }
 }

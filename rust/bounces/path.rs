@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use num_complex::Complex64;
-use rayon::prelude::*;
 
 use super::direction::Direction;
 use super::interaction::Interaction;
@@ -11,7 +10,7 @@ use crate::antennas::pattern::Pattern;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::moving_triangle::MovingTriangle;
 use crate::numeric::simd::Precision;
-use crate::paths::evaluate::finish;
+use crate::paths::evaluate::{fill_one_by_one, finish};
 use crate::paths::kinematics::Kinematics;
 use crate::rays::scene::PosedScene;
 use crate::synthesis::chunk::Chunk;
@@ -180,59 +179,32 @@ impl Bounces {
         self.points.iter().any(|point| point.body == body)
     }
 
-    /// Fill a chunk with paths, by number: delays at the nodes of `delays`, and amplitudes at those of `amplitudes`.
+    /// Fill a chunk with paths, by number: delays at the times of the first kinematics, and amplitudes at
+    /// those of the second.
     pub fn fill<T: Precision>(
         &self,
-        [delays, amplitudes]: [&Kinematics; 2],
+        nodes: [&Kinematics; 2],
         numbers: &[usize],
         request: &Request,
         chunk: &mut Chunk<T>,
     ) {
+        let path = |kinematics: &Kinematics, time, channel, path| self.path(kinematics, time, channel, path);
+        fill_one_by_one(path, nodes, numbers, 0..numbers.len(), request, chunk);
         chunk.num_paths = numbers.len();
-        let channels = request.channels.clone();
-        for (row, out) in chunk
-            .delay
-            .iter_mut()
-            .enumerate()
-            .take(channels.len() * delays.num_nodes)
-        {
-            let (channel, node) = (channels.start + row / delays.num_nodes, row % delays.num_nodes);
-            for (out, path) in out.iter_mut().zip(numbers) {
-                *out = self.path(delays, node, channel, *path).0;
-            }
-        }
-        let rows = chunk.re.iter_mut().zip(&mut chunk.im).enumerate();
-        for (row, (re, im)) in rows.take(channels.len() * amplitudes.num_nodes) {
-            let (channel, node) = (channels.start + row / amplitudes.num_nodes, row % amplitudes.num_nodes);
-            for (i, path) in numbers.iter().enumerate() {
-                let amplitude = request.scale * self.path(amplitudes, node, channel, *path).1;
-                (re[i], im[i]) = (T::of(amplitude.re), T::of(amplitude.im));
-            }
-        }
-        finish(chunk, [delays.num_nodes, amplitudes.num_nodes], channels.len());
+        finish(chunk, nodes.map(Kinematics::num_times), request.channels.len());
     }
 
-    /// Rate of every delay [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the time
-    /// derivatives.
-    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics) -> Vec<f64> {
-        let num_paths = self.len();
-        (0..self.num_channels() * num_paths)
-            .into_par_iter()
-            .map(|i| {
-                let (channel, path) = (i / num_paths, i % num_paths);
-                let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
-                let (mut rate, mut from) = (0.0, start);
-                let points = self.points(path, channel);
-                let moving = points
-                    .iter()
-                    .map(|point| kinematics.motion(rates, point.body, point.corners, point.position));
-                for to in moving.chain([end]) {
-                    rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
-                    from = to;
-                }
-                rate / SPEED_OF_LIGHT
-            })
-            .collect()
+    /// Rate of the delay of one path [s/s] at the first time; `rates` are the time derivatives.
+    pub fn delay_rate(&self, kinematics: &Kinematics, rates: &Kinematics, channel: usize, path: usize) -> f64 {
+        let [start, end] = self.antennas(channel, path).map(|antenna| (antenna.0, DVec3::ZERO));
+        let (mut rate, mut from) = (0.0, start);
+        let points = self.points(path, channel).iter();
+        let moving = points.map(|point| kinematics.motion(rates, point.body, point.corners, point.position));
+        for to in moving.chain([end]) {
+            rate += (to.0 - from.0).normalize_or_zero().dot(to.1 - from.1);
+            from = to;
+        }
+        rate / SPEED_OF_LIGHT
     }
 
     /// Points of a path for the antenna of a channel where tubes start.
@@ -252,13 +224,13 @@ impl Bounces {
     }
 
     /// Delay and amplitude of one path of one channel at one time, docs/theory.md eq. (7).
-    fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    pub fn path(&self, kinematics: &Kinematics, time: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, path);
         let points = self.points(path, channel);
-        let departure = position(kinematics, node, &points[0]) - start.0;
+        let departure = position(kinematics, time, &points[0]) - start.0;
         let (mut length, mut last) = (0.0, start.0);
         for point in points {
-            let next = position(kinematics, node, point);
+            let next = position(kinematics, time, point);
             length += (next - last).length();
             last = next;
         }
@@ -272,9 +244,9 @@ impl Bounces {
     }
 }
 
-/// Position of a material point at a node, sensor frame [m].
-fn position(kinematics: &Kinematics, node: usize, point: &Point) -> DVec3 {
-    let pose = &kinematics.poses[node * kinematics.num_bodies + point.body as usize];
-    let triangle = kinematics.moving_triangle(node, point.body, point.corners);
+/// Position of a material point at a time, sensor frame [m].
+fn position(kinematics: &Kinematics, time: usize, point: &Point) -> DVec3 {
+    let pose = &kinematics.poses.row(time)[point.body as usize];
+    let triangle = kinematics.moving_triangle(time, point.body, point.corners);
     pose.point(triangle.map_or(point.position, |triangle| triangle.point(point.position)))
 }

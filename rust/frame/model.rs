@@ -1,9 +1,9 @@
 //! Model of a simulation: bodies or an image, materials, radar and settings, all independent of the motion.
 
+use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DMat3, DVec3};
-use num_complex::Complex64;
 
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
@@ -12,7 +12,7 @@ use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
 use crate::numeric::simd::Level;
-use crate::paths::sensor_motion::{SensorMotion, VertexMotion, World};
+use crate::paths::kinematics::{Kinematics, World};
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::Surface;
@@ -49,37 +49,11 @@ pub struct Scene {
 /// Depth image of another program: one surface element per pixel.
 pub struct DepthImage {
     /// The pixels.
-    pub plane: ImagePlane,
-    /// Distance along the ray [m]; no return where it is not positive and finite.
-    pub distance: Vec<f64>,
-    /// Unit normals towards the sensor.
-    pub normal: Vec<DVec3>,
-    /// Field reflection coefficients.
-    pub reflection: Vec<Complex64>,
-    /// Diffuse albedo.
-    pub albedo: Vec<f64>,
-    /// Number of the body, negative for no return.
-    pub body: Vec<i32>,
-    /// Number of bodies.
-    pub num_bodies: usize,
+    pub surfels: Surfels,
     /// Range rate of every pixel beside the motion of its body [m/s]; none: all zero.
     pub range_rate: Option<Vec<f64>>,
     /// Time of the start of the frame after that of the image [s].
     pub age: f64,
-}
-
-impl DepthImage {
-    pub(super) fn surfels(&self) -> Surfels<'_> {
-        Surfels {
-            plane: self.plane,
-            distance: &self.distance,
-            normal: &self.normal,
-            reflection: &self.reflection,
-            albedo: &self.albedo,
-            body: &self.body,
-            num_bodies: self.num_bodies,
-        }
-    }
 }
 
 /// Origin of the surfaces that the sensor sees.
@@ -88,6 +62,24 @@ pub enum Source {
     Scene(Scene),
     /// An image.
     Depth(Arc<DepthImage>),
+}
+
+impl Source {
+    /// Numbers of the bodies that deform.
+    pub(super) fn deforming(&self) -> &[usize] {
+        match self {
+            Self::Scene(scene) => &scene.deforming,
+            Self::Depth(_) => &[],
+        }
+    }
+
+    /// Radar cross-sections of the point targets [m^2].
+    pub(super) fn rcs(&self) -> &[f64] {
+        match self {
+            Self::Scene(scene) => &scene.rcs,
+            Self::Depth(_) => &[],
+        }
+    }
 }
 
 /// Rays of frames.
@@ -242,12 +234,11 @@ impl Model {
                 (surfaces.clone().map(radius).collect(), surfaces.map(corners).collect())
             }
             Source::Depth(image) => {
-                fits_memory("bodies", &[image.num_bodies], size_of::<f64>())?;
-                let farthest = image.distance.iter().filter(|distance| distance.is_finite());
-                (
-                    vec![farthest.copied().fold(0.0, f64::max); image.num_bodies],
-                    Vec::new(),
-                )
+                let surfels = &image.surfels;
+                fits_memory("bodies", &[surfels.num_bodies], size_of::<f64>())?;
+                let distances = surfels.distance.iter().copied();
+                let farthest = distances.filter(|distance| distance.is_finite()).fold(0.0, f64::max);
+                (vec![farthest; surfels.num_bodies], Vec::new())
             }
         };
         let facing = |rotation: &DMat3| Facing::new(&array, *rotation, settings.gain_floor);
@@ -272,38 +263,30 @@ impl Model {
     }
 
     /// Motion in the sensor frame.
-    pub(super) fn motion(&self, world: &World) -> Result<SensorMotion> {
-        let motion = world.seen(self.center);
-        let (bodies, points, vertices) = match &self.source {
-            Source::Scene(scene) => {
-                let vertices = scene.deforming.iter();
-                let vertices = vertices.map(|body| scene.surfaces[*body].vertices().len());
-                (scene.surfaces.len(), scene.rcs.len(), vertices.collect())
-            }
-            Source::Depth(image) => (image.num_bodies, 0, Vec::new()),
-        };
-        motion.check(bodies, points, &vertices)?;
-        Ok(motion)
+    pub(super) fn motion(&self, world: &World) -> Result<Kinematics> {
+        self.check(world)?;
+        Ok(world.seen(self.center, self.source.deforming()))
     }
 
     /// Time derivatives in the sensor frame, of the motion `at` one time, its first.
-    pub(super) fn rates(&self, motion: &SensorMotion, at: &World, rates: &World) -> Result<SensorMotion> {
-        let (bodies, points) = (motion.num_bodies(), motion.num_points());
-        let lengths = [
-            ("poses", bodies, rates.poses.len()),
-            ("points", points, rates.points.len()),
-        ];
-        if let Some((name, expected, got)) = lengths.into_iter().find(|(_, expected, got)| expected != got) {
-            return Err(Error::value(name, format!("{expected} of them as the scene has"), got));
+    pub(super) fn rates(&self, at: &World, rates: &World) -> Result<Kinematics> {
+        self.check(rates)?;
+        Ok(World::seen_rates(at, rates, self.center, self.source.deforming()))
+    }
+
+    fn check(&self, world: &World) -> Result<()> {
+        match &self.source {
+            Source::Scene(scene) => {
+                let deforming = scene.deforming.iter();
+                let num_vertices: Vec<usize> = deforming.map(|body| scene.surfaces[*body].vertices().len()).collect();
+                world.check(scene.surfaces.len(), scene.rcs.len(), &num_vertices)
+            }
+            Source::Depth(image) => world.check(image.surfels.num_bodies, 0, &[]),
         }
-        let seen = World::seen_rates(at, rates, self.center);
-        let num_vertices: Vec<usize> = motion.vertices().iter().map(VertexMotion::num_vertices).collect();
-        seen.check(bodies, points, &num_vertices)?;
-        Ok(seen)
     }
 
     /// Error of phases by the series of the motion [rad].
-    pub(super) fn phase_error(&self, motion: &SensorMotion) -> f64 {
+    pub(super) fn phase_error(&self, motion: &Kinematics) -> f64 {
         self.phase_per_length() * motion.tail(&self.radii)
     }
 
@@ -312,17 +295,27 @@ impl Model {
         2.0 * std::f64::consts::TAU * self.highest_frequency() / SPEED_OF_LIGHT
     }
 
-    /// Bodies at the time `x` of the frame, those that deform with the vertices of that time.
-    pub(super) fn posed(&self, motion: &SensorMotion, x: f64, shapes: &mut Shapes) -> Result<Arc<PosedScene>> {
+    /// Bodies at the time `x` of the frame, those that deform with the vertices of that time; their surfaces replace
+    /// `deformed`, those of the frame before, unless the vertices are equal.
+    pub(super) fn posed(
+        &self,
+        motion: &Kinematics,
+        x: f64,
+        deformed: &mut HashMap<usize, Arc<Surface>>,
+    ) -> Result<Arc<PosedScene>> {
         let Source::Scene(scene) = &self.source else {
             return Ok(Arc::new(PosedScene::new(Vec::new(), Vec::new())));
         };
         let mut surfaces = scene.surfaces.clone();
-        for (body, vertices) in scene.deforming.iter().zip(motion.vertices()) {
-            let vertices: Vec<DVec3> = vertices.at(x).into_iter().map(DVec3::from_array).collect();
-            surfaces[*body] = shapes.deformed(*body, &scene.surfaces[*body], vertices)?;
+        for (body, vertices) in &motion.vertices {
+            let (vertices, before) = (vertices.at(x), deformed.get(body));
+            surfaces[*body] = match before {
+                Some(before) if before.vertices() == vertices => before.clone(),
+                _ => Arc::new(before.unwrap_or(&surfaces[*body]).deform(vertices)?),
+            };
+            deformed.insert(*body, surfaces[*body].clone());
         }
-        Ok(Arc::new(PosedScene::new(surfaces, motion.poses_at(x))))
+        Ok(Arc::new(PosedScene::new(surfaces, motion.poses.at(x))))
     }
 
     /// Highest frequency of the sampled band [Hz].
@@ -357,26 +350,5 @@ impl Model {
             cancel: Some(cancel),
             known: Known::NOTHING,
         }
-    }
-}
-
-/// Surfaces of bodies that deform, by body, at the frame before.
-#[derive(Default)]
-pub struct Shapes(Vec<(usize, Arc<Surface>)>);
-
-impl Shapes {
-    /// Surface of a body with moved vertices; the surface of the frame before where the vertices are equal.
-    fn deformed(&mut self, body: usize, rest: &Arc<Surface>, vertices: Vec<DVec3>) -> Result<Arc<Surface>> {
-        let known = self.0.iter().position(|(number, _)| *number == body);
-        let before = known.map_or(rest, |at| &self.0[at].1);
-        if known.is_some() && before.vertices() == vertices {
-            return Ok(before.clone());
-        }
-        let surface = Arc::new(before.deform(vertices)?);
-        match known {
-            Some(at) => self.0[at].1 = surface.clone(),
-            None => self.0.push((body, surface.clone())),
-        }
-        Ok(surface)
     }
 }

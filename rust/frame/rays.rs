@@ -2,22 +2,18 @@
 
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
-
 use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, Launch, TubeImage};
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
-use crate::geometry::pose::Pose;
 use crate::paths::scatterers::Scatterers;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{self, Cast, Hits};
+use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::smooth_hits::SmoothHits;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::patch::place_on_mesh;
 use crate::scattering::physical_optics::Sampling;
 use crate::scattering::refinement::{Refinement, field_of};
 use crate::scattering::samples::Samples;
@@ -63,18 +59,34 @@ impl Image {
         })
     }
 
-    /// Distances and normals of the curved surfaces that the triangles approximate; computed once.
-    pub fn smooth(&self) -> &SmoothHits {
-        self.smooth.get_or_init(|| SmoothHits::new(&self.scene, &self.hits))
-    }
-
-    /// [`Self::smooth`] until a request to stop.
-    pub fn smooth_until(&self, cancel: &Cancel) -> Result<&SmoothHits> {
+    /// Distances and normals of the curved surfaces that the triangles approximate, until a request to stop; computed once.
+    pub fn smooth(&self, cancel: &Cancel) -> Result<&SmoothHits> {
         if let Some(smooth) = self.smooth.get() {
             return Ok(smooth);
         }
         let smooth = SmoothHits::until(&self.scene, &self.hits, cancel)?;
         Ok(self.smooth.get_or_init(|| smooth))
+    }
+
+    /// Nearest hit of every body with a hit, the first of equal ones; `sector`: number of the image.
+    fn nearest(&self, sector: usize) -> Vec<Nearest> {
+        let hits = &self.hits;
+        let mut nearest = vec![(f64::INFINITY, 0); self.scene.num_bodies()];
+        for (pixel, (body, distance)) in hits.body.iter().zip(&hits.distance).enumerate() {
+            if *body != NO_BODY && *distance < nearest[*body as usize].0 {
+                nearest[*body as usize] = (*distance, pixel);
+            }
+        }
+        let seen = nearest.into_iter().zip(0..);
+        seen.filter(|((distance, _), _)| distance.is_finite())
+            .map(|((distance, pixel), body)| Nearest {
+                body,
+                triangle: hits.triangle[pixel],
+                distance,
+                cell: hits.plane.cell(pixel / hits.plane.columns, pixel % hits.plane.columns),
+                sector,
+            })
+            .collect()
     }
 }
 
@@ -86,16 +98,6 @@ pub enum Rays {
     Pixels(Vec<Image>),
     /// No rays: the surfaces are pixels of a depth image.
     None,
-}
-
-/// Nearest hit of a body to the sensor.
-pub struct NearestHit {
-    /// Number of the body.
-    pub body: usize,
-    /// Position in the sensor frame at the time of the cast [m].
-    pub point: DVec3,
-    /// Vertices of the triangle and barycentric weights of the hit.
-    pub corners: ([u32; 3], [f64; 3]),
 }
 
 impl Model {
@@ -205,7 +207,7 @@ impl Rays {
     }
 
     /// Material points of all hits that return power; those of tiles are ordered by `rank` of the body.
-    pub fn scatterers(&self, model: &Model, rank: impl Fn(u32) -> u8) -> Result<Scatterers> {
+    pub fn scatterers(&self, model: &Model, rank: impl Fn(u32) -> u8, cancel: &Cancel) -> Result<Scatterers> {
         let (array, materials, seed) = (model.array.clone(), &model.materials, model.settings.seed);
         let sampling = match model.settings.rays {
             RaySampling::Adaptive { .. } => Sampling::Footprint,
@@ -219,12 +221,12 @@ impl Rays {
             }
             (Self::Pixels(images), _) => {
                 let images = images.iter().zip(&model.sectors);
-                let images: Vec<_> = images
-                    .map(|(image, facing)| (&*image.scene, &image.hits, image.smooth(), &facing.array))
-                    .collect();
+                let images = images
+                    .map(|(image, facing)| Ok((&*image.scene, &image.hits, image.smooth(cancel)?, &facing.array)))
+                    .collect::<Result<Vec<_>>>()?;
                 Ok(Scatterers::of_images(&images, materials, array, sampling, seed))
             }
-            (Self::None, Source::Depth(image)) => Scatterers::from_surfels(&image.surfels(), array, sampling, seed),
+            (Self::None, Source::Depth(image)) => Scatterers::from_surfels(&image.surfels, array, sampling, seed),
             (Self::None, Source::Scene(_)) => unreachable!("rays are cast of scenes"),
         }
     }
@@ -273,114 +275,20 @@ impl Rays {
         }
     }
 
-    /// Counts of rays cast, of tiles skipped and reused.
-    pub fn counts(&self) -> hits::Counts {
-        match self {
-            Self::Cells(_, samples) => samples.counts,
-            Self::Pixels(images) => images
-                .iter()
-                .fold(hits::Counts::default(), |all, image| all.plus(image.hits.counts)),
-            Self::None => hits::Counts::default(),
-        }
-    }
-
-    /// Number of cells of adaptive sampling that could be split further; none without adaptive sampling.
-    pub fn num_coarse(&self) -> Option<usize> {
-        match self {
-            Self::Cells(_, samples) => Some(samples.tiles.num_coarse),
-            _ => None,
-        }
-    }
-
-    /// Number of hits with a material point; none where the cells of material points tell.
-    pub fn num_lit(&self) -> Option<usize> {
-        match self {
-            Self::Cells(_, samples) => Some(samples.tiles.num_lit),
-            _ => None,
-        }
-    }
-
-    /// Number of rays that hit a body.
-    pub fn num_hit(&self) -> usize {
-        match self {
-            Self::Cells(_, samples) => samples.tiles.num_hit,
-            Self::Pixels(images) => {
-                let bodies = images.iter().flat_map(|image| &image.hits.body);
-                bodies.filter(|body| **body != NO_BODY).count()
-            }
-            Self::None => 0,
-        }
-    }
-
-    /// Distance of the farthest cell with edge terms [m].
-    pub fn farthest(&self) -> f64 {
-        match self {
-            Self::Cells(_, samples) => samples.tiles.farthest,
-            _ => 0.0,
-        }
-    }
-
-    /// Pose of a body in the sensor frame when rays were cast.
-    pub fn pose(&self, body: usize) -> &Pose {
-        match self {
-            Self::Cells(scenes, _) => scenes[0].pose(body as u32),
-            Self::Pixels(images) => images[0].scene.pose(body as u32),
-            Self::None => &Pose::IDENTITY,
-        }
-    }
-
-    /// Nearest hit of every body with a hit, the first of equal ones.
-    pub fn nearest(&self, model: &Model) -> Vec<NearestHit> {
+    /// Nearest hit of every body with a hit, the first of equal ones, and the scene in which it was hit.
+    pub fn nearest(&self) -> Vec<(&PosedScene, Nearest)> {
         match self {
             Self::Cells(scenes, samples) => {
                 let nearest = samples.tiles.nearest.iter();
-                nearest
-                    .map(|hit| NearestHit::new(model, &scenes[hit.sector], hit))
-                    .collect()
+                nearest.map(|hit| (&*scenes[hit.sector], *hit)).collect()
             }
             Self::Pixels(images) => {
                 let hits = images.iter().enumerate();
-                let hits = nearest_of(hits.flat_map(|(sector, image)| image.nearest(sector)));
-                let nearest = hits.iter();
-                nearest
-                    .map(|hit| NearestHit::new(model, &images[hit.sector].scene, hit))
-                    .collect()
+                let nearest = nearest_of(hits.flat_map(|(sector, image)| image.nearest(sector)));
+                let nearest = nearest.into_iter();
+                nearest.map(|hit| (&*images[hit.sector].scene, hit)).collect()
             }
             Self::None => Vec::new(),
-        }
-    }
-}
-
-impl Image {
-    /// Nearest hit of every body with a hit, the first of equal ones; `sector`: number of the image.
-    fn nearest(&self, sector: usize) -> Vec<Nearest> {
-        let hits = &self.hits;
-        let mut nearest = vec![(f64::INFINITY, 0); self.scene.num_bodies()];
-        for (pixel, (body, distance)) in hits.body.iter().zip(&hits.distance).enumerate() {
-            if *body != NO_BODY && *distance < nearest[*body as usize].0 {
-                nearest[*body as usize] = (*distance, pixel);
-            }
-        }
-        let seen = nearest.into_iter().zip(0..);
-        seen.filter(|((distance, _), _)| distance.is_finite())
-            .map(|((distance, pixel), body)| Nearest {
-                body,
-                triangle: hits.triangle[pixel],
-                distance,
-                cell: hits.plane.cell(pixel / hits.plane.columns, pixel % hits.plane.columns),
-                sector,
-            })
-            .collect()
-    }
-}
-
-impl NearestHit {
-    fn new(model: &Model, scene: &PosedScene, hit: &Nearest) -> Self {
-        let to_sensor = model.sectors[hit.sector].rotation.transpose();
-        Self {
-            body: hit.body as usize,
-            point: to_sensor * (hit.distance * hit.cell.direction()),
-            corners: place_on_mesh(scene, &hit.cell, hit.body, hit.triangle),
         }
     }
 }

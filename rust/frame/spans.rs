@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::model::Model;
 use crate::geometry::pose::Pose;
 use crate::numeric::chebyshev::chebyshev_nodes;
-use crate::paths::sensor_motion::SensorMotion;
+use crate::paths::kinematics::Kinematics;
 use crate::synthesis::chirp::Waveform;
 
 /// Consecutive chirps of a frame with a cast of their own, in the middle of their time.
@@ -16,8 +16,6 @@ pub struct Span {
     pub chirps: Range<usize>,
     /// Waveform of these chirps alone; the first starts at time 0.
     pub waveform: Waveform,
-    /// Start of the first ramp after that of the frame [s].
-    pub start: f64,
     /// Time of the cast, `x` from -1 to 1 over the frame, and half the duration in that unit.
     pub cast: f64,
     /// Half the duration of the span, in the unit of `cast`.
@@ -29,7 +27,7 @@ pub struct Span {
 }
 
 /// Spans within which no body turns by more than the limit of the settings from the pose in which it is cast.
-pub fn of_frame(model: &Model, motion: &SensorMotion) -> Vec<Span> {
+pub fn of_frame(model: &Model, motion: &Kinematics) -> Vec<Span> {
     let (waveform, most) = (&model.waveform, model.settings.retrace);
     let most_parts = 2 * waveform.chirp_times.len() + 1;
     let mut number = 1;
@@ -44,16 +42,36 @@ pub fn of_frame(model: &Model, motion: &SensorMotion) -> Vec<Span> {
         let wanted = (number as f64 * largest / most).ceil().min(most_parts as f64);
         number = (wanted as usize | 1).max(number + 2);
     };
-    let middle = 0.5 * waveform.duration();
     let mut spans: Vec<Span> = split(waveform, number)
         .into_iter()
-        .map(|(at, chirps)| Span {
-            rotation_angles: angles[at].clone(),
-            ..Span::new(waveform, chirps, number)
+        .map(|(at, chirps)| {
+            // The whole frame keeps its time.
+            let start = if number == 1 {
+                0.0
+            } else {
+                waveform.chirp_times[chirps.start]
+            };
+            let chirp_times = waveform.chirp_times[chirps.clone()].iter();
+            let of_chirps = Waveform {
+                chirp_times: chirp_times.map(|time| time - start).collect(),
+                ..waveform.clone()
+            };
+            let (duration, of_frame) = (of_chirps.duration(), waveform.duration());
+            let (cast, half) = match number {
+                1 => (0.0, 1.0),
+                _ => ((2.0 * start + duration) / of_frame - 1.0, duration / of_frame),
+            };
+            Span {
+                chirps,
+                waveform: of_chirps,
+                cast,
+                half,
+                rotation_angles: angles[at].clone(),
+                has_middle: false,
+            }
         })
         .collect();
-    let distance = |span: &Span| (span.start + 0.5 * span.waveform.duration() - middle).abs();
-    let nearest = (0..spans.len()).min_by(|a, b| distance(&spans[*a]).total_cmp(&distance(&spans[*b])));
+    let nearest = (0..spans.len()).min_by(|a, b| spans[*a].cast.abs().total_cmp(&spans[*b].cast.abs()));
     if let Some(nearest) = nearest {
         spans[nearest].has_middle = true;
     }
@@ -66,52 +84,19 @@ impl Span {
         let nodes = chebyshev_nodes(number).into_iter();
         nodes.map(|x| self.cast + self.half * x).collect()
     }
-
-    fn new(waveform: &Waveform, chirps: Range<usize>, number: usize) -> Self {
-        let duration = waveform.duration();
-        if number == 1 {
-            let waveform = waveform.clone();
-            return Self {
-                chirps,
-                waveform,
-                start: 0.0,
-                cast: 0.0,
-                half: 1.0,
-                rotation_angles: Vec::new(),
-                has_middle: false,
-            };
-        }
-        let start = waveform.chirp_times[chirps.start];
-        let own = Waveform {
-            chirp_times: waveform.chirp_times[chirps.clone()]
-                .iter()
-                .map(|time| time - start)
-                .collect(),
-            ..waveform.clone()
-        };
-        Self {
-            chirps,
-            start,
-            cast: (2.0 * start + own.duration()) / duration - 1.0,
-            half: own.duration() / duration,
-            waveform: own,
-            rotation_angles: Vec::new(),
-            has_middle: false,
-        }
-    }
 }
 
 /// Largest angles by which bodies turn, as the sensor sees them, from the middle of a span of the frame to any time of it
 /// [rad], (span, body), for a number of spans of equal duration: by rotation, or by passing the sensor.
-fn rotation_angles(boxes: &[[DVec3; 2]], motion: &SensorMotion, number: usize) -> Vec<Vec<f64>> {
+fn rotation_angles(boxes: &[[DVec3; 2]], motion: &Kinematics, number: usize) -> Vec<Vec<f64>> {
     // Series through n times have at most n - 1 turning points.
     let steps = motion.num_times().div_ceil(number).max(4).next_multiple_of(2);
-    let are_static = motion.are_static();
+    let are_static = motion.poses.are_static();
     if are_static.iter().all(|is_static| *is_static) {
         return vec![vec![0.0; boxes.len()]; number];
     }
     let time = |step: usize| 2.0 * step as f64 / (number * steps) as f64 - 1.0;
-    let poses: Vec<Vec<Pose>> = (0..=number * steps).map(|step| motion.poses_at(time(step))).collect();
+    let poses: Vec<Vec<Pose>> = (0..=number * steps).map(|step| motion.poses.at(time(step))).collect();
     let of_body = |span: usize, body: usize| {
         if are_static[body] {
             return 0.0;
@@ -120,45 +105,18 @@ fn rotation_angles(boxes: &[[DVec3; 2]], motion: &SensorMotion, number: usize) -
         let (first, last) = (span * steps, (span + 1) * steps);
         let from = sensor(first + steps / 2);
         let angles = (first..=last).map(|step| rotation(&boxes[body], from, sensor(step)));
-        angles.fold(Rotation::NONE, Rotation::max).angle()
+        angles.fold(0.0, f64::max)
     };
     let of_part = |span: usize| (0..boxes.len()).map(|body| of_body(span, body)).collect();
     (0..number).map(of_part).collect()
 }
 
-/// Angle between two vectors, by the length of their cross product and their dot product.
-#[derive(Clone, Copy)]
-struct Rotation {
-    cross: f64,
-    dot: f64,
-}
-
-impl Rotation {
-    const NONE: Self = Self { cross: 0.0, dot: 1.0 };
-
-    /// Angle [rad].
-    fn angle(self) -> f64 {
-        self.cross.atan2(self.dot)
-    }
-
-    /// The larger of two angles.
-    fn max(self, other: Self) -> Self {
-        // The sine of their difference.
-        if other.cross * self.dot > self.cross * other.dot {
-            other
-        } else {
-            self
-        }
-    }
-}
-
-/// Angle between the directions to two places of the sensor in body axes: the largest over the corners of the bounding box
-/// and the point of the box nearest to the first place.
-fn rotation(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> Rotation {
+/// Angle between the directions to two places of the sensor in body axes [rad]: the largest over the corners of the
+/// bounding box and the point of the box nearest to the first place.
+fn rotation(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> f64 {
     if low.cmpgt(high).any() {
-        return Rotation::NONE;
+        return 0.0;
     }
-    let nearest = from.clamp(low, high);
     let corner = |number: u32| {
         DVec3::new(
             if number & 1 == 0 { low.x } else { high.x },
@@ -166,14 +124,9 @@ fn rotation(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> Rotation {
             if number & 4 == 0 { low.z } else { high.z },
         )
     };
-    let places = (0..8).map(corner).chain((nearest != from).then_some(nearest));
-    places.fold(Rotation::NONE, |most, place| {
-        let (a, b) = (from - place, to - place);
-        most.max(Rotation {
-            cross: a.cross(b).length(),
-            dot: a.dot(b),
-        })
-    })
+    let places = (0..8).map(corner).chain([from.clamp(low, high)]);
+    let angles = places.map(|place| (from - place).angle_between(to - place));
+    angles.fold(0.0, f64::max)
 }
 
 /// Split the chirps into a number of spans of equal duration; chirps are not cut. Spans without a chirp are left out: with
@@ -194,7 +147,7 @@ fn split(waveform: &Waveform, number: usize) -> Vec<(usize, Range<usize>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::paths::sensor_motion::World;
+    use crate::paths::kinematics::TimeSeries;
     use glam::DMat3;
 
     fn waveform() -> Waveform {
@@ -219,20 +172,13 @@ mod tests {
         }
     }
 
-    /// Poses of one body at Chebyshev times, and a sensor at the origin.
-    fn motion(pose: impl Fn(f64) -> Pose) -> SensorMotion {
-        let poses: Vec<Pose> = chebyshev_nodes(9).into_iter().map(pose).collect();
-        let sensor = Pose {
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
-        let world = World {
-            sensor: vec![sensor; poses.len()],
-            poses,
-            points: Vec::new(),
+    /// Poses of one body at Chebyshev times.
+    fn motion(pose: impl Fn(f64) -> Pose) -> Kinematics {
+        Kinematics {
+            poses: TimeSeries::new(9, chebyshev_nodes(9).into_iter().map(pose).collect()),
+            points: TimeSeries::new(9, Vec::new()),
             vertices: Vec::new(),
-        };
-        world.seen(DVec3::ZERO)
+        }
     }
 
     #[test]

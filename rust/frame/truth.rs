@@ -4,41 +4,43 @@ use glam::DVec3;
 
 use super::model::{Model, Source};
 use super::rays::Rays;
-use crate::paths::sensor_motion::SensorMotion;
+use crate::paths::kinematics::Kinematics;
+use crate::scattering::patch::place_on_mesh;
 
 /// Per body and point target of the scene: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray
 /// hit.
 pub type Truth = Vec<[f64; 4]>;
 
 /// Truth of a scene; none for images.
-pub fn of(model: &Model, rays: &Rays, motion: &SensorMotion, rates: &SensorMotion) -> Option<Truth> {
+pub fn of(model: &Model, rays: &Rays, motion: &Kinematics, rates: &Kinematics) -> Option<Truth> {
     let Source::Scene(scene) = &model.source else {
         return None;
     };
     let mut truth = vec![[f64::NAN; 4]; scene.body_numbers.len() + scene.point_numbers.len()];
-    let (poses, pose_rates) = (motion.poses_at(0.0), rates.poses_at(0.0));
-    for hit in rays.nearest(model) {
+    let (poses, pose_rates) = (motion.poses.at(0.0), rates.poses.at(0.0));
+    for (cast, hit) in rays.nearest() {
         // The material point that was hit, at the middle of the frame.
-        let (pose, rate) = (&poses[hit.body], &pose_rates[hit.body]);
-        let deforming = scene.deforming.iter().position(|body| *body == hit.body);
+        let body = hit.body as usize;
+        let deforming = motion.vertices.iter().position(|deforming| deforming.0 == body);
         let (position, velocity) = match deforming {
-            None => (rays.pose(hit.body).point_to_body(hit.point), DVec3::ZERO),
+            None => {
+                let point = hit.distance * hit.cell.direction();
+                (cast.pose(hit.body).point_to_body(point), DVec3::ZERO)
+            }
             Some(index) => {
-                let on_mesh = |vertices: &[[f64; 3]]| {
-                    let (corners, weights) = &hit.corners;
+                let (corners, weights) = place_on_mesh(cast, &hit.cell, hit.body, hit.triangle);
+                let on_mesh = |kinematics: &Kinematics| -> DVec3 {
+                    let vertices = kinematics.vertices[index].1.at(0.0);
                     let terms = corners.iter().zip(weights);
-                    terms
-                        .map(|(corner, weight)| *weight * DVec3::from_array(vertices[*corner as usize]))
-                        .sum()
+                    terms.map(|(corner, weight)| weight * vertices[*corner as usize]).sum()
                 };
-                let [at, rates] = [motion, rates].map(|of| of.vertices()[index].at(0.0));
-                (on_mesh(&at), on_mesh(&rates))
+                (on_mesh(motion), on_mesh(rates))
             }
         };
-        let moving = rate.point(position) + pose.direction(velocity);
-        truth[scene.body_numbers[hit.body]] = row(pose.point(position), moving);
+        let moving = pose_rates[body].point(position) + poses[body].direction(velocity);
+        truth[scene.body_numbers[body]] = row(poses[body].point(position), moving);
     }
-    let points = motion.points_at(0.0).into_iter().zip(rates.points_at(0.0));
+    let points = motion.points.at(0.0).into_iter().zip(rates.points.at(0.0));
     for (number, (point, velocity)) in scene.point_numbers.iter().zip(points) {
         truth[*number] = row(point, velocity);
     }

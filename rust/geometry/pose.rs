@@ -1,5 +1,7 @@
 //! Rigid poses relative to the sensor.
 
+use std::ops::{Add, Mul, Sub};
+
 use glam::{DMat3, DVec3};
 
 /// Affine map of a body's coordinates to the sensor frame: `rotation * x + translation`.
@@ -56,5 +58,35 @@ impl Pose {
     /// Rotate a direction from the sensor frame to body coordinates.
     pub fn direction_to_body(&self, direction: DVec3) -> DVec3 {
         self.rotation.transpose() * direction
+    }
+}
+
+impl Add for Pose {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            rotation: self.rotation + other.rotation,
+            translation: self.translation + other.translation,
+        }
+    }
+}
+
+impl Sub for Pose {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        self + other * -1.0
+    }
+}
+
+impl Mul<f64> for Pose {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self {
+            rotation: self.rotation * factor,
+            translation: self.translation * factor,
+        }
     }
 }

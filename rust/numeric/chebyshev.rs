@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 
 /// Matrix `(num_nodes, num_nodes)` from values at increasing Chebyshev times to coefficients of `T_k(x)`.
 pub fn chebyshev_matrix(num_nodes: usize) -> Cow<'static, [f64]> {
-    // Plans ask for small matrices hundreds of times.
-    static KEPT: [OnceLock<Vec<f64>>; 17] = [const { OnceLock::new() }; 17];
+    // Motions have up to 65 times, and plans ask for small matrices hundreds of times.
+    static KEPT: [OnceLock<Vec<f64>>; 66] = [const { OnceLock::new() }; 66];
     match KEPT.get(num_nodes) {
         Some(kept) => Cow::Borrowed(kept.get_or_init(|| matrix(num_nodes))),
         None => Cow::Owned(matrix(num_nodes)),
@@ -67,67 +67,9 @@ pub fn slope_weights(number: usize) -> Vec<f64> {
     weights
 }
 
-/// Error of the series through values at Chebyshev nodes: twice the larger of its last two coefficients, by component.
-pub fn series_tail<const N: usize>(values: &[[f64; N]]) -> [f64; N] {
-    let number = values.len();
-    let mut tail = [0.0_f64; N];
-    for order in number.saturating_sub(2).max(1)..number {
-        let mut coefficient = [0.0; N];
-        for (j, value) in values.iter().enumerate() {
-            let angle = PI * (order * (2 * (number - j) - 1)) as f64 / (2 * number) as f64;
-            let weight = 2.0 / number as f64 * angle.cos();
-            for k in 0..N {
-                coefficient[k] += weight * value[k];
-            }
-        }
-        for k in 0..N {
-            tail[k] = tail[k].max(2.0 * coefficient[k].abs());
-        }
-    }
-    tail
-}
-
-/// Bound of what a series of `number` terms leaves out of the one through values at more Chebyshev nodes, by component.
-pub fn series_beyond<const N: usize>(values: &[[f64; N]], number: usize) -> [f64; N] {
-    let matrix = chebyshev_matrix(values.len());
-    let mut beyond = [0.0; N];
-    for weights in matrix.chunks(values.len()).skip(number) {
-        let mut coefficient = [0.0; N];
-        for (weight, value) in weights.iter().zip(values) {
-            for k in 0..N {
-                coefficient[k] += weight * value[k];
-            }
-        }
-        for k in 0..N {
-            beyond[k] += coefficient[k].abs();
-        }
-    }
-    beyond
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn series_leave_out_the_coefficients_beyond_theirs() {
-        // T_2 + 0.1 T_9 - 0.01 T_11, T_k(x) = cos(k arccos(x)).
-        let chebyshev = |k: f64, x: f64| (k * x.acos()).cos();
-        let value = |x: f64| {
-            [
-                chebyshev(2.0, x) + 0.1 * chebyshev(9.0, x) - 0.01 * chebyshev(11.0, x),
-                1.0,
-            ]
-        };
-        let values: Vec<[f64; 2]> = chebyshev_nodes(17).into_iter().map(value).collect();
-        for (number, expected) in [(2, 1.11), (8, 0.11), (10, 0.01), (12, 0.0)] {
-            let [beyond, constant] = series_beyond(&values, number);
-            assert!(
-                (beyond - expected).abs() < 1e-13 && constant < 1e-13,
-                "{number} {beyond} {constant}"
-            );
-        }
-    }
 
     #[test]
     fn slopes_of_polynomials_are_exact() {

@@ -146,7 +146,7 @@ pub fn sinc_turns<V: Vector>(turns: V) -> V {
 
 /// Broadcast of the nearest number.
 #[cfg_attr(optimised, inline(always))]
-fn splat<V: Vector>(x: f64) -> V {
+pub fn splat<V: Vector>(x: f64) -> V {
     V::splat(V::Scalar::of(x))
 }
 

@@ -1,11 +1,15 @@
 //! Delays and amplitudes of chunks of paths: sixteen material points of rigid bodies at a time, all others one by one.
 
+use std::ops::Range;
+
+use num_complex::Complex64;
+
 use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::simd::{Isa, Kernel, Precision, Real, Vector};
 use crate::paths::kinematics::Kinematics;
 use crate::paths::scatterers::Scatterers;
 use crate::paths::sixteen::{
-    HALF, Lanes, STEP, Sights, Sixteen, Surface, Weights, antenna_of, dot, narrow, offsets, received,
+    HALF, STEP, Sights, Sixteen, antenna_of, dot, narrow, offsets, received, surface_amplitude,
 };
 use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 use crate::synthesis::source::Request;
@@ -14,19 +18,18 @@ use crate::synthesis::source::Request;
 mod tests;
 
 impl Scatterers {
-    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the nodes of `delays`, and amplitudes at those of
-    /// `amplitudes`.
+    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the times of the first kinematics, and amplitudes
+    /// at those of the second.
     pub fn fill<T: Precision>(
         &self,
-        [delays, amplitudes]: [&Kinematics; 2],
+        nodes: [&Kinematics; 2],
         numbers: &[usize],
         request: &Request,
         chunk: &mut Chunk<T>,
     ) {
-        request.level.run(FillChunk {
+        request.level.run(Evaluate {
             scatterers: self,
-            delays,
-            amplitudes,
+            nodes,
             numbers,
             request,
             chunk,
@@ -34,17 +37,16 @@ impl Scatterers {
     }
 }
 
-/// Filling of a chunk.
-struct FillChunk<'a, T> {
+/// Evaluation of the paths of a chunk.
+struct Evaluate<'a, T> {
     scatterers: &'a Scatterers,
-    delays: &'a Kinematics,
-    amplitudes: &'a Kinematics,
+    nodes: [&'a Kinematics; 2],
     numbers: &'a [usize],
     request: &'a Request,
     chunk: &'a mut Chunk<T>,
 }
 
-impl<T: Precision> Kernel for FillChunk<'_, T> {
+impl<T: Precision> Kernel for Evaluate<'_, T> {
     type Output = ();
 
     #[cfg_attr(optimised, inline(always))] // see `Kernel`
@@ -52,14 +54,24 @@ impl<T: Precision> Kernel for FillChunk<'_, T> {
         let (numbers, array) = (self.numbers, &self.scatterers.array);
         let num_antennas = array.tx.len() + array.rx.len();
         let mut distances = vec![[0.0; STEP]; num_antennas];
-        let mut sights = vec![Sights::<T::In<I>>::nothing(); num_antennas];
-        let mut weights = vec![Weights::<T>::nothing(); array.num_channels()];
+        let mut sights = Vec::with_capacity(num_antennas);
+        let mut weights = vec![[[T::zero(); STEP]; 4]; self.scatterers.num_weights()];
         for first in (0..numbers.len()).step_by(STEP) {
             let count = STEP.min(numbers.len() - first);
             let mut sixteen = [numbers[first + count - 1]; STEP];
             sixteen[..count].copy_from_slice(&numbers[first..first + count]);
             let Some(points) = self.scatterers.sixteen(&sixteen) else {
-                self.one_by_one(first, count);
+                let path = |kinematics: &Kinematics, time, channel, path| {
+                    self.scatterers.path(kinematics, time, channel, path)
+                };
+                fill_one_by_one(
+                    path,
+                    self.nodes,
+                    numbers,
+                    first..first + count,
+                    self.request,
+                    self.chunk,
+                );
                 continue;
             };
             self.fill_delays::<I>(&points, first, &mut distances);
@@ -67,19 +79,22 @@ impl<T: Precision> Kernel for FillChunk<'_, T> {
             self.fill_amplitudes::<I>(&points, first, &weights, &mut sights);
         }
         self.chunk.num_paths = numbers.len();
-        let num_nodes = [self.delays.num_nodes, self.amplitudes.num_nodes];
-        finish(self.chunk, num_nodes, self.request.channels.len());
+        finish(
+            self.chunk,
+            self.nodes.map(Kinematics::num_times),
+            self.request.channels.len(),
+        );
     }
 }
 
-impl<T: Precision> FillChunk<'_, T> {
+impl<T: Precision> Evaluate<'_, T> {
     /// Delays of sixteen points, for the lanes from `first` on.
     #[cfg_attr(optimised, inline(always))]
-    fn fill_delays<I: Isa>(&mut self, points: &Sixteen, first: usize, distances: &mut [Lanes<f64>]) {
+    fn fill_delays<I: Isa>(&mut self, points: &Sixteen, first: usize, distances: &mut [[f64; STEP]]) {
         let array = &self.scatterers.array;
-        let (num_rx, num_nodes) = (array.rx.len(), self.delays.num_nodes);
+        let (num_rx, num_nodes) = (array.rx.len(), self.nodes[0].num_times());
         for node in 0..num_nodes {
-            let poses = points.poses(self.delays, node);
+            let poses = points.poses(self.nodes[0].poses.row(node));
             for half in [0, HALF] {
                 let position = poses.placed::<I>(&points.position, half);
                 for antenna in 0..distances.len() {
@@ -107,22 +122,23 @@ impl<T: Precision> FillChunk<'_, T> {
         &mut self,
         points: &Sixteen,
         first: usize,
-        weights: &[Weights<T>],
-        sights: &mut [Sights<T::In<I>>],
+        weights: &[[[T; STEP]; 4]],
+        sights: &mut Vec<Sights<T::In<I>>>,
     ) {
         let array = &self.scatterers.array;
-        let (num_rx, num_nodes) = (array.rx.len(), self.amplitudes.num_nodes);
+        let (num_tx, num_rx, num_nodes) = (array.tx.len(), array.rx.len(), self.nodes[1].num_times());
         for node in 0..num_nodes {
-            let poses = points.poses(self.amplitudes, node);
+            let poses = points.poses(self.nodes[1].poses.row(node));
             // One vector of single precision, or two of double precision.
-            for lanes in (0..STEP).step_by(<T::In<I> as Vector>::LANES) {
+            for lanes in (0..STEP).step_by(<T::In<I>>::LANES) {
                 let low = poses.placed::<I>(&points.position, lanes);
                 let high = poses.placed::<I>(&points.position, HALF);
-                for antenna in 0..sights.len() {
+                sights.clear();
+                for antenna in 0..num_tx + num_rx {
                     let (place, pattern) = antenna_of(array, antenna);
                     // Rounded after the difference: near antennas keep their digits.
                     let offset = narrow::<T, I>(&offsets(&low, place), &offsets(&high, place));
-                    sights[antenna] = Sights::new(pattern, &offset);
+                    sights.push(Sights::new(pattern, &offset));
                 }
                 let normal = poses.turned_to::<T, I>(&points.normal, lanes);
                 let mut edges = None;
@@ -130,11 +146,14 @@ impl<T: Precision> FillChunk<'_, T> {
                     let [u, v] = &points.edges;
                     edges = Some([poses.turned_to::<T, I>(u, lanes), poses.turned_to::<T, I>(v, lanes)]);
                 }
-                let surface = Surface { normal, edges };
                 for channel in self.request.channels.clone() {
-                    let (t, r) = (&sights[channel / num_rx], &sights[array.tx.len() + channel % num_rx]);
-                    let weight = weights[channel].load(lanes);
-                    let amplitude = surface.amplitude(array, self.request.scale, &weight, t, r);
+                    let (t, r) = (&sights[channel / num_rx], &sights[num_tx + channel % num_rx]);
+                    let mut weight = [<T::In<I>>::splat(T::zero()); 4];
+                    for part in 0..4 {
+                        weight[part] = <T::In<I>>::load(&weights[channel.min(weights.len() - 1)][part][lanes..]);
+                    }
+                    let surface = (&normal, edges.as_ref());
+                    let amplitude = surface_amplitude(array, self.request.scale, surface, &weight, t, r);
                     let [re, im] = received(array, channel, amplitude, t, r);
                     let row = (channel - self.request.channels.start) * num_nodes + node;
                     re.store(&mut self.chunk.re[row][first + lanes..]);
@@ -143,22 +162,28 @@ impl<T: Precision> FillChunk<'_, T> {
             }
         }
     }
+}
 
-    /// Evaluate paths one by one, for some lanes.
-    #[inline(never)]
-    fn one_by_one(&mut self, first: usize, count: usize) {
-        let channels = self.request.channels.clone();
-        for (at, channel) in channels.enumerate() {
-            for (lane, path) in (first..first + count).zip(&self.numbers[first..]) {
-                for node in 0..self.delays.num_nodes {
-                    let row = at * self.delays.num_nodes + node;
-                    self.chunk.delay[row][lane] = self.scatterers.path(self.delays, node, channel, *path).0;
-                }
-                for node in 0..self.amplitudes.num_nodes {
-                    let row = at * self.amplitudes.num_nodes + node;
-                    let amplitude = self.scatterers.path(self.amplitudes, node, channel, *path).1 * self.request.scale;
-                    (self.chunk.re[row][lane], self.chunk.im[row][lane]) = (T::of(amplitude.re), T::of(amplitude.im));
-                }
+/// Fill lanes of a chunk with paths one by one: `path` gives the delay and the amplitude at a time, of a channel and a path.
+#[inline(never)]
+pub fn fill_one_by_one<T: Real>(
+    path: impl Fn(&Kinematics, usize, usize, usize) -> (f64, Complex64),
+    [delays, amplitudes]: [&Kinematics; 2],
+    numbers: &[usize],
+    lanes: Range<usize>,
+    request: &Request,
+    chunk: &mut Chunk<T>,
+) {
+    for (at, channel) in request.channels.clone().enumerate() {
+        for lane in lanes.clone() {
+            for node in 0..delays.num_times() {
+                let row = at * delays.num_times() + node;
+                chunk.delay[row][lane] = path(delays, node, channel, numbers[lane]).0;
+            }
+            for node in 0..amplitudes.num_times() {
+                let row = at * amplitudes.num_times() + node;
+                let amplitude = path(amplitudes, node, channel, numbers[lane]).1 * request.scale;
+                (chunk.re[row][lane], chunk.im[row][lane]) = (T::of(amplitude.re), T::of(amplitude.im));
             }
         }
     }

@@ -4,5 +4,4 @@ pub mod evaluate;
 pub mod kinematics;
 pub mod node_times;
 pub mod scatterers;
-pub mod sensor_motion;
 mod sixteen;

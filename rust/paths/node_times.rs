@@ -4,8 +4,7 @@
 use std::f64::consts::TAU;
 
 use crate::numeric::chebyshev::chebyshev_matrix;
-use crate::numeric::simd::{Isa, Kernel, Level};
-use crate::synthesis::chunk::{CHUNK, Chunk, expand};
+use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 
 /// Numbers of times to choose from. Amplitudes of surfaces that turn out of sight have a kink, where series converge
 /// slowly: twice as many times help little.
@@ -65,23 +64,11 @@ impl NodeTimes {
 /// Choose numbers of times for paths of some channels, up to a highest frequency [Hz].
 ///
 /// `fill` gives a chunk of the paths with delays and amplitudes at a number of Chebyshev times of the frame.
-pub fn choose(
-    num_channels: usize,
-    highest: f64,
-    tolerance: f64,
-    level: Level,
-    fill: impl Fn(usize) -> Chunk<f64>,
-) -> NodeTimes {
+pub fn choose(num_channels: usize, highest: f64, tolerance: f64, fill: impl Fn(usize) -> Chunk<f64>) -> NodeTimes {
     let goals = SHARES.map(|share| share * tolerance);
     let (mut last_weight, mut chosen) = (f64::INFINITY, NodeTimes::ONCE);
     for number in PROBED_COUNTS {
-        let chunk = fill(number);
-        let errors = level.run(SeriesErrors {
-            chunk: &chunk,
-            num_channels,
-            number,
-            frequency: highest,
-        });
+        let errors = series_errors(&fill(number), num_channels, number, highest);
         let [(delays, phase), (amplitudes, weight)] = [0, 1].map(|kind| first_within(&errors[kind], goals[kind]));
         chosen = NodeTimes {
             delays,
@@ -112,68 +99,56 @@ fn first_within(errors: &[f64], goal: f64) -> (usize, f64) {
 
 /// Errors of phases and of amplitudes of the Chebyshev series of every one of [`COUNTS`] up to the number of rows of a chunk:
 /// rms over the frame relative to l2(amplitudes), the worst channel's.
-struct SeriesErrors<'a> {
-    chunk: &'a Chunk<f64>,
-    num_channels: usize,
-    /// Number of times.
-    number: usize,
-    frequency: f64,
+fn series_errors(chunk: &Chunk<f64>, num_channels: usize, number: usize, frequency: f64) -> [Vec<f64>; 2] {
+    let counts = || COUNTS.into_iter().take_while(|count| *count <= number);
+    let mut worst = [(); 2].map(|()| vec![0.0_f64; counts().count()]);
+    let mut longest = 0.0_f64;
+    for channel in 0..num_channels {
+        let rows = channel * number..(channel + 1) * number;
+        let (delay, re, im) = (&chunk.delay[rows.clone()], &chunk.re[rows.clone()], &chunk.im[rows]);
+        let mut power = [0.0_f64; CHUNK];
+        for node in 0..number {
+            for path in 0..CHUNK {
+                let [re, im] = [re, im].map(|rows| rows[0][path] + if node > 0 { rows[node][path] } else { 0.0 });
+                power[path] = power[path].max(re * re + im * im);
+            }
+        }
+        let total = power.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let of_delays = squares(delay, &power.map(|power| power * (TAU * frequency).powi(2)));
+        let [of_re, of_im] = [re, im].map(|part| squares(part, &[1.0; CHUNK]));
+        let of_amplitudes = of_re.iter().zip(of_im).map(|(re, im)| re + im).collect();
+        for (worst, squares) in worst.iter_mut().zip([of_delays, of_amplitudes]) {
+            for (worst, count) in worst.iter_mut().zip(counts()) {
+                *worst = worst.max((left_out(&squares, count) / total).sqrt());
+            }
+        }
+        longest = delay[0].iter().copied().fold(longest, f64::max);
+    }
+    // Rounding of delays is no error of a series: more times do not help.
+    let rounding = ROUNDING * TAU * frequency * longest;
+    for phase in worst[0].iter_mut().filter(|phase| **phase <= rounding) {
+        *phase = 0.0;
+    }
+    worst
 }
 
-impl Kernel for SeriesErrors<'_> {
-    type Output = [Vec<f64>; 2];
-
-    #[cfg_attr(optimised, inline(always))]
-    fn run<I: Isa>(self) -> [Vec<f64>; 2] {
-        let (chunk, number) = (self.chunk, self.number);
-        let matrix: Vec<Vec<f64>> = chebyshev_matrix(number).chunks(number).map(<[f64]>::to_vec).collect();
-        let mut coefficients = vec![[0.0; CHUNK]; number];
-        let mut worst = [(); 2].map(|()| Vec::new());
-        let mut longest = 0.0_f64;
-        for channel in 0..self.num_channels {
-            let rows = channel * number..(channel + 1) * number;
-            let (delay, re, im) = (&chunk.delay[rows.clone()], &chunk.re[rows.clone()], &chunk.im[rows]);
-            let mut power = [0.0_f64; CHUNK];
-            for node in 0..number {
-                for path in 0..CHUNK {
-                    let [re, im] = [re, im].map(|rows| rows[0][path] + if node > 0 { rows[node][path] } else { 0.0 });
-                    power[path] = power[path].max(re * re + im * im);
-                }
+/// Sums over paths of the squares of the coefficients of their series, times weights, by degree; rows after the
+/// first are differences from it, and the mean is not added back.
+fn squares(rows: &[Lane<f64>], weights: &Lane<f64>) -> Vec<f64> {
+    let matrix = chebyshev_matrix(rows.len());
+    let of_degree = |factors: &[f64]| {
+        let mut coefficients = [0.0; CHUNK];
+        for (row, factor) in rows.iter().zip(factors).skip(1) {
+            for path in 0..CHUNK {
+                coefficients[path] += factor * row[path];
             }
-            let mut squares = [(); 2].map(|()| vec![0.0; number]);
-            expand::<f64, I>(&matrix, delay, &mut coefficients);
-            add_squares(&coefficients, &power, (TAU * self.frequency).powi(2), &mut squares[0]);
-            for part in [re, im] {
-                expand::<f64, I>(&matrix, part, &mut coefficients);
-                add_squares(&coefficients, &[1.0; CHUNK], 1.0, &mut squares[1]);
-            }
-            let total = power.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            for (worst, squares) in worst.iter_mut().zip(&squares) {
-                for (at, count) in COUNTS.iter().take_while(|count| **count <= number).enumerate() {
-                    let error = (left_out(squares, *count) / total).sqrt();
-                    worst.resize(worst.len().max(at + 1), 0.0);
-                    worst[at] = error.max(worst[at]);
-                }
-            }
-            longest = delay[0].iter().copied().fold(longest, f64::max);
         }
-        // Rounding of delays is no error of a series: more times do not help.
-        let rounding = ROUNDING * TAU * self.frequency * longest;
-        for phase in worst[0].iter_mut().filter(|phase| **phase <= rounding) {
-            *phase = 0.0;
-        }
-        worst
-    }
-}
-
-/// Add the squares of coefficients of all paths, times their weights and a factor, by degree.
-#[cfg_attr(optimised, inline(always))]
-fn add_squares(coefficients: &[[f64; CHUNK]], weights: &[f64; CHUNK], factor: f64, squares: &mut [f64]) {
-    for (coefficients, square) in coefficients.iter().zip(squares) {
-        for path in 0..CHUNK {
-            *square += factor * weights[path] * coefficients[path] * coefficients[path];
-        }
-    }
+        let terms = coefficients.iter().zip(weights);
+        terms
+            .map(|(coefficient, weight)| weight * coefficient * coefficient)
+            .sum()
+    };
+    matrix.chunks(rows.len()).map(of_degree).collect()
 }
 
 /// Square of the error of a series of `count` terms, for squares of the coefficients of a series through as many values or
@@ -205,7 +180,7 @@ mod tests {
 
     /// Two paths of one channel with a delay and an amplitude that are functions of x.
     fn choice(tolerance: f64, delay: impl Fn(f64) -> f64, amplitude: impl Fn(f64) -> f64) -> NodeTimes {
-        choose(1, FREQUENCY, tolerance, Level::best(), |number| {
+        choose(1, FREQUENCY, tolerance, |number| {
             let shape = Shape {
                 channels: 1,
                 paths: 2,

@@ -1,11 +1,9 @@
 //! Material points and point targets that return power, and their paths one by one.
 
 use std::f64::consts::{PI, TAU};
-use std::ops::Range;
 
 use glam::DVec3;
 use num_complex::Complex64;
-use rayon::prelude::*;
 
 use crate::antennas::array::{Array, Sight};
 use crate::constants::SPEED_OF_LIGHT;
@@ -26,10 +24,13 @@ pub struct Scatterers {
     pub(crate) position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the triangle.
     pub(crate) normal: Vec<DVec3>,
-    /// Edges of the patch that the specular part is a mean over; empty: points.
-    pub(crate) patch: Vec<Edges>,
+    /// Edges of the patch that a point stands for, along u and v, in coordinates of the body [m], or of the triangle. The
+    /// phase varies linearly over the patch in any orientation; zero edges stand for a point. Empty: points.
+    pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels.
     pub(crate) weights: Vec<Weight>,
+    /// Radar cross-sections of the point targets [m^2], whose paths follow those of the material points.
+    pub(crate) rcs: Vec<f64>,
 }
 
 /// Weight of a material point for one channel: its amplitude without cosines, gains and distances.
@@ -39,35 +40,6 @@ pub struct Weight {
     pub(crate) specular: Complex64,
     /// Diffuse part `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
     pub(crate) diffuse: Complex64,
-}
-
-/// Edges of the patch that a material point stands for, along u and v, in coordinates of the body [m], or of the
-/// triangle. The phase varies linearly over the patch in any orientation; zero edges stand for a point.
-pub type Edges = [DVec3; 2];
-
-/// Some neighbouring material points, followed by point targets.
-#[derive(Clone, Debug)]
-pub struct PathRange {
-    /// Numbers of the material points.
-    pub surfaces: Range<usize>,
-    /// Number of point targets.
-    pub num_points: usize,
-}
-
-impl PathRange {
-    /// Number of paths.
-    pub fn len(&self) -> usize {
-        self.surfaces.len() + self.num_points
-    }
-
-    /// Number of a path among those of [`Scatterers::path`].
-    #[inline]
-    pub fn number(&self, scatterers: &Scatterers, path: usize) -> usize {
-        match path.checked_sub(self.surfaces.len()) {
-            Some(point) => scatterers.len() + point,
-            None => self.surfaces.start + path,
-        }
-    }
 }
 
 impl Weight {
@@ -85,7 +57,7 @@ impl Weight {
 impl Scatterers {
     /// Append the material points of others; those of no cell have the number `u32::MAX` of one.
     pub(crate) fn append(&mut self, mut others: Self) {
-        if self.is_empty() {
+        if self.body.is_empty() {
             *self = others;
             return;
         }
@@ -101,7 +73,7 @@ impl Scatterers {
             of.cell.resize(number, u32::MAX);
             of.frequency_exponent.resize(number, 0);
             of.corners.resize(number, None);
-            of.patch.resize(number, Edges::default());
+            of.patch.resize(number, [DVec3::ZERO; 2]);
         }
         self.body.append(&mut others.body);
         self.position.append(&mut others.position);
@@ -113,10 +85,10 @@ impl Scatterers {
         self.patch.append(&mut others.patch);
     }
 
-    /// Order the material points by a key of body and power of the frequency, and bodies within it.
-    pub fn sort_by(&mut self, key: impl Fn(u32, u8) -> u8) {
+    /// Order the material points by a key of body and power of the frequency, and by body.
+    pub fn sort_by<K: Ord + Copy>(&mut self, key: impl Fn(u32, u8) -> K) {
         let number = self.num_weights();
-        let keys: Vec<(u8, u32)> = (0..self.len())
+        let keys: Vec<(K, u32)> = (0..self.len())
             .map(|i| (key(self.body[i], self.frequency_exponent(i)), self.body[i]))
             .collect();
         if keys.is_sorted() {
@@ -136,42 +108,19 @@ impl Scatterers {
         self.weights = weights.copied().collect();
     }
 
-    /// PathRange from `first` on for which a condition on body and power of the frequency holds, where the material
-    /// points are [in an order](Self::sort_by) by which they are neighbours.
-    pub fn range(&self, first: usize, num_points: usize, belongs: impl Fn(u32, u8) -> bool) -> PathRange {
-        let rest = first..self.len();
-        let number = rest
-            .take_while(|i| belongs(self.body[*i], self.frequency_exponent(*i)))
-            .count();
-        PathRange {
-            surfaces: first..first + number,
-            num_points,
-        }
-    }
-
     /// Number of material points.
     pub fn len(&self) -> usize {
         self.body.len()
     }
 
-    /// True when there are no material points.
-    pub fn is_empty(&self) -> bool {
-        self.body.is_empty()
-    }
-
-    /// Body of every material point, in image order.
-    pub fn bodies(&self) -> &[u32] {
-        &self.body
+    /// Number of paths of a channel: of material points, then of point targets.
+    pub fn num_paths(&self) -> usize {
+        self.len() + self.rcs.len()
     }
 
     /// Power of the frequency by which the field of a material point falls.
     pub fn frequency_exponent(&self, number: usize) -> u8 {
         self.frequency_exponent.get(number).copied().unwrap_or(0)
-    }
-
-    /// Cell of every material point, see [`Scatterers`]; empty if no point has one.
-    pub fn cells(&self) -> &[u32] {
-        &self.cell
     }
 
     /// Weight of a material point for a channel.
@@ -181,36 +130,31 @@ impl Scatterers {
         &self.weights[number * num_weights + channel.min(num_weights - 1)]
     }
 
-    fn num_weights(&self) -> usize {
+    pub(super) fn num_weights(&self) -> usize {
         self.weights.len() / self.len().max(1)
     }
 
-    /// Number of TX-RX pairs.
-    pub fn num_channels(&self) -> usize {
-        self.array.num_channels()
-    }
-
     /// Delay and amplitude of one path of one channel at one time; point targets follow the material points.
-    pub fn path(&self, kinematics: &Kinematics, node: usize, channel: usize, path: usize) -> (f64, Complex64) {
-        let Some(&body) = self.body.get(path) else {
+    pub fn path(&self, kinematics: &Kinematics, time: usize, channel: usize, path: usize) -> (f64, Complex64) {
+        let (t, r, amplitude);
+        if let Some(&body) = self.body.get(path) {
+            let pose = &kinematics.poses.row(time)[body as usize];
+            let (mut position, mut normal) = (self.position[path], self.normal[path]);
+            let mut edges = self.patch.get(path).copied().unwrap_or_default();
+            if let Some(triangle) = kinematics.moving_triangle(time, body, self.corners_of(path)) {
+                (position, normal) = (triangle.point(position), triangle.normal(normal));
+                edges = edges.map(|edge| triangle.vector(edge));
+            }
+            (t, r) = self.array.pair(channel, pose.point(position));
+            let surface = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
+            amplitude = self.surface_amplitude(path, channel, surface, &t, &r);
+        } else {
             let point = path - self.len();
-            let (t, r) = self
-                .array
-                .pair(channel, kinematics.points[node * kinematics.rcs.len() + point]);
-            let amplitude = self.point_amplitude(kinematics.rcs[point], &t, &r);
-            return (delay(&t, &r), self.array.received(channel, amplitude, length(&t, &r)));
-        };
-        let pose = &kinematics.poses[node * kinematics.num_bodies + body as usize];
-        let (mut position, mut normal) = (self.position[path], self.normal[path]);
-        let mut edges = self.patch.get(path).copied().unwrap_or_default();
-        if let Some(triangle) = kinematics.moving_triangle(node, body, self.corners_of(path)) {
-            (position, normal) = (triangle.point(position), triangle.normal(normal));
-            edges = edges.map(|edge| triangle.vector(edge));
+            (t, r) = self.array.pair(channel, kinematics.points.row(time)[point]);
+            amplitude = self.point_amplitude(self.rcs[point], &t, &r);
         }
-        let (t, r) = self.array.pair(channel, pose.point(position));
-        let (normal, edges) = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
-        let amplitude = self.surface_amplitude(path, channel, (normal, edges), &t, &r);
-        (delay(&t, &r), self.array.received(channel, amplitude, length(&t, &r)))
+        let length = t.distance + r.distance;
+        (length / SPEED_OF_LIGHT, self.array.received(channel, amplitude, length))
     }
 
     /// Triangle that carries a scatterer; none on bodies that do not deform.
@@ -218,26 +162,21 @@ impl Scatterers {
         self.corners.get(path).copied().flatten()
     }
 
-    /// Rate of every delay of a range [s/s], `(channel, path)`, at the first node of `kinematics`; `rates` are the
-    /// time derivatives. Distances do not depend on the frame of reference, so the rates are exact for a moving sensor
-    /// too.
-    pub fn delay_rates(&self, kinematics: &Kinematics, rates: &Kinematics, range: &PathRange) -> Vec<f64> {
-        let num_paths = range.len();
-        (0..self.num_channels() * num_paths)
-            .into_par_iter()
-            .map(|i| {
-                let (channel, path) = (i / num_paths, range.number(self, i % num_paths));
-                let (position, velocity) = match self.body.get(path) {
-                    Some(&body) => kinematics.motion(rates, body, self.corners_of(path), self.position[path]),
-                    None => (kinematics.points[path - self.len()], rates.points[path - self.len()]),
-                };
-                let (t, r) = self.array.pair(channel, position);
-                velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT
-            })
-            .collect()
+    /// Rate of the delay of one path [s/s] at the first time; `rates` are the time derivatives. Distances do not depend on
+    /// the frame of reference, so the rate is exact for a moving sensor too.
+    pub fn delay_rate(&self, kinematics: &Kinematics, rates: &Kinematics, channel: usize, path: usize) -> f64 {
+        let (position, velocity) = match self.body.get(path) {
+            Some(&body) => kinematics.motion(rates, body, self.corners_of(path), self.position[path]),
+            None => {
+                let point = path - self.len();
+                (kinematics.points.row(0)[point], rates.points.row(0)[point])
+            }
+        };
+        let (t, r) = self.array.pair(channel, position);
+        velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT
     }
 
-    /// Amplitude of a material point, docs/theory.md eqs. (2) and (3), with the kinematics of the node.
+    /// Amplitude of a material point, docs/theory.md eqs. (2) and (3).
     fn surface_amplitude(
         &self,
         path: usize,
@@ -273,15 +212,6 @@ fn permute<T: Copy>(elements: &mut Vec<T>, rows: &[usize]) {
     if !elements.is_empty() {
         *elements = rows.iter().map(|row| elements[*row]).collect();
     }
-}
-
-/// Length of a path, there and back [m].
-fn length(t: &Sight, r: &Sight) -> f64 {
-    t.distance + r.distance
-}
-
-fn delay(t: &Sight, r: &Sight) -> f64 {
-    length(t, r) / SPEED_OF_LIGHT
 }
 
 /// Half the sum of the wave vectors to the transmitter and to the receiver [rad/m].

@@ -135,7 +135,7 @@ impl Hits {
         if let Some(cosine) = &self.0.hits.cosine {
             return self.image(PyArray1::from_slice(py, cosine));
         }
-        let smooth = compute(py, threads, None, |cancel| self.0.smooth_until(cancel))?;
+        let smooth = compute(py, threads, None, |cancel| self.0.smooth(cancel))?;
         self.image(PyArray1::from_slice(py, &smooth.cosine))
     }
 
@@ -143,7 +143,7 @@ impl Hits {
     /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
     #[pyo3(signature = (*, threads=None))]
     fn smooth<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<SmoothArrays<'py>> {
-        let smooth = compute(py, threads, None, |cancel| self.0.smooth_until(cancel))?;
+        let smooth = compute(py, threads, None, |cancel| self.0.smooth(cancel))?;
         let plane = &self.0.hits.plane;
         let normals = smooth.normal.iter().flat_map(DVec3::to_array);
         Ok((
@@ -166,7 +166,7 @@ impl Hits {
         let materials = self::materials(&materials, self.0.scene.num_bodies())?;
         let polarization = polarization.map(DVec3::from_array);
         let reflectance = compute(py, threads, None, |cancel| {
-            let smooth = || self.0.smooth_until(cancel);
+            let smooth = || self.0.smooth(cancel);
             reflectance::reflectance(&self.0.hits, &materials, frequency, polarization, smooth, cancel)
         })?;
         self.image(reflectance.into_pyarray(py))

@@ -22,8 +22,9 @@ use crate::bounces::Limits;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::frame::{self, Answer, Counts, Memory, Model, RaySampling, Source};
-use crate::paths::sensor_motion::{VertexMotion, World};
+use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
+use crate::scattering::depth_image::Surfels;
 use crate::synthesis::report::Samples;
 
 /// Surfaces of bodies, and point targets.
@@ -104,7 +105,7 @@ impl DepthScene {
         let image = [Some(rows), Some(columns)];
         let rates = range_rate.as_ref();
         let rates = rates.map(|rates| PyResult::Ok(numbers("range_rate", rates, image)?.to_vec()));
-        Ok(Self(Arc::new(frame::DepthImage {
+        let surfels = Surfels {
             plane: ImagePlane {
                 rows,
                 columns,
@@ -119,6 +120,9 @@ impl DepthScene {
             albedo: numbers("albedo", &albedo, image)?.to_vec(),
             body: numbers("body", &body, image)?.to_vec(),
             num_bodies,
+        };
+        Ok(Self(Arc::new(frame::DepthImage {
+            surfels,
             range_rate: rates.transpose()?,
             age,
         })))
@@ -246,11 +250,8 @@ impl Placement {
             return Err(Error::value("sensor", "an odd number of times", times).into());
         }
         let vertices = vertices.iter().map(|array| {
-            let positions = numbers("vertices", array, [None, None, Some(3)])?
-                .as_chunks()
-                .0
-                .to_vec();
-            PyResult::Ok(VertexMotion::new(array.shape()[0], positions))
+            let positions = self::points(numbers("vertices", array, [None, None, Some(3)])?);
+            PyResult::Ok(TimeSeries::new(array.shape()[0], positions))
         });
         Ok(Self(World {
             sensor: self::poses(numbers("sensor", &sensor, [None, Some(3), Some(4)])?),
@@ -330,7 +331,7 @@ impl IdealFrame {
 
     /// Run time of every stage [s], by name.
     fn stage_times(&self) -> Vec<(&'static str, f64)> {
-        self.counts.times.named().to_vec()
+        self.counts.times.clone()
     }
 
     /// Plan of the sum, a line per span of chirps.

@@ -10,25 +10,24 @@ use crate::scattering::patch::Patch;
 
 /// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor
 /// frame at the time of the image.
-#[derive(Clone, Copy, Debug)]
-pub struct Surfels<'a> {
+pub struct Surfels {
     /// Image plane.
     pub plane: ImagePlane,
     /// Distance along the ray [m]; no return where it is not a positive, finite number.
-    pub distance: &'a [f64],
+    pub distance: Vec<f64>,
     /// Unit normals towards the incident side, sensor frame.
-    pub normal: &'a [DVec3],
+    pub normal: Vec<DVec3>,
     /// Field reflection coefficient of the specular part.
-    pub reflection: &'a [Complex64],
+    pub reflection: Vec<Complex64>,
     /// Diffuse albedo.
-    pub albedo: &'a [f64],
+    pub albedo: Vec<f64>,
     /// Number of the body; no return where it is negative.
-    pub body: &'a [i32],
+    pub body: Vec<i32>,
     /// Number of bodies.
     pub num_bodies: usize,
 }
 
-impl Surfels<'_> {
+impl Surfels {
     /// Check the image plane and the numbers of the bodies.
     pub(crate) fn check(&self) -> Result<()> {
         self.plane.check()?;

@@ -12,7 +12,7 @@ use crate::antennas::array::Array;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
-use crate::paths::scatterers::{Edges, Scatterers, Weight};
+use crate::paths::scatterers::{Scatterers, Weight};
 use crate::rays::hits::Hits;
 use crate::rays::scene::PosedScene;
 use crate::rays::smooth_hits::SmoothHits;
@@ -209,7 +209,7 @@ fn of_tiles(scenes: &[&PosedScene], tiles: &Tiles, array: Array, rank: impl Fn(u
     scatterers.normal = vec![DVec3::ZERO; number];
     scatterers.weights = vec![Weight::NONE; number * num_weights];
     if is_turning {
-        scatterers.patch = vec![Edges::default(); number];
+        scatterers.patch = vec![[DVec3::ZERO; 2]; number];
     }
     if has_orders {
         scatterers.frequency_exponent = vec![0; number];

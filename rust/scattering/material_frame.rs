@@ -5,7 +5,6 @@ use glam::DVec3;
 use crate::geometry::moving_triangle::MovingTriangle;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
-use crate::paths::scatterers::Edges;
 use crate::rays::scene::PosedScene;
 
 /// Edge of the cubes whose surface points share a diffuse phase [m]: a sixteenth of a wavelength at 60 GHz. Waves from
@@ -58,7 +57,7 @@ impl<'a> MaterialFrame<'a> {
     }
 
     /// Map the edges of a patch [m] to the material frame.
-    pub(crate) fn edges(&self, edges: [DVec3; 2]) -> Edges {
+    pub(crate) fn edges(&self, edges: [DVec3; 2]) -> [DVec3; 2] {
         edges.map(|edge| {
             let edge = self.pose.direction_to_body(edge);
             self.moved

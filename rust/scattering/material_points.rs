@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use crate::antennas::array::Array;
-use crate::paths::scatterers::{Edges, Scatterers, Weight};
+use crate::paths::scatterers::{Scatterers, Weight};
 use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::patch::Patch;
 
@@ -14,7 +14,7 @@ use crate::scattering::patch::Patch;
 pub const NO_CELL: u32 = u32::MAX;
 
 /// Memory of a material point, without its weights [bytes].
-pub(crate) const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, [DVec3; 2], Edges, f64, u64)>();
+pub(crate) const POINT_SIZE: usize = size_of::<(u32, u32, u8, Option<[u32; 3]>, [DVec3; 2], [DVec3; 2], f64, u64)>();
 
 /// Material points in the order of gathering; see [`Scatterers`].
 #[derive(Default)]
@@ -25,7 +25,7 @@ pub(crate) struct Points {
     pub(crate) corners: Vec<Option<[u32; 3]>>,
     pub(crate) position: Vec<DVec3>,
     pub(crate) normal: Vec<DVec3>,
-    pub(crate) patch: Vec<Edges>,
+    pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(point, channel)`.
     pub(crate) weights: Vec<Weight>,
     /// Area of the patch [m^2].
@@ -39,7 +39,7 @@ pub(crate) struct Points {
 pub(crate) struct SurfaceSample {
     /// Position in the material frame [m].
     pub(crate) position: DVec3,
-    pub(crate) edges: Edges,
+    pub(crate) edges: [DVec3; 2],
     pub(crate) order: u8,
     /// Area [m^2], and number of the cube that gives the diffuse phase.
     pub(crate) area: f64,
@@ -75,6 +75,7 @@ impl Points {
             normal: self.normal,
             patch: self.patch,
             weights: self.weights,
+            rcs: Vec::new(),
             array,
         }
     }

@@ -9,7 +9,7 @@ use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::triangle::area;
-use crate::paths::scatterers::{Edges, Weight, bisector};
+use crate::paths::scatterers::{Weight, bisector};
 use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::{Material, Response};
@@ -68,7 +68,7 @@ impl Weigh<'_> {
         }
         let sample = SurfaceSample {
             position,
-            edges: Edges::default(),
+            edges: [DVec3::ZERO; 2],
             order: 0,
             area,
             cube,
@@ -112,7 +112,7 @@ impl Weigh<'_> {
         };
         let sample = SurfaceSample {
             position: frame.position(place),
-            edges: Edges::default(),
+            edges: [DVec3::ZERO; 2],
             order: 0,
             area: 0.0,
             cube: 0,

@@ -5,7 +5,7 @@ use crate::antennas::pattern::Pattern;
 use crate::bounces::field::{Field, Incidence};
 use crate::geometry::pose::Pose;
 use crate::numeric::simd::Level;
-use crate::paths::kinematics::Kinematics;
+use crate::paths::kinematics::{Kinematics, TimeSeries};
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
@@ -426,11 +426,8 @@ fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
     let (four, _) = run(4, 1e-8);
     assert!(one.len() > 100 && one.orders().all(|order| order == 2));
     let kinematics = Kinematics {
-        num_nodes: 1,
-        num_bodies: 2,
-        poses: vec![Pose::IDENTITY; 2],
-        points: Vec::new(),
-        rcs: Vec::new(),
+        poses: TimeSeries::new(1, vec![Pose::IDENTITY; 2]),
+        points: TimeSeries::new(1, Vec::new()),
         vertices: Vec::new(),
     };
     assert_eq!(one.len(), four.len());

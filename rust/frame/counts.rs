@@ -1,0 +1,124 @@
+//! Counts, worst errors and run times of a frame.
+
+use std::time::Instant;
+
+use super::path_groups::{PathGroups, PathsAtNodes};
+use super::rays::Rays;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::paths::node_times::NodeTimes;
+use crate::rays::hits;
+use crate::rays::scene::NO_BODY;
+use crate::synthesis::report::Report;
+use crate::synthesis::source::{PathSource, Shape};
+
+/// Counts of rays and paths of a frame, summed over its spans, and the worst errors.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    /// Times at which rays were cast.
+    pub casts: usize,
+    /// Rays that were cast.
+    pub rays_cast: usize,
+    /// Rays that hit a body.
+    pub rays_hit: usize,
+    /// Tiles left out.
+    pub tiles_skipped: usize,
+    /// Tiles taken over from the frame before.
+    pub tiles_reused: usize,
+    /// Cells of adaptive sampling that could be split further; none without adaptive sampling.
+    pub cells_not_split: Option<usize>,
+    /// Paths, those of several reflections included.
+    pub paths: usize,
+    /// Hits that return nothing.
+    pub paths_skipped: usize,
+    /// Paths of several reflections.
+    pub bounce_paths: usize,
+    /// Rays from one surface to the next.
+    pub bounce_rays: usize,
+    /// Ray tubes that ended at the floor.
+    pub bounces_stopped: usize,
+    /// Cells of ray tubes that were not quartered, as there were too many.
+    pub bounces_not_split: usize,
+    /// Static paths.
+    pub static_paths: usize,
+    /// The most node times of all groups of paths, and the largest errors of the series through them.
+    pub node_times: NodeTimes,
+    /// Descriptions of the sums, a line per span.
+    pub plan: Vec<String>,
+    /// Distance of the farthest echo [m].
+    pub farthest: f64,
+    /// Error of phases by the series of the motion [rad].
+    pub motion_error: f64,
+    /// Numbers, in the scene, of the bodies and point targets in fast-varying motion, which needs more node times than the
+    /// others'.
+    pub fast_varying: Vec<usize>,
+    /// Run time of every stage [s], by name.
+    pub times: Vec<(&'static str, f64)>,
+}
+
+impl Counts {
+    /// Run a stage and add its run time.
+    pub fn timed<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let done = work();
+        let seconds = start.elapsed().as_secs_f64();
+        match self.times.iter_mut().find(|(name, _)| *name == stage) {
+            Some((_, total)) => *total += seconds,
+            None => self.times.push((stage, seconds)),
+        }
+        done
+    }
+
+    /// Add the counts of a span.
+    pub fn add(&mut self, rays: &Rays, groups: &PathGroups, paths: &[PathsAtNodes], report: &Report) {
+        self.casts += 1;
+        match rays {
+            Rays::Cells(_, samples) => {
+                let tiles = &samples.tiles;
+                self.add_rays(samples.counts, tiles.num_hit, tiles.num_lit);
+                *self.cells_not_split.get_or_insert(0) += tiles.num_coarse;
+                // Edge terms of cells may lie beyond the surface.
+                self.farthest = self.farthest.max(tiles.farthest);
+            }
+            Rays::Pixels(images) => {
+                let hits = images.iter().map(|image| &image.hits);
+                let counts = hits
+                    .clone()
+                    .fold(hits::Counts::default(), |all, hits| all.plus(hits.counts));
+                let bodies = hits.flat_map(|hits| &hits.body);
+                let num_hit = bodies.filter(|body| **body != NO_BODY).count();
+                self.add_rays(counts, num_hit, groups.num_cells());
+            }
+            Rays::None => {}
+        }
+        self.paths += groups.len();
+        let (num_bounces, bounces) = groups.bounces;
+        self.bounce_paths += num_bounces;
+        self.bounce_rays += bounces.rays;
+        self.bounces_stopped += bounces.stopped;
+        self.bounces_not_split += bounces.coarse;
+        let shapes = paths.iter().map(PathsAtNodes::shape).filter(Shape::is_static);
+        self.static_paths += shapes.map(|shape| shape.paths).sum::<usize>();
+        self.farthest = self.farthest.max(0.5 * SPEED_OF_LIGHT * report.longest);
+        self.fast_varying.extend_from_slice(&groups.fast_varying);
+        self.fast_varying.sort_unstable();
+        self.fast_varying.dedup();
+        if let Some(nodes) = paths.iter().map(|paths| paths.node_times).reduce(NodeTimes::max) {
+            let [delays, amplitudes] = [nodes.delays, nodes.amplitudes].map(|n| match n {
+                1 => "1 time".to_owned(),
+                _ => format!("{n} times"),
+            });
+            self.plan
+                .push(format!("delays at {delays}, amplitudes at {amplitudes}; {report}"));
+            self.node_times = self.node_times.max(nodes);
+        }
+    }
+
+    /// Add rays, those of them that hit a body, and the hits with a material point.
+    fn add_rays(&mut self, counts: hits::Counts, num_hit: usize, num_lit: usize) {
+        self.rays_cast += counts.rays;
+        self.tiles_skipped += counts.tiles_skipped;
+        self.tiles_reused += counts.tiles_reused;
+        self.rays_hit += num_hit;
+        self.paths_skipped += num_hit.saturating_sub(num_lit);
+    }
+}
