@@ -32,7 +32,6 @@ pub use counts::Counts;
 pub use model::{DepthImage, Model, RaySampling, Scene, Settings, Source};
 pub use path_groups::PathArrays;
 pub use rays::Image;
-pub use truth::Truth;
 
 use path_groups::{PathGroups, PathsAtNodes, motions};
 use rays::Rays;
@@ -48,8 +47,9 @@ const MOST_TIMES: usize = 65;
 pub struct Frame {
     /// Beat samples `(channel, chirp, sample)`.
     pub cube: Samples,
-    /// Per body and point target, in the order of the scene; none for images.
-    pub truth: Option<Truth>,
+    /// Range [m], range rate [m/s], azimuth and elevation [rad] of the nearest visible point of every body and point target,
+    /// in the order of the scene; NaN where no ray hit. None for images.
+    pub truth: Option<Vec<[f64; 4]>>,
     /// Counts of rays and paths, errors and run times.
     pub counts: Counts,
 }

@@ -1,7 +1,7 @@
 //! Model of a simulation: bodies or an image, materials, radar and settings, all independent of the motion.
 
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
@@ -143,33 +143,26 @@ pub struct Facing {
     pub array: Array,
     /// Directions that the antennas see; none: all.
     pub beam: Option<Beam>,
-    /// Tables of the reflection coefficients of the materials.
-    reflections: OnceLock<Vec<Reflection>>,
+    /// Tables of the reflection coefficients of the materials at the centre of the band.
+    pub reflections: Vec<Reflection>,
 }
 
 impl Facing {
     /// An array in turned axes; `gain_floor`: see [`Settings`].
-    fn new(array: &Array, rotation: DMat3, gain_floor: Option<f64>) -> Self {
+    fn new(array: &Array, rotation: DMat3, gain_floor: Option<f64>, materials: &[Material]) -> Self {
         let array = if rotation == DMat3::IDENTITY {
             array.clone()
         } else {
             array.turned(&rotation)
         };
+        let wavelength = SPEED_OF_LIGHT / array.frequency;
+        let table = |material| Reflection::new(material, wavelength, array.polarization);
         Self {
             beam: gain_floor.map(|floor| Beam::new(&array, floor)),
+            reflections: materials.iter().map(table).collect(),
             rotation,
             array,
-            reflections: OnceLock::new(),
         }
-    }
-
-    /// Tables of the reflection coefficients of materials, at the centre of the band; made once.
-    pub fn reflections(&self, materials: &[Material]) -> &[Reflection] {
-        self.reflections.get_or_init(|| {
-            let wavelength = SPEED_OF_LIGHT / self.array.frequency;
-            let table = |material| Reflection::new(material, wavelength, self.array.polarization);
-            materials.iter().map(table).collect()
-        })
     }
 
     /// A scene in the axes of the sector.
@@ -241,7 +234,7 @@ impl Model {
                 (vec![farthest; surfels.num_bodies], Vec::new())
             }
         };
-        let facing = |rotation: &DMat3| Facing::new(&array, *rotation, settings.gain_floor);
+        let facing = |rotation: &DMat3| Facing::new(&array, *rotation, settings.gain_floor, &materials);
         Ok(Self {
             sectors: settings.rotations.iter().map(facing).collect(),
             radii,

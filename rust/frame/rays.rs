@@ -184,7 +184,7 @@ impl Rays {
                         refinement: Refinement {
                             base: *base,
                             beam: facing.beam.as_ref(),
-                            reflections: facing.reflections(&model.materials),
+                            reflections: &facing.reflections,
                             ..refinement
                         },
                     })

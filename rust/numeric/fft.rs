@@ -9,16 +9,11 @@ use std::f64::consts::TAU;
 
 use crate::numeric::simd::{Real, Vector};
 
-/// Fewest cells of a grid: transforms are made of passes of four.
-pub const FEWEST_CELLS: usize = 16;
-
-/// Number of cells of a grid for some outputs: a power of two, at least twice as many.
+/// Number of cells of a grid for some outputs: a power of two, at least twice as many, and 16 as transforms are made of
+/// passes of four.
 pub fn num_cells(num_outputs: usize) -> usize {
-    (2 * num_outputs).next_power_of_two().max(FEWEST_CELLS)
+    (2 * num_outputs).next_power_of_two().max(16)
 }
-
-/// Complex vectors of one cell.
-type Cell<V> = [V; 2];
 
 /// Factors of all passes but the last, in their order: per butterfly those of its outputs but the first.
 pub fn twiddles<T: Real>(num_cells: usize) -> Vec<T> {
@@ -73,43 +68,43 @@ pub fn inverse<'a, V: Vector>(
 }
 
 #[cfg_attr(optimised, inline(always))]
-fn load<V: Vector>(cells: &[V::Scalar], cell: usize) -> Cell<V> {
+fn load<V: Vector>(cells: &[V::Scalar], cell: usize) -> [V; 2] {
     let cell = &cells[cell * 2 * V::LANES..][..2 * V::LANES];
     [V::load(cell), V::load(&cell[V::LANES..])]
 }
 
 #[cfg_attr(optimised, inline(always))]
-fn store<V: Vector>(cells: &mut [V::Scalar], cell: usize, value: Cell<V>) {
+fn store<V: Vector>(cells: &mut [V::Scalar], cell: usize, value: [V; 2]) {
     let cell = &mut cells[cell * 2 * V::LANES..][..2 * V::LANES];
     value[0].store(cell);
     value[1].store(&mut cell[V::LANES..]);
 }
 
 #[cfg_attr(optimised, inline(always))]
-fn add<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
+fn add<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
     [a[0].add(b[0]), a[1].add(b[1])]
 }
 
 #[cfg_attr(optimised, inline(always))]
-fn sub<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
+fn sub<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
     [a[0].sub(b[0]), a[1].sub(b[1])]
 }
 
 /// `a + j b`
 #[cfg_attr(optimised, inline(always))]
-fn add_turned<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
+fn add_turned<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
     [a[0].sub(b[1]), a[1].add(b[0])]
 }
 
 /// `a - j b`
 #[cfg_attr(optimised, inline(always))]
-fn sub_turned<V: Vector>(a: Cell<V>, b: Cell<V>) -> Cell<V> {
+fn sub_turned<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
     [a[0].add(b[1]), a[1].sub(b[0])]
 }
 
 /// Product with the complex number that begins `factor`.
 #[cfg_attr(optimised, inline(always))]
-fn turn<V: Vector>(a: Cell<V>, factor: &[V::Scalar]) -> Cell<V> {
+fn turn<V: Vector>(a: [V; 2], factor: &[V::Scalar]) -> [V; 2] {
     let (re, im) = (V::splat(factor[0]), V::splat(factor[1]));
     [a[1].neg_mul_add(im, a[0].mul(re)), a[1].mul_add(re, a[0].mul(im))]
 }

@@ -206,18 +206,38 @@ pub(super) fn received<V: Vector>(
     let Some(response) = array.response(channel) else {
         return amplitude;
     };
-    let mut length = [V::Scalar::of(0.0); STEP];
-    t.distance.add(r.distance).store(&mut length);
-    let mut gain = [length; 2];
-    for lane in 0..V::LANES {
-        let Complex64 { re, im } = response.gain(length[lane].wide());
-        (gain[0][lane], gain[1][lane]) = (V::Scalar::of(re), V::Scalar::of(im));
-    }
-    let [re, im] = [V::load(&gain[0]), V::load(&gain[1])];
+    let [re, im] = each_lane([t.distance.add(r.distance)], |[length]| {
+        let Complex64 { re, im } = response.gain(length);
+        [re, im]
+    });
     [
         amplitude[0].mul(re).sub(amplitude[1].mul(im)),
         amplitude[0].mul(im).add(amplitude[1].mul(re)),
     ]
+}
+
+/// Function of numbers of every lane, where it has no form in vectors.
+#[cfg_attr(optimised, inline(always))]
+fn each_lane<V: Vector, const N: usize, const M: usize>(
+    vectors: [V; N],
+    function: impl Fn([f64; N]) -> [f64; M],
+) -> [V; M] {
+    let mut lanes = [[V::Scalar::of(0.0); STEP]; N];
+    for i in 0..N {
+        vectors[i].store(&mut lanes[i]);
+    }
+    let mut results = [[V::Scalar::of(0.0); STEP]; M];
+    for lane in 0..V::LANES {
+        let result = function(lanes.map(|numbers| numbers[lane].wide()));
+        for i in 0..M {
+            results[i][lane] = V::Scalar::of(result[i]);
+        }
+    }
+    let mut loaded = [splat(0.0); M];
+    for i in 0..M {
+        loaded[i] = V::load(&results[i]);
+    }
+    loaded
 }
 
 impl<V: Vector> Sights<V> {
@@ -283,17 +303,8 @@ fn field_gain<V: Vector>(pattern: &Pattern, directions: &[V; 3]) -> V {
             let across = el.mul(el).mul(splat::<V>(-0.5 * elevation));
             exp_of_negative(along.add(across)).mul(peak)
         }
-        Pattern::Table(_) | Pattern::Turned(_) => {
-            let mut lanes = [[V::Scalar::of(0.0); STEP]; 3];
-            for axis in 0..3 {
-                directions[axis].store(&mut lanes[axis]);
-            }
-            let mut gain = [V::Scalar::of(0.0); STEP];
-            for lane in 0..V::LANES {
-                let [x, y, z] = [0, 1, 2].map(|axis| lanes[axis][lane].wide());
-                gain[lane] = V::Scalar::of(pattern.gain(DVec3::new(x, y, z)).sqrt());
-            }
-            V::load(&gain)
-        }
+        Pattern::Table(_) | Pattern::Turned(_) => each_lane(*directions, |direction| {
+            [pattern.gain(DVec3::from_array(direction)).sqrt()]
+        })[0],
     }
 }

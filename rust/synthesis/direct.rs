@@ -12,8 +12,7 @@ use crate::error::Result;
 use crate::numeric::chebyshev::chebyshev_matrix;
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level};
-use crate::numeric::trig::turns;
-use crate::numeric::wide::cos_sin_of_array;
+use crate::numeric::trig::{cos_sin_turns, turns};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{CHUNK, Chunk};
 use crate::synthesis::delay::{Basis, basis_values};
@@ -242,7 +241,7 @@ impl Kernel for AddTones<'_> {
                     return;
                 }
                 for path in some.chunks_exact(stride) {
-                    add_path::<I>(path, tones.delay_terms, &basis, &fast, [f0, slope], &mut sums);
+                    add_path(path, tones.delay_terms, &basis, &fast, [f0, slope], &mut sums);
                 }
             }
             for lane in 0..len {
@@ -255,7 +254,7 @@ impl Kernel for AddTones<'_> {
 
 /// Add a path to a block of samples.
 #[cfg_attr(optimised, inline(always))]
-fn add_path<I: Isa>(
+fn add_path(
     path: &[f64],
     delay_terms: usize,
     basis: &[Lanes],
@@ -277,7 +276,7 @@ fn add_path<I: Isa>(
         let tau = path[0] + delta[i];
         phase[i] = path[1] + f0 * delta[i] + slope * tau * (fast[i] - 0.5 * tau);
     }
-    let [cos, sin] = cos_sin_of_array::<f64, I, BLOCK>(&phase);
+    let (cos, sin) = cos_sin_turns::<f64, BLOCK>(&phase);
     // Amplitude of every sample.
     let (mut re, mut im) = ([amplitudes[0]; BLOCK], [amplitudes[1]; BLOCK]);
     for k in 1..amplitudes.len() / 2 {

@@ -42,50 +42,32 @@ impl<T: Precision> Kernel for Operations<'_, T> {
     }
 }
 
-struct Integers<'a>(&'a [u32; 16]);
+struct Integers<'a>(&'a [u32; 16], &'a [f64; 16]);
 
 impl Kernel for Integers<'_> {
-    type Output = (u32, [u32; 16]);
+    type Output = (u32, [u32; 16], [f32; 16]);
     #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) -> Self::Output {
-        let mut numbers = *self.0;
+        let (mut numbers, mut narrow) = (*self.0, [0.0; 16]);
         I::put(&mut numbers, 0b1000_0110_0000_1001, u32::MAX);
-        (I::equal(self.0, 7), numbers)
+        f32::narrow::<I>([I::F64::load(self.1), I::F64::load(&self.1[8..])]).store(&mut narrow);
+        (I::equal(self.0, 7), numbers, narrow)
     }
 }
 
 #[test]
-fn integers_are_compared_and_put_in_their_places() {
+fn numbers_are_compared_put_and_rounded_in_their_places() {
     let mut numbers: [u32; 16] = std::array::from_fn(|i| i as u32);
     (numbers[1], numbers[15]) = (7, 7);
+    let wide: [f64; 16] = std::array::from_fn(|i| (i as f64 + 0.3).sqrt());
     for level in Level::available() {
-        let (equal, put) = level.run(Integers(&numbers));
+        let (equal, put, narrow) = level.run(Integers(&numbers, &wide));
         assert_eq!(equal, 0b1000_0000_1000_0010, "{level:?}");
         for i in 0..16 {
             let is_put = [0, 3, 9, 10, 15].contains(&i);
             assert_eq!(put[i], if is_put { u32::MAX } else { numbers[i] }, "{level:?}");
         }
-    }
-}
-
-struct Narrow<'a>(&'a [f64; 16]);
-
-impl Kernel for Narrow<'_> {
-    type Output = Vec<f32>;
-    #[cfg_attr(optimised, inline(always))]
-    fn run<I: Isa>(self) -> Vec<f32> {
-        let mut out = vec![0.0; 16];
-        f32::narrow::<I>([I::F64::load(self.0), I::F64::load(&self.0[8..])]).store(&mut out);
-        out
-    }
-}
-
-#[test]
-fn narrow_rounds_every_number_in_its_place() {
-    let wide: [f64; 16] = std::array::from_fn(|i| (i as f64 + 0.3).sqrt());
-    let expected: Vec<f32> = wide.iter().map(|x| *x as f32).collect();
-    for level in Level::available() {
-        assert_eq!(level.run(Narrow(&wide)), expected, "{level:?}");
+        assert_eq!(narrow, wide.map(|x| x as f32), "{level:?}");
     }
 }
 

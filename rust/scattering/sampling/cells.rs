@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::numeric::simd::{Isa, Vector};
-use crate::numeric::wide::cos_sin_of_array;
+use crate::numeric::trig::cos_sin_turns;
 use crate::rays::camera::ImagePlane;
 use crate::rays::facets::HALF;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
@@ -283,12 +283,12 @@ impl Cells {
 
     /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn echo<I: Isa>(&self) -> f64 {
+    pub(super) fn echo(&self) -> f64 {
         let mut turns = [0.0; MOST_RAYS];
         for i in 0..MOST_RAYS {
             turns[i] = f64::from(self.phase[i]) / TAU;
         }
-        let [cosine, sine] = cos_sin_of_array::<f32, I, MOST_RAYS>(&turns);
+        let (cosine, sine) = cos_sin_turns::<f32, MOST_RAYS>(&turns);
         let mut sum = [0.0_f32; 2];
         for i in 0..MOST_RAYS {
             let one = if self.hit >> i & 1 == 1 { 1.0 } else { 0.0 };

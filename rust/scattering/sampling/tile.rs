@@ -190,7 +190,7 @@ impl Kernel for Evaluate<'_> {
         find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
         cells.weigh::<I>();
         if place.level == 0 {
-            tile.echo = cells.echo::<I>();
+            tile.echo = cells.echo();
         }
         if scenery.end_points {
             let (wavenumber, channels) = (scenery.wavenumber, &scenery.channels);
