@@ -224,7 +224,7 @@ impl Bounces {
     }
 
     /// Delay and amplitude of one path of one channel at one time, docs/theory.md eq. (7).
-    pub fn path(&self, kinematics: &Kinematics, time: usize, channel: usize, path: usize) -> (f64, Complex64) {
+    fn path(&self, kinematics: &Kinematics, time: usize, channel: usize, path: usize) -> (f64, Complex64) {
         let [start, end] = self.antennas(channel, path);
         let points = self.points(path, channel);
         let departure = position(kinematics, time, &points[0]) - start.0;

@@ -190,42 +190,61 @@ impl PathGroups {
         let Source::Scene(scene) = &model.source else {
             return Err(Error::value("source", "a scene", "an image"));
         };
-        let (mut all, mut body, mut frequency_exponent) = (Vec::new(), Vec::new(), Vec::new());
+        let num_channels = model.array.num_channels();
+        let mut per_channel: Vec<Vec<(f64, f64, Complex64)>> = vec![Vec::new(); num_channels];
+        let (mut body, mut frequency_exponent) = (Vec::new(), Vec::new());
         for group in &self.groups {
-            all.extend((0..group.len()).map(|path| (group, path)));
-            frequency_exponent.extend(std::iter::repeat_n(group.frequency_exponent, group.len()));
+            let paths = PathsAtNodes {
+                model,
+                scatterers: &self.scatterers,
+                group,
+                nodes: [at.clone(), at.clone()],
+                elapsed: Vec::new(),
+                node_times: NodeTimes::ONCE,
+            };
+            let num_paths = group.len();
+            let delay_rate = |i: usize| match &group.paths {
+                Paths::Scatterers(range) => {
+                    let path = range.start + i % num_paths;
+                    self.scatterers.delay_rate(at, rates, i / num_paths, path)
+                }
+                Paths::Bounces(bounces) => bounces.delay_rate(at, rates, i / num_paths, i % num_paths),
+            };
+            let all = (0..num_channels * num_paths).into_par_iter();
+            let delay_rates: Vec<f64> = all.map(delay_rate).collect();
+            let mut chunk = Chunk::<f64>::new(&paths.shape(), num_channels);
+            for first in (0..num_paths).step_by(CHUNK) {
+                let request = Request {
+                    channels: 0..num_channels,
+                    paths: first..num_paths.min(first + CHUNK),
+                    scale: 1.0,
+                    level: Level::best(),
+                };
+                paths.fill(&request, &mut chunk);
+                for (channel, rows) in per_channel.iter_mut().enumerate() {
+                    for (lane, path) in request.paths.clone().enumerate() {
+                        let amplitude = Complex64::new(chunk.re[channel][lane], chunk.im[channel][lane]);
+                        if !amplitude.is_finite() {
+                            return Err(paths.not_finite());
+                        }
+                        let rate = delay_rates[channel * num_paths + path];
+                        rows.push((chunk.delay[channel][lane], rate, amplitude));
+                    }
+                }
+            }
             match &group.paths {
                 Paths::Scatterers(range) => body.extend(numbers_in_scene(scene, &self.scatterers, range)),
                 Paths::Bounces(bounces) => {
                     body.extend(bounces.last_bodies().map(|body| scene.body_numbers[body as usize]));
                 }
             }
+            frequency_exponent.extend(std::iter::repeat_n(group.frequency_exponent, num_paths));
         }
-        let rows: Vec<(f64, f64, Complex64)> = (0..model.array.num_channels() * all.len())
-            .into_par_iter()
-            .map(|i| {
-                let (channel, (group, path)) = (i / all.len(), all[i % all.len()]);
-                let (rate, (delay, amplitude)) = match &group.paths {
-                    Paths::Scatterers(range) => {
-                        let path = range.start + path;
-                        let rate = self.scatterers.delay_rate(at, rates, channel, path);
-                        (rate, self.scatterers.path(at, 0, channel, path))
-                    }
-                    Paths::Bounces(bounces) => {
-                        let rate = bounces.delay_rate(at, rates, channel, path);
-                        (rate, bounces.path(at, 0, channel, path))
-                    }
-                };
-                (delay, rate, amplitude)
-            })
-            .collect();
-        if !rows.iter().all(|row| row.2.is_finite()) {
-            return Err(not_finite(model));
-        }
+        let all = || per_channel.iter().flatten();
         Ok(PathArrays {
-            delay: rows.iter().map(|row| row.0).collect(),
-            delay_rate: rows.iter().map(|row| row.1).collect(),
-            amplitude: rows.iter().map(|row| row.2).collect(),
+            delay: all().map(|row| row.0).collect(),
+            delay_rate: all().map(|row| row.1).collect(),
+            amplitude: all().map(|row| row.2).collect(),
             body: body.into_iter().map(|number| number as u32).collect(),
             frequency_exponent,
         })
@@ -367,7 +386,11 @@ impl PathSource for PathsAtNodes<'_> {
     }
 
     fn not_finite(&self) -> Error {
-        not_finite(self.model)
+        let name = match self.model.source {
+            Source::Scene(_) => "scene",
+            Source::Depth(_) => "distance",
+        };
+        Error::value(name, "nothing at the place of an antenna", "a path of length zero")
     }
 }
 
@@ -386,14 +409,6 @@ pub fn motions(model: &Model, motion: &Kinematics, span: &Span) -> Vec<Motion> {
         }
     }
     motions
-}
-
-fn not_finite(model: &Model) -> Error {
-    let name = match model.source {
-        Source::Scene(_) => "scene",
-        Source::Depth(_) => "distance",
-    };
-    Error::value(name, "nothing at the place of an antenna", "a path of length zero")
 }
 
 /// Numbers, in the scene, of the bodies and point targets of a range of paths.
