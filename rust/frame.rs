@@ -47,8 +47,8 @@ const MOST_TIMES: usize = 65;
 pub struct Frame {
     /// Beat samples `(channel, chirp, sample)`.
     pub cube: Samples,
-    /// Range [m], range rate [m/s], azimuth and elevation [rad] of the nearest visible point of every body and point target,
-    /// in the order of the scene; NaN where no ray hit. None for images.
+    /// Range [m], range rate [m/s], azimuth and elevation [rad] of the nearest visible point of every body and point
+    /// target, in the order of the scene; NaN where no ray hit. None for images.
     pub truth: Option<Vec<[f64; 4]>>,
     /// Counts of rays and paths, errors and run times.
     pub counts: Counts,
@@ -75,8 +75,8 @@ pub enum Answer {
     MoreTimes,
 }
 
-/// Simulate a frame. `world`: positions at the Chebyshev times of the frame; `rates`: time derivatives, which a frame of a
-/// single sample needs, as its times are all the same.
+/// Simulate a frame. `world`: positions at the Chebyshev times of the frame; `rates`: time derivatives, which a frame
+/// of a single sample needs, as its times are all the same.
 pub fn simulate(
     model: &Model,
     world: &World,

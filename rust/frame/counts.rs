@@ -48,8 +48,8 @@ pub struct Counts {
     pub farthest: f64,
     /// Error of phases by the series of the motion [rad].
     pub motion_error: f64,
-    /// Numbers, in the scene, of the bodies and point targets in fast-varying motion, which needs more node times than the
-    /// others'.
+    /// Numbers, in the scene, of the bodies and point targets in fast-varying motion, which needs more node times than
+    /// the others'.
     pub fast_varying: Vec<usize>,
     /// Run time of every stage [s], by name.
     pub times: Vec<(&'static str, f64)>,

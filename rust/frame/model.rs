@@ -25,8 +25,8 @@ use crate::synthesis::chirp::Waveform;
 use crate::synthesis::choose::Method;
 use crate::synthesis::report::{Known, Options};
 
-/// Largest phase of joined points from their mean [rad] times the bandwidth over the carrier frequency, and the least and
-/// the largest such phase: the sum over the band then changes by a few percent.
+/// Largest phase of joined points from their mean [rad] times the bandwidth over the carrier frequency, and the least
+/// and the largest such phase: the sum over the band then changes by a few percent.
 const JOIN_OVER_BAND: f64 = 0.12;
 const LEAST_JOIN: f64 = 1.0;
 const MOST_JOIN: f64 = 2.5;

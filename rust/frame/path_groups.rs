@@ -86,8 +86,8 @@ pub struct PathsAtNodes<'a> {
 }
 
 impl PathGroups {
-    /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the frequency;
-    /// `motions`: those of every body and of all point targets, the last.
+    /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the
+    /// frequency; `motions`: those of every body and of all point targets, the last.
     pub fn new(
         model: &Model,
         motions: &[Motion],

@@ -59,7 +59,8 @@ impl Image {
         })
     }
 
-    /// Distances and normals of the curved surfaces that the triangles approximate, until a request to stop; computed once.
+    /// Distances and normals of the curved surfaces that the triangles approximate, until a request to stop; computed
+    /// once.
     pub fn smooth(&self, cancel: &Cancel) -> Result<&SmoothHits> {
         if let Some(smooth) = self.smooth.get() {
             return Ok(smooth);

@@ -86,8 +86,8 @@ impl Span {
     }
 }
 
-/// Largest angles by which bodies turn, as the sensor sees them, from the middle of a span of the frame to any time of it
-/// [rad], (span, body), for a number of spans of equal duration: by rotation, or by passing the sensor.
+/// Largest angles by which bodies turn, as the sensor sees them, from the middle of a span of the frame to any time of
+/// it [rad], (span, body), for a number of spans of equal duration: by rotation, or by passing the sensor.
 fn rotation_angles(boxes: &[[DVec3; 2]], motion: &Kinematics, number: usize) -> Vec<Vec<f64>> {
     // Series through n times have at most n - 1 turning points.
     let steps = motion.num_times().div_ceil(number).max(4).next_multiple_of(2);
@@ -129,8 +129,8 @@ fn rotation(&[low, high]: &[DVec3; 2], from: DVec3, to: DVec3) -> f64 {
     angles.fold(0.0, f64::max)
 }
 
-/// Split the chirps into a number of spans of equal duration; chirps are not cut. Spans without a chirp are left out: with
-/// the number of every span.
+/// Split the chirps into a number of spans of equal duration; chirps are not cut. Spans without a chirp are left out:
+/// with the number of every span.
 fn split(waveform: &Waveform, number: usize) -> Vec<(usize, Range<usize>)> {
     let starts = &waveform.chirp_times;
     let (first, last) = (starts[0], waveform.duration());

@@ -7,8 +7,8 @@ use super::rays::Rays;
 use crate::paths::kinematics::Kinematics;
 use crate::scattering::patch::place_on_mesh;
 
-/// Truth of a scene, per body and point target: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no ray
-/// hit. None for images.
+/// Truth of a scene, per body and point target: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no
+/// ray hit. None for images.
 pub fn of(model: &Model, rays: &Rays, motion: &Kinematics, rates: &Kinematics) -> Option<Vec<[f64; 4]>> {
     let Source::Scene(scene) = &model.source else {
         return None;

@@ -1,9 +1,9 @@
 //! Inverse FFT of a power of two of many grids at once, not scaled: one grid per lane of a vector.
 //!
-//! Stockham's passes of four cells (van Loan, Computational Frameworks for the Fast Fourier Transform, section 1.7), and
-//! one of two cells where the number of cells is no power of four. A cell has the real parts of all lanes, then their
-//! imaginary parts. As grids have twice as many cells as outputs, only the first and the last quarter of the result are
-//! formed.
+//! Stockham's passes of four cells (van Loan, Computational Frameworks for the Fast Fourier Transform, section 1.7),
+//! and one of two cells where the number of cells is no power of four. A cell has the real parts of all lanes, then
+//! their imaginary parts. As grids have twice as many cells as outputs, only the first and the last quarter of the
+//! result are formed.
 
 use std::f64::consts::TAU;
 

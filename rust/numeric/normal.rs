@@ -10,8 +10,8 @@ const BATCH: usize = 4 * LANES;
 
 /// Add independent numbers of the normal distribution with mean 0 and a standard `deviation`.
 ///
-/// Each is a function of its index, of `seed` and of `stream`, whose streams are independent. They have 24 bits and stay
-/// within 6.8 deviations.
+/// Each is a function of its index, of `seed` and of `stream`, whose streams are independent. They have 24 bits and
+/// stay within 6.8 deviations.
 pub fn add_normal<T: Real>(level: Level, numbers: &mut [T], deviation: f64, seed: u64, stream: u64) {
     level.run(AddNormal {
         numbers,
@@ -55,8 +55,8 @@ fn halves(number: u64) -> [u32; 2] {
     [number as u32, (number >> 32) as u32]
 }
 
-/// Philox4x32-10, four random words for each of [`LANES`] counters: Salmon, Moraes, Dror, Shaw, Parallel random numbers:
-/// as easy as 1, 2, 3, SC 2011.
+/// Philox4x32-10, four random words for each of [`LANES`] counters: Salmon, Moraes, Dror, Shaw, Parallel random
+/// numbers: as easy as 1, 2, 3, SC 2011.
 #[cfg_attr(optimised, inline(always))]
 fn philox(counters: [[u32; LANES]; 4], mut key: [u32; 2]) -> [[u32; LANES]; 4] {
     // As halves of products, of which the lower half is meant: words of 32 bits would be taken apart for every product.

@@ -18,8 +18,8 @@ use crate::synthesis::source::Request;
 mod tests;
 
 impl Scatterers {
-    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the times of the first kinematics, and amplitudes
-    /// at those of the second.
+    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the times of the first kinematics, and
+    /// amplitudes at those of the second.
     pub fn fill<T: Precision>(
         &self,
         nodes: [&Kinematics; 2],
@@ -164,7 +164,8 @@ impl<T: Precision> Evaluate<'_, T> {
     }
 }
 
-/// Fill lanes of a chunk with paths one by one: `path` gives the delay and the amplitude at a time, of a channel and a path.
+/// Fill lanes of a chunk with paths one by one: `path` gives the delay and the amplitude at a time, of a channel and a
+/// path.
 #[inline(never)]
 pub fn fill_one_by_one<T: Real>(
     path: impl Fn(&Kinematics, usize, usize, usize) -> (f64, Complex64),

@@ -80,8 +80,8 @@ impl<T: Copy + PartialEq + Add<Output = T> + Sub<Output = T> + Mul<f64, Output =
         sums
     }
 
-    /// Bounds of what the first `number` terms leave out of the series of every item, by the size of a value of an item;
-    /// zero where that is rounding.
+    /// Bounds of what the first `number` terms leave out of the series of every item, by the size of a value of an
+    /// item; zero where that is rounding.
     fn beyond(&self, number: usize, size: impl Fn(usize, &T) -> f64) -> Vec<f64> {
         let mut beyond = vec![0.0; self.num_items()];
         for weights in chebyshev_matrix(self.num_times).chunks(self.num_times).skip(number) {
@@ -258,8 +258,8 @@ impl Kinematics {
         2.0 * bodies.into_iter().chain(positions).fold(0.0, f64::max)
     }
 
-    /// Motion of every body, and of all point targets together, the last: fast-varying where series through `number` times
-    /// leave out more than a length [m]; `radii` as in [`Self::tail`].
+    /// Motion of every body, and of all point targets together, the last: fast-varying where series through `number`
+    /// times leave out more than a length [m]; `radii` as in [`Self::tail`].
     pub fn motions(&self, number: usize, length: f64, radii: &[f64]) -> Vec<Motion> {
         let mut errors = self.bodies_beyond(number, radii);
         let mut are_static = self.poses.are_static();
@@ -348,7 +348,8 @@ mod tests {
 
     #[test]
     fn series_through_a_turning_pose_is_exact_between_its_times() {
-        // Coefficients of cos(0.2 x) and sin(0.2 x) are 2 J_k(0.2): 4e-11 for k = 7 in four entries, 5e-15 for k = 9, then rounding.
+        // Coefficients of cos(0.2 x) and sin(0.2 x) are 2 J_k(0.2): 4e-11 for k = 7 in four entries, 5e-15 for k = 9,
+        // then rounding.
         let pose = |x: f64| Pose {
             rotation: DMat3::from_rotation_z(0.2 * x),
             translation: DVec3::new(1.0 + 0.01 * x, 0.3 * x * x, 0.0),

@@ -97,8 +97,8 @@ fn first_within(errors: &[f64], goal: f64) -> (usize, f64) {
     (COUNTS[at], errors[at])
 }
 
-/// Errors of phases and of amplitudes of the Chebyshev series of every one of [`COUNTS`] up to the number of rows of a chunk:
-/// rms over the frame relative to l2(amplitudes), the worst channel's.
+/// Errors of phases and of amplitudes of the Chebyshev series of every one of [`COUNTS`] up to the number of rows of a
+/// chunk: rms over the frame relative to l2(amplitudes), the worst channel's.
 fn series_errors(chunk: &Chunk<f64>, num_channels: usize, number: usize, frequency: f64) -> [Vec<f64>; 2] {
     let counts = || COUNTS.into_iter().take_while(|count| *count <= number);
     let mut worst = [(); 2].map(|()| vec![0.0_f64; counts().count()]);
@@ -151,9 +151,10 @@ fn squares(rows: &[Lane<f64>], weights: &Lane<f64>) -> Vec<f64> {
     matrix.chunks(rows.len()).map(of_degree).collect()
 }
 
-/// Square of the error of a series of `count` terms, for squares of the coefficients of a series through as many values or
-/// more. It is twice the l2 norm of the coefficients beyond, as a series through so many values folds them back; for the whole
-/// series, what four times the larger of its last two coefficients becomes, if further ones fall half as fast as these.
+/// Square of the error of a series of `count` terms, for squares of the coefficients of a series through as many values
+/// or more. It is twice the l2 norm of the coefficients beyond, as a series through so many values folds them back; for
+/// the whole series, what four times the larger of its last two coefficients becomes, if further ones fall half as fast
+/// as these.
 fn left_out(squares: &[f64], count: usize) -> f64 {
     let number = squares.len();
     if count < number {

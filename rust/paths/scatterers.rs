@@ -24,8 +24,8 @@ pub struct Scatterers {
     pub(crate) position: Vec<DVec3>,
     /// Unit normal towards the incident side, in body coordinates, or its slopes along the triangle.
     pub(crate) normal: Vec<DVec3>,
-    /// Edges of the patch that a point stands for, along u and v, in coordinates of the body [m], or of the triangle. The
-    /// phase varies linearly over the patch in any orientation; zero edges stand for a point. Empty: points.
+    /// Edges of the patch that a point stands for, along u and v, in coordinates of the body [m], or of the triangle.
+    /// The phase varies linearly over the patch in any orientation; zero edges stand for a point. Empty: points.
     pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels.
     pub(crate) weights: Vec<Weight>,
@@ -162,8 +162,8 @@ impl Scatterers {
         self.corners.get(path).copied().flatten()
     }
 
-    /// Rate of the delay of one path [s/s] at the first time; `rates` are the time derivatives. Distances do not depend on
-    /// the frame of reference, so the rate is exact for a moving sensor too.
+    /// Rate of the delay of one path [s/s] at the first time; `rates` are the time derivatives. Distances do not depend
+    /// on the frame of reference, so the rate is exact for a moving sensor too.
     pub fn delay_rate(&self, kinematics: &Kinematics, rates: &Kinematics, channel: usize, path: usize) -> f64 {
         let (position, velocity) = match self.body.get(path) {
             Some(&body) => kinematics.motion(rates, body, self.corners_of(path), self.position[path]),

@@ -157,15 +157,16 @@ impl Poses {
         sum
     }
 
-    /// Vectors of bodies, rotated to the axes of the sensor, in a precision: of the lanes of one vector from `first` on.
+    /// Vectors of bodies, rotated to the axes of the sensor, in a precision: of the lanes of one vector from `first`
+    /// on.
     #[cfg_attr(optimised, inline(always))]
     pub(super) fn turned_to<T: Precision, I: Isa>(&self, vectors: &[[f64; STEP]; 3], first: usize) -> [T::In<I>; 3] {
         narrow::<T, I>(&self.turned::<I>(vectors, first), &self.turned::<I>(vectors, HALF))
     }
 }
 
-/// Amplitudes of points of surfaces times a factor, real and imaginary part, as [`Scatterers::path`] before the receiver:
-/// with normals and edges of patches in the sensor frame, and weights as those of [`Scatterers::weigh`].
+/// Amplitudes of points of surfaces times a factor, real and imaginary part, as [`Scatterers::path`] before the
+/// receiver: with normals and edges of patches in the sensor frame, and weights as those of [`Scatterers::weigh`].
 #[cfg_attr(optimised, inline(always))]
 pub(super) fn surface_amplitude<V: Vector>(
     array: &Array,
@@ -253,7 +254,8 @@ impl<V: Vector> Sights<V> {
     }
 }
 
-/// Vectors in a precision: of the lower and upper eight lanes in single precision, of the lower ones in double precision.
+/// Vectors in a precision: of the lower and upper eight lanes in single precision, of the lower ones in double
+/// precision.
 #[cfg_attr(optimised, inline(always))]
 pub(super) fn narrow<T: Precision, I: Isa>(low: &[I::F64; 3], high: &[I::F64; 3]) -> [T::In<I>; 3] {
     let mut narrowed = [splat::<T::In<I>>(0.0); 3];

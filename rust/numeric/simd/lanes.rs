@@ -24,14 +24,14 @@ pub(super) fn run<S: Simd, K: Kernel>(token: S, kernel: K) -> K::Output {
 #[repr(align(64))]
 struct CacheLine(#[allow(dead_code)] u8);
 
-/// The token, which is no data and proves that the processor has the instructions. Vectors would otherwise need it to be
-/// passed to all functions of kernels.
+/// The token, which is no data and proves that the processor has the instructions. Vectors would otherwise need it to
+/// be passed to all functions of kernels.
 #[allow(unsafe_code)]
 #[cfg_attr(optimised, inline(always))]
 fn token<S: Simd>() -> S {
     const { assert!(size_of::<S>() == 0) };
-    // SAFETY: a type without data. Its promise holds: nothing outside of this folder names an instruction set, and kernels
-    // get theirs from `run`, which was given the token.
+    // SAFETY: a type without data. Its promise holds: nothing outside of this folder names an instruction set, and
+    // kernels get theirs from `run`, which was given the token.
     unsafe { std::mem::transmute_copy(&()) }
 }
 

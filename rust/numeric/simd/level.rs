@@ -19,8 +19,9 @@ const NAMES: [&str; 3] = ["baseline", "avx2", "avx512"];
 pub struct Level(Set);
 
 impl Level {
-    /// Levels of this processor, slowest first. The environment variable `RADARCORE_SIMD`, read once, names the highest:
-    /// `baseline` (x86-64: SSE2; aarch64: NEON), `avx2` or `avx512`. Without it, or if it is empty, there is no limit.
+    /// Levels of this processor, slowest first. The environment variable `RADARCORE_SIMD`, read once, names the
+    /// highest: `baseline` (x86-64: SSE2; aarch64: NEON), `avx2` or `avx512`. Without it, or if it is empty, there is
+    /// no limit.
     pub fn available() -> Vec<Self> {
         let best = Set::new();
         #[cfg(target_arch = "x86_64")]

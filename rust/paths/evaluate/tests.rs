@@ -9,18 +9,10 @@ use crate::antennas::array::Array;
 use crate::antennas::gain_table::Table;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
+use crate::numeric::random::mix;
 use crate::numeric::simd::Level;
 use crate::paths::kinematics::TimeSeries;
-use crate::rays::camera::ImagePlane;
-use crate::rays::hits::Cast;
-use crate::rays::scene::PosedScene;
-use crate::rays::smooth_hits::SmoothHits;
-use crate::rays::surface::{ShadingMode, Surface};
-use crate::scattering::material::{Material, Response};
-use crate::scattering::physical_optics::Sampling;
-use crate::scattering::refinement::Refinement;
-use crate::scattering::samples::Samples;
-use crate::scattering::sector::Sector;
+use crate::paths::scatterers::Weight;
 use crate::synthesis::delay::Basis;
 use crate::synthesis::source::Shape;
 
@@ -54,10 +46,36 @@ fn pose(x: f64, y: f64, turn: f64) -> Pose {
     }
 }
 
-fn plate() -> Arc<Surface> {
-    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-    let vertices = corners.map(|[y, z]| DVec3::new(0.0, 0.3 * y, 0.3 * z));
-    Arc::new(Surface::new(&vertices, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat).unwrap())
+/// Random material points on two bodies, each with or without a patch and with a weight per channel or one, and as many
+/// point targets as cross-sections.
+fn scatterers(array: &Array, number: usize, has_patches: bool, num_weights: usize, rcs: &[f64]) -> Scatterers {
+    let mut state = 1;
+    let mut random = || {
+        state = mix(state);
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    let mut vector = |size: f64| size * DVec3::from_array([(); 3].map(|()| random()));
+    let position: Vec<DVec3> = (0..number).map(|_| vector(0.3)).collect();
+    let normal = (0..number).map(|_| (vector(0.5) - DVec3::X).normalize()).collect();
+    // Every third stands for a point.
+    let patch = (0..number).map(|i| [0, 1].map(|_| vector(if i % 3 == 0 { 0.0 } else { 2e-3 })));
+    let patch: Vec<_> = patch.filter(|_| has_patches).collect();
+    let weights = (0..number * num_weights).map(|_| Weight {
+        specular: Complex64::new(vector(1.0).x, vector(1.0).y),
+        diffuse: Complex64::new(vector(1.0).x, vector(1.0).y),
+    });
+    Scatterers {
+        array: array.clone(),
+        cell: Vec::new(),
+        body: (0..number).map(|i| u32::from(3 * i > 2 * number)).collect(),
+        frequency_exponent: Vec::new(),
+        corners: Vec::new(),
+        weights: weights.collect(),
+        rcs: rcs.to_vec(),
+        position,
+        normal,
+        patch,
+    }
 }
 
 /// Delay and amplitude of a lane of a chunk at nodes of delays and of amplitudes.
@@ -123,84 +141,34 @@ fn check<T: Precision>(
     }
 }
 
-/// Material points of adaptive samples.
-fn of_cells(
-    scene: &PosedScene,
-    array: &Array,
-    materials: &[Material],
-    base: ImagePlane,
-    end_points: bool,
-) -> Scatterers {
-    let refinement = Refinement {
-        base,
-        rcs_floor: 1e-3,
-        follows_echo: false,
-        budget: None,
-        end_points,
-        beam: None,
-        join: 1.5,
-        skip_dark: true,
-        turns: &[],
-        reflections: &[],
-    };
-    let sector = Sector {
-        scene,
-        array,
-        cast: Cast::default(),
-        refinement,
-    };
-    let samples = Samples::new(&[sector], materials, 1, None).unwrap();
-    Scatterers::of_samples(&[(scene, array)], &samples, materials, array.clone(), |_| 0)
-}
-
 #[test]
 fn paths_together_are_those_one_by_one_on_every_instruction_set() {
     let angles = [-1.5, 0.0, 1.5];
     let gains = [-20.0, 3.0, -20.0, 0.0, 10.0, 0.0, -20.0, 3.0, -20.0];
     let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
-    let half_matt = Material::Constant(Response {
-        reflection: Complex64::new(-0.7, 0.1),
-        albedo: 0.3,
-    });
-    let (plane, materials) = (ImagePlane::centered(20, 20, 0.6, 0.6), vec![half_matt; 2]);
     let poses = [
-        vec![pose(1.0, -0.3, 0.1), pose(1.5, 0.4, -0.3)],
-        vec![pose(1.1, -0.2, 0.4), pose(1.4, 0.5, 1.0)],
+        pose(1.0, -0.3, 0.1),
+        pose(1.5, 0.4, -0.3),
+        pose(1.1, -0.2, 0.4),
+        pose(1.4, 0.5, 1.0),
     ];
-    let scene = PosedScene::new(vec![plate(), plate()], poses[0].clone());
-    let kinematics = Kinematics {
-        poses: TimeSeries::new(2, poses.concat()),
-        points: TimeSeries::new(2, vec![DVec3::new(2.0, 0.0, 0.0), DVec3::new(2.1, 0.0, 0.0)]),
+    let points = [DVec3::new(2.0, 0.0, 0.0), DVec3::new(2.1, 0.0, 0.0)];
+    let at = |times: Range<usize>| Kinematics {
+        poses: TimeSeries::new(times.len(), poses[2 * times.start..2 * times.end].to_vec()),
+        points: TimeSeries::new(times.len(), points[times].to_vec()),
         vertices: Vec::new(),
     };
     // Amplitudes at a time of their own.
-    let other = Kinematics {
-        poses: TimeSeries::new(1, poses[1].clone()),
-        points: TimeSeries::new(1, vec![DVec3::new(2.1, 0.0, 0.0)]),
-        vertices: Vec::new(),
-    };
-    let nodes = [&kinematics, &other];
+    let nodes = [&at(0..2), &at(1..2)];
     for pattern in [beam(2.0, 1.0), beam(0.0, 0.0), table] {
-        let array = array(&pattern);
-        let hits = scene.cast_image(&plane).unwrap();
-        let smooth = SmoothHits::at(&scene, &hits, Level::best());
-        let image = (&scene, &hits, &smooth, &array);
-        let of_pixels = Scatterers::of_images(&[image], &materials, array.clone(), Sampling::Footprint, 1);
-        let [of_tiles, of_leaves] =
-            [false, true].map(|end_points| of_cells(&scene, &array, &materials, plane, end_points));
-        for mut scatterers in [of_pixels, of_tiles, of_leaves] {
-            // Point targets come last.
-            scatterers.rcs = vec![1.0];
-            let last = scatterers.len();
-            let amplitude = |number: usize| scatterers.path(&other, 0, 0, number).1.norm();
+        for (has_patches, num_weights) in [(false, 1), (true, 1), (true, 4)] {
+            // The point target comes last.
+            let last = 300;
+            let scatterers = scatterers(&array(&pattern), last, has_patches, num_weights, &[1.0]);
+            let amplitude = |number: usize| scatterers.path(nodes[1], 0, 0, number).1.norm();
             let strongest = (0..=last).map(amplitude).fold(0.0, f64::max);
-            assert!(strongest > 0.0 && last > 20);
-            let spread = (0..=last).step_by(last.div_ceil(100)).chain([last]);
-            for numbers in [
-                (0..=last).take(CHUNK).collect(),
-                spread.collect::<Vec<usize>>(),
-                vec![last],
-            ] {
+            let spread = (0..last).step_by(3).chain([last]);
+            for numbers in [(0..CHUNK).collect(), spread.collect::<Vec<usize>>(), vec![last]] {
                 for level in Level::available() {
                     for channels in [0..4, 1..2] {
                         let of = (channels, level);
@@ -216,8 +184,7 @@ fn paths_together_are_those_one_by_one_on_every_instruction_set() {
 #[test]
 fn point_targets_have_delays_and_amplitudes_of_the_radar_equation() {
     let array = array(&beam(0.0, 0.0));
-    let mut scatterers = Scatterers::of_images(&[], &[], array.clone(), Sampling::Point, 1);
-    scatterers.rcs = vec![0.5];
+    let scatterers = scatterers(&array, 0, false, 1, &[0.5]);
     // A point target that passes the antennas, at four times.
     let points: Vec<DVec3> = (0..4).map(|node| DVec3::new(2.0, f64::from(node), 0.3)).collect();
     let kinematics = Kinematics {
