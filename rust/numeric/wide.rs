@@ -58,8 +58,6 @@ each_vector! {
     sub(b),
     /// `x b`
     mul(b),
-    /// `x / b`
-    div(b),
     /// `x b + c`
     mul_add(b, c),
     /// `c - x b`

@@ -1,9 +1,11 @@
 //! Source of paths whose delays and amplitudes are arrays.
 
+use std::ops::Range;
+
 use num_complex::Complex64;
 
 use crate::error::Error;
-use crate::numeric::simd::{Isa, Kernel, Precision, Real};
+use crate::numeric::simd::{Isa, Kernel, Precision};
 use crate::synthesis::chunk::{CHUNK, Chunk, Lane};
 use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::source::{PathSource, Request, Shape};
@@ -17,40 +19,38 @@ pub struct ArrayPaths<'a> {
     /// Numbers of the paths; none for all of them.
     numbers: Option<Vec<u32>>,
     is_static: bool,
+    /// Largest part of an amplitude, see [`largest`].
+    largest: f64,
 }
 
 impl<'a> ArrayPaths<'a> {
     /// Static paths and moving paths, where it is worth while to tell them apart; else all together.
     pub fn split(arrays: &'a PathSeries<'a>) -> Vec<Self> {
-        let all = |is_static| {
-            vec![Self {
-                arrays,
-                numbers: None,
-                is_static,
-            }]
+        let largest = largest(arrays);
+        let list = |numbers: Option<Vec<u32>>, is_static| Self {
+            arrays,
+            numbers,
+            is_static,
+            largest,
         };
-        if arrays.num_terms() == 1 || arrays.num_paths == 0 {
-            return all(true);
+        if arrays.delay.len().max(arrays.amplitude.len()) == 1 || arrays.num_paths == 0 {
+            return vec![list(None, true)];
         }
         let Some(moves) = moves(arrays) else {
-            return all(false);
+            return vec![list(None, false)];
         };
-        if moves.iter().all(|moves| !moves) {
-            return all(true);
+        if !moves.contains(&true) {
+            return vec![list(None, true)];
         }
-        let list = |is_static: bool| {
-            let numbers = (0..moves.len()).filter(|path| moves[*path] != is_static);
-            Self {
-                arrays,
-                numbers: Some(numbers.map(|path| path as u32).collect()),
-                is_static,
-            }
+        let numbers = |is_static| {
+            let all = moves.iter().zip(0..).filter(|(moves, _)| **moves != is_static);
+            list(Some(all.map(|(_, number)| number).collect()), is_static)
         };
-        vec![list(true), list(false)]
+        vec![numbers(true), numbers(false)]
     }
 
     fn fill<T: Precision>(&self, request: &Request, chunk: &mut Chunk<T>, num_amplitudes: usize) {
-        request.level.run(FillChunk {
+        request.level.run(FillFromArrays {
             paths: self,
             request,
             num_amplitudes,
@@ -65,17 +65,16 @@ impl PathSource for ArrayPaths<'_> {
         Shape {
             channels: self.arrays.num_channels,
             paths: self.numbers.as_ref().map_or(self.arrays.num_paths, Vec::len),
-            delay_rows: rows(self.arrays.num_delay_terms()),
-            amplitude_rows: rows(self.arrays.num_amplitude_terms()),
+            delay_rows: rows(self.arrays.delay.len()),
+            amplitude_rows: rows(self.arrays.amplitude.len()),
             basis: self.arrays.basis,
         }
     }
 
     fn scale(&self) -> f64 {
-        let largest = largest(self.arrays);
-        if largest > 0.0 {
+        if self.largest > 0.0 {
             // The scale and its inverse are both finite.
-            (-largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
+            (-self.largest.log2().round()).clamp(-1000.0, 1000.0).exp2()
         } else {
             1.0
         }
@@ -95,7 +94,7 @@ impl PathSource for ArrayPaths<'_> {
 
     fn not_finite(&self) -> Error {
         let too_large = || {
-            let got = format!("{:e}", largest(self.arrays));
+            let got = format!("{:e}", self.largest);
             Error::value("amplitude", "squares that are finite numbers", got)
         };
         self.arrays.check_numbers().err().unwrap_or_else(too_large)
@@ -103,7 +102,7 @@ impl PathSource for ArrayPaths<'_> {
 }
 
 /// Largest real or imaginary part of the amplitudes at a time of the frame; at all times if they are zero there.
-pub fn largest(arrays: &PathSeries) -> f64 {
+fn largest(arrays: &PathSeries) -> f64 {
     let of_row = |row: &&[Complex64]| {
         // Several at once, as each waits for the one before.
         let mut most = [0.0_f64; 8];
@@ -122,45 +121,43 @@ pub fn largest(arrays: &PathSeries) -> f64 {
     }
 }
 
-/// True for every path whose delay or amplitude changes in any channel; none if too few do not.
+/// True for every path whose delay or amplitude changes in any channel; none if few of them do not.
 fn moves(arrays: &PathSeries) -> Option<Vec<bool>> {
-    let num_paths = arrays.num_paths;
-    let is_few = |num_static: usize| WORTHWHILE * num_static <= num_paths;
-    if arrays.basis == Basis::Taylor && arrays.num_channels == 1 && arrays.delay.len() > 1 {
-        // At a glance.
-        let num_static: u64 = arrays.delay[1].iter().map(|rate| u64::from(*rate == 0.0)).sum();
-        if is_few(num_static as usize) {
+    let are_many = |num_static: usize| WORTHWHILE * num_static > arrays.num_paths;
+    let changes = |value: &f64, first: &f64| match arrays.basis {
+        Basis::Chebyshev => value != first,
+        Basis::Taylor => *value != 0.0,
+    };
+    if let Some(row) = arrays.delay.get(1) {
+        // At a glance: the first row after the first tells for nearly all paths, in any channel.
+        let values = row.iter().zip(arrays.delay[0]).take(arrays.num_paths);
+        let num_static: usize = values.map(|(value, first)| usize::from(!changes(value, first))).sum();
+        if !are_many(num_static) {
             return None;
         }
     }
-    let mut moves = vec![false; num_paths];
-    let is_worthwhile = |moves: &[bool]| !is_few(moves.iter().filter(|moves| !**moves).count());
-    // The first row after the first tells for nearly all paths.
+    let mut moves = vec![false; arrays.num_paths];
     for row in &arrays.delay[1..] {
-        for (row, first) in row.chunks(num_paths).zip(arrays.delay[0].chunks(num_paths)) {
-            for (moves, (value, first)) in moves.iter_mut().zip(row.iter().zip(first)) {
-                *moves |= match arrays.basis {
-                    Basis::Chebyshev => value != first,
-                    Basis::Taylor => *value != 0.0,
-                };
-            }
-        }
-        if !is_worthwhile(&moves) {
-            return None;
-        }
+        mark(&mut moves, row, arrays.delay[0], changes);
     }
     for row in &arrays.amplitude[1..] {
-        for (row, first) in row.chunks(num_paths).zip(arrays.amplitude[0].chunks(num_paths)) {
-            for (moves, (value, first)) in moves.iter_mut().zip(row.iter().zip(first)) {
-                *moves |= value != first;
-            }
+        mark(&mut moves, row, arrays.amplitude[0], |value, first| value != first);
+    }
+    are_many(moves.iter().filter(|moves| !**moves).count()).then_some(moves)
+}
+
+/// Mark the paths whose number in a row changes from that of the first row, in any channel.
+fn mark<N>(moves: &mut [bool], row: &[N], first: &[N], changes: impl Fn(&N, &N) -> bool) {
+    let num_paths = moves.len();
+    for (row, first) in row.chunks(num_paths).zip(first.chunks(num_paths)) {
+        for (moves, (value, first)) in moves.iter_mut().zip(row.iter().zip(first)) {
+            *moves |= changes(value, first);
         }
     }
-    is_worthwhile(&moves).then_some(moves)
 }
 
 /// Filling of a chunk with paths of arrays.
-struct FillChunk<'a, T> {
+struct FillFromArrays<'a, T> {
     paths: &'a ArrayPaths<'a>,
     request: &'a Request,
     /// Rows of amplitudes to fill.
@@ -168,82 +165,60 @@ struct FillChunk<'a, T> {
     chunk: &'a mut Chunk<T>,
 }
 
-impl<T: Precision> Kernel for FillChunk<'_, T> {
+impl<T: Precision> Kernel for FillFromArrays<'_, T> {
     type Output = ();
 
     #[cfg_attr(optimised, inline(always))]
     fn run<I: Isa>(self) {
-        let Self {
-            paths,
-            request,
-            num_amplitudes,
-            chunk,
-        } = self;
-        let (arrays, shape) = (paths.arrays, paths.shape());
-        let places = &request.paths;
+        let Request {
+            channels,
+            paths: places,
+            scale,
+            ..
+        } = self.request;
+        let (arrays, shape, chunk) = (self.paths.arrays, self.paths.shape(), self.chunk);
+        let numbers = self.paths.numbers.as_ref().map(|numbers| &numbers[places.clone()]);
+        let are_values = arrays.basis == Basis::Chebyshev;
         chunk.num_paths = places.len();
-        let numbers = paths.numbers.as_ref().map(|numbers| &numbers[places.clone()]);
-        let is_difference = arrays.basis == Basis::Chebyshev;
-        for (at, channel) in request.channels.clone().enumerate() {
+        for (at, channel) in channels.clone().enumerate() {
             let first = channel * arrays.num_paths;
+            let rows = &mut chunk.delay[at * shape.delay_rows..][..shape.delay_rows];
             for j in 0..shape.delay_rows {
-                let row = &arrays.delay[j][first..first + arrays.num_paths];
-                let (before, lane) = chunk.delay.split_at_mut(at * shape.delay_rows + j);
-                copy(row, places.start, numbers, &mut lane[0], chunk.num_paths);
-                if j > 0 && is_difference {
-                    subtract(&mut lane[0], &before[at * shape.delay_rows]);
+                let from = &arrays.delay[j][first..][..arrays.num_paths];
+                copy(from, places, numbers, &mut rows[j]);
+                let last = rows[j][places.len() - 1];
+                rows[j][places.len()..].fill(last);
+                if j > 0 && are_values {
+                    for i in 0..CHUNK {
+                        rows[j][i] -= rows[0][i];
+                    }
                 }
             }
-            for j in 0..num_amplitudes {
-                let row = &arrays.amplitude[j][first..first + arrays.num_paths];
-                let base = &arrays.amplitude[0][first..first + arrays.num_paths];
-                let lane = at * shape.amplitude_rows + j;
-                let (re, im) = (&mut chunk.re[lane], &mut chunk.im[lane]);
-                if j == 0 && numbers.is_none() {
-                    let row = &row[places.clone()];
-                    for i in 0..row.len().min(CHUNK) {
-                        re[i] = T::of(row[i].re * request.scale);
-                        im[i] = T::of(row[i].im * request.scale);
-                    }
-                } else {
-                    for i in 0..places.len().min(CHUNK) {
-                        let path = if let Some(numbers) = numbers {
-                            numbers[i] as usize
-                        } else {
-                            places.start + i
-                        };
-                        let less = if j == 0 { Complex64::ZERO } else { base[path] };
-                        re[i] = T::of((row[path].re - less.re) * request.scale);
-                        im[i] = T::of((row[path].im - less.im) * request.scale);
-                    }
+            for j in 0..self.num_amplitudes {
+                let [from, start] = [j, 0].map(|j| &arrays.amplitude[j][first..][..arrays.num_paths]);
+                let at = at * shape.amplitude_rows + j;
+                let (re, im) = (&mut chunk.re[at], &mut chunk.im[at]);
+                for i in 0..places.len().min(CHUNK) {
+                    let path = numbers.map_or(places.start + i, |numbers| numbers[i] as usize);
+                    let less = if j == 0 { Complex64::ZERO } else { start[path] };
+                    re[i] = T::of((from[path].re - less.re) * scale);
+                    im[i] = T::of((from[path].im - less.im) * scale);
                 }
-                for i in places.len()..CHUNK {
-                    (re[i], im[i]) = (T::zero(), T::zero());
-                }
+                re[places.len()..].fill(T::zero());
+                im[places.len()..].fill(T::zero());
             }
         }
     }
 }
 
-/// Copy numbers of a row to the first `len` entries of a lane, and the last of them to the rest.
+/// Copy some numbers of a row: those at some places, or those of a list.
 #[cfg_attr(optimised, inline(always))]
-fn copy(row: &[f64], start: usize, numbers: Option<&[u32]>, lane: &mut Lane<f64>, len: usize) {
+fn copy<N: Copy>(row: &[N], places: &Range<usize>, numbers: Option<&[u32]>, to: &mut Lane<N>) {
     if let Some(numbers) = numbers {
-        for i in 0..len {
-            lane[i] = row[numbers[i] as usize];
+        for i in 0..numbers.len().min(CHUNK) {
+            to[i] = row[numbers[i] as usize];
         }
     } else {
-        lane[..len].copy_from_slice(&row[start..start + len]);
-    }
-    let last = lane[len - 1];
-    for i in len..CHUNK {
-        lane[i] = last;
-    }
-}
-
-#[cfg_attr(optimised, inline(always))]
-fn subtract<T: Real>(lane: &mut Lane<T>, first: &Lane<T>) {
-    for i in 0..CHUNK {
-        lane[i] = lane[i] - first[i];
+        to[..places.len()].copy_from_slice(&row[places.clone()]);
     }
 }

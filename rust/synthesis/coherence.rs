@@ -1,128 +1,198 @@
-//! Sums of amplitudes over cells of range and velocity: bound of what paths can add up to, whatever their phases.
+//! Coherence of paths beside the frame: what the errors of a spreading kernel add up to.
 //!
-//! A spreading kernel leaves aliases: samples of other times, a period of the grid away, times a small factor. Paths
-//! whose phases are unrelated within the frame may add up there, as the echo of a plate does that faces the radar a
-//! frame later. Paths of different cells cannot keep in phase for long: over any interval as long as the frame, the
-//! energy of a sum is about that of its cells, each with the sum of its amplitudes (large sieve).
+//! A spreading kernel leaves aliases: the samples of other times, a period of the grid away, times a small factor. Paths
+//! whose phases are unrelated within the frame may be in phase there, as the echo of a plate does that faces the radar a
+//! frame later. The energy of the sum is estimated at the nearest of these times, on either side along range and along
+//! velocity: paths of a cell of range and velocity, half a turn of phase over the samples by half a turn over the chirps, add
+//! up as complex numbers; those of different cells do not, on average over the frame (Parseval). Cells share few slots, with
+//! pseudo-random signs: the expected energy is the same (Charikar, Chen, Farach-Colton, "Finding frequent items in data
+//! streams").
 
-use crate::numeric::simd::Real;
+use crate::numeric::random::mix;
+use crate::numeric::simd::{Isa, Precision, Real, Vector};
+use crate::numeric::wide;
+use crate::synthesis::chunk::{CHUNK, Lane};
 
-/// Most cells along velocity and along range: what is finer is merged, which the bound allows.
-const MOST_ROWS: usize = 64;
-const MOST_COLUMNS: usize = 128;
+/// Number of slots, a power of two.
+const SLOTS: usize = 512;
 
-/// Sums of amplitudes over cells of velocity and range of some paths of a channel; no memory before the first path.
-#[derive(Clone, Debug, Default)]
-pub struct Coherence {
-    /// Cells along velocity, a power of two: at most one per turn of phase over the frame.
-    rows: usize,
-    /// Cells along range: at most one per turn of phase over a chirp.
-    columns: usize,
-    /// Rows per turn of phase over the frame.
-    rows_per_turn: f64,
-    /// Sums of amplitudes, (row, column).
-    cells: Vec<f32>,
-    /// Sum of the squares of amplitudes.
-    squares: f64,
+/// Products of cosine and sine along range and along velocity with a strength, real and imaginary part.
+const NUMBERS: usize = 8;
+
+/// Paths that are added at once.
+pub const LANES: usize = 16;
+
+/// Safety factor of the energy of paths in phase: the sum over a cell has 0.81 of the energy where its paths are a quarter
+/// of a turn apart.
+const SAFETY: f64 = 1.0 / 0.81;
+
+/// Relative error of an energy by slots: three standard deviations, and the largest of four sides.
+const SLOT_ERROR: f64 = 0.14;
+
+/// Axis of cells, in units of a coordinate of the paths.
+#[derive(Clone, Copy, Debug)]
+pub struct CellAxis {
+    /// Turns per unit, modulo which cells repeat.
+    pub turns: f64,
+    /// Cells per turn.
+    pub cells: f64,
+    /// Turns per unit from the middle of the frame to the nearest alias; 0 without a grid along the axis.
+    pub edge: f64,
 }
 
-impl Coherence {
-    /// Cells of a frame.
-    pub fn new(num_chirps: usize, num_samples: usize) -> Self {
-        let most = num_chirps.clamp(1, MOST_ROWS);
-        let rows = 1 << most.ilog2();
+/// Sums by slot of one path in some of a channel.
+#[derive(Clone, Debug)]
+pub struct CellSums {
+    axes: [CellAxis; 2],
+    step: usize,
+    /// Sums of strengths, with signs.
+    strengths: Box<[[f32; NUMBERS]; SLOTS]>,
+    /// Sums of squared strengths, and numbers of paths.
+    powers: Box<[[f32; 2]; SLOTS]>,
+    /// Number of paths, measured or not.
+    pub count: usize,
+}
+
+impl CellSums {
+    /// Memory [bytes].
+    pub const MEMORY: usize = SLOTS * (NUMBERS + 2) * size_of::<f32>();
+
+    /// Sums of no paths, for cells of range and velocity, of one path in `step`.
+    pub fn new(axes: [CellAxis; 2], step: usize) -> Self {
         Self {
-            rows,
-            columns: num_samples.clamp(1, MOST_COLUMNS),
-            rows_per_turn: rows as f64 / num_chirps.max(1) as f64,
-            ..Self::default()
+            axes,
+            step,
+            strengths: Box::new([[0.0; NUMBERS]; SLOTS]),
+            powers: Box::new([[0.0; 2]; SLOTS]),
+            count: 0,
         }
     }
 
-    /// Numbers of cells along velocity and along range.
-    pub fn num_cells(&self) -> [usize; 2] {
-        [self.rows, self.columns]
-    }
-
-    /// Cells along velocity per turn of phase over the frame.
-    pub fn rows_per_turn(&self) -> f64 {
-        self.rows_per_turn
-    }
-
-    /// Add a path: turns of phase from sample to sample, turns over the frame, amplitude.
-    pub fn add(&mut self, range: f64, velocity: f64, amplitude: f64) {
-        let number = |turns: f64, cells: usize| ((turns - turns.floor()) * cells as f64) as usize % cells;
-        let row = number(velocity * self.rows_per_turn / self.rows as f64, self.rows);
-        let cell = row * self.columns + number(range, self.columns);
-        self.add_to(&[cell as u32], &[amplitude], amplitude * amplitude);
-    }
-
-    /// Add the amplitudes of paths to the cells of some indices, and the sum of their squares.
-    #[cfg_attr(optimised, inline(always))] // within loops over paths
-    pub fn add_to<T: Real>(&mut self, cells: &[u32], amplitudes: &[T], squares: f64) {
-        if self.cells.is_empty() {
-            self.cells.resize(self.rows * self.columns, 0.0);
+    /// Add some of the first `count` paths of a chunk, by their coordinates on both axes and the parts of their strengths
+    /// in the middle of the frame, side by side.
+    #[cfg_attr(optimised, inline(always))] // part of kernels
+    pub fn add<T: Precision, I: Isa>(&mut self, count: usize, places: &[Lane<T>; 2], strengths: &[T; 2 * CHUNK]) {
+        // One of as many neighbours, the first at a pseudo-random place.
+        let start = mix(self.count as u64) as usize % self.step;
+        let count = count.min(CHUNK);
+        self.count += count;
+        for first in (start..count).step_by(LANES * self.step) {
+            let mut lanes = [[0.0; LANES]; 4];
+            let len = (count - first).div_ceil(self.step).min(LANES);
+            for lane in 0..len {
+                let path = first + lane * self.step;
+                lanes[0][lane] = places[0][path].wide() as f32;
+                lanes[1][lane] = places[1][path].wide() as f32;
+                lanes[2][lane] = strengths[2 * path].wide() as f32;
+                lanes[3][lane] = strengths[2 * path + 1].wide() as f32;
+            }
+            self.add_lanes::<I>(len, &lanes);
         }
-        self.squares += squares;
-        // Neighbouring paths are often in one cell: sums in registers, two at once, need not wait for memory.
-        let store = &mut self.cells[..];
-        let half = cells.len() / 2;
-        let (mut last, mut sums) = ([0_u32; 2], [T::zero(); 2]);
-        for i in 0..half {
-            for (side, path) in [i, half + i].into_iter().enumerate() {
-                if cells[path] != last[side] {
-                    store[last[side] as usize] += sums[side].wide() as f32;
-                    (last[side], sums[side]) = (cells[path], T::zero());
-                }
-                sums[side] = sums[side] + amplitudes[path];
+    }
+
+    /// Add paths by their coordinates on both axes and the parts of their strengths.
+    #[cfg_attr(optimised, inline(always))] // part of kernels
+    pub fn add_lanes<I: Isa>(&mut self, len: usize, lanes: &[[f32; LANES]; 4]) {
+        let strength = [I::F32::load(&lanes[2]), I::F32::load(&lanes[3])];
+        let square = strength[0].mul_add(strength[0], strength[1].mul(strength[1]));
+        let mut squares = [0.0; LANES];
+        square.store(&mut squares);
+        let mut products = [strength[0]; NUMBERS];
+        let mut cells = [[0.0; LANES]; 2];
+        for axis in 0..2 {
+            let CellAxis {
+                turns,
+                cells: number,
+                edge,
+            } = self.axes[axis];
+            let place = I::F32::load(&lanes[axis]);
+            let phasor = wide::cos_sin_of::<f32, I>(place.mul(wide::number::<f32, I>(edge)));
+            for i in 0..4 {
+                products[4 * axis + i] = phasor[i / 2].mul(strength[i % 2]);
+            }
+            let magic = I::F32::splat(f32::ROUND);
+            let turns = place.mul(wide::number::<f32, I>(turns));
+            let turns = turns.sub(turns.add(magic).sub(magic));
+            turns
+                .mul_add(wide::number::<f32, I>(number), magic)
+                .store(&mut cells[axis]);
+        }
+        // Transpose: the numbers of a path side by side.
+        for _ in 0..NUMBERS.ilog2() {
+            let before = products;
+            for i in 0..NUMBERS / 2 {
+                [products[2 * i], products[2 * i + 1]] = before[i].interleave(before[i + NUMBERS / 2]);
             }
         }
-        for side in 0..2 {
-            store[last[side] as usize] += sums[side].wide() as f32;
-        }
-        for path in 2 * half..cells.len() {
-            store[cells[path] as usize] += amplitudes[path].wide() as f32;
+        let mut numbers = [0.0; LANES * NUMBERS];
+        wide::store(products, &mut numbers);
+        for path in 0..len {
+            // Slot and sign by the highest and the lowest bits of a hash of both cells.
+            let hash = (cells[0][path].to_bits() ^ cells[1][path].to_bits() << 16).wrapping_mul(0x9E37_79B1);
+            let hash = (hash ^ hash >> 15).wrapping_mul(0x85EB_CA6B);
+            let slot = (hash >> 16) as usize % SLOTS;
+            let sign = hash >> 31 << 31;
+            self.powers[slot][0] += squares[path];
+            self.powers[slot][1] += 1.0;
+            for i in 0..NUMBERS {
+                self.strengths[slot][i] += f32::from_bits(numbers[NUMBERS * path + i].to_bits() ^ sign);
+            }
         }
     }
 
-    /// Add the paths of another one of the same frame.
+    /// Add the paths of another one.
     pub fn join(&mut self, other: &Self) {
-        if self.cells.is_empty() {
-            *self = other.clone();
-            return;
+        let others = other.strengths.as_flattened().iter().chain(other.powers.as_flattened());
+        let sums = self.strengths.as_flattened_mut().iter_mut();
+        for (sum, other) in sums.chain(self.powers.as_flattened_mut()).zip(others) {
+            *sum += other;
         }
-        for (sum, cell) in self.cells.iter_mut().zip(&other.cells) {
-            *sum += cell;
-        }
-        self.squares += other.squares;
+        self.count += other.count;
     }
 
-    /// Largest energy of the sum for parts of the frame that are `count` times as short, and that of independent
-    /// phases.
-    pub fn energy(&self, count: usize) -> [f64; 2] {
-        if self.cells.is_empty() {
-            return [0.0; 2];
-        }
-        // Over a shorter time neighbouring velocities keep in phase.
-        let merged = count.next_power_of_two().min(self.rows);
-        let mut sums = vec![0.0; self.columns];
-        let mut energy = 0.0;
-        for rows in self.cells.chunks(merged * self.columns) {
-            sums.fill(0.0);
-            for row in rows.chunks_exact(self.columns) {
-                for (sum, cell) in sums.iter_mut().zip(row) {
-                    *sum += f64::from(*cell);
+    /// Sums over all slots of the power, the number of paths, and their product.
+    fn totals(&self) -> [f64; 3] {
+        let slots = self.powers.iter().map(|slot| slot.map(f64::from));
+        slots.fold([0.0; 3], |sum, [power, number]| {
+            [sum[0] + power, sum[1] + number, sum[2] + power * number]
+        })
+    }
+
+    /// Sum of the powers of the measured paths.
+    pub fn power(&self) -> f64 {
+        self.totals()[0]
+    }
+
+    /// Bound of the energy beside the frame over that of independent phases, from 1 to the number of paths; `strongest` is
+    /// the share of the strongest path in the power.
+    pub fn energy(&self, strongest: f64) -> f64 {
+        // Both sides are cos + j sin and cos - j sin.
+        let mut sides = [0.0_f64; NUMBERS / 2];
+        for slot in self.strengths.iter() {
+            let slot = slot.map(f64::from);
+            for (axis, [a, b, c, d]) in slot.as_chunks().0.iter().enumerate() {
+                if self.axes[axis].edge == 0.0 {
+                    continue;
                 }
+                sides[2 * axis] += (a - d).powi(2) + (b + c).powi(2);
+                sides[2 * axis + 1] += (a + d).powi(2) + (b - c).powi(2);
             }
-            energy += sums.iter().map(|sum| sum * sum).sum::<f64>();
         }
-        [energy, self.squares]
+        let largest = sides.into_iter().fold(0.0, f64::max);
+        let (step, energy) = (self.step as f64, (1.0 + SLOT_ERROR) * largest / self.power());
+        let measured = 1.0 + SAFETY * step * (energy - 1.0).max(0.0);
+        // Two standard deviations of the sum of paths in phase by a sample. These paths have no larger share of the power
+        // than the strongest has of their energy, by the inequality of Hoelder.
+        let share = (strongest * measured).sqrt().min(1.0);
+        let bound = (measured.sqrt() + 2.0 * ((step - 1.0) * share).sqrt()).powi(2);
+        bound.min(self.count as f64).max(1.0)
     }
 
-    /// Root of the ratio of the two [energies](Self::energy), at least 1.
-    pub fn gain(&self, count: usize) -> f64 {
-        let [energy, squares] = self.energy(count);
-        let ratio = energy / squares;
-        if ratio.is_finite() { ratio.max(1.0).sqrt() } else { 1.0 }
+    /// Mean number of paths in the cell of a path, weighted by power.
+    pub fn population(&self) -> f64 {
+        let [power, number, product] = self.totals();
+        // Without paths of different cells that share a slot by chance.
+        let measured = product / power - number / SLOTS as f64;
+        1.0 + self.step as f64 * (measured - 1.0).max(0.0)
     }
 }

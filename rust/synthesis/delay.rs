@@ -8,12 +8,6 @@ use crate::synthesis::chirp::Waveform;
 /// Most values per path: the matrix from values to coefficients has the square of that.
 const MAX_NODES: usize = 4096;
 
-/// Most rows of a series that sums are planned for.
-const MAX_PLANNED_TERMS: usize = 64;
-
-/// Largest growth of a term of a series outside the frame, by which rounding grows as well.
-const MOST_GROWTH: f64 = 1e3;
-
 /// Basis of a series: the meaning of the first axis of [`PathSeries`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
@@ -39,30 +33,6 @@ pub struct PathSeries<'a> {
 }
 
 impl PathSeries<'_> {
-    /// Number of rows of `delay`.
-    pub fn num_delay_terms(&self) -> usize {
-        self.delay.len()
-    }
-
-    /// Number of rows of `amplitude`.
-    pub fn num_amplitude_terms(&self) -> usize {
-        self.amplitude.len()
-    }
-
-    /// Larger number of rows of `delay` and of `amplitude`.
-    pub fn num_terms(&self) -> usize {
-        self.num_delay_terms().max(self.num_amplitude_terms())
-    }
-
-    /// True if sums can be planned, and are not left to the direct sum: there are few terms, and none grows outside the
-    /// frame, where blocks, which are symmetric about middle samples, may end.
-    pub fn can_be_planned(&self, waveform: &Waveform) -> bool {
-        let degree = self.num_terms().max(1) - 1;
-        let beyond = waveform.middle_time() + waveform.half_sweep() - waveform.sample_time(waveform.num_samples - 1);
-        let growth = || (degree as f64 * (1.0 + 2.0 * beyond / waveform.duration()).max(1.0).acosh()).cosh();
-        degree < MAX_PLANNED_TERMS && (degree == 0 || self.basis != Basis::Chebyshev || growth() <= MOST_GROWTH)
-    }
-
     /// Refuse shapes that do not agree.
     pub fn check_shapes(&self) -> Result<()> {
         let plane = self.num_channels * self.num_paths;
@@ -73,20 +43,16 @@ impl PathSeries<'_> {
                 return Err(Error::value(name, expected, length));
             }
         }
-        let (max_terms, terms) = match self.basis {
-            Basis::Taylor => (3, "terms"),
-            Basis::Chebyshev => (MAX_NODES, "nodes"),
+        let nodes = (MAX_NODES, format!("1 to {MAX_NODES} nodes"));
+        let limits = match self.basis {
+            Basis::Taylor => [(3, "1 to 3 terms".to_owned()), (1, "one amplitude per path".to_owned())],
+            Basis::Chebyshev => [nodes.clone(), nodes],
         };
-        if self.delay.is_empty() || self.delay.len() > max_terms {
-            let expected = format!("1 to {max_terms} {terms}");
-            return Err(Error::value("delay", expected, self.delay.len()));
-        }
-        let (most, expected) = match self.basis {
-            Basis::Taylor => (1, "one amplitude per path".to_owned()),
-            Basis::Chebyshev => (MAX_NODES, format!("1 to {MAX_NODES} nodes")),
-        };
-        if self.amplitude.is_empty() || self.amplitude.len() > most {
-            return Err(Error::value("amplitude", expected, self.amplitude.len()));
+        let numbers = [("delay", self.delay.len()), ("amplitude", self.amplitude.len())];
+        for ((name, number), (most, expected)) in numbers.into_iter().zip(limits) {
+            if number == 0 || number > most {
+                return Err(Error::value(name, expected, number));
+            }
         }
         Ok(())
     }
@@ -142,38 +108,24 @@ pub fn basis_values(basis: Basis, waveform: &Waveform, t: f64, out: &mut [f64]) 
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
-
     use super::*;
-    use crate::numeric::chebyshev::chebyshev_matrix;
-
-    fn waveform() -> Waveform {
-        Waveform {
-            start_frequency: 60e9,
-            slope: 1e13,
-            sample_rate: 2e6,
-            adc_delay: 3e-6,
-            num_samples: 64,
-            chirp_times: (0..8).map(|c| f64::from(c) * 1e-4).collect(),
-        }
-    }
+    use crate::numeric::chebyshev::{chebyshev_matrix, chebyshev_nodes};
+    use crate::synthesis::tests::waveform;
 
     #[test]
     fn polynomial_through_chebyshev_times_is_recovered_everywhere() {
-        let (wf, n) = (waveform(), 5);
+        let wf = waveform(8, 64, 1e9);
         let f = |t: f64| 1.0 + 3.0e3 * t - 2.0e6 * t * t + 1.0e9 * t.powi(3) - 4.0e11 * t.powi(4);
-        let nodes: Vec<f64> = (0..n)
-            .map(|j| 0.5 * wf.duration() * (1.0 - (PI * f64::from(2 * j + 1) / 10.0).cos()))
-            .collect();
-        let matrix = chebyshev_matrix(5);
-        let coefficients: Vec<f64> = (0..5)
-            .map(|k| (0..5).map(|j| matrix[5 * k + j] * f(nodes[j])).sum())
-            .collect();
+        let times = chebyshev_nodes(5).into_iter().map(|x| 0.5 * wf.duration() * (1.0 + x));
+        let values: Vec<f64> = times.map(f).collect();
         for t in [0.0, 1e-4, 3.3e-4, wf.duration()] {
-            let mut values = [0.0; 5];
-            basis_values(Basis::Chebyshev, &wf, t, &mut values);
-            let got: f64 = values.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
-            assert!((got - f(t)).abs() < 1e-13, "{got} {}", f(t));
+            let mut functions = [0.0; 5];
+            basis_values(Basis::Chebyshev, &wf, t, &mut functions);
+            let coefficient = |weights: &[f64]| weights.iter().zip(&values).map(|(a, b)| a * b).sum::<f64>();
+            let coefficients = chebyshev_matrix(5);
+            let terms = coefficients.chunks(5).map(coefficient).zip(functions);
+            let got: f64 = terms.map(|(a, b)| a * b).sum();
+            assert!((got / f(t) - 1.0).abs() < 1e-13, "{got} {}", f(t));
         }
     }
 }

@@ -13,3 +13,6 @@ pub mod doppler_nufft;
 pub mod kaiser_bessel;
 pub mod report;
 pub mod source;
+
+#[cfg(test)]
+mod tests;

@@ -2,10 +2,12 @@
 
 use std::fmt;
 
-use num_complex::{Complex32, Complex64};
+use num_complex::{Complex, Complex32, Complex64};
 
 use crate::cancel::Cancel;
-use crate::numeric::simd::Level;
+use crate::error::Result;
+use crate::numeric::simd::{Level, Real};
+use crate::synthesis::source::PathGroup;
 
 /// Smallest tolerance whose samples are in single precision.
 pub const SINGLE_TOLERANCE: f64 = 1e-6;
@@ -33,7 +35,7 @@ pub struct Options<'a> {
 pub struct Known {
     /// Largest rms of the samples of a channel, relative to its l2(amplitudes); at least 1.
     pub gain: f64,
-    /// Largest [gain](crate::synthesis::coherence::Coherence::gain) that the paths of a channel may have in phase.
+    /// Root of the largest [energy](crate::synthesis::coherence::CellSums::energy) of the paths of a channel beside the frame.
     pub coherence: f64,
     /// True if single precision was too coarse.
     pub needs_double: bool,
@@ -100,6 +102,19 @@ pub enum Samples {
 }
 
 impl Samples {
+    /// Samples times a factor, in the precision of a tolerance. In double precision before: the factor may be out of the range
+    /// of single precision where samples times it are not.
+    pub fn new<T: Real>(samples: &[Complex<T>], factor: f64, tolerance: f64) -> Self {
+        let scaled = samples
+            .iter()
+            .map(|s| Complex64::new(s.re.wide() * factor, s.im.wide() * factor));
+        if tolerance >= SINGLE_TOLERANCE {
+            Self::Single(scaled.map(|s| Complex32::new(s.re as f32, s.im as f32)).collect())
+        } else {
+            Self::Double(scaled.collect())
+        }
+    }
+
     /// Zeros, in the precision of a tolerance.
     pub fn zeros(shape: [usize; 3], tolerance: f64) -> Self {
         let number = shape.iter().product();
@@ -122,6 +137,14 @@ pub struct Sum {
     pub coherence: f64,
     /// Report of the sum.
     pub report: Report,
+}
+
+/// A sum that is ready to run.
+pub struct Prepared<'a> {
+    /// Report of the sum before it runs.
+    pub report: Report,
+    /// Form the sum.
+    pub run: Box<dyn FnOnce() -> Result<Sum> + 'a>,
 }
 
 /// Report of a sum, or of a prepared one.
@@ -155,6 +178,22 @@ pub struct Report {
     pub gain: f64,
     /// Number of runs; set by `beat_signal`.
     pub num_runs: usize,
+}
+
+impl Report {
+    /// Report of an engine that sums some groups, in double precision.
+    pub fn new(engine: &'static str, groups: &[PathGroup]) -> Self {
+        let mut report = Self {
+            engine,
+            ..Self::default()
+        };
+        for shape in groups.iter().map(|group| group.source.shape()) {
+            let number = shape.channels * shape.paths;
+            report.num_paths += number;
+            report.num_static += if shape.is_static() { number } else { 0 };
+        }
+        report
+    }
 }
 
 impl fmt::Display for Report {

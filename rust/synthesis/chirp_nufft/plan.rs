@@ -4,33 +4,28 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use num_complex::Complex;
-
-use super::build::{Builder, Coefficients};
-use super::coherence::{Coherence, Measure, Sketch};
-use super::errors::Errors;
-use super::grid::{self, Layer, Part, Steps, block_of};
-use super::number::Number;
-use super::record::Batch;
-use super::tables::{GroupTables, Tables};
+use super::coherence::SumCells;
+use super::fast_time::{FastTime, LaneTables, Nodes, Orders};
+use super::grid::block_of;
+use super::number::{LaneRow, MAX_ORDERS, Number};
+use super::records::{Batch, Build, Errors, counts};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::numeric::parallel;
-use crate::numeric::simd::{Isa, Kernel, Level};
 use crate::synthesis::chirp::Waveform;
-use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane, expand};
+use crate::synthesis::chunk::{Block, CHUNK};
 use crate::synthesis::kaiser_bessel::ToneError;
-use crate::synthesis::report::{ErrorBound, Known, Options, SINGLE_TOLERANCE};
-use crate::synthesis::source::{PathGroup, Request, Shape};
+use crate::synthesis::report::{ErrorBound, Options, SINGLE_TOLERANCE};
+use crate::synthesis::source::{PathGroup, PathSource};
 
 /// Share of the tolerance that errors of long blocks may have.
 const BLOCK_SHARE: f64 = 0.3;
 
 /// Share of the tolerance that the bound of the error may fill.
-pub const MARGIN: f64 = 0.95;
+const MARGIN: f64 = 0.95;
 
 /// Gain that steps allow for where it costs nothing but cells: more makes a second run.
-const RESERVE: f64 = 2.0;
+const RESERVE: f64 = 1.4;
 
 /// Rounding of samples in single precision, rms relative to them.
 const OF_SAMPLES: f64 = 2.2e-8;
@@ -38,44 +33,71 @@ const OF_SAMPLES: f64 = 2.2e-8;
 /// Chunks of paths of one task, a constant: sums of errors do not depend on the number of threads.
 const CHUNKS: usize = 8;
 
+/// Tolerance from which one record in [`STEP`] is enough to measure energies: what adds up in the others may be as strong
+/// again, which the narrowest kernel allows.
+const COARSE: f64 = 1e-2;
+const STEP: usize = 4;
+
+/// Fewest paths of which some are measured.
+const FEWEST_SAMPLED: usize = 4096;
+
 /// Tasks that tell whether blocks are short enough, before all are built.
 const NUM_PROBES: usize = 2;
 
 /// Parts of the batches of a channel that are measured side by side, a constant.
 const SHARES: usize = 4;
 
-/// Records of the paths of a group.
-struct Group<'a, T: Number> {
-    paths: &'a PathGroup<'a>,
-    blocks: Vec<Block>,
+/// Steps of a sum.
+#[derive(Clone, Debug)]
+pub struct Steps {
+    /// Width of the kernel [cells].
+    pub width: usize,
+    /// Degrees of fast time of the grids; 0 is the first.
+    pub degrees: Vec<usize>,
+}
+
+/// Records of a group of paths.
+pub struct RecordGroup<T> {
+    /// Power of the frequency, see [`PathGroup`].
+    pub frequency_exponent: u8,
+    /// True if paths do not move.
+    pub is_static: bool,
+    /// Blocks of chirps.
+    pub blocks: Vec<Block>,
     /// Batches of every channel, in a fixed order.
-    batches: Vec<Vec<Batch<T>>>,
+    pub batches: Vec<Vec<Batch<T>>>,
 }
 
 /// Records of all paths.
-pub struct Plan<'a, T: Number> {
-    tables: Tables<'a>,
-    options: &'a Options<'a>,
-    groups: Vec<Group<'a, T>>,
+pub struct ChirpPlan<'a, T> {
+    /// Constants of the frame.
+    pub fast_time: FastTime<'a>,
+    powers: [[f64; MAX_ORDERS]; MAX_ORDERS],
+    /// Options of the sum.
+    pub options: &'a Options<'a>,
+    /// Groups of paths.
+    pub groups: Vec<RecordGroup<T>>,
     /// Factor of amplitudes, a power of two.
-    scale: f64,
+    pub scale: f64,
     /// Number of paths of a channel.
     num_paths: usize,
     /// Errors by channel.
-    pub errors: Vec<Errors>,
-    /// Coherence beside the chirps, by channel.
-    pub coherence: Vec<Coherence>,
+    pub errors: Vec<Errors<f64>>,
+    /// Energy beside the chirps over that of independent phases, by channel.
+    pub energies: Vec<f64>,
     /// Cheapest steps that keep the tolerance, or the finest.
     pub steps: Steps,
     /// Error of these steps.
     pub error: ErrorBound,
 }
 
-impl<'a, T: Number> Plan<'a, T> {
+impl<'a, T: Number> ChirpPlan<'a, T> {
     /// Build the records of all paths, and choose the steps.
-    pub fn new(waveform: &'a Waveform, groups: &'a [PathGroup<'a>], options: &'a Options<'a>) -> Result<Self> {
+    pub fn new(waveform: &'a Waveform, groups: &[PathGroup], options: &'a Options<'a>) -> Result<Self> {
+        let fast_time = FastTime::new(waveform);
         let mut plan = Self {
-            tables: Tables::new(waveform),
+            powers: fast_time.powers(),
+            fast_time,
             options,
             groups: Vec::new(),
             scale: groups
@@ -84,10 +106,10 @@ impl<'a, T: Number> Plan<'a, T> {
                 .fold(f64::INFINITY, f64::min),
             num_paths: groups.iter().map(|group| group.source.shape().paths).sum(),
             errors: Vec::new(),
-            coherence: Vec::new(),
+            energies: Vec::new(),
             steps: Steps {
                 width: T::WIDTHS[0],
-                powers: [0; 2],
+                degrees: vec![0],
             },
             error: ErrorBound::default(),
         };
@@ -97,115 +119,96 @@ impl<'a, T: Number> Plan<'a, T> {
         }
         let num_channels = groups.first().map_or(0, |group| group.source.shape().channels);
         plan.errors = (0..num_channels).map(|channel| plan.sum_errors(channel)).collect();
-        plan.coherence = plan.measure(num_channels);
+        plan.energies = plan.measure();
         plan.choose();
         Ok(plan)
     }
 
     /// Number of groups of chirps that are spread side by side.
     fn num_lane_groups(&self) -> usize {
-        self.tables.waveform.chirp_times.len().div_ceil(T::LANES)
+        self.fast_time.waveform.chirp_times.len().div_ceil(T::LANES)
     }
 
-    /// Blocks of chirps of whole groups.
-    fn blocks(&self, shape: &Shape, number: usize) -> Vec<Block> {
-        let (num_groups, num_chirps) = (self.num_lane_groups(), self.tables.waveform.chirp_times.len());
-        let first = |block: usize| {
-            (0..num_groups)
-                .filter(|group| block_of(*group, num_groups, number) < block)
-                .count()
+    /// Blocks of chirps of whole groups, and the orders of fast time in them.
+    fn blocks(&self, source: &dyn PathSource, number: usize) -> Vec<(Block, Vec<Orders>)> {
+        let (shape, num_groups) = (source.shape(), self.num_lane_groups());
+        let waveform = self.fast_time.waveform;
+        // The first group of a block.
+        let first = |block: usize| (block * num_groups).div_ceil(number);
+        let of_block = |block: usize| {
+            let end = (T::LANES * first(block + 1)).min(waveform.chirp_times.len());
+            let block = Block::new(waveform, &shape, T::LANES * first(block)..end);
+            let [num_turns, num_amplitudes] = counts::<T>(&shape);
+            let orders = self.fast_time.orders::<T>(&block, num_amplitudes.max(num_turns + 1));
+            (block, orders)
         };
-        let chirps = |block: usize| T::LANES * first(block)..(T::LANES * first(block + 1)).min(num_chirps);
-        (0..number)
-            .map(|block| Block::new(self.tables.waveform, shape, chirps(block)))
-            .collect()
+        (0..number).map(of_block).collect()
     }
 
     /// Build the records of a group, with half as long blocks until they are short enough.
-    fn build(&self, group: &'a PathGroup<'a>) -> Result<Group<'a, T>> {
+    fn build(&self, group: &PathGroup) -> Result<RecordGroup<T>> {
         let (source, shape) = (group.source, group.source.shape());
-        let num_chunks = shape.paths.div_ceil(CHUNK);
-        let together = source.channels_together().clamp(1, shape.channels);
-        let channels = (0..shape.channels)
-            .step_by(together)
-            .map(|first| first..shape.channels.min(first + together));
-        let parts = || {
-            (0..num_chunks)
-                .step_by(CHUNKS)
-                .map(|first| first..num_chunks.min(first + CHUNKS))
+        let parts = |number: usize, size: usize| {
+            let firsts = (0..number).step_by(size.clamp(1, number));
+            firsts.map(move |first| first..number.min(first + size))
         };
-        let tasks: Vec<_> = channels
-            .flat_map(|channels| parts().map(move |chunks| (channels.clone(), chunks)))
+        let tasks: Vec<(Range<usize>, Range<usize>)> = parts(shape.channels, source.channels_together())
+            .flat_map(|channels| {
+                let chunks = parts(shape.paths.div_ceil(CHUNK), CHUNKS);
+                chunks.map(move |chunks| (channels.clone(), chunks))
+            })
             .collect();
         let (mut number, mut step) = (1, 1);
         loop {
-            let blocks = self.blocks(&shape, number);
-            let builders: Vec<Builder> = blocks
-                .iter()
-                .map(|block| {
-                    Builder::new(
-                        &self.tables,
-                        block,
-                        shape.delay_rows.max(shape.amplitude_rows),
-                        self.options.tolerance,
-                    )
-                })
-                .collect();
+            let blocks = self.blocks(source, number);
+            let build = |(channels, chunks): (Range<usize>, Range<usize>)| {
+                self.options.cancel.map_or(Ok(()), Cancel::check)?;
+                let batches = self.options.level.run(Build {
+                    fast_time: &self.fast_time,
+                    powers: &self.powers,
+                    source,
+                    blocks: &blocks,
+                    channels: channels.clone(),
+                    chunks,
+                    scale: self.scale,
+                    tolerance: self.options.tolerance / self.options.known.gain,
+                    level: self.options.level,
+                    number: PhantomData,
+                });
+                Ok((channels.start, batches))
+            };
             let some = tasks.iter().step_by(step).cloned().collect();
-            let built = parallel::map(
-                self.options.is_parallel,
-                some,
-                |(channels, chunks): (Range<usize>, Range<usize>)| {
-                    self.options.cancel.map_or(Ok(()), Cancel::check)?;
-                    Ok(self.options.level.run(Build {
-                        group,
-                        shape: &shape,
-                        blocks: &blocks,
-                        builders: &builders,
-                        channels,
-                        chunks,
-                        scale: self.scale,
-                        level: self.options.level,
-                        number: PhantomData,
-                    }))
-                },
-            );
-            let built: Vec<Vec<Batch<T>>> = built.into_iter().collect::<Result<_>>()?;
+            let mut batches: Vec<Vec<Batch<T>>> = (0..shape.channels).map(|_| Vec::new()).collect();
             let mut errors = vec![Errors::default(); shape.channels];
-            for ((channels, _), batches) in tasks.iter().step_by(step).zip(&built) {
-                for (channel, batch) in channels.clone().zip(batches) {
+            for built in parallel::map(self.options.is_parallel, some, build) {
+                let (first, built) = built?;
+                for (channel, batch) in (first..).zip(built) {
                     errors[channel].add(&batch.errors, 1.0);
+                    batches[channel].push(batch);
                 }
             }
             if errors.iter().any(|errors| !errors.power.is_finite()) {
                 return Err(source.not_finite());
             }
-            let of_blocks = largest(errors.iter().map(|errors| errors.of_blocks::<T>(&self.tables)));
+            let of_blocks = largest(errors.iter().map(|errors| errors.of_blocks::<T>(&self.fast_time)));
             let is_short = of_blocks <= BLOCK_SHARE * self.options.tolerance;
             if !is_short && 2 * number <= self.num_lane_groups() {
                 (number, step) = (2 * number, tasks.len().div_ceil(NUM_PROBES));
-                continue;
-            }
-            if step > 1 {
+            } else if step > 1 {
                 step = 1;
-                continue;
+            } else {
+                return Ok(RecordGroup {
+                    frequency_exponent: group.frequency_exponent,
+                    is_static: shape.is_static(),
+                    blocks: blocks.into_iter().map(|(block, _)| block).collect(),
+                    batches,
+                });
             }
-            let mut batches: Vec<Vec<Batch<T>>> = (0..shape.channels).map(|_| Vec::new()).collect();
-            for ((channels, _), built) in tasks.iter().zip(built) {
-                for (channel, batch) in channels.clone().zip(built) {
-                    batches[channel].push(batch);
-                }
-            }
-            return Ok(Group {
-                paths: group,
-                blocks,
-                batches,
-            });
         }
     }
 
     /// Errors of a channel.
-    fn sum_errors(&self, channel: usize) -> Errors {
+    fn sum_errors(&self, channel: usize) -> Errors<f64> {
         let mut errors = Errors::default();
         for batch in self.groups.iter().flat_map(|group| &group.batches[channel]) {
             errors.add(&batch.errors, 1.0);
@@ -213,101 +216,108 @@ impl<'a, T: Number> Plan<'a, T> {
         errors
     }
 
-    /// Coherence beside the chirps, by channel: means over blocks and groups.
-    fn measure(&self, num_channels: usize) -> Vec<Coherence> {
+    /// Energies beside the chirps, by channel: means over blocks and groups.
+    fn measure(&self) -> Vec<f64> {
         if self.num_paths <= 1 {
-            return vec![Coherence::NONE; num_channels];
+            return vec![1.0; self.errors.len()];
         }
         let mut numbers: Vec<usize> = self.groups.iter().map(|group| group.blocks.len()).collect();
         numbers.sort_unstable();
         numbers.dedup();
+        let is_coarse = self.options.tolerance >= COARSE && self.num_paths >= FEWEST_SAMPLED;
+        let step = if is_coarse { STEP } else { 1 };
         // Groups of as many blocks share them.
         let of_channel = |channel: usize| {
-            let mut sum = Coherence::NONE;
+            let (mut power, mut energy) = (0.0, 0.0);
             for number in &numbers {
-                let own: Vec<&Group<T>> = self
-                    .groups
-                    .iter()
-                    .filter(|group| group.blocks.len() == *number)
-                    .collect();
-                let batches: Vec<&Batch<T>> = own.iter().flat_map(|group| &group.batches[channel]).collect();
-                for (block, place) in own[0].blocks.iter().enumerate() {
+                let own = || self.groups.iter().filter(|group| group.blocks.len() == *number);
+                let batches: Vec<&Batch<T>> = own().flat_map(|group| &group.batches[channel]).collect();
+                let blocks = own().next().map_or(&[][..], |group| &group.blocks);
+                for (number, block) in blocks.iter().enumerate() {
                     let shares = batches.chunks(batches.len().div_ceil(SHARES).max(1)).collect();
-                    let sketches = parallel::map(self.options.is_parallel, shares, |batches: &[&Batch<T>]| {
-                        self.options.level.run(Measure {
-                            tables: &self.tables,
-                            block: place,
-                            number: block,
+                    let sums = parallel::map(self.options.is_parallel, shares, |batches: &[&Batch<T>]| {
+                        self.options.level.run(SumCells {
+                            fast_time: &self.fast_time,
+                            block,
+                            number,
                             batches,
-                            tolerance: self.options.tolerance,
+                            step,
                         })
                     });
-                    let mut sketch = Sketch::default();
-                    for share in &sketches {
-                        sketch.join(share);
+                    let sums = sums.into_iter().reduce(|mut sums, others| {
+                        sums.join(&others);
+                        sums
+                    });
+                    if let Some(sums) = sums.filter(|sums| sums.power() > 0.0) {
+                        let own = sums.power() / blocks.len() as f64;
+                        power += own;
+                        energy += own * sums.energy(self.errors[channel].share_of_strongest());
                     }
-                    sum.add(&sketch.coherence(), 1.0 / *number as f64);
                 }
             }
-            sum
+            if power > 0.0 { energy / power } else { 1.0 }
         };
-        parallel::map(self.options.is_parallel, (0..num_channels).collect(), of_channel)
+        parallel::map(self.options.is_parallel, (0..self.errors.len()).collect(), of_channel)
     }
 
     /// Choose the cheapest steps that keep the tolerance, or the steps of the least error.
     fn choose(&mut self) {
         let (known, tolerance) = (self.options.known.gain, MARGIN * self.options.tolerance);
+        // Degrees of fast time, the largest first.
+        let size = |n: usize| {
+            largest(
+                self.errors
+                    .iter()
+                    .map(|errors| errors.orders[n] / errors.power.max(f64::MIN_POSITIVE)),
+            )
+        };
+        let mut degrees: Vec<usize> = (1..=T::DEGREE).collect();
+        degrees.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
         let mut best = (f64::INFINITY, f64::INFINITY);
-        for width in T::WIDTHS {
-            for even in 0..=T::MOST_GRIDS[0] {
-                for odd in 0..=T::MOST_GRIDS[1] {
-                    let steps = Steps {
+        for number in 0..=T::DEGREE {
+            let degrees: Vec<usize> = [0].iter().chain(&degrees[..number]).copied().collect();
+            let left_out = |errors: &Errors<f64>| -> f64 {
+                let orders = (1..MAX_ORDERS).filter(|n| !degrees.contains(n));
+                orders.map(|n| errors.orders[n]).sum()
+            };
+            for width in T::WIDTHS {
+                let bound = self.bound(*width, left_out);
+                // What is exceeded, then what it costs.
+                let excess = bound.with_gain(known) / tolerance;
+                let excess = if excess.is_nan() {
+                    f64::INFINITY
+                } else {
+                    excess.max(1.0)
+                };
+                let has_reserve = bound.with_gain(known.max(RESERVE)) <= tolerance;
+                let cost = (width * (1 + number)) as f64 + if has_reserve { 0.0 } else { 2.5 };
+                if (excess, cost) < best || best.0 == f64::INFINITY {
+                    best = (excess, cost);
+                    self.error = bound;
+                    self.steps = Steps {
                         width: *width,
-                        powers: [even, odd],
+                        degrees: degrees.clone(),
                     };
-                    let bound = self.bound(steps);
-                    // What is exceeded, then what it costs.
-                    let excess = bound.with_gain(known) / tolerance;
-                    let excess = if excess.is_nan() {
-                        f64::INFINITY
-                    } else {
-                        excess.max(1.0)
-                    };
-                    let more = if bound.with_gain(known.max(RESERVE)) <= tolerance {
-                        0.0
-                    } else {
-                        3.0
-                    };
-                    let cost = (width * (2 + steps.num_grids())) as f64 + more;
-                    if (excess, cost) < best || best.0 == f64::INFINITY {
-                        best = (excess, cost);
-                        (self.steps, self.error) = (steps, bound);
-                    }
                 }
             }
         }
     }
 
     /// Bounds of errors, the largest of all channels.
-    fn bound(&self, steps: Steps) -> ErrorBound {
-        let of_all = |bound: &dyn Fn(&Errors) -> f64| largest(self.errors.iter().map(bound));
-        let ToneError { rms, largest: most, .. } = ToneError::new(steps.width);
-        // What adds up did so where the factor is up to a tenth above its mean.
-        let kernel = |own: &Coherence| {
-            let energy = own.energy + 0.2 * (own.energy - 1.0);
-            (energy * (rms * rms + own.peak * (most * most - rms * rms))).sqrt()
-        };
+    fn bound(&self, width: usize, left_out: impl Fn(&Errors<f64>) -> f64) -> ErrorBound {
+        let of_all = |bound: &dyn Fn(&Errors<f64>) -> f64| largest(self.errors.iter().map(bound));
+        let energy = largest(self.energies.iter().copied());
         // Cells hold what adds up beside the chirps as well.
-        let of_cells = largest(self.coherence.iter().map(|own| own.energy.sqrt())) * T::OF_CELLS;
+        let of_cells = energy.sqrt() * T::OF_CELLS;
         let of_samples = if self.options.tolerance >= SINGLE_TOLERANCE {
             OF_SAMPLES
         } else {
             0.0
         };
-        let of_coefficients = of_all(&|errors| errors.coefficients::<T>(&self.tables));
+        let of_coefficients = of_all(&Errors::rounding::<T>);
         ErrorBound {
-            kernel: largest(self.coherence.iter().map(kernel)),
-            truncation: of_all(&|errors| errors.truncation(&self.tables, steps.powers)),
+            kernel: ToneError::new(width).with_energy(energy),
+            truncation: of_all(&|errors| errors.truncation(&self.fast_time, left_out(errors))),
             rounding: of_coefficients.hypot(T::ROUNDING).hypot(of_cells).hypot(of_samples),
             equal_rounding: T::EQUAL_ROUNDING,
             strongest: of_all(&Errors::share_of_strongest),
@@ -315,155 +325,31 @@ impl<'a, T: Number> Plan<'a, T> {
         }
     }
 
-    /// True if the error keeps the tolerance for a gain.
-    pub fn keeps(&self, known: Known) -> bool {
-        self.error.with_gain(known.gain) <= self.options.tolerance
-    }
-
-    /// Samples without a scale, times `scale`; and that.
-    pub fn samples(&self) -> (Vec<Complex<T>>, f64) {
-        // Factors of the samples take back the scale where single precision can.
-        let back = if size_of::<T>() == 8 || self.scale.log2().abs() <= 60.0 {
-            self.scale.recip()
-        } else {
-            1.0
-        };
-        let tables: Vec<Vec<GroupTables<T>>> = self.groups.iter().map(|group| self.group_tables(group)).collect();
-        let mut exponents: Vec<u8> = self.groups.iter().map(|group| group.paths.frequency_exponent).collect();
-        exponents.sort_unstable();
-        exponents.dedup();
-        let layer = |exponent: &u8| {
-            let own = self
-                .groups
-                .iter()
-                .zip(&tables)
-                .filter(|(group, _)| group.paths.frequency_exponent == *exponent);
-            let mut factors = self.tables.waveform.over_frequency(*exponent);
-            factors.resize(self.tables.waveform.num_samples, 1.0);
-            Layer {
-                parts: own
-                    .map(|(group, tables)| Part {
-                        batches: group.batches.iter().map(Vec::as_slice).collect(),
-                        num_blocks: group.blocks.len(),
-                        tables,
-                    })
-                    .collect(),
-                factors,
-            }
-        };
-        let layers: Vec<Layer<T>> = exponents.iter().map(layer).collect();
-        let samples = grid::samples(&self.tables, self.steps, &layers, back, self.errors.len(), self.options);
-        (samples, self.scale * back)
-    }
-
-    /// Tables of every group of chirps for the blocks of a group.
-    fn group_tables(&self, group: &Group<T>) -> Vec<GroupTables<T>> {
+    /// Tables of every group of chirps for the blocks of a group of paths; none where these are static.
+    pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes) -> Vec<LaneTables<T>> {
+        if group.is_static {
+            return Vec::new();
+        }
         let (num_groups, num_blocks) = (self.num_lane_groups(), group.blocks.len());
+        let counts = group.batches[0][0].counts;
         let tables = |number: usize| {
             let block = &group.blocks[block_of(number, num_groups, num_blocks)];
-            self.tables.group(block, T::LANES * number)
+            self.fast_time.tables(block, T::LANES * number, counts, nodes)
         };
         (0..num_groups).map(tables).collect()
-    }
-
-    /// Power of every channel, without the scale [W].
-    pub fn power(&self) -> Vec<f64> {
-        let back = self.scale.recip();
-        self.errors.iter().map(|errors| errors.power * back * back).collect()
-    }
-
-    /// Most blocks of a group.
-    pub fn num_blocks(&self) -> usize {
-        self.groups.iter().map(|group| group.blocks.len()).max().unwrap_or(0)
     }
 
     /// Memory of records and grids [bytes].
     pub fn memory(&self) -> usize {
         let batches = self.groups.iter().flat_map(|group| group.batches.iter().flatten());
-        let records: usize = batches
-            .map(|batch| batch.blocks.iter().map(Vec::len).sum::<usize>())
-            .sum();
-        let grids = (1 + self.steps.num_grids()) * (self.tables.num_cells + self.steps.width) * 2 * T::LANES;
-        records * size_of::<T::Record>() + grids * size_of::<T>()
+        let rows: usize = batches.flat_map(|batch| &batch.blocks).map(Vec::len).sum();
+        let num_grids = 1 + self.steps.degrees.len();
+        let grids = num_grids * (self.fast_time.num_cells + self.steps.width) * 2 * T::LANES;
+        rows * size_of::<LaneRow<T>>() + grids * size_of::<T>()
     }
 }
 
 /// Largest number, or NaN.
 fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
     numbers.fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
-}
-
-/// Records of some chunks of paths of some channels.
-struct Build<'a, T: Number> {
-    group: &'a PathGroup<'a>,
-    shape: &'a Shape,
-    blocks: &'a [Block],
-    builders: &'a [Builder<'a>],
-    channels: Range<usize>,
-    chunks: Range<usize>,
-    scale: f64,
-    level: Level,
-    number: PhantomData<T>,
-}
-
-impl<T: Number> Kernel for Build<'_, T> {
-    type Output = Vec<Batch<T>>;
-
-    #[cfg_attr(optimised, inline(always))]
-    fn run<I: Isa>(self) -> Vec<Batch<T>> {
-        let Shape {
-            delay_rows,
-            amplitude_rows,
-            ..
-        } = *self.shape;
-        let is_static = self.shape.is_static();
-        let most = (CHUNK * self.chunks.len()).min(self.shape.paths);
-        let empty = || {
-            let [statics, moving] = if is_static { [most, 0] } else { [0, most] };
-            Batch {
-                blocks: self.blocks.iter().map(|_| Vec::with_capacity(moving)).collect(),
-                statics: Vec::with_capacity(statics),
-                errors: Errors::default(),
-            }
-        };
-        let mut batches: Vec<Batch<T>> = self.channels.clone().map(|_| empty()).collect();
-        let mut chunk = Chunk::<T>::new(self.shape, self.channels.len());
-        let mut delay: Vec<Lane<f64>> = vec![[0.0; CHUNK]; delay_rows];
-        let mut re: Vec<Lane<T>> = vec![[T::zero(); CHUNK]; amplitude_rows];
-        let mut im = re.clone();
-        let num_chirps = self.blocks[self.blocks.len() - 1].chirps.end as f64;
-        for index in self.chunks {
-            let request = Request {
-                channels: self.channels.clone(),
-                paths: index * CHUNK..self.shape.paths.min((index + 1) * CHUNK),
-                scale: self.scale,
-                level: self.level,
-            };
-            T::fill(self.group.source, &request, &mut chunk);
-            for (at, batch) in batches.iter_mut().enumerate() {
-                let delays = &chunk.delay[at * delay_rows..][..delay_rows];
-                let [real, imaginary] =
-                    [&chunk.re, &chunk.im].map(|rows| &rows[at * amplitude_rows..][..amplitude_rows]);
-                for (number, block) in self.blocks.iter().enumerate() {
-                    expand::<f64, I>(&block.delay, delays, &mut delay);
-                    expand::<T, I>(&block.amplitude, real, &mut re);
-                    expand::<T, I>(&block.amplitude, imaginary, &mut im);
-                    let paths = Coefficients {
-                        num_paths: chunk.num_paths,
-                        delay: &delay,
-                        re: &re,
-                        im: &im,
-                    };
-                    let of_block = (number, block.chirps.len() as f64 / num_chirps);
-                    let builder = &self.builders[number];
-                    if size_of::<T>() == 4 {
-                        builder.add::<T, I, 2>(&paths, of_block, is_static, batch);
-                    } else {
-                        builder.add::<T, I, 1>(&paths, of_block, is_static, batch);
-                    }
-                }
-            }
-        }
-        batches
-    }
 }

@@ -1,19 +1,16 @@
 //! Spreading of paths over the cells of range grids: of one path in the chirps of all lanes, and of static paths.
 //!
-//! Within a chirp, in fast time u and with v = u^2 less its mean, a path is a tone times
-//! `(a + slope u + bend v) exp(j (curvature v + third u v))`. Every power of v, and u times every power of v, has a grid
-//! of its own for the sum of the strengths that paths have there.
+//! Within a chirp a path is a tone times a polynomial of fast time, known by its values at a few nodes. Every Legendre
+//! polynomial that counts has a grid of its own, for the sum of the strengths that paths have in it.
 
 use std::f64::consts::TAU;
 
-use super::number::{FEWEST_TURNS, MAX_EVEN, MAX_LANES, MAX_ODD, Number, PathRecord, Static};
-use super::tables::{GroupTables, Tables};
+use super::fast_time::{FastTime, LaneTables, Nodes};
+use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
+use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, RECEIVED};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::wide::{cos_sin_of, number};
 use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
-
-/// Most grids.
-const MAX_GRIDS: usize = 1 + MAX_EVEN + MAX_ODD;
 
 /// sin(pi x) / x and cos(pi x) in powers of x^2 up to x = 1/2: polynomials through five Chebyshev nodes, to 1e-8 and
 /// 5e-8.
@@ -46,312 +43,336 @@ pub fn cos_sin<T: Number, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     [twice.neg_mul_add(s, number::<T, I>(1.0)), twice.mul(c)]
 }
 
-/// Complex numbers of all lanes.
-type Pair<V> = [V; 2];
-
-/// `a z`
+/// Cosine and sine of small phases in turns: Taylor's series.
 #[cfg_attr(optimised, inline(always))]
-fn scale<V: Vector>(z: Pair<V>, a: V) -> Pair<V> {
-    [z[0].mul(a), z[1].mul(a)]
+fn small_cos_sin<T: Number, I: Isa>(x: T::In<I>) -> [T::In<I>; 2] {
+    let square = x.mul(x);
+    let (mut c, mut s) = (number::<T, I>(TAYLOR[6]), number::<T, I>(TAYLOR[7]));
+    for n in [4, 2, 0] {
+        c = c.mul_add(square, number::<T, I>(TAYLOR[n]));
+        s = s.mul_add(square, number::<T, I>(TAYLOR[n + 1]));
+    }
+    [c, s.mul(x)]
 }
 
-/// `z + a w`
+/// Coefficients of the powers of phases in turns in cosine and sine.
+const TAYLOR: [f64; 8] = [
+    1.0,
+    TAU,
+    -TAU * TAU / 2.0,
+    -TAU * TAU * TAU / 6.0,
+    TAU * TAU * TAU * TAU / 24.0,
+    TAU * TAU * TAU * TAU * TAU / 120.0,
+    -TAU * TAU * TAU * TAU * TAU * TAU / 720.0,
+    -TAU * TAU * TAU * TAU * TAU * TAU * TAU / 5040.0,
+];
+
+/// A number times an amplitude in phase and in quadrature.
 #[cfg_attr(optimised, inline(always))]
-fn add_scaled<V: Vector>(z: Pair<V>, w: Pair<V>, a: V) -> Pair<V> {
-    [w[0].mul_add(a, z[0]), w[1].mul_add(a, z[1])]
+fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
+    if is_real {
+        [z[0].mul(amplitude[0]), z[1].mul(amplitude[0])]
+    } else {
+        product(z, amplitude)
+    }
 }
 
-/// `j a z`
+/// `z w`
 #[cfg_attr(optimised, inline(always))]
-fn quarter_turned<V: Vector>(z: Pair<V>, a: V) -> Pair<V> {
-    let zero = a.sub(a);
-    [zero.sub(z[1].mul(a)), z[0].mul(a)]
+fn product<V: Vector>(z: [V; 2], w: [V; 2]) -> [V; 2] {
+    [
+        z[1].neg_mul_add(w[1], z[0].mul(w[0])),
+        z[1].mul_add(w[0], z[0].mul(w[1])),
+    ]
 }
 
-/// Numbers of the lanes whose bit is set, zero elsewhere.
+/// Number of nodes by the highest degree of a grid, of few different ones. A single grid has so many that its tones are the
+/// nearest to paths whose phases are curved.
+const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
+
+/// Complex strengths of the paths of a record on a grid.
+type Strengths<V> = [[V; 2]; MAX_LANES];
+
+/// Sums of the coefficients of a path times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
-fn selected<V: Vector>(z: Pair<V>, bits: u32) -> Pair<V> {
-    let zero = V::splat(V::Scalar::default());
-    [z[0].select(bits, zero), z[1].select(bits, zero)]
+fn sum<V: Vector, const N: usize>(rows: &[LaneRow<V::Scalar>], path: usize, tables: &[LaneRow<V::Scalar>]) -> [V; N] {
+    let mut sums = [V::splat(V::Scalar::default()); N];
+    for (row, tables) in rows.iter().zip(tables.chunks_exact(N)) {
+        let own = V::splat(row[path]);
+        for j in 0..N {
+            sums[j] = own.mul_add(V::load(&tables[j]), sums[j]);
+        }
+    }
+    sums
 }
 
-/// Spreading kernel of a width, and the factors of samples that undo it.
-pub struct Spreading<T> {
-    /// Width [cells].
+/// Spreading of paths by a kernel.
+pub struct Spreading<'a, T> {
+    fast_time: &'a FastTime<'a>,
+    /// Width of the kernel [cells].
     pub width: usize,
     taps: Taps<T>,
-    /// One over the transform of the kernel, by sample.
-    pub factors: Vec<f64>,
+    /// Degrees of the Legendre polynomials of the grids.
+    degrees: &'a [usize],
+    /// Nodes that tell their coefficients.
+    pub nodes: Nodes,
+    /// Fast time of the nodes, and its product with the relative change of the frequency.
+    times: Vec<[T; 2]>,
+    /// Weights of the nodes by grid.
+    weights: Vec<Vec<T>>,
 }
 
-impl<T: Number> Spreading<T> {
-    /// Kernel of a width.
-    pub fn new(width: usize, tables: &Tables) -> Self {
-        let (num_samples, num_cells) = (tables.waveform.num_samples, tables.num_cells as f64);
-        let kernel = KaiserBessel::new(width, num_samples as f64 / num_cells);
-        let place = |sample: usize| sample as f64 - (num_samples / 2) as f64;
+impl<'a, T: Number> Spreading<'a, T> {
+    /// Kernel of a width, and polynomials of some degrees, of which 0 is the first.
+    pub fn new(width: usize, degrees: &'a [usize], fast_time: &'a FastTime) -> Self {
+        let most = degrees.iter().copied().max().unwrap_or(0);
+        let nodes = Nodes::new(NUM_NODES[most]);
+        let weights = |degree: &usize| nodes.weights.iter().map(|of_node| T::of(of_node[*degree])).collect();
         Self {
+            fast_time,
             width,
-            taps: kernel.taps(),
-            factors: (0..num_samples)
-                .map(|sample| kernel.transform(place(sample) / num_cells).recip())
+            taps: kernel(width, fast_time).taps(),
+            degrees,
+            times: nodes
+                .times
+                .iter()
+                .map(|u| [*u, u * fast_time.ratio].map(T::of))
                 .collect(),
+            weights: degrees.iter().map(weights).collect(),
+            nodes,
         }
     }
-}
 
-/// Records of one channel to be spread on the grids of the chirps of all lanes.
-pub struct Spread<'a, T> {
-    /// Constants of the frame.
-    pub tables: &'a Tables<'a>,
-    /// Tables of the chirps.
-    pub group: &'a GroupTables<T>,
-    /// The kernel.
-    pub spreading: &'a Spreading<T>,
-    /// Numbers of grids of even and of odd powers of fast time after the first grid.
-    pub powers: [usize; 2],
-}
+    /// Factors of the samples by grid, which undo the kernel: one over its transform, times the polynomial.
+    pub fn factors(&self) -> Vec<Vec<f64>> {
+        let kernel = kernel(self.width, self.fast_time);
+        let (num_samples, num_cells) = (self.fast_time.waveform.num_samples, self.fast_time.num_cells as f64);
+        let place = |sample: usize| (sample as f64 - (num_samples / 2) as f64) / num_cells;
+        let of_degree = |degree: &usize| {
+            let polynomials = self.fast_time.polynomials().enumerate();
+            polynomials
+                .map(|(sample, values)| values[*degree] / kernel.transform(place(sample)))
+                .collect()
+        };
+        self.degrees.iter().map(of_degree).collect()
+    }
 
-impl<T: Number> Spread<'_, T> {
-    /// Add records to a grid, and to those of further powers of fast time if there are any: the even ones, then the odd.
+    /// Add paths of a block to grids: static ones where there are no tables of chirps.
     #[cfg_attr(optimised, inline(always))]
-    pub fn add<I: Isa, const W: usize>(&self, records: &[T::Record], grid: &mut [T], further: &mut [Vec<T>]) {
-        let group = self.group;
-        let lanes = <T::In<I>>::LANES;
-        let all = (1_u32 << lanes) - 1;
+    pub fn add<I: Isa>(&self, batch: &Batch<T>, block: usize, tables: Option<&LaneTables<T>>, grids: &mut [Vec<T>]) {
         let zero = number::<T, I>(0.0);
-        let (mut phases, mut places) = ([zero; FEWEST_TURNS], [zero; FEWEST_TURNS]);
-        for k in 0..FEWEST_TURNS {
-            phases[k] = <T::In<I>>::load(&group.phase[k]);
-            places[k] = <T::In<I>>::load(&group.place[k]);
-        }
-        let magic = <T::In<I>>::splat(T::ROUND);
-        let start = T::of(-0.5 * (W as f64 - 1.0));
-        let mask = self.tables.num_cells - 1;
-        // S t' times the second order of the delay in the phase, in cells per squared turn.
-        let per_square = self.tables.cells_per_turn * self.tables.ratio() * self.per_turn();
-        let per_square = number::<T, I>(per_square);
-        let mean = number::<T, I>(self.tables.moments.square / TAU);
-        let mut strengths = [[zero; 2]; MAX_GRIDS];
-        for record in records {
-            // Phase and place in the middle of every chirp.
-            let (head, turns) = (record.head(), record.turns());
-            let (mut phase, mut place) = (zero, <T::In<I>>::splat(head.offset + start));
-            for k in 0..FEWEST_TURNS {
-                let turns = <T::In<I>>::splat(turns[k]);
-                phase = turns.mul_add(phases[k], phase);
-                place = turns.mul_add(places[k], place);
-            }
-            let mut k = FEWEST_TURNS;
-            while k < T::NUM_TURNS.min(head.degrees[0] as usize) {
-                let turns = <T::In<I>>::splat(turns[k]);
-                phase = turns.mul_add(<T::In<I>>::load(&group.phase[k]), phase);
-                place = turns.mul_add(<T::In<I>>::load(&group.place[k]), place);
-                k += 1;
-            }
-            let (mut change, mut curvature) = (phase, zero);
-            if !further.is_empty() {
-                let mut k = 0;
-                while k < T::NUM_TURNS.min(head.degrees[0] as usize) {
-                    let turns = <T::In<I>>::splat(turns[k]);
-                    curvature = turns.mul_add(<T::In<I>>::load(&group.curvature[k]), curvature);
-                    k += 1;
+        let mut places = [zero; MAX_LANES];
+        let mut strengths = [[[zero; 2]; MAX_LANES]; MAX_DEGREE + 1];
+        let strengths = &mut strengths[..grids.len()];
+        for (number, record) in batch.blocks[block].chunks_exact(batch.num_rows()).enumerate() {
+            let record = (record, batch.paths_of(number));
+            // Two loops, as a processor looks ahead over few paths.
+            if let Some(tables) = tables {
+                let counts = (batch.counts, batch.used[block][number]);
+                match if strengths.len() == 1 { 0 } else { self.times.len() } {
+                    0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
+                    2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
+                    3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
+                    5 => self.compute::<I, 5>(counts, record, tables, &mut places, strengths),
+                    9 => self.compute::<I, 9>(counts, record, tables, &mut places, strengths),
+                    _ => unreachable!("numbers of nodes are these"),
                 }
-                change = curvature.neg_mul_add(mean, phase);
             }
-            if size_of::<T>() == 8 || !further.is_empty() {
-                // Places follow the delay, which at the frequency received is a larger share of the phase than at the
-                // carrier, and larger still by its square.
-                let ratio = per_square.mul_add(change, <T::In<I>>::splat(head.carrier_offset));
-                place = ratio.mul_add(change, place);
-            }
-            phase = phase.add(<T::In<I>>::splat(head.phase));
-            let amplitudes = record.amplitude();
-            let mut amplitude = <T::In<I>>::splat(amplitudes[0]);
-            // Single precision has few enough for all of them, unrolled.
-            let degree = if size_of::<T>() == 4 {
-                T::NUM_AMPLITUDES
-            } else {
-                head.degrees[1] as usize
-            };
-            let mut k = 1;
-            while k < T::NUM_AMPLITUDES.min(degree) {
-                let own = <T::In<I>>::splat(amplitudes[k]);
-                amplitude = own.mul_add(<T::In<I>>::load(&group.amplitude[k]), amplitude);
-                k += 1;
-            }
-            let tone = cos_sin::<T, I>(phase);
-
-            // First of the cells, and the offset from the middle of theirs.
-            let first = place.add(magic).sub(magic);
-            let offset = first.sub(place);
-            let values = self.spreading.taps.values::<T::In<I>, W>(offset.add(offset));
-            let lowest = first.first();
-            let here = first.equal(<T::In<I>>::splat(lowest));
-            let strength = scale(tone, amplitude);
-            if here == all && further.is_empty() {
-                let cell = (head.cell as usize).wrapping_add_signed(lowest.wide() as isize) & mask;
-                add_window::<T::In<I>, W, 2>(grid, cell * 2 * lanes, 2 * lanes, &values, &strength);
-                continue;
-            }
-            strengths[0] = strength;
-            if !further.is_empty() {
-                self.powers::<I>(record, (change, curvature), (tone, amplitude), &mut strengths);
-            }
-            if here == all {
-                let start = ((head.cell as usize).wrapping_add_signed(lowest.wide() as isize) & mask) * 2 * lanes;
-                add_window::<T::In<I>, W, 2>(grid, start, 2 * lanes, &values, &strengths[0]);
-                for number in 0..further.len() {
-                    let (grid, strength) = (&mut further[number], &strengths[number + 1]);
-                    add_window::<T::In<I>, W, 2>(grid, start, 2 * lanes, &values, strength);
-                }
-                continue;
-            }
-            // One pass for every first cell that there is.
-            let mut firsts = [T::zero(); MAX_LANES];
-            first.store(&mut firsts);
-            let (mut rest, mut here, mut lowest) = (all, here, lowest);
-            // A place that is no number is in no cell.
-            while rest != 0 && here != 0 {
-                let start = ((head.cell as usize).wrapping_add_signed(lowest.wide() as isize) & mask) * 2 * lanes;
-                let own = selected(strengths[0], here);
-                add_window::<T::In<I>, W, 2>(grid, start, 2 * lanes, &values, &own);
-                for number in 0..further.len() {
-                    let own = selected(strengths[number + 1], here);
-                    add_window::<T::In<I>, W, 2>(&mut further[number], start, 2 * lanes, &values, &own);
-                }
-                rest &= !here;
-                lowest = firsts[rest.trailing_zeros() as usize % lanes];
-                here = first.equal(<T::In<I>>::splat(lowest)) & rest;
+            let moving = tables.map(|_| (&places, &*strengths));
+            match (size_of::<T>(), self.width) {
+                (4, 4) => self.add_record::<I, 4>(record, moving, grids),
+                (4, 6) => self.add_record::<I, 6>(record, moving, grids),
+                (_, 8) => self.add_record::<I, 8>(record, moving, grids),
+                (8, 10) => self.add_record::<I, 10>(record, moving, grids),
+                (8, 12) => self.add_record::<I, 12>(record, moving, grids),
+                (8, 14) => self.add_record::<I, 14>(record, moving, grids),
+                _ => unreachable!("widths are those of the precision"),
             }
         }
     }
 
-    /// Half of the relative change of the frequency received per turn of phase.
-    fn per_turn(&self) -> f64 {
-        0.5 * self.tables.waveform.slope / self.tables.carrier.powi(2)
-    }
-
-    /// Strengths of all grids.
+    /// Add the paths of a record by a kernel of `W` cells: moving ones with their places and strengths, or static ones.
     #[cfg_attr(optimised, inline(always))]
-    fn powers<I: Isa>(
+    fn add_record<I: Isa, const W: usize>(
         &self,
-        record: &T::Record,
-        (change, mut curvature): (T::In<I>, T::In<I>),
-        (mut tone, amplitude): (Pair<T::In<I>>, T::In<I>),
-        strengths: &mut [Pair<T::In<I>>; MAX_GRIDS],
+        (record, num_paths): (&[LaneRow<T>], usize),
+        moving: Option<(&[T::In<I>; MAX_LANES], &[Strengths<T::In<I>>])>,
+        grids: &mut [Vec<T>],
     ) {
-        let (group, tables, moments) = (self.group, self.tables, &self.tables.moments);
-        let [num_even, num_odd] = self.powers;
-        let zero = number::<T, I>(0.0);
-        let (mut third, mut moved) = (zero, zero);
-        let (degrees, turns, amplitudes) = (record.head().degrees, record.turns(), record.amplitude());
-        let mut k = 0;
-        while k < T::NUM_TURNS.min(degrees[0] as usize) {
-            let turns = <T::In<I>>::splat(turns[k]);
-            third = turns.mul_add(<T::In<I>>::load(&group.third[k]), third);
-            moved = turns.mul_add(<T::In<I>>::load(&group.place[k]), moved);
-            k += 1;
+        let Some((places, strengths)) = moving else {
+            return self.add_static::<I, W>((record, num_paths), &mut grids[0]);
+        };
+        for path in 0..num_paths.min(MAX_LANES) {
+            self.add_moving::<I, W>(record[CELL][path], (path, places[path]), strengths, grids);
         }
-        // Delays change by their share of the Doppler phase at the frequency received.
-        let cells = tables.cells_per_turn;
-        let ratio = number::<T, I>(tables.ratio());
-        let doppler = change.neg_mul_add(ratio.mul(number::<T, I>(cells)), moved);
-        let share = <T::In<I>>::splat(record.head().carrier_offset);
-        let share = change.mul_add(number::<T, I>(2.0 * cells * tables.ratio() * self.per_turn()), share);
-        let more = doppler.mul(share).mul(number::<T, I>(TAU / cells / cells));
-        curvature = curvature.add(more);
-        let mean = quarter_turned(tone, more.mul(number::<T, I>(moments.square)));
-        tone = [tone[0].add(mean[0]), tone[1].add(mean[1])];
-        strengths[0] = scale(tone, amplitude);
-        let (mut slope, mut bend, mut cube) = (zero, zero, zero);
-        let mut k = 1;
-        while k < T::NUM_AMPLITUDES.min(degrees[1] as usize) {
-            let own = <T::In<I>>::splat(amplitudes[k]);
-            slope = own.mul_add(<T::In<I>>::load(&group.slope[k]), slope);
-            bend = own.mul_add(<T::In<I>>::load(&group.bend[k]), bend);
-            cube = own.mul_add(<T::In<I>>::load(&group.cube[k]), cube);
-            k += 1;
-        }
-        // The line nearest to u^3 is part of places, but for what the frequency received adds to the third order; u^3 is
-        // u (v + mean), u^3 less that line u (v + mean less slope).
-        let doppler_slope = curvature
-            .mul(number::<T, I>(TAU.recip()))
-            .sub(doppler.mul(number::<T, I>(tables.ratio() / cells)));
-        let more = doppler_slope.mul(share).mul(number::<T, I>(TAU / cells));
-        let turning = third.add(more).mul(amplitude);
-        let of_line = third.mul(amplitude).mul(number::<T, I>(moments.cube_slope));
-        let mean = number::<T, I>(moments.square);
-        let (lines, slope) = (mean.mul(turning).sub(of_line), mean.mul_add(cube, slope));
-        // tone (j curvature)^n / n!, for this and the last n.
-        let (mut power, mut last) = (tone, [zero; 2]);
-        for n in 0..=num_even.max(num_odd.max(1) - 1) {
-            if n > 0 {
-                last = power;
-                power = quarter_turned(power, curvature.mul(number::<T, I>((n as f64).recip())));
-                if n <= num_even {
-                    strengths[n] = add_scaled(scale(power, amplitude), last, bend);
-                }
-            }
-            if n < num_odd {
-                let mut odd = scale(power, slope);
-                if num_odd > 1 {
-                    let turned = add_scaled(scale(power, lines), last, turning);
-                    odd = add_scaled([odd[0].sub(turned[1]), odd[1].add(turned[0])], last, cube);
-                }
-                strengths[num_even + 1 + n] = odd;
+    }
+
+    /// Compute places on the grids [cells after that of the path], and strengths, of the moving paths of a record in the
+    /// chirps of all lanes; with `N` nodes, or none for a single grid.
+    #[cfg_attr(optimised, inline(always))]
+    fn compute<I: Isa, const N: usize>(
+        &self,
+        (counts, [num_turns, num_in_phase, num_quadrature]): ([usize; 2], [usize; 3]),
+        (record, num_paths): (&[LaneRow<T>], usize),
+        tables: &LaneTables<T>,
+        places: &mut [T::In<I>; MAX_LANES],
+        strengths: &mut [Strengths<T::In<I>>],
+    ) {
+        let splat = <T::In<I>>::splat;
+        let ratio = number::<T, I>(self.fast_time.ratio);
+        let cells_per_turn = number::<T, I>(self.fast_time.cells_per_turn);
+        let per_square = number::<T, I>(self.fast_time.per_square);
+        let twice = per_square.add(per_square);
+        let (head, rows) = record.split_at(HEAD);
+        let (delays, amplitudes) = rows.split_at(counts[0]);
+        let (in_phase, quadrature) = amplitudes.split_at(counts[1]);
+        let (delays, in_phase, quadrature) = (
+            &delays[..num_turns],
+            &in_phase[..num_in_phase],
+            &quadrature[..num_quadrature],
+        );
+        for path in 0..num_paths.min(MAX_LANES) {
+            // Delay [turns at the carrier] and Doppler in the middle of every chirp.
+            let [turns, doppler] = sum::<T::In<I>, 2>(delays, path, &tables.turns);
+            // The frequency received is that of the time of transmission.
+            let received = splat(head[RECEIVED][path]);
+            let phase = turns.neg_mul_add(per_square, received).mul_add(turns, turns);
+            let received = turns.neg_mul_add(twice, received);
+            let slope = received.mul_add(doppler, ratio.mul_add(turns, doppler));
+            places[path] = slope.mul_add(cells_per_turn, splat(head[OFFSET][path]));
+            let tone = cos_sin::<T, I>(phase.add(splat(head[PHASE][path])));
+            if N == 0 {
+                let [re] = sum(in_phase, path, &tables.amplitude);
+                let [im] = sum(quadrature, path, &tables.amplitude);
+                strengths[0][path] = modulated(tone, [re, im], quadrature.is_empty());
+            } else {
+                let rows = (delays, in_phase, quadrature);
+                self.expand::<I, N>(rows, path, tables, (tone, doppler, received), strengths);
             }
         }
     }
-}
 
-/// Add static paths to a grid of one chirp, `(cell, part)`, with room for `width` cells beyond the last, which are added to
-/// the first ones by [`wrap_static`].
-#[cfg_attr(optimised, inline(always))]
-pub fn add_static<T: Number, I: Isa, const W: usize>(
-    spreading: &Spreading<T>,
-    paths: &[Static<T>],
-    num_cells: usize,
-    grid: &mut [T],
-) {
-    let magic = <T::In<I>>::splat(T::ROUND);
-    let start = T::of(-0.5 * (W as f64 - 1.0));
-    let none = [T::zero(); MAX_LANES];
-    for some in paths.chunks(T::LANES) {
-        let (mut phase, mut place, mut amplitude) = (none, none, none);
-        for lane in 0..some.len() {
-            let path = &some[lane];
-            (phase[lane], place[lane], amplitude[lane]) = (path.phase, path.offset + start, path.amplitude);
+    /// Strengths of a path on all grids, from the values at `N` nodes of what it is besides a tone.
+    #[cfg_attr(optimised, inline(always))]
+    fn expand<I: Isa, const N: usize>(
+        &self,
+        (delays, in_phase, quadrature): (&[LaneRow<T>], &[LaneRow<T>], &[LaneRow<T>]),
+        path: usize,
+        tables: &LaneTables<T>,
+        (tone, doppler, received): ([T::In<I>; 2], T::In<I>, T::In<I>),
+        strengths: &mut [Strengths<T::In<I>>],
+    ) {
+        let splat = <T::In<I>>::splat;
+        let per_square = number::<T, I>(self.fast_time.per_square);
+        // Phases but for those of the tone, from delays but for those of the tone.
+        let delay: [_; N] = sum(delays, path, &tables.node_turns);
+        let re: [_; N] = sum(in_phase, path, &tables.node_amplitude);
+        let im: [_; N] = sum(quadrature, path, &tables.node_amplitude);
+        let mut values = [[received; 2]; N];
+        for j in 0..N {
+            let [u, ratio] = self.times[j].map(splat);
+            let change = doppler.mul_add(u, delay[j]);
+            let phase = received.mul_add(delay[j], delay[j]);
+            let phase = change.mul_add(change.neg_mul_add(per_square, ratio), phase);
+            let [c, s] = small_cos_sin::<T, I>(phase);
+            values[j] = modulated([c, s], [re[j], im[j]], quadrature.is_empty());
         }
-        let [c, s] = cos_sin::<T, I>(<T::In<I>>::load(&phase));
-        let size = <T::In<I>>::load(&amplitude);
-        let place = <T::In<I>>::load(&place);
+        for (strengths, weights) in strengths.iter_mut().zip(&self.weights) {
+            let mut strength = [splat(T::zero()); 2];
+            for j in 0..N {
+                let weight = splat(weights[j]);
+                strength = [
+                    values[j][0].mul_add(weight, strength[0]),
+                    values[j][1].mul_add(weight, strength[1]),
+                ];
+            }
+            strengths[path] = product(tone, strength);
+        }
+    }
+
+    /// Add a path to the cells of the grids about its places.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_moving<I: Isa, const W: usize>(
+        &self,
+        cell: T,
+        (path, place): (usize, T::In<I>),
+        strengths: &[Strengths<T::In<I>>],
+        grids: &mut [Vec<T>],
+    ) {
+        let all = u32::MAX >> (32 - T::LANES);
+        let zero = number::<T, I>(0.0);
+        let magic = <T::In<I>>::splat(T::ROUND);
+        // First of the cells, and the offset from the middle of theirs.
+        let place = place.add(number::<T, I>(-0.5 * (W as f64 - 1.0)));
         let first = place.add(magic).sub(magic);
         let offset = first.sub(place);
-        let values = spreading.taps.values::<T::In<I>, W>(offset.add(offset));
-        let (mut firsts, mut re, mut im) = (none, none, none);
-        first.store(&mut firsts);
-        c.mul(size).store(&mut re);
-        s.mul(size).store(&mut im);
-        let mut taps = [none; W];
-        for j in 0..W {
-            values[j].store(&mut taps[j]);
+        let values = self.taps.values::<T::In<I>, W>(offset.add(offset));
+        // One pass for every first cell that there is. A place that is no number is in no cell.
+        let (mut rest, mut lowest) = (all, first.first());
+        loop {
+            let here = first.equal(<T::In<I>>::splat(lowest)) & rest;
+            if here == 0 {
+                break;
+            }
+            let start = self.cell(cell, lowest) * 2 * T::LANES;
+            for (grid, strengths) in grids.iter_mut().zip(strengths) {
+                let mut own = strengths[path];
+                if here != all {
+                    own = [own[0].select(here, zero), own[1].select(here, zero)];
+                }
+                add_window::<T::In<I>, W, 2>(grid, start, 2 * T::LANES, &values, &own);
+            }
+            rest &= !here;
+            if rest == 0 {
+                break;
+            }
+            let mut firsts = [T::zero(); MAX_LANES];
+            first.store(&mut firsts);
+            lowest = firsts[rest.trailing_zeros() as usize % T::LANES];
         }
-        for lane in 0..some.len() {
-            let cell = (some[lane].cell as usize).wrapping_add_signed(firsts[lane].wide() as isize) & (num_cells - 1);
-            let window = &mut grid[2 * cell..][..2 * W];
+    }
+
+    /// Add the static paths of a record to a grid of one chirp, `(cell, part)`.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_static<I: Isa, const W: usize>(&self, (record, num_paths): (&[LaneRow<T>], usize), grid: &mut [T]) {
+        let (magic, start) = (<T::In<I>>::splat(T::ROUND), number::<T, I>(-0.5 * (W as f64 - 1.0)));
+        let none = [T::zero(); MAX_LANES];
+        for at in (0..num_paths).step_by(T::LANES) {
+            let load = |row: usize| <T::In<I>>::load(&record[row][at..]);
+            let [c, s] = cos_sin::<T, I>(load(PHASE));
+            let size = load(HEAD);
+            let place = load(OFFSET).add(start);
+            let first = place.add(magic).sub(magic);
+            let offset = first.sub(place);
+            let values = self.taps.values::<T::In<I>, W>(offset.add(offset));
+            let (mut firsts, mut re, mut im) = (none, none, none);
+            first.store(&mut firsts);
+            c.mul(size).store(&mut re);
+            s.mul(size).store(&mut im);
+            let mut taps = [none; W];
             for j in 0..W {
-                window[2 * j] = window[2 * j] + taps[j][lane] * re[lane];
-                window[2 * j + 1] = window[2 * j + 1] + taps[j][lane] * im[lane];
+                values[j].store(&mut taps[j]);
+            }
+            for lane in 0..T::LANES.min(num_paths - at) {
+                let window = &mut grid[2 * self.cell(record[CELL][at + lane], firsts[lane])..][..2 * W];
+                for j in 0..W {
+                    window[2 * j] = window[2 * j] + taps[j][lane] * re[lane];
+                    window[2 * j + 1] = window[2 * j + 1] + taps[j][lane] * im[lane];
+                }
             }
         }
     }
+
+    /// Cell of the grid that is some cells after another one.
+    #[cfg_attr(optimised, inline(always))]
+    fn cell(&self, cell: T, after: T) -> usize {
+        (cell + after).wide() as isize as usize & (self.fast_time.num_cells - 1)
+    }
 }
 
-/// Add the cells beyond the last of a grid of one chirp to the first ones.
-pub fn wrap_static<T: Number>(num_cells: usize, grid: &mut [T]) {
-    let (cells, beyond) = grid.split_at_mut(2 * num_cells);
-    for (cell, more) in cells.iter_mut().zip(beyond) {
-        *cell = *cell + *more;
-    }
+fn kernel(width: usize, fast_time: &FastTime) -> KaiserBessel {
+    KaiserBessel::new(
+        width,
+        fast_time.waveform.num_samples as f64 / fast_time.num_cells as f64,
+    )
 }

@@ -13,281 +13,212 @@ mod spread;
 #[cfg(test)]
 mod tests;
 
-use num_complex::{Complex, Complex32, Complex64};
+use num_complex::Complex;
 
 use crate::cancel::Cancel;
-use crate::error::{Error, Result, fits_memory};
+use crate::error::{Result, fits_memory};
 use crate::numeric::parallel;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::{Block, CHUNK, Chunk};
-use crate::synthesis::doppler_nufft::grid::{Layout, RangeTransform};
-use crate::synthesis::doppler_nufft::plan::Plan;
-use crate::synthesis::doppler_nufft::points::{Measured, PointMap, Points, PointsOf};
-use crate::synthesis::doppler_nufft::scan::Scan;
+use crate::synthesis::coherence::CellSums;
+use crate::synthesis::doppler_nufft::grid::{Grid, Layout};
+use crate::synthesis::doppler_nufft::plan::{DopplerPlan, kernel_error};
+use crate::synthesis::doppler_nufft::points::{ComputePoints, Measured, Points};
 use crate::synthesis::doppler_nufft::slow_time::SlowTime;
-use crate::synthesis::doppler_nufft::spread::{Scratch, SpreadPoints, Tables, Widths};
-use crate::synthesis::report::{ErrorBound, Options, Report, SINGLE_TOLERANCE, Samples, Sum};
-use crate::synthesis::source::{PathGroup, Request, Shape};
+use crate::synthesis::doppler_nufft::spread::SpreadPoints;
+use crate::synthesis::report::{ErrorBound, Options, Prepared, Report, Samples, Sum};
+use crate::synthesis::source::{Fill, PathGroup, Request, Shape};
 
 /// Channels that share the cosines of slow time, and whose spectra are held at the same time.
 const MAX_CHANNELS: usize = 4;
 
-/// Parts of the paths of few channels, on grids of their own: chunks of each, and most parts.
+/// Parts of the paths of few channels, on grids of their own, whatever the number of threads: chunks of each, and most
+/// parts.
 const CHUNKS_OF_PART: usize = 256;
 const MAX_PARTS: usize = 8;
 
 /// Sum that is planned.
-pub struct Prepared<'a> {
-    waveform: &'a Waveform,
+struct DopplerSum<'a> {
     groups: &'a [PathGroup<'a>],
     options: &'a Options<'a>,
     block: Block,
-    plan: Option<Plan>,
+    plan: DopplerPlan<'a>,
+    num_parts: usize,
     /// Power of two that all amplitudes are multiplied by.
     scale: f64,
-    /// Report of the sum before it runs; an infinite error if the paths are too fast for a velocity axis.
-    pub report: Report,
+    report: Report,
 }
 
-/// Plan the sum of groups of paths at constant rates, of equal numbers of channels.
+/// Plan the sum of groups of paths at constant rates, which do not depend on frequency: at least one, of equal numbers of
+/// channels. The error is infinite if the paths are too fast for a velocity axis.
 pub fn prepare<'a>(
     waveform: &'a Waveform,
     groups: &'a [PathGroup<'a>],
     options: &'a Options<'a>,
 ) -> Result<Prepared<'a>> {
     let shapes: Vec<Shape> = groups.iter().map(|group| group.source.shape()).collect();
-    let num_channels = shapes.first().map_or(0, |shape| shape.channels);
     // The interval of time is the same for all groups.
-    let Some(shape) = shapes.first() else {
-        return Err(Error::value("groups", "at least one group of paths", 0));
-    };
-    let block = Block::new(waveform, shape, 0..waveform.chirp_times.len());
-    let scale = groups
-        .iter()
-        .map(|group| group.source.scale())
-        .fold(f64::INFINITY, f64::min);
-    let mut scan = Scan::new(waveform, groups, scale, options)?;
-    let plan = |scan: &Scan| Plan::new(waveform, &block, scan, options.tolerance, options.known);
-    let mut found = plan(&scan);
-    if found.as_ref().is_some_and(|plan| plan.num_terms() > 1) {
-        // Fewer may do.
-        scan.add_moments(waveform, groups, scale, options)?;
-        found = plan(&scan);
-    }
-    let plan = found;
-    let count = |shape: &Shape| shape.channels * shape.paths;
+    let block = Block::new(waveform, &shapes[0], 0..waveform.chirp_times.len());
+    let scales = groups.iter().map(|group| group.source.scale());
+    let ranges = scan::delay_ranges(waveform, groups, options)?;
+    let num_paths = shapes.iter().map(|shape| shape.paths).sum();
+    let plan = DopplerPlan::new(waveform, &block, ranges.as_ref(), num_paths, options);
     let mut report = Report {
-        engine: "range-Doppler NUFFT",
         num_blocks: 1,
-        longest: scan
-            .moving
+        longest: ranges
             .as_ref()
-            .map_or(0.0, |moving| moving.delay[0].magnitude() + moving.delay[1].magnitude()),
-        num_paths: shapes.iter().map(count).sum(),
-        num_static: shapes.iter().filter(|shape| shape.is_static()).map(count).sum(),
-        ..Report::default()
+            .map_or(0.0, |ranges| ranges.as_flattened().iter().map(|x| x.abs()).sum()),
+        is_single: plan.is_single,
+        width: plan.width,
+        num_grids: plan.num_terms(),
+        num_rows: plan.moving.map_or(0, |moving| moving.rows),
+        error: plan.error,
+        ..Report::new("range-Doppler NUFFT", groups)
     };
-    report.error.truncation = f64::INFINITY;
-    if let Some(plan) = &plan {
-        let kernel = (plan.width, plan.is_fine);
-        let layout = Layout::new(waveform.num_samples, kernel, plan.num_rows().max(1));
-        let bytes = if plan.is_single { 4 } else { 8 };
-        let num_grids = num_channels.min(MAX_CHANNELS)
-            * (num_parts(num_channels, report.num_paths / num_channels.max(1)) + 1)
-            * plan.num_terms();
-        fits_memory("grid", &[num_grids, layout.rows, layout.stride], bytes)?;
-        report.is_single = plan.is_single;
-        report.width = plan.width;
-        report.num_grids = plan.num_terms();
-        report.num_rows = plan.num_rows();
-        report.memory = num_grids * layout.size() * bytes;
-        report.error = plan.error;
+    let num_channels = shapes[0].channels;
+    let layout = Layout::new(waveform.num_samples, plan.width, report.num_rows.max(1));
+    let bytes = if plan.is_single { 4 } else { 8 };
+    let num_parts = if num_channels < MAX_CHANNELS {
+        (num_paths.div_ceil(CHUNK) / CHUNKS_OF_PART).clamp(1, MAX_PARTS)
+    } else {
+        1
+    };
+    let num_spectra = num_channels.min(MAX_CHANNELS);
+    let num_grids = num_spectra * (num_parts + 1);
+    let numbers = num_grids * layout.size() + num_spectra * layout.rows * 2 * layout.padded();
+    report.memory = plan.num_terms() * numbers * bytes + num_grids * CellSums::MEMORY;
+    if plan.error.truncation.is_finite() {
+        fits_memory("grid", &[num_grids, plan.num_terms(), layout.size()], bytes)?;
     }
-    Ok(Prepared {
-        waveform,
+    let sum = DopplerSum {
         groups,
         options,
         block,
         plan,
-        scale,
+        num_parts,
+        scale: scales.fold(f64::INFINITY, f64::min),
+        report: report.clone(),
+    };
+    Ok(Prepared {
         report,
+        run: Box::new(move || sum.run()),
     })
 }
 
-/// Parts of the paths of a channel, whatever the number of threads.
-fn num_parts(num_channels: usize, num_paths: usize) -> usize {
-    if num_channels >= MAX_CHANNELS {
-        1
-    } else {
-        (num_paths.div_ceil(CHUNK) / CHUNKS_OF_PART).clamp(1, MAX_PARTS)
-    }
-}
-
-/// Samples, scaled, and what is measured of every channel.
-type Scaled<T> = (Vec<Complex<T>>, Vec<Measured>);
-
-impl Prepared<'_> {
+impl DopplerSum<'_> {
     /// Form the sum.
-    pub fn run(mut self) -> Result<Sum> {
-        let Some(plan) = &self.plan else {
-            let expected = "rates that a velocity axis can follow";
-            return Err(Error::value("delay", expected, "faster ones"));
-        };
-        let is_single = self.options.tolerance >= SINGLE_TOLERANCE;
-        let back = self.scale.recip();
-        // In double precision: the scale may be out of the range of single precision where the samples are not.
+    fn run(mut self) -> Result<Sum> {
+        let plan = &self.plan;
         let (samples, measured) = if plan.is_single {
-            let (samples, measured) = self.sum::<f32>(plan)?;
-            (unscaled(&samples, back, is_single), measured)
+            self.sum::<f32>()?
         } else {
-            let (samples, measured) = self.sum::<f64>(plan)?;
-            (unscaled(&samples, back, is_single), measured)
+            self.sum::<f64>()?
         };
-        let most = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, f64::max);
-        let coherence = most(&mut measured.iter().map(|channel| channel.coherence.gain(1))).max(1.0);
-        self.report.longest = most(&mut measured.iter().map(|channel| channel.longest)).max(self.report.longest);
-        let share = |channel: &Measured| channel.strongest / channel.power.max(f64::MIN_POSITIVE);
+        let most = |of: &dyn Fn(&Measured) -> f64| measured.iter().map(of).fold(0.0, f64::max);
+        let share = |channel: &Measured| (channel.strongest / channel.power.max(f64::MIN_POSITIVE)).min(1.0);
+        let energy = most(&|channel| channel.cells.energy(share(channel)));
+        let load = most(&|channel| channel.cells.population()) * energy;
+        self.report.longest = most(&|channel| channel.longest).max(self.report.longest);
+        let kernel = (plan.is_single, plan.width);
         self.report.error = ErrorBound {
-            strongest: most(&mut measured.iter().map(share)).min(1.0),
-            num_weak: (self.report.num_paths / measured.len().max(1)).saturating_sub(1) as f64,
-            ..plan.error_for(self.waveform, coherence)
+            truncation: plan.error.truncation,
+            strongest: most(&share),
+            num_weak: (self.report.num_paths / measured.len()).saturating_sub(1) as f64,
+            ..kernel_error(plan.waveform, kernel, plan.moving.is_some(), [energy, load])
         };
+        let back = self.scale.recip();
         Ok(Sum {
             samples,
             power: measured.iter().map(|channel| channel.power * back * back).collect(),
-            coherence,
+            coherence: energy.sqrt(),
             report: self.report,
         })
     }
 
-    /// Sum in the precision of the plan.
-    fn sum<T: Widths>(&self, plan: &Plan) -> Result<Scaled<T>> {
-        let num_samples = self.waveform.num_samples;
-        let num_channels = self.groups[0].source.shape().channels;
-        let num_chirp_samples = self.waveform.chirp_times.len() * num_samples;
-        fits_memory("samples", &[num_channels, num_chirp_samples], size_of::<Complex<T>>())?;
-        let mut samples = vec![Complex::new(T::zero(), T::zero()); num_channels * num_chirp_samples];
-        let kernel = (plan.width, plan.is_fine);
-        let axes = [
-            Axes::<T>::new(Layout::new(num_samples, kernel, 1)),
-            Axes::<T>::new(Layout::new(num_samples, kernel, plan.num_rows().max(1))),
-        ];
-        let slow_time = plan
-            .moving
-            .as_ref()
-            .map(|moving| SlowTime::new(self.waveform, &self.block, moving, axes[1].layout));
-        let channels: Vec<usize> = (0..num_channels).collect();
-        let tasks = channels
-            .chunks(MAX_CHANNELS)
-            .zip(samples.chunks_mut(MAX_CHANNELS * num_chirp_samples))
-            .collect();
-        let results = parallel::map(self.options.is_parallel, tasks, |(channels, samples)| {
-            let of_channel = |channel: &usize| self.spectra(plan, &axes, *channel);
-            let spectra = parallel::map(self.options.is_parallel, channels.iter().collect(), of_channel);
-            let spectra = spectra.into_iter().collect::<Result<Vec<Spectra<T>>>>()?;
-            let mut samples: Vec<_> = samples.chunks_mut(num_chirp_samples).collect();
-            for (samples, spectra) in samples.iter_mut().zip(&spectra) {
-                add_to_chirps(&spectra.of_static, num_samples, samples);
-            }
-            let mut moving = Vec::new();
-            let mut measured = Vec::new();
-            for spectra in spectra {
-                moving.push(spectra.moving);
-                measured.push(spectra.measured);
-            }
-            if let Some(slow_time) = &slow_time {
-                slow_time.add(self.options.level, self.options.is_parallel, &moving, &mut samples);
+    /// Sum in the precision of the plan, and what is measured of every channel.
+    fn sum<T: Fill>(&self) -> Result<(Samples, Vec<Measured>)> {
+        let (plan, is_parallel) = (&self.plan, self.options.is_parallel);
+        let num_samples = plan.waveform.num_samples;
+        let size = plan.waveform.chirp_times.len() * num_samples;
+        let zero = Complex::new(T::zero(), T::zero());
+        let mut samples = vec![zero; self.groups[0].source.shape().channels * size];
+        let has_static = self.report.num_static > 0;
+        let static_grid = has_static.then(|| Grid::<T>::new(Layout::new(num_samples, plan.width, 1)));
+        let moving = plan.moving.as_ref().map(|moving| {
+            let grid = Grid::<T>::new(Layout::new(num_samples, plan.width, moving.rows));
+            let slow_time = SlowTime::new(plan.waveform, &self.block, moving, grid.layout);
+            (grid, slow_time)
+        });
+        let batches = samples.chunks_mut(MAX_CHANNELS * size).enumerate().collect();
+        let results = parallel::map(is_parallel, batches, |(batch, samples)| {
+            let mut samples: Vec<_> = samples.chunks_mut(size).collect();
+            let tasks = (batch * MAX_CHANNELS..).zip(&mut samples).collect();
+            let results = parallel::map(is_parallel, tasks, |(channel, samples)| {
+                let mut measured = Measured::new(plan);
+                if let Some(grid) = &static_grid {
+                    let spectrum = self.spectra(grid, channel, &mut measured)?;
+                    let (re, im) = spectrum.split_at(grid.layout.padded());
+                    for chirp in samples.chunks_exact_mut(num_samples) {
+                        for ((sample, re), im) in chirp.iter_mut().zip(re).zip(im) {
+                            *sample = *sample + Complex::new(*re, *im);
+                        }
+                    }
+                }
+                let spectra = match &moving {
+                    Some((grid, _)) => self.spectra(grid, channel, &mut measured)?,
+                    None => Vec::new(),
+                };
+                Ok((spectra, measured))
+            });
+            let results: Result<Vec<(Vec<T>, Measured)>> = results.into_iter().collect();
+            let (spectra, measured): (Vec<_>, Vec<_>) = results?.into_iter().unzip();
+            if let Some((_, slow_time)) = &moving {
+                slow_time.add(self.options.level, is_parallel, &spectra, &mut samples);
             }
             Ok(measured)
         });
-        let mut measured = Vec::new();
-        for result in results {
-            measured.extend(result?);
-        }
+        let measured: Result<Vec<Vec<Measured>>> = results.into_iter().collect();
         self.options.cancel.map_or(Ok(()), Cancel::check)?;
-        Ok((samples, measured))
+        let samples = Samples::new(&samples, self.scale.recip(), self.options.tolerance);
+        Ok((samples, measured?.into_iter().flatten().collect()))
     }
 
-    /// Spectra of a channel over range, of all groups.
-    fn spectra<T: Widths>(&self, plan: &Plan, axes: &[Axes<T>; 2], channel: usize) -> Result<Spectra<T>> {
-        let num_channels = self.groups[0].source.shape().channels;
-        let mut spectra = Spectra {
-            of_static: Vec::new(),
-            moving: Vec::new(),
-            measured: Measured::new(self.waveform),
-        };
-        for (is_static, axes) in [true, false].into_iter().zip(axes) {
-            let layout = &axes.layout;
-            let num_terms = if is_static { 1 } else { plan.num_terms() };
-            let mut sum = Vec::new();
-            let mut exponents: Vec<u8> = Vec::new();
-            let groups = || {
-                self.groups
-                    .iter()
-                    .filter(|group| group.source.shape().is_static() == is_static)
-            };
-            for group in groups().filter(|group| group.source.shape().paths > 0) {
-                if !exponents.contains(&group.frequency_exponent) {
-                    exponents.push(group.frequency_exponent);
-                }
-            }
-            for exponent in exponents {
-                let layer: Vec<_> = groups().filter(|group| group.frequency_exponent == exponent).collect();
-                let num_parts = num_parts(num_channels, self.report.num_paths / num_channels);
-                let part = |part: usize| self.fill_grid(plan, axes, &layer, (channel, part, num_parts));
-                let parts = parallel::map(self.options.is_parallel, (0..num_parts).collect(), part);
-                let mut parts = parts.into_iter();
-                let Some(first) = parts.next() else {
-                    unreachable!("at least one part")
-                };
-                let (mut grid, measured) = first?;
-                spectra.measured.join(&measured);
-                for other in parts {
-                    let (other, measured) = other?;
-                    spectra.measured.join(&measured);
-                    for (a, b) in grid.iter_mut().zip(&other) {
-                        *a = *a + *b;
-                    }
-                }
-                sum.resize(num_terms * layout.rows * 2 * layout.padded(), T::zero());
-                let factors = self.waveform.over_frequency(exponent);
-                let Options { level, is_parallel, .. } = *self.options;
-                axes.range.add(level, is_parallel, &grid, &factors, &mut sum);
-            }
-            if is_static {
-                spectra.of_static = sum;
-            } else if sum.is_empty() {
-                spectra.moving = vec![T::zero(); num_terms * layout.rows * 2 * layout.padded()];
+    /// Spectra `(term, row, part, sample)` of the static or the moving paths of a channel.
+    fn spectra<T: Fill>(&self, grid: &Grid<T>, channel: usize, measured: &mut Measured) -> Result<Vec<T>> {
+        let Options { level, is_parallel, .. } = *self.options;
+        let parts = parallel::map(is_parallel, (0..self.num_parts).collect(), |part| {
+            self.fill_grid(grid, channel, part)
+        });
+        let mut sum: Vec<T> = Vec::new();
+        for part in parts {
+            let (cells, of_part) = part?;
+            measured.join(&of_part);
+            if sum.is_empty() {
+                sum = cells;
             } else {
-                spectra.moving = sum;
+                for (a, b) in sum.iter_mut().zip(&cells) {
+                    *a = *a + *b;
+                }
             }
         }
-        Ok(spectra)
+        Ok(grid.spectra(level, is_parallel, &sum))
     }
 
-    /// Spread a part of the paths of groups: grid `(term, row, cell)`.
-    fn fill_grid<T: Widths>(
-        &self,
-        plan: &Plan,
-        axes: &Axes<T>,
-        groups: &[&PathGroup],
-        (channel, part, num_parts): (usize, usize, usize),
-    ) -> Result<(Vec<T>, Measured)> {
+    /// Spread a part of the static or the moving paths: grid `(term, row, cell)`.
+    fn fill_grid<T: Fill>(&self, grid: &Grid<T>, channel: usize, part: usize) -> Result<(Vec<T>, Measured)> {
         let Options { level, cancel, .. } = *self.options;
-        let layout = &axes.layout;
-        let is_static = groups[0].source.shape().is_static();
-        let num_terms = if is_static { 1 } else { plan.num_terms() };
-        let mut grid = vec![T::zero(); num_terms * layout.size()];
-        let mut measured = Measured::new(self.waveform);
+        let is_static = grid.layout.rows == 1;
+        let num_terms = if is_static { 1 } else { self.plan.num_terms() };
+        let mut cells = vec![T::zero(); num_terms * grid.layout.size()];
+        let mut measured = Measured::new(&self.plan);
         let mut points = Points::new(num_terms);
-        let mut scratch = Scratch::new(layout.width);
-        for group in groups {
+        let groups = self.groups.iter();
+        for group in groups.filter(|group| group.source.shape().is_static() == is_static) {
             let shape = group.source.shape();
-            let block = Block::new(self.waveform, &shape, self.block.chirps.clone());
-            let map = PointMap::new(self.waveform, &block, plan, layout, is_static);
+            let block = Block::new(self.plan.waveform, &shape, 0..self.plan.waveform.chirp_times.len());
             let mut chunk = Chunk::<T>::new(&shape, 1);
             let num_chunks = shape.paths.div_ceil(CHUNK);
-            for index in part * num_chunks / num_parts..(part + 1) * num_chunks / num_parts {
+            for index in part * num_chunks / self.num_parts..(part + 1) * num_chunks / self.num_parts {
                 if cancel.is_some_and(Cancel::is_asked) {
                     break;
                 }
@@ -298,74 +229,24 @@ impl Prepared<'_> {
                     level,
                 };
                 T::fill(group.source, &request, &mut chunk);
-                let points_of = PointsOf {
-                    map: &map,
+                level.run(ComputePoints {
+                    plan: &self.plan,
+                    layout: &grid.layout,
+                    block: &block,
                     chunk: &chunk,
                     points: &mut points,
                     measured: &mut measured,
-                };
-                T::compute_points(level, points_of);
-                let points = SpreadPoints {
-                    layout,
-                    tables: &axes.tables,
+                });
+                level.run(SpreadPoints {
+                    grid,
                     points: &points,
-                    scratch: &mut scratch,
-                    grid: &mut grid,
-                };
-                T::spread(level, points);
+                    cells: &mut cells,
+                });
             }
             if !measured.power.is_finite() {
                 return Err(group.source.not_finite());
             }
         }
-        Ok((grid, measured))
-    }
-}
-
-/// Grid of range and velocity, or of range alone, and what belongs to it.
-struct Axes<T> {
-    layout: Layout,
-    tables: Tables<T>,
-    range: RangeTransform<T>,
-}
-
-impl<T: Widths> Axes<T> {
-    fn new(layout: Layout) -> Self {
-        Self {
-            layout,
-            tables: Tables::new(&layout),
-            range: RangeTransform::new(layout),
-        }
-    }
-}
-
-/// Spectra over range of a channel, and what is measured of its paths.
-struct Spectra<T> {
-    /// Of static paths: `(part, sample)`; empty without any.
-    of_static: Vec<T>,
-    /// Of moving paths: `(term, row, part, sample)`.
-    moving: Vec<T>,
-    measured: Measured,
-}
-
-/// Add a spectrum `(part, sample)` to all chirps.
-fn add_to_chirps<T: Widths>(spectrum: &[T], num_samples: usize, samples: &mut [Complex<T>]) {
-    let (re, im) = spectrum.split_at(spectrum.len() / 2);
-    for chirp in samples.chunks_exact_mut(num_samples) {
-        for ((sample, re), im) in chirp.iter_mut().zip(re).zip(im) {
-            *sample = *sample + Complex::new(*re, *im);
-        }
-    }
-}
-
-/// Samples times a factor, in the precision of the result.
-fn unscaled<T: Widths>(samples: &[Complex<T>], back: f64, is_single: bool) -> Samples {
-    let scaled = samples
-        .iter()
-        .map(|s| Complex64::new(s.re.wide() * back, s.im.wide() * back));
-    if is_single {
-        Samples::Single(scaled.map(|s| Complex32::new(s.re as f32, s.im as f32)).collect())
-    } else {
-        Samples::Double(scaled.collect())
+        Ok((cells, measured))
     }
 }

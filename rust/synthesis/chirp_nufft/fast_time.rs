@@ -1,0 +1,226 @@
+//! Fast time u, the time from the middle sample of a chirp in units of the longest one, and what a path does within it.
+//!
+//! Delays and amplitudes are polynomials of u. Their values at the nodes of Gauss's quadrature tell the coefficients of
+//! Legendre polynomials, normalised to a mean square of one: the first two are the tone nearest to the path.
+
+use std::f64::consts::PI;
+
+use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, MAX_TURNS, Number};
+use crate::numeric::fft;
+use crate::synthesis::chirp::Waveform;
+use crate::synthesis::chunk::Block;
+
+/// Constants of a frame: the same for all paths and channels.
+#[derive(Clone, Debug)]
+pub struct FastTime<'a> {
+    /// Times and frequencies.
+    pub waveform: &'a Waveform,
+    /// Number of cells of the grid, a power of two, at least twice the number of samples.
+    pub num_cells: usize,
+    /// Frequency at the middle sample [Hz].
+    pub carrier: f64,
+    /// Change of the frequency from the middle sample to the farthest one, relative to the carrier.
+    pub ratio: f64,
+    /// Cells per turn of phase from the middle sample to the farthest one.
+    pub cells_per_turn: f64,
+    /// Turns of phase per squared turn of the delay at the carrier, to be taken off: half the slope times the squared
+    /// delay.
+    pub per_square: f64,
+}
+
+impl<'a> FastTime<'a> {
+    /// Constants of a frame.
+    pub fn new(waveform: &'a Waveform) -> Self {
+        let half = waveform.half_sweep();
+        let num_cells = fft::num_cells(waveform.num_samples);
+        let carrier = waveform.start_frequency + waveform.slope * waveform.middle_time();
+        Self {
+            waveform,
+            num_cells,
+            carrier,
+            ratio: waveform.slope * half / carrier,
+            cells_per_turn: num_cells as f64 / waveform.sample_rate / half,
+            per_square: 0.5 * waveform.slope / carrier.powi(2),
+        }
+    }
+
+    /// Legendre polynomials of degrees 0, 1, ... at every sample.
+    pub fn polynomials(&self) -> impl Iterator<Item = [f64; MAX_ORDERS]> {
+        let num_samples = self.waveform.num_samples;
+        let longest = self.waveform.half_sweep() * self.waveform.sample_rate;
+        (0..num_samples).map(move |sample| legendre((sample as f64 - (num_samples / 2) as f64) / longest))
+    }
+
+    /// Sizes of the Legendre polynomials in powers of fast time (power, degree), root mean squares over the samples.
+    pub fn powers(&self) -> [[f64; MAX_ORDERS]; MAX_ORDERS] {
+        let mut squares = [0.0; MAX_ORDERS];
+        for values in self.polynomials() {
+            for n in 0..MAX_ORDERS {
+                squares[n] += values[n] * values[n] / self.waveform.num_samples as f64;
+            }
+        }
+        let nodes = Nodes::new(MAX_ORDERS - 1);
+        let power = |m: usize, j: usize| nodes.times[j].powi(m as i32);
+        let size = |m: usize, n: usize| nodes.coefficient(n, |j| power(m, j)).abs() * squares[n].sqrt();
+        std::array::from_fn(|m| std::array::from_fn(|n| size(m, n)))
+    }
+
+    /// The first Chebyshev polynomials (degree, node) of the time of a block at the nodes of a chirp.
+    fn chebyshev(
+        &self,
+        block: &Block,
+        chirp: usize,
+        number: usize,
+        nodes: &Nodes,
+    ) -> [[f64; MAX_ORDERS]; MAX_TURNS + 1] {
+        let middle = self.waveform.chirp_times[chirp] + self.waveform.middle_time();
+        let mut values = [[0.0; MAX_ORDERS]; MAX_TURNS + 1];
+        for (j, u) in nodes.times.iter().enumerate() {
+            let x = block.x(middle + u * self.waveform.half_sweep());
+            (values[0][j], values[1][j]) = (1.0, x);
+            for k in 2..number {
+                values[k][j] = 2.0 * x * values[k - 1][j] - values[k - 2][j];
+            }
+        }
+        values
+    }
+
+    /// Tables of the chirps from number `first` on for series of some numbers of coefficients over a block.
+    pub fn tables<T: Number>(&self, block: &Block, first: usize, counts: [usize; 2], nodes: &Nodes) -> LaneTables<T> {
+        let none = [T::zero(); MAX_LANES];
+        let [num_turns, num_amplitudes] = counts;
+        let num_nodes = nodes.times.len();
+        let mut tables = LaneTables {
+            turns: vec![none; 2 * num_turns],
+            amplitude: vec![none; num_amplitudes],
+            node_turns: vec![none; num_nodes * num_turns],
+            node_amplitude: vec![none; num_nodes * num_amplitudes],
+        };
+        for lane in 0..T::LANES {
+            let chirp = (first + lane).min(block.chirps.end - 1);
+            let values = self.chebyshev(block, chirp, num_amplitudes.max(num_turns + 1), nodes);
+            for k in 0..num_turns {
+                // Frequency and delay change together. The slope of the phase has two parts: by the delay, and Doppler.
+                let values = &values[k + 1];
+                let [phase, slope] =
+                    [0, 1].map(|n| nodes.coefficient(n, |j| (1.0 + self.ratio * nodes.times[j]) * values[j]));
+                let doppler = 3.0_f64.sqrt() * slope - self.ratio * phase;
+                tables.turns[2 * k][lane] = T::of(phase);
+                tables.turns[2 * k + 1][lane] = T::of(doppler);
+                for (j, u) in nodes.times.iter().enumerate() {
+                    tables.node_turns[k * num_nodes + j][lane] = T::of(values[j] - phase - u * doppler);
+                }
+            }
+            for k in 0..num_amplitudes {
+                tables.amplitude[k][lane] = T::of(nodes.coefficient(0, |j| values[k][j]));
+                for j in 0..num_nodes {
+                    tables.node_amplitude[k * num_nodes + j][lane] = T::of(values[k][j]);
+                }
+            }
+        }
+        tables
+    }
+
+    /// Orders of fast time of the first Chebyshev polynomials of a block.
+    pub fn orders<T: Number>(&self, block: &Block, number: usize) -> Vec<Orders> {
+        let nodes = Nodes::new(T::DEGREE + 3);
+        let highest = highest_coefficients();
+        let mut orders = vec![Orders::default(); number];
+        // Chebyshev polynomials change most at both ends.
+        for chirp in [block.chirps.start, block.chirps.end - 1] {
+            let values = self.chebyshev(block, chirp, number, &nodes);
+            for (values, orders) in values.iter().zip(&mut orders) {
+                let phase = |j: usize| (1.0 + self.ratio * nodes.times[j]) * values[j];
+                for n in 1..=T::DEGREE + 2 {
+                    let amplitude = nodes.coefficient(n, |j| values[j]);
+                    let mut phase_order = nodes.coefficient(n, phase);
+                    if n == 1 {
+                        phase_order = amplitude - phase_order + self.ratio / highest[1] * nodes.coefficient(0, phase);
+                    }
+                    orders.phase[n] = orders.phase[n].max(2.0 * PI * highest[n] * phase_order.abs());
+                    orders.amplitude[n] = orders.amplitude[n].max(highest[n] * amplitude.abs());
+                }
+            }
+        }
+        orders
+    }
+}
+
+/// Orders of fast time within a chirp of a Chebyshev polynomial, the largest of all chirps: coefficients of Legendre
+/// polynomials whose highest coefficients are one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Orders {
+    /// Phase but for the tone, of a delay of one turn [rad]. The first order is that of the delay, and counts as far as
+    /// the frequency received is not the carrier.
+    pub phase: [f64; MAX_ORDERS],
+    /// Amplitude.
+    pub amplitude: [f64; MAX_ORDERS],
+}
+
+/// Tables of the chirps of all lanes; lanes beyond the last chirp repeat it.
+#[derive(Clone, Debug)]
+pub struct LaneTables<T> {
+    /// Coefficients of the delay after the constant one: the phase of the tone [turns] and its Doppler of each.
+    pub turns: Vec<LaneRow<T>>,
+    /// Mean amplitude of a chirp by coefficient.
+    pub amplitude: Vec<LaneRow<T>>,
+    /// Delay but for the tone [turns], and amplitude, at all nodes by coefficient.
+    pub node_turns: Vec<LaneRow<T>>,
+    pub node_amplitude: Vec<LaneRow<T>>,
+}
+
+/// Gauss's nodes of fast time, and what they tell.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    /// Fast time u of every node.
+    pub times: Vec<f64>,
+    /// Weights of the nodes in the coefficients of the Legendre polynomials (node, degree).
+    pub weights: Vec<[f64; MAX_ORDERS]>,
+}
+
+impl Nodes {
+    /// Nodes that tell the coefficients of as many polynomials.
+    pub fn new(number: usize) -> Self {
+        let (mut times, mut weights) = (Vec::new(), Vec::new());
+        let norm = |n: usize| ((2 * n + 1) as f64).sqrt();
+        for j in 0..number {
+            let mut u = (PI * (j as f64 + 0.75) / (number as f64 + 0.5)).cos();
+            let mut slope = 1.0;
+            for _ in 0..6 {
+                // Newton's method: (u^2 - 1) P_n' = n (u P_n - P_(n-1)).
+                let values = legendre(u);
+                let [value, before] = [number, number - 1].map(|n| values[n] / norm(n));
+                slope = number as f64 * (u * value - before) / (u * u - 1.0);
+                u -= value / slope;
+            }
+            let weight = ((1.0 - u * u) * slope * slope).recip();
+            times.push(u);
+            weights.push(legendre(u).map(|value| weight * value));
+        }
+        Self { times, weights }
+    }
+
+    /// Coefficient of a Legendre polynomial of a function of the node.
+    fn coefficient(&self, degree: usize, value: impl Fn(usize) -> f64) -> f64 {
+        (0..self.times.len()).map(|j| self.weights[j][degree] * value(j)).sum()
+    }
+}
+
+/// Legendre polynomials of degrees 0, 1, ... at u, normalised to a mean square of one.
+fn legendre(u: f64) -> [f64; MAX_ORDERS] {
+    let mut values = [1.0; MAX_ORDERS];
+    values[1] = u;
+    for n in 2..MAX_ORDERS {
+        values[n] = ((2 * n - 1) as f64 * u * values[n - 1] - (n - 1) as f64 * values[n - 2]) / n as f64;
+    }
+    std::array::from_fn(|n| ((2 * n + 1) as f64).sqrt() * values[n])
+}
+
+/// Highest coefficients of [`legendre`].
+fn highest_coefficients() -> [f64; MAX_ORDERS] {
+    let mut highest = [1.0; MAX_ORDERS];
+    for n in 1..MAX_ORDERS {
+        highest[n] = highest[n - 1] * (2 * n - 1) as f64 / n as f64;
+    }
+    std::array::from_fn(|n| ((2 * n + 1) as f64).sqrt() * highest[n])
+}

@@ -1,0 +1,471 @@
+//! Records of paths: phases and places, computed in double precision, and the errors of what records leave out.
+
+use std::f64::consts::TAU;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use super::fast_time::{FastTime, Orders};
+use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, Number};
+use crate::numeric::simd::{Isa, Kernel, Level, Real, Vector};
+use crate::numeric::trig::angle;
+use crate::numeric::wide::{self, mul, narrow, neg_mul_add, number, sub};
+use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane, expand};
+use crate::synthesis::source::{PathSource, Request, Shape};
+
+/// Shares of the tolerance below which coefficients do not count: of delays [turns], and of amplitudes relative to them.
+const TURNS_SHARE: f64 = 0.004;
+const AMPLITUDE_SHARE: f64 = 0.01;
+
+/// Phase within a chirp beyond which bounds of errors need not grow [rad].
+const MOST_TURNED: f64 = 4.0;
+
+/// Squared magnitude of scaled amplitudes that have no direction.
+const NO_AMPLITUDE: f64 = 1e-36;
+
+/// Safety factor of what series leave out: echoes of a smooth surface cancel but for those of its ends, whose phases may
+/// bend most. Without it, errors of plates were up to 1.25 times the bound.
+const SAFETY: f64 = 1.5;
+
+/// Rows of a record: constant part of the phase at the middle sample, with the argument of the amplitude [turns].
+pub const PHASE: usize = 0;
+/// Constant part of the place on the grid: the cell, and the place after it, -1/2 to 1/2 [cells].
+pub const CELL: usize = 1;
+pub const OFFSET: usize = 2;
+/// Change of the frequency received by the delay, relative to the carrier.
+pub const RECEIVED: usize = 3;
+/// Number of these rows.
+pub const HEAD: usize = 4;
+
+/// Records of some paths of a channel. Each has the rows of [`MAX_LANES`] paths: the head, the coefficients of the delay
+/// after the constant one [turns at the carrier], and those of the amplitude in phase and in quadrature with the first one.
+#[derive(Clone, Debug)]
+pub struct Batch<T> {
+    /// Number of paths; lanes after the last path have no amplitude.
+    pub num_paths: usize,
+    /// Numbers of coefficients of the delay after the constant one, and of the amplitude.
+    pub counts: [usize; 2],
+    /// Records of every block.
+    pub blocks: Vec<Vec<LaneRow<T>>>,
+    /// Numbers of the coefficients that count in every record of every block: of the delay, of the amplitude in phase, and of
+    /// that in quadrature.
+    pub used: Vec<Vec<[usize; 3]>>,
+    /// Errors of these paths.
+    pub errors: Errors<f64>,
+}
+
+impl<T> Batch<T> {
+    /// Rows of a record.
+    pub fn num_rows(&self) -> usize {
+        let [num_turns, num_amplitudes] = self.counts;
+        HEAD + num_turns + 2 * num_amplitudes
+    }
+
+    /// Number of paths of a record.
+    pub fn paths_of(&self, record: usize) -> usize {
+        (self.num_paths - record * MAX_LANES).min(MAX_LANES)
+    }
+}
+
+/// Numbers of coefficients in the records of paths, see [`Batch::counts`].
+pub fn counts<T: Number>(shape: &Shape) -> [usize; 2] {
+    let turns = (shape.delay_rows - 1).min(T::NUM_TURNS);
+    [turns, shape.amplitude_rows.min(T::NUM_AMPLITUDES)]
+}
+
+/// Errors of a sum that are known before it, summed over paths of a channel, mean over the blocks; amplitudes are scaled.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Errors<V> {
+    /// Power: mean over the frame of the square of the amplitudes [W].
+    pub power: V,
+    /// Power of the strongest path in a block [W].
+    pub strongest: V,
+    /// Squares of what a block is too long for: coefficients beyond those of records [W].
+    pub series: V,
+    /// Squares of the rounding of coefficients of delays, each of them rounded by one [rad^2 W].
+    pub rounding: V,
+    /// Squares of the Legendre polynomials of fast time within a chirp, by degree [W].
+    pub orders: [V; MAX_ORDERS],
+    /// Largest delay of a path with power [s].
+    pub longest: V,
+}
+
+impl<V: Vector> Errors<V> {
+    #[cfg_attr(optimised, inline(always))]
+    fn new() -> Self {
+        let zero = V::splat(V::Scalar::default());
+        Self {
+            power: zero,
+            strongest: zero,
+            series: zero,
+            rounding: zero,
+            orders: [zero; MAX_ORDERS],
+            longest: zero,
+        }
+    }
+
+    /// Sums over the lanes.
+    #[cfg_attr(optimised, inline(always))]
+    fn total(&self) -> Errors<f64> {
+        let mut orders = [0.0; MAX_ORDERS];
+        for n in 0..MAX_ORDERS {
+            orders[n] = total(self.orders[n]);
+        }
+        Errors {
+            power: total(self.power),
+            strongest: self.strongest.largest().wide(),
+            series: total(self.series),
+            rounding: total(self.rounding),
+            orders,
+            longest: self.longest.largest().wide(),
+        }
+    }
+}
+
+impl Errors<f64> {
+    /// Add the errors of other paths, times a weight.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        self.power += weight * other.power;
+        self.strongest = self.strongest.max(other.strongest);
+        self.series += weight * other.series;
+        self.rounding += weight * other.rounding;
+        for (sum, order) in self.orders.iter_mut().zip(other.orders) {
+            *sum += weight * order;
+        }
+        self.longest = self.longest.max(other.longest);
+    }
+
+    /// Error of truncated series, rms over the samples relative to the l2 norm of the amplitudes, for paths of independent
+    /// phases, where orders of fast time are left out whose squares have this sum.
+    pub fn truncation(&self, fast_time: &FastTime, orders: f64) -> f64 {
+        if self.power == 0.0 {
+            return 0.0;
+        }
+        SAFETY * fast_time.waveform.fluctuation() * ((self.series + orders) / self.power).sqrt()
+    }
+
+    /// Error of blocks that are too long, which shorter ones have not; likewise.
+    pub fn of_blocks<T: Number>(&self, fast_time: &FastTime) -> f64 {
+        self.truncation(fast_time, 0.0).hypot(self.rounding::<T>())
+    }
+
+    /// Rounding of the coefficients of delays, likewise.
+    pub fn rounding<T: Number>(&self) -> f64 {
+        SAFETY * T::OF_COEFFICIENT * (self.rounding / self.power.max(f64::MIN_POSITIVE)).sqrt()
+    }
+
+    /// Share of the strongest path in the power, at most 1.
+    pub fn share_of_strongest(&self) -> f64 {
+        (self.strongest / self.power.max(f64::MIN_POSITIVE)).min(1.0)
+    }
+}
+
+/// Records of some chunks of paths of some channels.
+pub struct Build<'a, T> {
+    pub fast_time: &'a FastTime<'a>,
+    /// See [`FastTime::powers`].
+    pub powers: &'a [[f64; MAX_ORDERS]; MAX_ORDERS],
+    pub source: &'a dyn PathSource,
+    /// Blocks of chirps, and the orders of fast time of Chebyshev polynomials in them.
+    pub blocks: &'a [(Block, Vec<Orders>)],
+    pub channels: Range<usize>,
+    pub chunks: Range<usize>,
+    pub scale: f64,
+    pub tolerance: f64,
+    pub level: Level,
+    pub number: PhantomData<T>,
+}
+
+/// Coefficients of paths of a channel over a block, by degree: delays [s], parts of amplitudes times a scale.
+struct Coefficients<T> {
+    num_paths: usize,
+    delay: Vec<Lane<f64>>,
+    re: Vec<Lane<T>>,
+    im: Vec<Lane<T>>,
+}
+
+impl<T: Number> Kernel for Build<'_, T> {
+    type Output = Vec<Batch<T>>;
+
+    #[cfg_attr(optimised, inline(always))]
+    fn run<I: Isa>(self) -> Vec<Batch<T>> {
+        let shape = self.source.shape();
+        let [delay_rows, amplitude_rows] = [shape.delay_rows, shape.amplitude_rows];
+        let mut batches = Vec::with_capacity(self.channels.len());
+        for _ in self.channels.clone() {
+            let mut batch = Batch {
+                num_paths: 0,
+                counts: counts::<T>(&shape),
+                blocks: vec![Vec::new(); self.blocks.len()],
+                used: vec![Vec::new(); self.blocks.len()],
+                errors: Errors::default(),
+            };
+            let most = (CHUNK * self.chunks.len()).min(shape.paths).div_ceil(MAX_LANES) * batch.num_rows();
+            for records in &mut batch.blocks {
+                records.reserve_exact(most);
+            }
+            batches.push(batch);
+        }
+        let mut chunk = Chunk::<T>::new(&shape, self.channels.len());
+        let mut coefficients = Coefficients {
+            num_paths: 0,
+            delay: vec![[0.0; CHUNK]; delay_rows],
+            re: vec![[T::zero(); CHUNK]; amplitude_rows],
+            im: vec![[T::zero(); CHUNK]; amplitude_rows],
+        };
+        let num_chirps = self.fast_time.waveform.chirp_times.len() as f64;
+        for index in self.chunks.clone() {
+            let request = Request {
+                channels: self.channels.clone(),
+                paths: index * CHUNK..shape.paths.min((index + 1) * CHUNK),
+                scale: self.scale,
+                level: self.level,
+            };
+            T::fill(self.source, &request, &mut chunk);
+            coefficients.num_paths = chunk.num_paths;
+            for (at, batch) in batches.iter_mut().enumerate() {
+                let delays = &chunk.delay[at * delay_rows..][..delay_rows];
+                let [re, im] = [&chunk.re, &chunk.im].map(|rows| &rows[at * amplitude_rows..][..amplitude_rows]);
+                for (number, (block, orders)) in self.blocks.iter().enumerate() {
+                    expand::<f64, I>(&block.delay, delays, &mut coefficients.delay);
+                    expand::<T, I>(&block.amplitude, re, &mut coefficients.re);
+                    expand::<T, I>(&block.amplitude, im, &mut coefficients.im);
+                    let errors = if size_of::<T>() == 4 {
+                        self.add::<I, 2>(&coefficients, orders, number, batch)
+                    } else {
+                        self.add::<I, 1>(&coefficients, orders, number, batch)
+                    };
+                    batch.errors.add(&errors, block.chirps.len() as f64 / num_chirps);
+                }
+                batch.num_paths += chunk.num_paths;
+            }
+        }
+        batches
+    }
+}
+
+impl<T: Number> Build<'_, T> {
+    /// Add the records of paths to block `number` of a batch. Returns their errors.
+    #[cfg_attr(optimised, inline(always))]
+    fn add<I: Isa, const P: usize>(
+        &self,
+        paths: &Coefficients<T>,
+        orders: &[Orders],
+        number: usize,
+        batch: &mut Batch<T>,
+    ) -> Errors<f64> {
+        let mut errors = Errors::<T::In<I>>::new();
+        let (num_rows, counts) = (batch.num_rows(), batch.counts);
+        let (records, used) = (&mut batch.blocks[number], &mut batch.used[number]);
+        for at in (0..paths.num_paths).step_by(T::LANES) {
+            if at.is_multiple_of(MAX_LANES) {
+                records.resize(records.len() + num_rows, [T::zero(); MAX_LANES]);
+                used.push([0, 1, 0]);
+            }
+            let first = records.len() - num_rows;
+            let record = &mut records[first..];
+            let own = self.put::<I, P>(paths, at, (counts, record), orders, &mut errors);
+            let last = used.len() - 1;
+            for i in 0..3 {
+                used[last][i] = used[last][i].max(own[i]);
+            }
+        }
+        errors.total()
+    }
+
+    /// Put the paths of a vector, from `at` on, into a record, and add their errors. Returns the numbers of the coefficients
+    /// that count, see [`Batch::used`].
+    #[cfg_attr(optimised, inline(always))]
+    fn put<I: Isa, const P: usize>(
+        &self,
+        paths: &Coefficients<T>,
+        at: usize,
+        ([num_turns, num_amplitudes], record): ([usize; 2], &mut [LaneRow<T>]),
+        orders: &[Orders],
+        errors: &mut Errors<T::In<I>>,
+    ) -> [usize; 3] {
+        let lane = at % MAX_LANES;
+        let zero = number::<T, I>(0.0);
+        let (head, rows) = record.split_at_mut(HEAD);
+        let (turns, amplitudes) = rows.split_at_mut(num_turns);
+        let (direction, argument) = direction::<T, I>(paths, at);
+        let received = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
+        // Received far from the carrier, phases change more.
+        let more = absolute(received).add(number::<T, I>(1.0));
+        let (all, mut used) = (u32::MAX >> (32 - T::LANES), [0; 3]);
+
+        // Orders of the phase, per squared turn of the delay.
+        let (mut drift, mut tail) = (zero, zero);
+        let (mut phase, mut change) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
+        let carrier = wide::splat::<I, P>(self.fast_time.carrier);
+        for k in 1..paths.delay.len() {
+            let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), carrier));
+            let size = absolute(own);
+            if k > num_turns {
+                tail = tail.add(size);
+                continue;
+            }
+            own.store(&mut turns[k - 1][lane..]);
+            let is_small = size.mul(more).at_most(number::<T, I>(TURNS_SHARE * self.tolerance));
+            tail = tail.add(size.select(is_small, zero));
+            if is_small != all {
+                used[0] = k;
+            }
+            drift = drift.add(size);
+            for n in 1..=T::DEGREE + 2 {
+                phase[n] = size.mul_add(number::<T, I>(orders[k].phase[n]), phase[n]);
+            }
+        }
+
+        // Amplitudes along the direction of the first coefficient, and in quadrature; the conjugates.
+        let (mut power, mut beyond) = (zero, zero);
+        for k in 0..paths.re.len() {
+            let re = <T::In<I>>::load(&paths.re[k][at..]);
+            let im = zero.sub(<T::In<I>>::load(&paths.im[k][at..]));
+            let r = im.mul_add(direction[1], re.mul(direction[0]));
+            let s = re.neg_mul_add(direction[1], im.mul(direction[0]));
+            let weight = number::<T, I>(if k == 0 { 1.0 } else { 0.5 });
+            let square = r.mul_add(r, s.mul(s)).mul(weight);
+            power = power.add(square);
+            if k >= num_amplitudes {
+                beyond = beyond.add(square);
+                continue;
+            }
+            r.store(&mut amplitudes[k][lane..]);
+            s.store(&mut amplitudes[num_amplitudes + k][lane..]);
+            let size = absolute(r).add(absolute(s));
+            if k > 0 {
+                for n in 1..=T::DEGREE + 2 {
+                    change[n] = size.mul_add(number::<T, I>(orders[k].amplitude[n]), change[n]);
+                }
+            }
+        }
+
+        // Orders of the amplitude times exp(j phase): those of the factors, and products, powers of fast time, which also
+        // have polynomials of lower degrees.
+        let size = power.sqrt();
+        drift = drift.mul(more);
+        let (mut sums, mut products) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
+        for n in 1..=T::DEGREE + 2 {
+            let own = phase[n].mul(if n == 1 { absolute(received) } else { more });
+            phase[n] = own;
+            change[n] = size.mul_add(own, change[n]);
+            for m in 2..n {
+                let share = number::<T, I>(m as f64 / (n - 1) as f64);
+                products[n] = phase[m].mul(share).mul_add(sums[n - m], products[n]);
+            }
+            sums[n] = change[n].add(products[n]);
+        }
+        for n in 1..=T::DEGREE + 2 {
+            let mut sum = change[n].mul(number::<T, I>(self.powers[n][n]));
+            for m in (n..=T::DEGREE + 2).step_by(2) {
+                sum = products[m].mul_add(number::<T, I>(self.powers[m][n]), sum);
+            }
+            errors.orders[n] = sum.mul_add(sum, errors.orders[n]);
+        }
+        // Numbers that are not finite show in the sum.
+        let constant = narrow::<T, I, P>(wide::load::<I, P>(&paths.delay[0][at..]));
+        errors.power = constant.mul_add(zero, errors.power.add(power));
+        errors.strongest = errors.strongest.max(power);
+        // Phases within a chirp turn tones by Taylor's series up to the seventh power.
+        let mut turned = zero;
+        for n in 2..=T::DEGREE + 2 {
+            turned = phase[n].mul_add(number::<T, I>(2.0 / 3.0), turned);
+        }
+        turned = turned.min(number::<T, I>(MOST_TURNED));
+        for _ in 0..3 {
+            turned = turned.mul(turned);
+        }
+        let least = size.mul(number::<T, I>(AMPLITUDE_SHARE * self.tolerance));
+        let mut small = zero;
+        for (number, row) in amplitudes.iter().enumerate() {
+            let own = absolute(<T::In<I>>::load(&row[lane..]));
+            let is_small = own.at_most(least);
+            small = small.add(own.select(is_small, zero));
+            if is_small != all {
+                used[1 + number / num_amplitudes] = 1 + number % num_amplitudes;
+            }
+        }
+        let series = tail.mul(more).mul(number::<T, I>(TAU));
+        let series = turned
+            .mul_add(number::<T, I>(1.0 / 40_320.0), series)
+            .mul_add(size, small);
+        errors.series = series.mul_add(series, errors.series.add(beyond));
+        let rounding = drift.mul(number::<T, I>(TAU)).mul(size);
+        errors.rounding = rounding.mul_add(rounding, errors.rounding);
+        let per_turn = number::<T, I>(self.fast_time.carrier.abs().recip());
+        let longest = drift.mul_add(per_turn, absolute(constant));
+        errors.longest = errors.longest.max(zero.select(power.at_most(zero), longest));
+        used
+    }
+
+    /// Put the head of a record for constant delays and arguments of the amplitudes [turns]. Returns the change of the
+    /// frequency received.
+    #[cfg_attr(optimised, inline(always))]
+    fn put_constant<I: Isa, const P: usize>(
+        &self,
+        delay: &[f64],
+        argument: T::In<I>,
+        head: &mut [LaneRow<T>],
+        lane: usize,
+    ) -> T::In<I> {
+        let fast_time = self.fast_time;
+        let delay = wide::load::<I, P>(delay);
+        let slope = fast_time.waveform.slope;
+        // f tau - S tau^2 / 2
+        let phase = wide::turns::<I, P>(fast_time.carrier, delay);
+        let phase = neg_mul_add(mul(delay, wide::splat::<I, P>(0.5 * slope)), delay, phase);
+        let phase = narrow::<T, I, P>(wide::reduce::<I, P>(phase)).add(argument);
+        let received = mul(delay, wide::splat::<I, P>(-slope / fast_time.carrier));
+        let received = narrow::<T, I, P>(received);
+        let per_delay = fast_time.cells_per_turn * fast_time.ratio * fast_time.carrier;
+        let place = mul(delay, wide::splat::<I, P>(per_delay));
+        let cell = wide::round::<I, P>(place);
+        let offset = narrow::<T, I, P>(sub(place, cell));
+        let num_cells = fast_time.num_cells as f64;
+        let rounds = wide::round::<I, P>(mul(cell, wide::splat::<I, P>(num_cells.recip())));
+        let cell = narrow::<T, I, P>(neg_mul_add(rounds, wide::splat::<I, P>(num_cells), cell));
+        for (row, numbers) in [(PHASE, phase), (CELL, cell), (OFFSET, offset), (RECEIVED, received)] {
+            numbers.store(&mut head[row][lane..]);
+        }
+        received
+    }
+}
+
+/// Directions of the conjugates of the first coefficients of amplitudes, and their arguments [turns].
+#[cfg_attr(optimised, inline(always))]
+fn direction<T: Number, I: Isa>(paths: &Coefficients<T>, at: usize) -> ([T::In<I>; 2], T::In<I>) {
+    let zero = number::<T, I>(0.0);
+    let (x, y) = (
+        <T::In<I>>::load(&paths.re[0][at..]),
+        zero.sub(<T::In<I>>::load(&paths.im[0][at..])),
+    );
+    let square = x.mul_add(x, y.mul(y));
+    let least = number::<T, I>(NO_AMPLITUDE);
+    let one = number::<T, I>(1.0);
+    let inverse = one.div(square.max(least).sqrt());
+    let is_none = square.at_most(least);
+    let size = angle(y, x).mul(number::<T, I>(TAU.recip()));
+    let argument = zero.select(is_none, zero.sub(size).select(y.at_most(zero), size));
+    let direction = [
+        one.select(is_none, x.mul(inverse)),
+        zero.select(is_none, y.mul(inverse)),
+    ];
+    (direction, argument)
+}
+
+/// Sum of the lanes.
+#[cfg_attr(optimised, inline(always))]
+fn total<V: Vector>(numbers: V) -> f64 {
+    let mut lanes = [V::Scalar::default(); MAX_LANES];
+    numbers.store(&mut lanes);
+    let mut sum = 0.0;
+    for number in lanes {
+        sum += number.wide();
+    }
+    sum
+}
+
+#[cfg_attr(optimised, inline(always))]
+fn absolute<V: Vector>(x: V) -> V {
+    x.max(V::splat(V::Scalar::default()).sub(x))
+}
