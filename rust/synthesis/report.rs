@@ -156,7 +156,7 @@ pub struct Report {
     pub is_single: bool,
     /// Width of the spreading kernel [cells]; 0 for none.
     pub width: usize,
-    /// Number of grids: of powers of time within a chirp, or of strengths.
+    /// Number of grids: of polynomials of time within a chirp, or of strengths.
     pub num_grids: usize,
     /// Number of blocks of chirps, the most of all groups.
     pub num_blocks: usize,
