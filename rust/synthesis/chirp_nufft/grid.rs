@@ -5,7 +5,7 @@ use num_complex::Complex;
 
 use super::fast_time::LaneTables;
 use super::number::Number;
-use super::plan::{ChirpPlan, RecordGroup};
+use super::plan::{ChirpPlan, RecordGroup, block_of};
 use super::spread::Spreading;
 use crate::cancel::Cancel;
 use crate::numeric::fft::{self, twiddles};
@@ -169,11 +169,6 @@ impl<T: Number> Kernel for AddChirps<'_, T> {
             }
         }
     }
-}
-
-/// Block of a group of chirps.
-pub fn block_of(group: usize, num_groups: usize, num_blocks: usize) -> usize {
-    group * num_blocks / num_groups
 }
 
 /// Add the cells beyond the last of a grid to the first ones.

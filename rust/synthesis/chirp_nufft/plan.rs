@@ -6,7 +6,6 @@ use std::ops::Range;
 
 use super::coherence::SumCells;
 use super::fast_time::{FastTime, LaneTables, Nodes, Orders};
-use super::grid::block_of;
 use super::number::{LaneRow, MAX_ORDERS, Number};
 use super::records::{Batch, Build, Errors, counts};
 use crate::cancel::Cancel;
@@ -347,6 +346,11 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         let grids = num_grids * (self.fast_time.num_cells + self.steps.width) * 2 * T::LANES;
         rows * size_of::<LaneRow<T>>() + grids * size_of::<T>()
     }
+}
+
+/// Block of a group of chirps.
+pub fn block_of(group: usize, num_groups: usize, num_blocks: usize) -> usize {
+    group * num_blocks / num_groups
 }
 
 /// Largest number, or NaN.

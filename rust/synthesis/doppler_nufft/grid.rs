@@ -1,9 +1,8 @@
 //! Grids of cells of range and rows of velocity, and their spectra over range.
 
-use super::spread::tap_table;
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
 use crate::numeric::{fft, parallel};
-use crate::synthesis::kaiser_bessel::KaiserBessel;
+use crate::synthesis::kaiser_bessel::{KaiserBessel, degree};
 
 /// Size of a vector [bytes].
 pub const VECTOR: usize = 64;
@@ -107,6 +106,21 @@ impl<T: Precision> Grid<T> {
         });
         spectra
     }
+}
+
+/// Polynomials of the cells of the kernels along range and velocity, `[power][cell]`: those of either axis in whole halves
+/// of vectors, one after the other.
+fn tap_table<T: Precision>(kernels: &[KaiserBessel; 2]) -> Vec<T> {
+    let width = kernels[0].width;
+    let padded = width.next_multiple_of(VECTOR / size_of::<T>() / 2);
+    let taps = [kernels[0].taps::<T>(), kernels[1].taps::<T>()];
+    let mut table = Vec::new();
+    for power in 0..=degree(width) {
+        for of_axis in &taps {
+            table.extend((0..padded).map(|cell| of_axis.coefficient(width, cell, power)));
+        }
+    }
+    table
 }
 
 /// Kernel that transforms one row per lane.

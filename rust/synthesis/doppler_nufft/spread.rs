@@ -1,29 +1,14 @@
 //! Spreading of points on the grid, each over a patch of cells.
 
-use super::grid::{Grid, VECTOR};
+use super::grid::Grid;
 use super::points::Points;
 use crate::numeric::simd::{Isa, Kernel, Precision, Vector, add_patch, add_rows};
 use crate::numeric::wide;
 use crate::synthesis::chunk::CHUNK;
-use crate::synthesis::kaiser_bessel::{KaiserBessel, degree};
+use crate::synthesis::kaiser_bessel::degree;
 
 /// Highest degree of the polynomials.
 const MAX_DEGREE: usize = degree(14);
-
-/// Polynomials of the cells of the kernels along range and velocity, `[power][cell]`: those of either axis in whole halves
-/// of vectors, one after the other.
-pub fn tap_table<T: Precision>(kernels: &[KaiserBessel; 2]) -> Vec<T> {
-    let width = kernels[0].width;
-    let padded = width.next_multiple_of(VECTOR / size_of::<T>() / 2);
-    let taps = [kernels[0].taps::<T>(), kernels[1].taps::<T>()];
-    let mut table = Vec::new();
-    for power in 0..=degree(width) {
-        for of_axis in &taps {
-            table.extend((0..padded).map(|cell| of_axis.coefficient(width, cell, power)));
-        }
-    }
-    table
-}
 
 /// Kernel that spreads the points of a chunk.
 pub struct SpreadPoints<'a, T> {
@@ -111,7 +96,7 @@ impl<T: Precision> SpreadPoints<'_, T> {
     }
 }
 
-/// Vectors of the [table](tap_table).
+/// Vectors of the [table](Grid::taps).
 #[cfg_attr(optimised, inline(always))]
 fn table<T: Precision, I: Isa, const W: usize, const N: usize>(table: &[T]) -> [[T::In<I>; N]; MAX_DEGREE + 1] {
     let mut polynomials = [[<T::In<I>>::splat(T::zero()); N]; MAX_DEGREE + 1];
