@@ -71,7 +71,7 @@ impl<T: Copy + PartialEq + Add<Output = T> + Sub<Output = T> + Mul<f64, Output =
     /// Sums over the times of the differences from the first, times weights.
     fn weighted(&self, weights: &[f64]) -> Vec<T> {
         let first = self.row(0);
-        let mut sums: Vec<T> = first.iter().map(|value| *value - *value).collect();
+        let mut sums: Vec<T> = first.iter().map(|value| *value * 0.0).collect();
         for (time, weight) in weights.iter().enumerate().skip(1) {
             for ((sum, value), first) in sums.iter_mut().zip(self.row(time)).zip(first) {
                 *sum = *sum + (*value - *first) * *weight;

@@ -165,12 +165,11 @@ impl Scatterers {
     /// Rate of the delay of one path [s/s] at the first time; `rates` are the time derivatives. Distances do not depend
     /// on the frame of reference, so the rate is exact for a moving sensor too.
     pub fn delay_rate(&self, kinematics: &Kinematics, rates: &Kinematics, channel: usize, path: usize) -> f64 {
-        let (position, velocity) = match self.body.get(path) {
-            Some(&body) => kinematics.motion(rates, body, self.corners_of(path), self.position[path]),
-            None => {
-                let point = path - self.len();
-                (kinematics.points.row(0)[point], rates.points.row(0)[point])
-            }
+        let (position, velocity) = if let Some(&body) = self.body.get(path) {
+            kinematics.motion(rates, body, self.corners_of(path), self.position[path])
+        } else {
+            let point = path - self.len();
+            (kinematics.points.row(0)[point], rates.points.row(0)[point])
         };
         let (t, r) = self.array.pair(channel, position);
         velocity.dot(t.direction + r.direction) / SPEED_OF_LIGHT

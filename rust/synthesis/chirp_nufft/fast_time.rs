@@ -60,7 +60,7 @@ impl<'a> FastTime<'a> {
             }
         }
         let nodes = Nodes::new(MAX_ORDERS - 1);
-        let power = |m: usize, j: usize| nodes.times[j].powi(m as i32);
+        let power = |m: usize, j: usize| (0..m).map(|_| nodes.times[j]).product::<f64>();
         let size = |m: usize, n: usize| nodes.coefficient(n, |j| power(m, j)).abs() * squares[n].sqrt();
         std::array::from_fn(|m| std::array::from_fn(|n| size(m, n)))
     }

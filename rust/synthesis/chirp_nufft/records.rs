@@ -377,13 +377,9 @@ impl<T: Number> Build<'_, T> {
         }
         let least = size.mul(number::<T, I>(AMPLITUDE_SHARE * self.tolerance));
         let mut small = zero;
-        for (number, row) in amplitudes.iter().enumerate() {
-            let own = absolute(<T::In<I>>::load(&row[lane..]));
-            let is_small = own.at_most(least);
-            small = small.add(own.select(is_small, zero));
-            if is_small != all {
-                used[1 + number / num_amplitudes] = 1 + number % num_amplitudes;
-            }
+        for (part, of_part) in amplitudes.chunks_exact(num_amplitudes).enumerate() {
+            let (sum, count) = small_ones::<T, I>(of_part, lane, least);
+            (small, used[1 + part]) = (small.add(sum), count);
         }
         let series = tail.mul(more).mul(number::<T, I>(TAU));
         let series = turned
@@ -429,6 +425,21 @@ impl<T: Number> Build<'_, T> {
         }
         received
     }
+}
+
+/// Sum of the coefficients of the paths of a vector that are at most `least`, and the number of those that count.
+#[cfg_attr(optimised, inline(always))]
+fn small_ones<T: Number, I: Isa>(rows: &[LaneRow<T>], lane: usize, least: T::In<I>) -> (T::In<I>, usize) {
+    let (mut sum, mut count) = (number::<T, I>(0.0), 0);
+    for (k, row) in rows.iter().enumerate() {
+        let size = absolute(<T::In<I>>::load(&row[lane..]));
+        let is_small = size.at_most(least);
+        sum = sum.add(size.select(is_small, number::<T, I>(0.0)));
+        if is_small != u32::MAX >> (32 - T::LANES) {
+            count = k + 1;
+        }
+    }
+    (sum, count)
 }
 
 /// Directions of the conjugates of the first coefficients of amplitudes, and their arguments [turns].

@@ -178,14 +178,14 @@ impl<'a, T: Number> Spreading<'a, T> {
                     _ => unreachable!("numbers of nodes are these"),
                 }
             }
-            let moving = tables.map(|_| (&places, &*strengths));
+            let moving = tables.map(|_| &places);
             match (size_of::<T>(), self.width) {
-                (4, 4) => self.add_record::<I, 4>(record, moving, grids),
-                (4, 6) => self.add_record::<I, 6>(record, moving, grids),
-                (_, 8) => self.add_record::<I, 8>(record, moving, grids),
-                (8, 10) => self.add_record::<I, 10>(record, moving, grids),
-                (8, 12) => self.add_record::<I, 12>(record, moving, grids),
-                (8, 14) => self.add_record::<I, 14>(record, moving, grids),
+                (4, 4) => self.add_record::<I, 4>(record, moving, strengths, grids),
+                (4, 6) => self.add_record::<I, 6>(record, moving, strengths, grids),
+                (_, 8) => self.add_record::<I, 8>(record, moving, strengths, grids),
+                (8, 10) => self.add_record::<I, 10>(record, moving, strengths, grids),
+                (8, 12) => self.add_record::<I, 12>(record, moving, strengths, grids),
+                (8, 14) => self.add_record::<I, 14>(record, moving, strengths, grids),
                 _ => unreachable!("widths are those of the precision"),
             }
         }
@@ -196,10 +196,11 @@ impl<'a, T: Number> Spreading<'a, T> {
     fn add_record<I: Isa, const W: usize>(
         &self,
         (record, num_paths): (&[LaneRow<T>], usize),
-        moving: Option<(&[T::In<I>; MAX_LANES], &[Strengths<T::In<I>>])>,
+        places: Option<&[T::In<I>; MAX_LANES]>,
+        strengths: &[Strengths<T::In<I>>],
         grids: &mut [Vec<T>],
     ) {
-        let Some((places, strengths)) = moving else {
+        let Some(places) = places else {
             return self.add_static::<I, W>((record, num_paths), &mut grids[0]);
         };
         for path in 0..num_paths.min(MAX_LANES) {
@@ -246,8 +247,8 @@ impl<'a, T: Number> Spreading<'a, T> {
                 let [im] = sum(quadrature, path, &tables.amplitude);
                 strengths[0][path] = modulated(tone, [re, im], quadrature.is_empty());
             } else {
-                let rows = (delays, in_phase, quadrature);
-                self.expand::<I, N>(rows, path, tables, (tone, doppler, received), strengths);
+                let rows = [delays, in_phase, quadrature];
+                self.expand::<I, N>(rows, path, tables, tone, [doppler, received], strengths);
             }
         }
     }
@@ -256,10 +257,11 @@ impl<'a, T: Number> Spreading<'a, T> {
     #[cfg_attr(optimised, inline(always))]
     fn expand<I: Isa, const N: usize>(
         &self,
-        (delays, in_phase, quadrature): (&[LaneRow<T>], &[LaneRow<T>], &[LaneRow<T>]),
+        [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
         path: usize,
         tables: &LaneTables<T>,
-        (tone, doppler, received): ([T::In<I>; 2], T::In<I>, T::In<I>),
+        tone: [T::In<I>; 2],
+        [doppler, received]: [T::In<I>; 2],
         strengths: &mut [Strengths<T::In<I>>],
     ) {
         let splat = <T::In<I>>::splat;
