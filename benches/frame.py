@@ -24,7 +24,7 @@ from radarcore.motion.protocol import Motion
 RATE = 40.0
 
 RECEIVE, ENGINE = _core.receive, _core.Simulator
-"""What the stopwatch stands in the place of."""
+"""Names of the core that the stopwatch replaces."""
 
 ENOUGH_TIMES = 8
 """Times at which delays of smooth motion need to be taken at most."""

@@ -179,8 +179,8 @@ impl Bounces {
         self.points.iter().any(|point| point.body == body)
     }
 
-    /// Fill a chunk with paths, by number: delays at the times of the first kinematics, and amplitudes at
-    /// those of the second.
+    /// Fill a chunk with paths, by number: delays at the times of the first kinematics, amplitudes at the times of the
+    /// second.
     pub fn fill<T: Precision>(
         &self,
         nodes: [&Kinematics; 2],

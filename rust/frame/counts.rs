@@ -26,7 +26,7 @@ pub struct Counts {
     pub tiles_reused: usize,
     /// Cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub cells_not_split: Option<usize>,
-    /// Paths, those of several reflections included.
+    /// Paths, also of several reflections.
     pub paths: usize,
     /// Hits that return nothing.
     pub paths_skipped: usize,
@@ -113,7 +113,7 @@ impl Counts {
         }
     }
 
-    /// Add rays, those of them that hit a body, and the hits with a material point.
+    /// Add counts of rays, of rays that hit a body, and of hits with a material point.
     fn add_rays(&mut self, counts: hits::Counts, num_hit: usize, num_lit: usize) {
         self.rays_cast += counts.rays;
         self.tiles_skipped += counts.tiles_skipped;

@@ -77,7 +77,7 @@ pub struct PathsAtNodes<'a> {
     model: &'a Model,
     scatterers: &'a Scatterers,
     group: &'a MotionGroup,
-    /// Kinematics at the node times of the delays, and at those of the amplitudes.
+    /// Kinematics at the node times of the delays, and at the node times of the amplitudes.
     nodes: [Kinematics; 2],
     /// Node times of the delays after the start of the frame [s].
     elapsed: Vec<f64>,
@@ -87,7 +87,7 @@ pub struct PathsAtNodes<'a> {
 
 impl PathGroups {
     /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the
-    /// frequency; `motions`: those of every body and of all point targets, the last.
+    /// frequency; `motions`: of every body, and last of all point targets.
     pub fn new(
         model: &Model,
         motions: &[Motion],

@@ -18,8 +18,8 @@ use crate::synthesis::source::Request;
 mod tests;
 
 impl Scatterers {
-    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the times of the first kinematics, and
-    /// amplitudes at those of the second.
+    /// Fill a chunk with paths, by number as in [`Self::path`]: delays at the times of the first kinematics,
+    /// amplitudes at the times of the second.
     pub fn fill<T: Precision>(
         &self,
         nodes: [&Kinematics; 2],

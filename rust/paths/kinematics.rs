@@ -112,7 +112,7 @@ impl TimeSeries<DVec3> {
 /// Motion over a span of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Motion {
-    /// The same pose at all times.
+    /// Constant pose at all times.
     Static,
     /// Few times describe it.
     Smooth,

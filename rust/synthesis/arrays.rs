@@ -24,7 +24,7 @@ pub struct ArrayPaths<'a> {
 }
 
 impl<'a> ArrayPaths<'a> {
-    /// Static paths and moving paths, where it is worth while to tell them apart; else all together.
+    /// Static paths and moving paths, if it is worth while to separate them; else all paths.
     pub fn split(arrays: &'a PathSeries<'a>) -> Vec<Self> {
         let largest = largest(arrays);
         let list = |numbers: Option<Vec<u32>>, is_static| Self {
@@ -146,7 +146,7 @@ fn moves(arrays: &PathSeries) -> Option<Vec<bool>> {
     are_many(moves.iter().filter(|moves| !**moves).count()).then_some(moves)
 }
 
-/// Mark the paths whose number in a row changes from that of the first row, in any channel.
+/// Mark the paths whose number in a row differs from their number in the first row, in any channel.
 fn mark<N>(moves: &mut [bool], row: &[N], first: &[N], changes: impl Fn(&N, &N) -> bool) {
     let num_paths = moves.len();
     for (row, first) in row.chunks(num_paths).zip(first.chunks(num_paths)) {
@@ -211,7 +211,7 @@ impl<T: Precision> Kernel for FillFromArrays<'_, T> {
     }
 }
 
-/// Copy some numbers of a row: those at some places, or those of a list.
+/// Copy numbers of a row: at some places, or of the paths of a list.
 #[cfg_attr(optimised, inline(always))]
 fn copy<N: Copy>(row: &[N], places: &Range<usize>, numbers: Option<&[u32]>, to: &mut Lane<N>) {
     if let Some(numbers) = numbers {

@@ -163,7 +163,7 @@ impl CellSums {
         self.totals()[0]
     }
 
-    /// Bound of the energy beside the frame over that of independent phases, from 1 to the number of paths; `strongest` is
+    /// Bound of the energy beside the frame, relative to paths of independent phases, from 1 to the number of paths; `strongest` is
     /// the share of the strongest path in the power.
     pub fn energy(&self, strongest: f64) -> f64 {
         // Both sides are cos + j sin and cos - j sin.

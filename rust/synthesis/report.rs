@@ -77,12 +77,12 @@ impl ErrorBound {
         number.max(1.0).powf(1.5) * rest.sqrt()
     }
 
-    /// Error of rounding where the rms of the samples is `gain` times that of independent phases.
+    /// Error of rounding for samples whose rms is `gain` times the rms for independent phases.
     pub fn rounding_with_gain(&self, gain: f64) -> f64 {
         (gain * self.rounding).hypot(self.of_equal(gain) * self.equal_rounding)
     }
 
-    /// Error where the rms of the samples is `gain` times that of independent phases.
+    /// Error for samples whose rms is `gain` times the rms for independent phases.
     pub fn with_gain(&self, gain: f64) -> f64 {
         // Paths may add up in phase where the errors of their series are largest.
         let in_phase = (1.0 + PEAK * PEAK * (gain * gain - 1.0).max(0.0)).sqrt();

@@ -7,7 +7,7 @@
 //! expanded in Legendre polynomials of fast time, each of which has a grid of its own. What stands still is spread once
 //! for all chirps.
 //!
-//! The error is known before the sum: that of the kernel, and what the records leave out.
+//! The error of the kernel and of the records is known before the sum.
 
 mod coherence;
 mod fast_time;

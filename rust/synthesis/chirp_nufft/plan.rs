@@ -26,6 +26,9 @@ const MARGIN: f64 = 0.95;
 /// Gain that steps allow for where it costs nothing but cells: more makes a second run.
 const RESERVE: f64 = 1.4;
 
+/// Cost of a likely second run, in cells of a grid that a path is spread on.
+const SECOND_RUN: f64 = 2.5;
+
 /// Rounding of samples in single precision, rms relative to them.
 const OF_SAMPLES: f64 = 2.2e-8;
 
@@ -37,7 +40,7 @@ const CHUNKS: usize = 8;
 const COARSE: f64 = 1e-2;
 const STEP: usize = 4;
 
-/// Fewest paths of which some are measured.
+/// Fewest paths for a measurement by some of them.
 const FEWEST_SAMPLED: usize = 4096;
 
 /// Tasks that tell whether blocks are short enough, before all are built.
@@ -71,6 +74,7 @@ pub struct RecordGroup<T> {
 pub struct ChirpPlan<'a, T> {
     /// Constants of the frame.
     pub fast_time: FastTime<'a>,
+    /// See [`FastTime::powers`].
     powers: [[f64; MAX_ORDERS]; MAX_ORDERS],
     /// Options of the sum.
     pub options: &'a Options<'a>,
@@ -82,7 +86,7 @@ pub struct ChirpPlan<'a, T> {
     num_paths: usize,
     /// Errors by channel.
     pub errors: Vec<Errors<f64>>,
-    /// Energy beside the chirps over that of independent phases, by channel.
+    /// Energy beside the chirps, relative to paths of independent phases, by channel.
     pub energies: Vec<f64>,
     /// Cheapest steps that keep the tolerance, or the finest.
     pub steps: Steps,
@@ -289,7 +293,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
                     excess.max(1.0)
                 };
                 let has_reserve = bound.with_gain(known.max(RESERVE)) <= tolerance;
-                let cost = (width * (1 + number)) as f64 + if has_reserve { 0.0 } else { 2.5 };
+                let cost = (width * (1 + number)) as f64 + if has_reserve { 0.0 } else { SECOND_RUN };
                 if (excess, cost) < best || best.0 == f64::INFINITY {
                     best = (excess, cost);
                     self.error = bound;

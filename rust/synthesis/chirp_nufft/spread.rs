@@ -235,7 +235,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         for path in 0..num_paths.min(MAX_LANES) {
             // Delay [turns at the carrier] and Doppler in the middle of every chirp.
             let [turns, doppler] = sum::<T::In<I>, 2>(delays, path, &tables.turns);
-            // The frequency received is that of the time of transmission.
+            // The wave received was sent a delay before, at another frequency of the ramp.
             let received = splat(head[RECEIVED][path]);
             let phase = turns.neg_mul_add(per_square, received).mul_add(turns, turns);
             let received = turns.neg_mul_add(twice, received);
@@ -266,7 +266,7 @@ impl<'a, T: Number> Spreading<'a, T> {
     ) {
         let splat = <T::In<I>>::splat;
         let per_square = number::<T, I>(self.fast_time.per_square);
-        // Phases but for those of the tone, from delays but for those of the tone.
+        // Phases beside the tone, from delays beside the tone.
         let delay: [_; N] = sum(delays, path, &tables.node_turns);
         let re: [_; N] = sum(in_phase, path, &tables.node_amplitude);
         let im: [_; N] = sum(quadrature, path, &tables.node_amplitude);

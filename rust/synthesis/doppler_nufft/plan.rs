@@ -48,7 +48,7 @@ const LOAD_RESERVE: f64 = 250.0;
 /// in the others may be strong.
 const STEPS: [usize; 3] = [8, 4, 2];
 const ENERGY_PER_STEP: f64 = 7.0;
-/// Fewest paths of which some are measured: all of fewer, whose order does not matter then.
+/// Fewest paths for a measurement by some of them; the order of fewer paths does not matter.
 const FEWEST_SAMPLED: usize = 8192;
 
 /// Largest velocity axis [rows].

@@ -170,8 +170,8 @@ impl<T: Precision> ComputePoints<'_, T> {
             let rate = mul(rate, splat(self.block.delay[1][1]));
             phase = mul_add(shift, splat(waveform.start_frequency), phase);
             tau = add(base, shift);
-            let apart = mul(sub(tau, splat(moving.middle_delay)), splat(moving.stretch));
-            let seen = neg_mul_add(apart, rate, rate);
+            let offset_ratio = mul(sub(tau, splat(moving.middle_delay)), splat(moving.stretch));
+            let seen = neg_mul_add(offset_ratio, rate, rate);
             doppler = mul(seen, splat(moving.carrier / (waveform.sample_rate * moving.half)));
 
             let y = mul_add(
@@ -192,7 +192,7 @@ impl<T: Precision> ComputePoints<'_, T> {
             let cycles = mul(rate, splat(moving.carrier));
             let square = mul(mul(cycles, cycles), splat(-0.5 * moving.stretch / moving.carrier));
             phase = mul_add(square, splat(moving.mean_square), phase);
-            p = wide::narrow::<T, I, P>(mul(apart, cycles));
+            p = wide::narrow::<T, I, P>(mul(offset_ratio, cycles));
             q = wide::narrow::<T, I, P>(sub(square, splat(moving.middle_square)));
         }
         let swept = neg_mul_add(
