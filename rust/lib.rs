@@ -16,7 +16,7 @@
 //! - `bounces`: paths of several reflections, by shooting and bouncing rays.
 //! - `paths`: delay and amplitude of every path at every time of a frame, as bodies move and deform.
 //! - `synthesis`: sum over all paths, to a tolerance: direct, by chirp-wise NUFFT, or by range-Doppler NUFFT.
-//! - `processing`: tones in the cells about peaks, and the steps of a tracker: what is called often on small arrays.
+//! - `processing`: peaks of maps, and tones in the cells about them: often called on small arrays.
 //! - `python`: boundary, one file per stage.
 //!
 //! Folders import downwards only, and files of a folder without circles; `tests/layers.rs` has the table and holds it.

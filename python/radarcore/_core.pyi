@@ -22,21 +22,16 @@ __all__ = [
     "Waveform",
     "__version__",
     "beat_signal",
-    "begun",
     "between_cells",
     "cross_sections",
-    "expected",
     "fit_spheres",
     "fit_tones",
-    "gated_pairs",
     "levels",
     "load_obj",
     "local_maxima",
     "normal",
-    "predicted",
     "receive",
     "training_medians",
-    "updated",
 ]
 
 __version__: str
@@ -133,59 +128,6 @@ def fit_spheres(
     (antenna, 3) transmitters, if they have channels of their own, and receivers, from the centre of the array [m];
     `channels` (channel, 3) phases per direction component along x, y and z [rad], about their means. `wavenumber`
     [rad/m]; `observable`: sines along y and z that the channels determine. Waves are plane if a distance is not finite.
-    """
-
-def predicted(
-    state: NDArray[np.float64], covariance: NDArray[np.float64], *, time: float, density: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States (track, 2 d) and covariances (track, 2 d, 2 d) after a time [s], in d = 1, 2 or 3 dimensions.
-
-    Velocities are constant but for white acceleration of a power spectral density [m^2/s^3].
-    """
-
-def expected(
-    state: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Range [m], velocity [m/s], azimuth and elevation [rad] of tracks (track, d + 1), and their covariance.
-
-    Range and velocity are to second order.
-    """
-
-def gated_pairs(
-    state: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    measured: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    *,
-    periods: Sequence[float],
-    limits: Sequence[float],
-    velocity_known: float,
-) -> tuple[list[tuple[int, int]], NDArray[np.float64]]:
-    """Pairs of a track and a detection that are within their gates, by track, and their costs (pair,).
-
-    `measured` (detection, d + 1), NaN for what was not measured, and its covariance `noise`; `periods` of the four
-    coordinates; `limits` of the squared Mahalanobis distance of 0 to 4 measured values; `velocity_known` the largest
-    variance of an expected velocity with which the measured one counts. The cost is minus twice the log likelihood.
-    """
-
-def updated(
-    state: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    measured: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    pairs: Sequence[tuple[int, int]],
-    *,
-    periods: Sequence[float],
-    velocity_known: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States and covariances of all tracks after some have taken in a detection, as `gated_pairs` takes them."""
-
-def begun(
-    measured: NDArray[np.float64], noise: NDArray[np.float64], *, speed_deviation: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States and covariances of tracks that begin with detections, which may have no velocity (NaN).
-
-    `speed_deviation` [m/s] is that of velocities that were not measured, along each axis.
     """
 
 def cross_sections(

@@ -45,11 +45,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(processing::training_medians, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_tones, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::predicted, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::expected, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::gated_pairs, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::updated, module)?)?;
-    module.add_function(wrap_pyfunction!(processing::begun, module)?)?;
     module.add_class::<Waveform>()?;
     module.add_class::<Report>()?;
     module.add_class::<Surface>()?;

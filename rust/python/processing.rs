@@ -1,141 +1,20 @@
-//! Processing: tones in the cells about peaks, and the steps of a tracker, all targets at once.
+//! Processing: peaks of maps, and tones in the cells about them.
 
 use num_complex::Complex;
 use num_traits::AsPrimitive;
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
-use crate::processing::assignment::{Gate, Pair};
-use crate::processing::targets::{self, OwnTargets, Targets};
 use crate::processing::tone_fit::{Axes, Cells, fit};
 use crate::processing::{peaks, spheres};
 
-/// Vectors (target, n) and matrices (target, n, n).
-type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
-
-/// Pairs of tracks and detections, and a number of each.
-type Pairs<'py> = (Vec<Pair>, Bound<'py, PyArray1<f64>>);
-
 /// Places (peak, 2) and a number of each.
 type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
-
-/// States and covariances of targets after a time, by the white-acceleration model.
-#[pyfunction(signature = (state, covariance, *, time, density))]
-pub(super) fn predicted<'py>(
-    py: Python<'py>,
-    state: PyReadonlyArray2<'py, f64>,
-    covariance: PyReadonlyArray3<'py, f64>,
-    time: f64,
-    density: f64,
-) -> PyResult<Arrays<'py>> {
-    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
-    arrays(py, targets::predicted(&tracks, time, density)?)
-}
-
-/// Measurements of targets, and their covariances.
-#[pyfunction(signature = (state, covariance))]
-pub(super) fn expected<'py>(
-    py: Python<'py>,
-    state: PyReadonlyArray2<'py, f64>,
-    covariance: PyReadonlyArray3<'py, f64>,
-) -> PyResult<Arrays<'py>> {
-    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
-    arrays(py, targets::expected(&tracks)?)
-}
-
-/// Tracks and detections within their gates, and the cost of each pair.
-#[pyfunction(signature = (state, covariance, measured, noise, *, periods, limits, velocity_known))]
-pub(super) fn gated_pairs<'py>(
-    py: Python<'py>,
-    state: PyReadonlyArray2<'py, f64>,
-    covariance: PyReadonlyArray3<'py, f64>,
-    measured: PyReadonlyArray2<'py, f64>,
-    noise: PyReadonlyArray3<'py, f64>,
-    periods: [f64; 4],
-    limits: [f64; 5],
-    velocity_known: f64,
-) -> PyResult<Pairs<'py>> {
-    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
-    let detections = of_arrays(["measured", "noise"], &measured, &noise, Some(tracks.length / 2 + 1))?;
-    let gate = Gate {
-        periods,
-        limits,
-        velocity_known,
-    };
-    let (pairs, costs) = py.detach(|| targets::gated_pairs(&tracks, &detections, &gate))?;
-    Ok((pairs, costs.into_pyarray(py)))
-}
-
-/// States and covariances of tracks that take in detections, pair by pair.
-#[pyfunction(signature = (state, covariance, measured, noise, pairs, *, periods, velocity_known))]
-pub(super) fn updated<'py>(
-    py: Python<'py>,
-    state: PyReadonlyArray2<'py, f64>,
-    covariance: PyReadonlyArray3<'py, f64>,
-    measured: PyReadonlyArray2<'py, f64>,
-    noise: PyReadonlyArray3<'py, f64>,
-    pairs: Vec<Pair>,
-    periods: [f64; 4],
-    velocity_known: f64,
-) -> PyResult<Arrays<'py>> {
-    let tracks = of_arrays(["state", "covariance"], &state, &covariance, None)?;
-    let detections = of_arrays(["measured", "noise"], &measured, &noise, Some(tracks.length / 2 + 1))?;
-    let numbers = [state.shape()[0], measured.shape()[0]];
-    if let Some(pair) = pairs.iter().find(|pair| pair.0 >= numbers[0] || pair.1 >= numbers[1]) {
-        let expected = format!("indices below {} and {}", numbers[0], numbers[1]);
-        return Err(Error::value("pairs", expected, format!("{pair:?}")).into());
-    }
-    let gate = Gate {
-        periods,
-        limits: [0.0; 5],
-        velocity_known,
-    };
-    arrays(py, targets::updated(&tracks, &detections, &pairs, &gate)?)
-}
-
-/// States and covariances of tracks that begin with detections.
-#[pyfunction(signature = (measured, noise, *, speed_deviation))]
-pub(super) fn begun<'py>(
-    py: Python<'py>,
-    measured: PyReadonlyArray2<'py, f64>,
-    noise: PyReadonlyArray3<'py, f64>,
-    speed_deviation: f64,
-) -> PyResult<Arrays<'py>> {
-    let detections = of_arrays(["measured", "noise"], &measured, &noise, None)?;
-    let length = 2 * detections.length.saturating_sub(1);
-    arrays(py, targets::begun(length, &detections, speed_deviation)?)
-}
-
-/// Targets in arrays, of a number of coordinates if it is given.
-fn of_arrays<'a>(
-    names: [&str; 2],
-    values: &'a PyReadonlyArray2<'_, f64>,
-    covariances: &'a PyReadonlyArray3<'_, f64>,
-    length: Option<usize>,
-) -> PyResult<Targets<'a>> {
-    let shape = values.shape();
-    let (number, length) = (shape[0], length.unwrap_or(shape[1]));
-    Ok(Targets {
-        length,
-        values: numbers(names[0], values, [None, Some(length)])?,
-        covariances: numbers(names[1], covariances, [Some(number), Some(length), Some(length)])?,
-    })
-}
-
-fn arrays(py: Python<'_>, targets: OwnTargets) -> PyResult<Arrays<'_>> {
-    let length = targets.length;
-    let number = targets.values.len() / length;
-    let covariances = targets.covariances.into_pyarray(py);
-    Ok((
-        targets.values.into_pyarray(py).reshape([number, length])?,
-        covariances.reshape([number, length, length])?,
-    ))
-}
 
 /// Powers in single or double precision.
 #[derive(FromPyObject)]

@@ -1,4 +1,4 @@
-"""Kalman filters against closed forms, what a radar measures against differences, and the core against both."""
+"""Kalman filters against closed forms, and measurements of a radar against differences and samples."""
 
 from __future__ import annotations
 
@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore import _core
-from radarcore.processing.assignment import gate_limits
-from radarcore.processing.clustering import periods_of, wrapped
-from radarcore.processing.kalman import normalized_squares
-from radarcore.processing.state_space import cartesian, polar
-from tracker_reference import begin, expect, gated_pairs, observe, predict, update, white_acceleration
+from radarcore.processing.kalman import normalized_squares, predict, update, white_acceleration
+from radarcore.processing.state_space import begin, cartesian, expect, observe, polar
 
 ROUNDING = 1e-12
 """Of a few hundred operations in float64, relative."""
@@ -168,16 +164,16 @@ def test_second_order_of_range_and_velocity_is_that_of_samples(dimensions: int) 
     """Mean and covariance over 400,000 states, where place and motion across are known to a tenth of the range."""
     state = states(1, dimensions, seed=7)
     covariance = covariances(1, 2 * dimensions, 0.02)
-    value, jacobian, covariance_first, curvature = expect(state, covariance)
+    expected = expect(state, covariance)
     drawn = np.random.default_rng(8).multivariate_normal(state[0], covariance[0], size=400_000)
     samples = observe(drawn)[0][:, :2]
-    total = (covariance_first + curvature)[0, :2, :2]
+    total = expected.spread[0, :2, :2]
     errors = np.sqrt(np.diag(total) / len(samples))
     # Within 5 standard errors and the fourth order, (1/10)^4 of the range and of the speed.
-    assert (np.abs(samples.mean(axis=0) - value[0, :2]) <= 5.0 * errors + 1e-3).all()
+    assert (np.abs(samples.mean(axis=0) - expected.value[0, :2]) <= 5.0 * errors + 1e-3).all()
     sizes = np.sqrt(np.outer(np.diag(total), np.diag(total)))
     assert (np.abs(np.cov(samples.T) - total) <= 0.02 * sizes).all()
-    assert jacobian.shape == (1, dimensions + 1, 2 * dimensions)
+    assert expected.jacobian.shape == (1, dimensions + 1, 2 * dimensions)
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
@@ -208,76 +204,3 @@ def test_polar_and_cartesian_values_are_nan_where_nothing_is_told() -> None:
     assert (cartesian(plane)[0][:, 2] == 0.0).all()
     assert np.isnan(spread[:, 3]).all()
     assert np.isfinite(spread[:, :3, :3]).all()
-
-
-@pytest.mark.parametrize("dimensions", [1, 2, 3])
-def test_core_predicts_expects_and_begins_as_the_formulas_do(dimensions: int) -> None:
-    state, covariance = states(20, dimensions), covariances(20, 2 * dimensions)
-    found = _core.predicted(state, covariance, time=0.03, density=2.0)
-    for value, reference in zip(
-        found, predict(state, covariance, *white_acceleration(0.03, 2.0, dimensions)), strict=True
-    ):
-        np.testing.assert_allclose(value, reference, rtol=ROUNDING, atol=ROUNDING)
-    expected = expect(state, covariance)
-    value, spread = _core.expected(state, covariance)
-    np.testing.assert_allclose(value, expected.value, rtol=ROUNDING)
-    np.testing.assert_allclose(spread, expected.covariance + expected.curvature, rtol=1e-10, atol=1e-10)
-
-    measured, noise = value.copy(), covariances(20, dimensions + 1, 0.01)
-    measured[::3, 1] = np.nan
-    for one, reference in zip(
-        _core.begun(measured, noise, speed_deviation=1.7), begin(measured, noise, 1.7), strict=True
-    ):
-        np.testing.assert_allclose(one, reference, rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("dimensions", [1, 2, 3])
-def test_core_gates_and_updates_as_the_formulas_do(dimensions: int) -> None:
-    """Measurements of the tracks and others, some without one value or another, velocities modulo 4 m/s."""
-    told, rng = dimensions + 1, np.random.default_rng(9)
-    state, covariance = states(12, dimensions), covariances(12, 2 * dimensions, 0.03)
-    noise = covariances(15, told, 0.01, seed=2)
-    measured = np.concatenate([_core.expected(state, covariance)[0], rng.uniform(1.0, 3.0, (3, told))])
-    measured += 0.1 * rng.standard_normal(measured.shape)
-    measured[:, 1] = wrapped(measured[:, 1], np.array(4.0))
-    measured[rng.random(measured.shape) < 0.15] = np.nan
-    periods, limits, known = periods_of(2.0), gate_limits(0.999), 1.0
-    gate: dict[str, Any] = {"periods": periods.tolist(), "velocity_known": known}
-    pairs, costs = _core.gated_pairs(state, covariance, measured, noise, limits=limits, **gate)
-    rows, columns, expected_costs = gated_pairs(state, covariance, measured, noise, periods, np.array(limits), known)
-    assert len(costs) > 12
-    np.testing.assert_array_equal(pairs, np.stack([rows, columns], axis=1))
-    np.testing.assert_allclose(costs, expected_costs, rtol=1e-9, atol=1e-9)
-
-    # Each track with the first of its detections.
-    tracks, first = np.unique(rows, return_index=True)
-    found = columns[first]
-    expected = expect(state, covariance)
-    innovation = wrapped(measured[found] - expected.value[tracks], periods[:told])
-    innovation[(expected.covariance + expected.curvature)[tracks, 1, 1] > known, 1] = np.nan
-    total = noise[found] + expected.curvature[tracks]
-    reference = state.copy(), covariance.copy()
-    reference[0][tracks], reference[1][tracks] = update(
-        state[tracks], covariance[tracks], innovation, expected.jacobian[tracks], total
-    )
-    both = list(zip(tracks.tolist(), found.tolist(), strict=True))
-    for value, one in zip(_core.updated(state, covariance, measured, noise, both, **gate), reference, strict=True):
-        np.testing.assert_allclose(value, one, rtol=1e-9, atol=1e-11)
-        assert (value[~np.isin(np.arange(12), tracks)] == one[~np.isin(np.arange(12), tracks)]).all()
-
-
-def test_core_refuses_targets_of_other_shapes() -> None:
-    state, covariance = states(2, 2), covariances(2, 4)
-    measured, noise = np.zeros((1, 3)), np.eye(3)[None]
-    gate: dict[str, Any] = {"periods": [1.0] * 4, "velocity_known": 1.0}
-    with pytest.raises(ValueError, match=r"state: expected 2, 4 or 6 numbers of each target, got 3"):
-        _core.predicted(np.zeros((1, 3)), np.zeros((1, 3, 3)), time=0.1, density=1.0)
-    with pytest.raises(ValueError, match=r"covariance: expected shape \(2, 4, 4\), got \(1, 4, 4\)"):
-        _core.expected(state, covariance[:1])
-    with pytest.raises(ValueError, match=r"measured: expected shape \(n, 3\), got \(1, 2\)"):
-        _core.gated_pairs(state, covariance, measured[:, :2].copy(), noise, limits=[1.0] * 5, **gate)
-    with pytest.raises(ValueError, match=r"pairs: expected indices below 2 and 1, got \(0, 1\)"):
-        _core.updated(state, covariance, measured, noise, [(0, 1)], **gate)
-    with pytest.raises(TypeError, match="covariance: expected a C-contiguous array"):
-        _core.expected(state, covariance.T.copy().T)
-    assert _core.updated(state[:0], covariance[:0], measured, noise, [], **gate)[0].shape == (0, 4)

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from radarcore.processing.assignment import assign, gate_limits
 from radarcore.processing.clustering import periods_of, wrapped
+from radarcore.processing.kalman import predict, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
+from radarcore.processing.state_space import begin, expect
 from radarcore.processing.tracker_settings import TrackerSettings
 from radarcore.processing.tracking import Tracker, track
 from radarcore.processing.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
-from tracker_reference import begin, expect, predict, update, white_acceleration
 
 NAN = np.nan
 RATE = 40.0
@@ -277,9 +278,9 @@ def test_extents_are_deviations_that_detections_have_as_well() -> None:
 def pairs_of(tracks: Any, variances: Any, measured: Any) -> list[tuple[int, int]]:
     """Pairs of tracks (track, 2) of a variance each and of detections (detection, 2) of variance 1/2."""
     covariance = np.multiply.outer(np.array(variances), np.eye(2))
-    noise = np.broadcast_to(0.5 * np.eye(2), (len(measured), 2, 2)).copy()
-    gate: dict[str, Any] = {"periods": periods_of(None).tolist(), "velocity_known": np.inf, "probability": 0.99}
-    return assign(np.array(tracks, dtype=float), covariance, np.array(measured, dtype=float), noise, **gate)
+    noise = np.broadcast_to(0.5 * np.eye(2), (len(measured), 2, 2))
+    found = assign(np.array(measured) - np.array(tracks)[:, None], covariance, noise, 0.99)
+    return list(zip(*(indices.tolist() for indices in found), strict=True))
 
 
 def test_assignment_is_the_best_of_all_not_the_nearest_first() -> None:
@@ -384,9 +385,9 @@ def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions
             exact + errors * rng.standard_normal(exact.shape) - expected.value,
             periods_of(None)[:told],
         )
-        total = expected.covariance + expected.curvature + noise
+        total = expected.spread + noise
         squares = np.einsum("ni,nij,nj->n", innovation, np.linalg.inv(total), innovation)
-        state, covariance = update(state, covariance, innovation, expected.jacobian, noise + expected.curvature)
+        state, covariance = update(state, covariance, innovation, expected.jacobian, noise + expected.second_order)
         wrong = state - truth
         nees = np.einsum("ni,nij,nj->n", wrong, np.linalg.inv(covariance), wrong)
         for found, degrees in ((squares, told * number), (nees, 2 * dimensions * number)):

@@ -5,59 +5,57 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarcore import _core
-from radarcore.processing.kalman import Array
+from radarcore.processing.kalman import Array, normalized_squares
+
+Indices = NDArray[np.int64]
 
 
 @cache
-def gate_limits(probability: float) -> list[float]:
+def gate_limits(probability: float) -> Array:
     """Squared Mahalanobis distances within which a detection of m values lies with a probability, m = 0 to 4."""
     from scipy.special import chdtri  # here: importing radarcore imports numpy and nothing heavier
 
-    return [0.0, *(float(chdtri(number, 1.0 - probability)) for number in range(1, 5))]
+    return np.concatenate([[0.0], chdtri(np.arange(1, 5), 1.0 - probability)])
 
 
-def assign(
-    state: Array,
-    covariance: Array,
-    measured: Array,
-    noise: Array,
-    *,
-    periods: list[float],
-    velocity_known: float,
-    probability: float,
-) -> list[tuple[int, int]]:
-    """Pairs of tracks and detections, by their indices: global nearest neighbours.
+def assign(innovation: Array, spread: Array, noise: Array, probability: float) -> tuple[Indices, Indices]:
+    """Tracks and the detections that belong to them, by their indices: global nearest neighbours.
 
-    No pair is outside of its gate. Among all assignments of the others that of the largest likelihood is taken: a pair
-    costs ``v' S^-1 v + log(det(S))``, a track that is left out 1 more than the worst pair within the gates. The
-    determinant keeps a poorly known track from taking what belongs to a well known one (Blackman and Popoli, Design
+    No pair is outside of its gate. Among the other assignments the one of the largest likelihood is taken: a pair costs
+    ``v' S^-1 v + log(det(S))``, a track without a detection 1 more than the worst pair within the gates. The
+    determinant keeps a poorly known track from taking the detection of a well known one (Blackman and Popoli, Design
     and Analysis of Modern Tracking Systems, 1999, section 6.4).
 
     Parameters
     ----------
-    state, covariance : (track, 2 d), (track, 2 d, 2 d) float64
-    measured, noise : (detection, d + 1), (detection, d + 1, d + 1) float64
-        Range, velocity, azimuth and elevation, the first d + 1 of them; NaN for what was not measured.
-    periods : list of float
-        Of these coordinates, all four.
-    velocity_known : float
-        Largest variance of an expected velocity with which the measured one counts [m^2/s^2].
+    innovation : (track, detection, m) float64
+        Measured less expected values; NaN for missing values.
+    spread : (track, m, m) float64
+        Covariance of the expected values.
+    noise : (detection, m, m) float64
+        Covariance of the measured values.
     probability : float
         That a detection of the target is within the gate.
     """
-    limits = gate_limits(probability)
-    pairs, costs = _core.gated_pairs(
-        state, covariance, measured, noise, periods=periods, limits=limits, velocity_known=velocity_known
-    )
-    if all(len(set(indices)) == len(pairs) for indices in zip(*pairs, strict=True)):  # no two want the same
-        return pairs
+    limits, num_values = gate_limits(probability), innovation.shape[2]
+
+    # The squared distance is at least that of each value alone, which excludes most pairs.
+    variance = spread.diagonal(axis1=1, axis2=2)[:, None] + noise.diagonal(axis1=1, axis2=2)
+    rows, columns = np.nonzero(~(innovation * innovation > limits[num_values] * variance).any(axis=-1))
+    between = innovation[rows, columns]
+    squares, log_determinants = normalized_squares(between, spread[rows] + noise[columns])
+    num_measured = num_values - np.isnan(between).sum(axis=-1)
+    is_inside = (squares <= limits[num_measured]) & (num_measured > 0)
+    rows, columns, costs = rows[is_inside], columns[is_inside], (squares + log_determinants)[is_inside]
+    if all(len(set(indices.tolist())) == len(indices) for indices in (rows, columns)):  # no detection is disputed
+        return rows, columns
 
     from scipy.optimize import linear_sum_assignment  # here: as above
 
-    matrix = np.zeros((len(state), len(measured)))  # a pair outside of the gate costs as much as none
-    matrix[tuple(np.transpose(pairs))] = costs - costs.max() - 1.0
+    matrix = np.zeros(innovation.shape[:2])  # a pair outside of the gate costs as much as no pair
+    matrix[rows, columns] = costs - costs.max() - 1.0
     rows, columns = linear_sum_assignment(matrix)
-    within = matrix[rows, columns] < 0.0
-    return list(zip(rows[within].tolist(), columns[within].tolist(), strict=True))
+    is_inside = matrix[rows, columns] < 0.0
+    return rows[is_inside], columns[is_inside]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from radarcore import _core, check
-from radarcore.processing.assignment import assign
+from radarcore import check
+from radarcore.processing.assignment import Indices, assign
 from radarcore.processing.clustering import (
     connected,
     coordinates,
@@ -23,9 +23,9 @@ from radarcore.processing.clustering import (
     wrapped,
 )
 from radarcore.processing.detection import detect
-from radarcore.processing.kalman import Array, smoothed
+from radarcore.processing.kalman import Array, predict, smoothed, update, white_acceleration
 from radarcore.processing.point_cloud import Detections
-from radarcore.processing.state_space import SHORTEST_RANGE
+from radarcore.processing.state_space import SHORTEST_RANGE, begin, expect
 from radarcore.processing.tracker_settings import TrackerSettings
 from radarcore.processing.tracks import Tracks, TrackState, state_of_fields, tracks_of
 from radarcore.recording.frame import Frame
@@ -87,10 +87,7 @@ class Tracker:
         self.num_begun: int = 0
         self._periods = periods_of(self.settings.max_velocity)
         largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
-        self._gate: dict[str, Any] = {
-            "periods": self._periods.tolist(),
-            "velocity_known": (_KNOWN_WITHIN * largest) ** 2,
-        }
+        self._velocity_known = (_KNOWN_WITHIN * largest) ** 2  # largest variance with which the period is known
         self._usual = np.diag(np.square(self.settings.deviations))
         self._clear(2)
 
@@ -146,17 +143,30 @@ class Tracker:
         told = self.num_dimensions + 1
         measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
 
-        known = self._state, self._covariance, measured, noise
-        pairs = assign(*known, **self._gate, probability=self.settings.gate)
-        if pairs:
-            self._state, self._covariance = _core.updated(*known, pairs, **self._gate)
-        self._count([track for track, _ in pairs])
+        tracks, found = self._assign_and_update(measured, noise)
+        self._count(tracks)
         self._end()
-        if len(pairs) < len(measured):
-            is_left = np.ones(len(measured), dtype=bool)
-            is_left[[found for _, found in pairs]] = False
-            self._begin(measured[is_left], noise[is_left])
+        if len(found) < len(measured):
+            is_new = np.ones(len(measured), dtype=bool)
+            is_new[found] = False
+            self._begin(measured[is_new], noise[is_new])
         return self._states()
+
+    def _assign_and_update(self, measured: Array, noise: Array) -> tuple[Indices, Indices]:
+        """Update tracks with the detections that belong to them; indices of both."""
+        expected = expect(self._state, self._covariance)
+        spread = expected.spread
+        innovation = wrapped(measured - expected.value[:, None], self._periods[: measured.shape[1]])
+        innovation[~(spread[:, 1, 1] <= self._velocity_known), :, 1] = np.nan
+        tracks, found = assign(innovation, spread, noise, self.settings.gate)
+        self._state[tracks], self._covariance[tracks] = update(
+            self._state[tracks],
+            self._covariance[tracks],
+            innovation[tracks, found],
+            expected.jacobian[tracks],
+            noise[found] + expected.second_order[tracks],
+        )
+        return tracks, found
 
     def _targets(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
         """Measurements of targets, and their covariance, from all detections."""
@@ -172,7 +182,7 @@ class Tracker:
             values, covariance = self._clustered(values, covariance, detections)
 
         # Echoes come from anywhere on the target.
-        values, covariance = np.ascontiguousarray(values), np.array(covariance, order="C")
+        covariance = np.array(covariance, order="C")
         variance = covariance.reshape(len(values), told * told)[:, :: told + 1]
         variance[:, :2] += s.extent**2, s.velocity_extent**2
         angle = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
@@ -202,17 +212,16 @@ class Tracker:
         if self.settings.max_gap is not None:
             self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
         if self._lives:
-            self._state, self._covariance = _core.predicted(
-                self._state, self._covariance, time=time - self.time, density=self.settings.acceleration_density
-            )
+            motion = white_acceleration(time - self.time, self.settings.acceleration_density, self._state.shape[1] // 2)
+            self._state, self._covariance = predict(self._state, self._covariance, *motion)
         self.time = time
 
-    def _count(self, tracks: list[int]) -> None:
+    def _count(self, tracks: Indices) -> None:
         """Count the frame for all tracks, and the detections of some."""
         for life in self._lives:
             life.age += 1
             life.missed += 1
-        for track in tracks:
+        for track in tracks.tolist():
             life = self._lives[track]
             life.missed, life.seen = 0, self.time
             life.hits += 1
@@ -259,8 +268,8 @@ class Tracker:
             return
         kept = measured[starts]
         kept[:, 1] = velocity[starts]
-        # Velocities across are even within the largest speed.
-        state, covariance = _core.begun(kept, noise[starts], speed_deviation=s.max_speed / np.sqrt(3.0))
+        # Velocities across are evenly distributed within the largest speed.
+        state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
         for _ in range(number):
