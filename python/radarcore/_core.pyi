@@ -216,9 +216,6 @@ class Surface:
     def kept(self) -> NDArray[np.uint32] | None:
         """Rows of the triangles that were kept, (m,); None where all were."""
 
-    def at_creases(self) -> NDArray[np.uint32]:
-        """Triangles that meet another at an edge at 60 to 120 degrees, in ascending order."""
-
     def deform(self, vertices: NDArray[np.float64], *, threads: int | None = None) -> Surface:
         """Surface of the same triangles between other vertices (n, 3), with the normals and the speckle of this one.
 
@@ -226,15 +223,8 @@ class Surface:
         such a surface stay with their facets, see `Scatterers.deforming`.
         """
 
-    def quality(
-        self, *, crease_angle: float, wavelength: float, threads: int | None = None
-    ) -> tuple[list[int], list[float]]:
-        """Quality of the mesh if facets that meet below the crease angle [rad] approximate a curved surface.
-
-        Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of thin triangles; area and
-        smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the far fields of flat facets and
-        of the curved surfaces at the wavelength [m], relative to the rms far field of the curved ones.
-        """
+    def topology(self) -> list[int]:
+        """Numbers of parts, and of open, non-manifold and inconsistently wound edges."""
 
     @property
     def memory(self) -> tuple[int, int]:

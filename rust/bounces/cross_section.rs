@@ -75,7 +75,7 @@ impl Shooter<'_> {
 
     /// Field of all paths of two and more reflections, without the factor `j / lambda`.
     fn bounced(&self, aspect: &Aspect, cancel: &Cancel) -> Result<Complex64> {
-        let Some((wave, grid)) = PlaneWave::over(self, aspect, |extent| extent / CELLS) else {
+        let Some((wave, grid)) = PlaneWave::over(self, aspect) else {
             return Ok(Complex64::ZERO);
         };
         // Sums of rows, added in their order.
@@ -93,24 +93,24 @@ impl Shooter<'_> {
 }
 
 /// Cells of a rectangle across a plane wave.
-pub(super) struct Grid {
-    pub(super) rows: usize,
-    pub(super) columns: usize,
+struct Grid {
+    rows: usize,
+    columns: usize,
     /// Size of a cell [m].
-    pub(super) size: [f64; 2],
+    size: [f64; 2],
     /// Corner of the rectangle [m].
     first: [f64; 2],
 }
 
 impl Grid {
-    pub(super) fn center(&self, row: usize, column: usize) -> [f64; 2] {
+    fn center(&self, row: usize, column: usize) -> [f64; 2] {
         let at = |axis: usize, number: usize| self.first[axis] + (number as f64 + 0.5) * self.size[axis];
         [at(0, column), at(1, row)]
     }
 }
 
 /// Ray tubes of a plane wave.
-pub(super) struct PlaneWave<'a> {
+struct PlaneWave<'a> {
     shooter: &'a Shooter<'a>,
     aspect: &'a Aspect,
     /// Unit vectors across the wave.
@@ -120,13 +120,8 @@ pub(super) struct PlaneWave<'a> {
 }
 
 impl<'a> PlaneWave<'a> {
-    /// Plane wave with a grid that covers the scene, with cells of a size by the longer side of the rectangle [m]; none
-    /// for a scene that is empty or seen edge-on.
-    pub(super) fn over(
-        shooter: &'a Shooter<'a>,
-        aspect: &'a Aspect,
-        size: impl Fn(f64) -> f64,
-    ) -> Option<(Self, Grid)> {
+    /// Plane wave with a grid of cells that covers the scene; none for a scene that is empty or seen edge-on.
+    fn over(shooter: &'a Shooter<'a>, aspect: &'a Aspect) -> Option<(Self, Grid)> {
         let (scene, k) = (shooter.scene, -aspect.directions[0]);
         let bodies = (0..scene.num_bodies() as u32).filter(|body| scene.surface(*body).num_triangles() > 0);
         let corners = bodies.flat_map(|body| {
@@ -142,7 +137,7 @@ impl<'a> PlaneWave<'a> {
         if !(extent.x > 0.0 && extent.y > 0.0) {
             return None;
         }
-        let side = size(extent.x.max(extent.y));
+        let side = extent.x.max(extent.y) / CELLS;
         let [columns, rows] = [extent.x, extent.y].map(|length| (length / side).ceil().max(1.0));
         let grid = Grid {
             rows: rows as usize,
@@ -185,12 +180,6 @@ impl PlaneWave<'_> {
         self.shooter
             .trace(tube, 1.0, |tube, _| total += self.radiated(tube, size));
         total
-    }
-
-    /// Field radiated by one cell towards the receiver after one reflection.
-    pub(super) fn reflected(&self, center: [f64; 2], size: [f64; 2]) -> Complex64 {
-        self.tube(center)
-            .map_or(Complex64::ZERO, |tube| self.radiated(&tube, size))
     }
 
     fn tube(&self, center: [f64; 2]) -> Option<Tube> {

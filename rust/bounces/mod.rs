@@ -4,12 +4,11 @@
 //! `interaction`), carries a field (`field`), and at every surface after the first its footprint radiates
 //! to every visible receiver by physical optics; `scattering` has the first reflection. The points of reflection
 //! become a path of material points, which move with their bodies (`path`). A plane wave gives far fields
-//! (`cross_section`; `first_reflection` integrates over triangles), also to compare the facets of a mesh with the curved surface (`facets`).
+//! (`cross_section`; `first_reflection` integrates over triangles).
 
 mod aspect;
 mod cross_section;
 mod direction;
-mod facets;
 mod field;
 mod first_reflection;
 mod interaction;
@@ -22,7 +21,6 @@ mod tube;
 
 pub use aspect::Aspect;
 pub use cross_section::cross_sections;
-pub use facets::FacetDifference;
 pub use launch::Launch;
 pub use path::Bounces;
 pub use refine::{CELLS_ACROSS, TubeImage};

@@ -3,12 +3,10 @@
 
 pub mod aabb;
 pub mod components;
-pub mod creases;
 pub mod curved_triangle;
 pub mod moving_triangle;
 pub mod obj;
 pub mod pose;
-pub mod quality;
 pub mod smooth_normals;
 pub mod topology;
 pub mod triangle;

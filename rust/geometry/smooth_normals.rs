@@ -50,7 +50,8 @@ impl Shading {
         }
     }
 
-    /// Shading of facets that approximate one curved surface where they meet at less than `crease_angle` [rad].
+    /// Shading of facets that approximate one curved surface where they meet at less than the crease angle of the groups.
+    /// The vertices may have moved since the groups were found.
     ///
     /// An edge is smooth when exactly two triangles share it, run through it in opposite directions and have
     /// normals less than the crease angle apart. Vertices at equal positions count as one. The normal at a corner
@@ -59,11 +60,6 @@ impl Shading {
     /// chamfers at its ends. A triangle stays flat where these normals fit no smooth surface, or are all its own.
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
-    pub fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
-        Self::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
-    }
-
-    /// [`Self::smooth`] for vertices that have moved since the groups were found.
     pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
         let stars = Stars::new(vertices, triangles, groups);
         let groups = &groups.corners;
@@ -136,7 +132,7 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// Groups by the rules of [`Shading::smooth`].
+    /// Groups by the rules of [`Shading::of_groups`] for a crease angle [rad].
     pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Self {
         let area_normals = area_normals(vertices, triangles);
         smooth_groups(vertices, triangles, &area_normals, crease_angle)

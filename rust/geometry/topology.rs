@@ -1,8 +1,44 @@
-//! Topology of triangle meshes: vertices at one position, edges, and groups joined by union-find.
+//! Topology of triangle meshes: vertices at one position, edges, and parts joined by union-find.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
+
+/// Number of parts of a mesh, and numbers of edges by kind. Vertices at equal positions count as one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Topology {
+    /// Number of groups of triangles that share edges.
+    pub parts: usize,
+    /// Number of edges of one triangle.
+    pub open_edges: usize,
+    /// Number of edges of more than two triangles.
+    pub nonmanifold_edges: usize,
+    /// Number of edges that both of two triangles traverse in the same direction.
+    pub inconsistent_edges: usize,
+}
+
+impl Topology {
+    /// Topology of triangles that index into `vertices`.
+    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+        let mut topology = Self::default();
+        let positions = distinct_positions(vertices);
+        let position = |corner: usize| positions[triangles[corner / 3][corner % 3] as usize];
+        let mut parents: Vec<u32> = (0..triangles.len() as u32).collect();
+        for_edges(triangles.len(), position, |edge| {
+            match edge {
+                [_] => topology.open_edges += 1,
+                [_, _] => topology.inconsistent_edges += usize::from(two_sides(edge, position).is_none()),
+                _ => topology.nonmanifold_edges += 1,
+            }
+            for pair in edge.windows(2) {
+                join(&mut parents, pair[0] as usize / 3, pair[1] as usize / 3);
+            }
+        });
+        let is_root = |triangle: &usize| parents[*triangle] as usize == *triangle;
+        topology.parts = (0..triangles.len()).filter(is_root).count();
+        topology
+    }
+}
 
 /// Number of the distinct position of every vertex, counted in order of appearance. Bit-equal is equal, and -0 is 0.
 pub fn distinct_positions(vertices: &[DVec3]) -> Vec<u32> {

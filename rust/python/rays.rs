@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 use super::arrays::{numbers, points};
 use super::scattering::{Material, materials};
 use super::threads::{check_threads, compute, compute_owned};
-use crate::bounces::FacetDifference;
 use crate::frame;
 use crate::rays::hits;
 use crate::rays::scene::NO_BODY;
@@ -49,11 +48,6 @@ impl Surface {
         self.0.kept().map(|kept| PyArray1::from_slice(py, kept))
     }
 
-    /// Triangles that meet another at an edge at 60 to 120 degrees, in ascending order.
-    fn at_creases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        PyArray1::from_slice(py, py.detach(|| self.0.at_creases()))
-    }
-
     /// Surface of the same triangles with moved vertices (n, 3) [m].
     #[pyo3(signature = (vertices, *, threads=None))]
     fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
@@ -62,39 +56,15 @@ impl Surface {
         Ok(Self(Arc::new(surface)))
     }
 
-    /// Quality of the mesh as an approximation of a curved surface at a wavelength [m]; triangles that meet below the
-    /// crease angle [rad] are smooth. Numbers of parts, of open, non-manifold and inconsistent edges, of doubled and of
-    /// thin triangles; area and smooth area [m^2], largest and mean sagitta [m], largest and rms difference of the
-    /// far fields of flat facets and of the curved surfaces, relative to the rms far field of the curved ones.
-    #[pyo3(signature = (*, crease_angle, wavelength, threads=None))]
-    fn quality(
-        &self,
-        py: Python<'_>,
-        crease_angle: f64,
-        wavelength: f64,
-        threads: Option<usize>,
-    ) -> PyResult<([usize; 6], [f64; 6])> {
-        let (q, difference) = compute(py, threads, None, |cancel| {
-            let difference = FacetDifference::new(&self.0, crease_angle, wavelength, cancel)?;
-            Ok((self.0.quality(crease_angle), difference))
-        })?;
-        let counts = [
-            q.num_parts,
-            q.num_open_edges,
-            q.num_nonmanifold_edges,
-            q.num_inconsistent_edges,
-            q.num_duplicates,
-            q.num_thin,
-        ];
-        let measures = [
-            q.area,
-            q.smooth_area,
-            q.largest_sagitta,
-            q.mean_sagitta,
-            difference.largest,
-            difference.rms,
-        ];
-        Ok((counts, measures))
+    /// Numbers of parts, and of open, non-manifold and inconsistently wound edges.
+    fn topology(&self, py: Python<'_>) -> [usize; 4] {
+        let topology = py.detach(|| self.0.topology());
+        [
+            topology.parts,
+            topology.open_edges,
+            topology.nonmanifold_edges,
+            topology.inconsistent_edges,
+        ]
     }
 
     /// Memory of triangles, tree and shading, and of the vertices [bytes].

@@ -10,9 +10,8 @@ use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::components::Components;
-use crate::geometry::creases::triangles_at_creases;
-use crate::geometry::quality::Quality;
 use crate::geometry::smooth_normals::{Groups, Shading};
+use crate::geometry::topology::Topology;
 use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
@@ -57,8 +56,6 @@ pub struct Surface {
     middle: DVec3,
     /// Boxes of the connected components; if asked for.
     part_bounds: OnceLock<Vec<Bounds>>,
-    /// Triangles at creases; if asked for.
-    at_creases: OnceLock<Vec<u32>>,
 }
 
 /// Part of a surface that deformation does not change.
@@ -168,7 +165,6 @@ impl Surface {
             bounds: fitted.bounds.moved(middle),
             middle,
             part_bounds: OnceLock::new(),
-            at_creases: OnceLock::new(),
             vertices,
             mesh,
         })
@@ -224,23 +220,14 @@ impl Surface {
             bounds: fitted.bounds.moved(middle),
             middle,
             part_bounds: OnceLock::new(),
-            at_creases: OnceLock::new(),
             vertices,
             mesh,
         })
     }
 
-    /// Surface of the same triangles with another shading; this one where it has that shading.
-    pub fn shaded(self: &Arc<Self>, mode: ShadingMode, cancel: &Cancel) -> Result<Arc<Self>> {
-        if self.mesh.mode == mode {
-            return Ok(self.clone());
-        }
-        Self::new_until(&self.vertices, &self.mesh.triangles, mode, cancel).map(Arc::new)
-    }
-
-    /// Quality of the mesh; see [`Quality::new`].
-    pub fn quality(&self, crease_angle: f64) -> Quality {
-        Quality::new(&self.vertices, &self.mesh.triangles, crease_angle)
+    /// Number of parts, and numbers of edges by kind.
+    pub fn topology(&self) -> Topology {
+        Topology::new(&self.vertices, &self.mesh.triangles)
     }
 
     /// Memory of triangles, tree and shading [bytes], without that of the vertices.
@@ -297,12 +284,6 @@ impl Surface {
             let parts = mesh.parts.get_or_init(|| Components::new(&mesh.rest, &mesh.triangles));
             parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
         })
-    }
-
-    /// Triangles that meet another at an edge at 60 to 120 degrees, in ascending order.
-    pub fn at_creases(&self) -> &[u32] {
-        self.at_creases
-            .get_or_init(|| triangles_at_creases(&self.vertices, &self.mesh.triangles))
     }
 
     /// Corners of a triangle.

@@ -22,7 +22,6 @@ from core_calls import (
     POSES,
     SENSOR,
     SHAPE,
-    SURFACE,
     SURFELS,
     VERTICES,
     Call,
@@ -136,7 +135,6 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         with contextlib.suppress(ValueError, MemoryError):
             call()
     table().gain(np.full(2, value), np.full(2, -value))
-    SURFACE.quality(crease_angle=value, wavelength=value)
     for material in wild_materials:
         reflectance([material], polarization=(value,) * 3)
         material.response(np.array([0.0, 1.0, value]), wavelength=value, seen=(value, value))
@@ -161,5 +159,4 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
                 assert np.isin(cast(source=scene([body])).body(), (-1, 0)).all()
                 with contextlib.suppress(ValueError):  # of delays that no sum can take
                     frame(source=scene([body]))
-                if crease_angle in (None, 0.8):  # flat, and smooth
-                    body.quality(crease_angle=0.8, wavelength=scale)
+                body.topology()

@@ -288,7 +288,6 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: _core.Material.constant(-1.0 + 0.0j, 0.0), TypeError),
         (lambda: _core.Material(), TypeError),
         (lambda: surface(crease_angle="45"), TypeError),
-        (lambda: SURFACE.quality(crease_angle=None, wavelength=5e-3), TypeError),
         (lambda: _core.beat_signal(DELAY, AMPLITUDE), TypeError),
         (lambda: _core.Hits(), TypeError),
         (lambda: _core.IdealFrame(), TypeError),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_FACTORS = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
-"""Odd multipliers for hashes (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014)."""
+from radarcore.geometry.edges import position_hashes
 
 
 def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.bool_] | None:
@@ -16,7 +15,7 @@ def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32])
     meets others at an edge, where two bodies may share a face, and of a triangle without neighbours.
     """
     # Triangles coincide if the sums of their corners' hashes are equal; a place is a set of such triangles.
-    hashes = _mixed((_mixed((vertices + 0.0).view(np.uint64)) * _FACTORS).sum(axis=1, dtype=np.uint64))
+    hashes = position_hashes(vertices)
     keys = hashes[triangles].sum(axis=1, dtype=np.uint64)
     in_order = np.sort(keys)
     if not (in_order[1:] == in_order[:-1]).any():
@@ -65,10 +64,3 @@ def first_listings(vertices: NDArray[np.float64], triangles: NDArray[np.uint32])
     kept = ~is_merged
     kept[order[np.diff(places[order], prepend=-1) > 0]] = True
     return kept
-
-
-def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Values with every bit mixed into all others."""
-    for factor in _FACTORS[1:]:
-        values = (values ^ (values >> np.uint64(30))) * factor
-    return values ^ (values >> np.uint64(31))

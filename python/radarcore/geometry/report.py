@@ -1,4 +1,4 @@
-"""Quality of a mesh: topology, and the distance of its facets from the surface they approximate."""
+"""Quality of a mesh: topology, and the distance of its facets from the curved surface."""
 
 from __future__ import annotations
 
@@ -7,25 +7,41 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.geometry.edges import position_hashes, sides_by_edge
 from radarcore.geometry.mesh import Mesh
 from radarcore.units import SPEED_OF_LIGHT
 
 _WANTED_SAGITTA = 1e-4
 """Facets that are within it of the curved surface are fine enough at 60 GHz [m]."""
 
-_SMALL_DIFFERENCE, _LARGE_DIFFERENCE = 0.05, 0.3
-"""Differences of the echo that hardly matter, and that leave no peak at its level."""
+_SMALL_PHASE, _LARGE_PHASE = 0.07, 0.35
+"""Mean two-way phases of the sagitta that hardly matter, and that leave no peak at its level [rad].
+
+On spheres and limbs the echo of flat facets differs from the curved surface's by 0.8 per radian (rms).
+"""
+
+_THIN = 100.0
+"""Ratio of longest edge to height from which on a triangle is thin."""
+
+_UNEVEN = 0.8
+"""Fraction of the heights of two triangles over their edge from which on the higher one is straight up to the edge."""
+
+_LEAST_DISTANCE = 0.3
+"""Smallest distance of a circumcentre from an edge that counts [half lengths of the edge]: obtuse angles have none."""
+
+_PLANE_ANGLE = 1e-3
+"""Largest angle between two triangles in one plane [rad]: rounding of files."""
 
 
 @dataclass(frozen=True)
 class MeshReport:
     """Quality of a mesh; `str` has it line by line, with `verdicts` at the end.
 
-    Vertices at equal positions count as one. Smooth facets approximate a curved surface: they meet others below the
-    mesh's crease angle and their corner normals fit a smooth surface. A mesh with `shading="flat"` is examined as if it
-    were smooth.
+    Vertices at equal positions count as one. Smooth facets approximate a curved surface: they meet others at an angle
+    below the mesh's crease angle. A mesh with `shading="flat"` is examined as if it were smooth.
 
     Attributes
     ----------
@@ -48,12 +64,7 @@ class MeshReport:
     largest_sagitta, mean_sagitta : float
         Height of the curved surface over the middle of smooth facets, the largest and the mean over their area [m].
     frequency : float
-        Frequency of the phases and echoes below [Hz].
-    largest_difference, rms_difference : float
-        Difference between the far fields of facets taken as flat and of the curved surfaces, relative to the rms far
-        field of the curved ones: those of metal in 64 directions after one reflection, by the sums of `rcs` with at
-        most 96 x 96 rays per direction. It estimates the error of the mesh; single peaks of the echo may be off by as
-        much. Of bodies over a few decimetres it is uncertain by up to 0.06.
+        Frequency of the phases [Hz].
 
     See Also
     --------
@@ -83,8 +94,6 @@ class MeshReport:
     largest_sagitta: float
     mean_sagitta: float
     frequency: float
-    largest_difference: float
-    rms_difference: float
 
     @property
     def flat_share(self) -> float:
@@ -126,13 +135,13 @@ class MeshReport:
                 f"{where}: facets stand off the curved surface by up to {largest}, {mean} in the mean (wanted: below "
                 f"{wanted}). Use a finer mesh; do not decimate for radar."
             )
-        if self.rms_difference <= _SMALL_DIFFERENCE:
+        if self.mean_phase <= _SMALL_PHASE:
             meaning = "shading hardly matters"
-        elif self.rms_difference <= _LARGE_DIFFERENCE:
-            meaning = f"expect peaks to be off by about {20.0 * np.log10(1.0 + self.rms_difference):.1f} dB"
+        elif self.mean_phase <= _LARGE_PHASE:
+            meaning = f"expect peaks to be off by about {20.0 * np.log10(1.0 + self.mean_phase):.1f} dB"
         else:
             meaning = "take no peak at its level"
-        yield f"Facets taken as flat change the echo by {self.rms_difference:.1%} (rms): {meaning}."
+        yield f"Flat facets would shift the phase of the echo by {self.mean_phase:.2g} rad in the mean: {meaning}."
         yield "Phase is meaningful as change in time, not as absolute value."
 
     def _about_edges(self) -> Iterator[str]:
@@ -175,8 +184,6 @@ class MeshReport:
             "frequency [Hz]": self.frequency,
             "phase of the largest sagitta [rad]": self.largest_phase,
             "phase of the mean sagitta [rad]": self.mean_phase,
-            "echo, flat against smooth, rms": self.rms_difference,
-            "echo, flat against smooth, largest": self.largest_difference,
         }
 
     def __str__(self) -> str:
@@ -191,14 +198,13 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     """Quality of a mesh for simulation at a frequency [Hz].
 
     Facets should deviate from the surface that they approximate by less than 0.1 mm. The numbers are estimates from the
-    mesh alone: a smooth facet is taken for a piece of the surface through its corners with the corner normals, which
-    are themselves estimates from the adjacent facets.
+    mesh alone: a curved surface through the corners of the facets, whose slope is continuous at smooth edges.
 
     Parameters
     ----------
     mesh : Mesh
     frequency : float
-        Frequency of phases and echoes [Hz].
+        Frequency of the phases [Hz].
 
     See Also
     --------
@@ -216,11 +222,16 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     if not isinstance(mesh, Mesh):
         raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
     at = check.frequency("frequency", frequency)
-    counts, measures = mesh._core.quality(
-        crease_angle=float(np.deg2rad(mesh.crease_angle_deg)), wavelength=SPEED_OF_LIGHT / at
-    )
-    parts, open_edges, nonmanifold, inconsistent, duplicates, thin = counts
-    area, smooth_area, largest, mean, largest_difference, rms_difference = measures
+    parts, open_edges, nonmanifold, inconsistent = mesh._core.topology()
+    corners = np.unique(position_hashes(mesh.vertices), return_inverse=True)[1][mesh.triangles].astype(np.int64)
+    points = mesh.vertices[mesh.triangles]
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    double_areas = np.linalg.norm(normals, axis=1)
+    sides = np.roll(points, -1, axis=1) - points
+    lengths = np.linalg.norm(sides, axis=2)
+    area = 0.5 * float(double_areas.sum())
+    sagitta, smooth = _sagittas(corners, normals, sides, np.deg2rad(mesh.crease_angle_deg))
+    smooth_area = 0.5 * float(double_areas[smooth].sum())
     return MeshReport(
         num_triangles=len(mesh.triangles),
         num_dropped=mesh.num_dropped,
@@ -229,16 +240,48 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
         num_nonmanifold_edges=nonmanifold,
         num_inconsistent_edges=inconsistent,
         num_merged=mesh.num_merged,
-        num_duplicates=duplicates,
-        num_thin=thin,
+        num_duplicates=len(corners) - len(np.unique(np.sort(corners, axis=1), axis=0)),
+        num_thin=int((lengths.max(axis=1, initial=0.0) ** 2 > _THIN * double_areas).sum()),
         area=area,
         smooth_share=smooth_area / area if area > 0.0 else 0.0,
-        largest_sagitta=largest,
-        mean_sagitta=mean,
+        largest_sagitta=float(sagitta.max(initial=0.0)),
+        mean_sagitta=float(0.5 * (sagitta * double_areas).sum() / smooth_area) if smooth_area > 0.0 else 0.0,
         frequency=at,
-        largest_difference=largest_difference,
-        rms_difference=rms_difference,
     )
+
+
+def _sagittas(
+    corners: NDArray[np.int64], normals: NDArray[np.float64], sides: NDArray[np.float64], crease_angle: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Heights of the curved surface over the middles of triangles [m], and which of them are smooth.
+
+    The surface is the quadratic one that is zero at the corners and has a given slope at the middle of every edge (the
+    Morley element). Its height over the middle is two ninths of the sum over the edges of the slope times the height of
+    the triangle over the edge. The slopes of two triangles at their edge add up to the angle between them, and are
+    proportional to the distances of their circumcentres from the edge, as on a sphere. A triangle much higher than its
+    neighbour is straight up to the edge, such as the side of a tube up to a chamfer.
+    """
+    order, edge = sides_by_edge(corners)
+    pairs = order[(np.bincount(edge, minlength=1) == 2)[edge]].reshape(-1, 2).T
+    triangle, side = np.divmod(pairs, 3)
+    is_consistent = corners[triangle[0], side[0]] != corners[triangle[1], side[1]]
+    normal, along = normals[triangle], sides[triangle[0], side[0]]
+    length = np.linalg.norm(along, axis=1)
+    sine = np.vecdot(np.cross(*normal), along) / length
+    angle = np.arctan2(sine, np.vecdot(*normal))
+    angle[~is_consistent | (np.abs(angle) >= crease_angle)] = 0.0
+
+    double_areas = np.linalg.norm(normal, axis=2)
+    heights = double_areas / length
+    # The cotangent of the angle opposite to the edge: twice the distance of the circumcentre over the length.
+    before, after = sides[triangle, side - 1], sides[triangle, (side + 1) % 3]
+    distances = np.maximum(-np.vecdot(before, after) / double_areas, _LEAST_DISTANCE)
+    higher = heights / heights.sum(axis=0) > _UNEVEN
+    parts = np.where(higher, 0.0, np.where(higher[::-1], 1.0, distances / distances.sum(axis=0)))
+    sums, is_smooth = np.zeros(len(corners)), np.zeros(len(corners), dtype=bool)
+    np.add.at(sums, triangle, heights * parts * angle)
+    is_smooth[triangle[:, np.abs(angle) > _PLANE_ANGLE]] = True
+    return np.where(is_smooth, np.abs(sums) / 4.5, 0.0), is_smooth
 
 
 def _number(count: int, thing: str) -> str:

@@ -189,10 +189,7 @@ class Doubts:
         for mesh, body in enumerate(scene.parts.meshed):
             turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
             local = (sensor[:, 3] - place) @ turn
-            vertices, surface = scene.parts.vertices_at(mesh, time), body.mesh._core
-            if body.deformation is not None:
-                surface = surface.deform(vertices)
-            points = corner_points(vertices, body.mesh.triangles, surface.at_creases, local, wavelength)
+            points = corner_points(scene.parts.vertices_at(mesh, time), body.mesh.triangles, local, wavelength)
             offsets = points @ turn.T + place - sensor[:, 3]
             seen = offsets @ sensor[:, :3]
             in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)

@@ -95,6 +95,10 @@ fn swept(profile: &[(f64, f64)], length: f64, closed: bool) -> (Vec<DVec3>, Tria
     (vertices, triangles)
 }
 
+fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Shading {
+    Shading::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
+}
+
 fn all_flat(shading: &Shading, num_triangles: usize) -> bool {
     (0..num_triangles).all(|t| shading.corner_normals(t).is_none())
 }
@@ -111,7 +115,7 @@ fn largest_depth(corners: [DVec3; 3], normals: Option<[DVec3; 3]>) -> f64 {
 fn normals_of_a_sphere_are_radial() {
     for level in 1..=4 {
         let (vertices, triangles) = icosphere(level);
-        let shading = Shading::smooth(&vertices, &triangles, CREASE);
+        let shading = smooth(&vertices, &triangles, CREASE);
         // One facet's normal is 0.58 edges off at its corners. A ring of equal facets has none of that left; these
         // differ in area by up to a fifth between neighbours, and of what that leaves the correction leaves less than a
         // tenth.
@@ -184,7 +188,7 @@ fn true_normals_put_hits_on_the_sphere_from_outside_and_from_inside() {
 #[test]
 fn hits_on_a_mesh_of_a_sphere_lie_on_the_sphere_to_second_order() {
     let (vertices, triangles) = icosphere(3);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     let sagitta = largest_sagitta(&vertices, &triangles);
     let rays = rays_at_a_sphere(&vertices, &triangles);
     let mut sum = 0.0;
@@ -216,7 +220,7 @@ fn hits_on_a_mesh_of_a_sphere_lie_on_the_sphere_to_second_order() {
 #[test]
 fn a_facet_seen_from_behind_is_the_same_surface() {
     let (vertices, triangles) = icosphere(2);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     let corners = corners_of(&vertices, triangles[7]);
     let (n, b) = (face_normal(corners), [0.2, 0.3, 0.5]);
     let d = (-n + 0.3 * n.any_orthonormal_vector()).normalize();
@@ -229,7 +233,7 @@ fn a_facet_seen_from_behind_is_the_same_surface() {
 #[test]
 fn grazing_hits_keep_the_facet() {
     let (vertices, triangles) = icosphere(2);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     let corners = corners_of(&vertices, triangles[0]);
     let n = face_normal(corners);
     for cosine in [-0.02, -1e-9, 1e-9, 0.02] {
@@ -247,7 +251,7 @@ fn flat_shading_is_the_facets_themselves() {
     let (normal, correction) = shade(corners, shading.corner_normals(0), [0.2, 0.3, 0.5], DVec3::Z, DVec3::Z);
     assert_eq!((normal, correction), (-DVec3::Z, 0.0));
     assert!(
-        Shading::smooth(&[], &[], CREASE).corner_normals(0).is_none(),
+        smooth(&[], &[], CREASE).corner_normals(0).is_none(),
         "nor is a triangle that is not there"
     );
 }
@@ -257,14 +261,14 @@ fn cubes_stay_flat_below_their_crease() {
     let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
     let (vertices, mut triangles) = swept(&square, 1.0, true);
     triangles.extend([[0, 6, 4], [0, 4, 2], [1, 3, 5], [1, 5, 7]]);
-    assert!(all_flat(&Shading::smooth(&vertices, &triangles, CREASE), 12));
+    assert!(all_flat(&smooth(&vertices, &triangles, CREASE), 12));
     assert!(
-        all_flat(&Shading::smooth(&vertices, &triangles, PI / 2.0), 12),
+        all_flat(&smooth(&vertices, &triangles, PI / 2.0), 12),
         "90 degrees is not below 90 degrees"
     );
-    assert!(!all_flat(&Shading::smooth(&vertices, &triangles, 1.6), 12));
-    assert!(all_flat(&Shading::smooth(&vertices, &triangles, 0.0), 12));
-    assert!(all_flat(&Shading::smooth(&vertices, &triangles, f64::NAN), 12));
+    assert!(!all_flat(&smooth(&vertices, &triangles, 1.6), 12));
+    assert!(all_flat(&smooth(&vertices, &triangles, 0.0), 12));
+    assert!(all_flat(&smooth(&vertices, &triangles, f64::NAN), 12));
 }
 
 /// Cylinder of radius 1 along z: the sides (two triangles each) first, then two caps.
@@ -281,7 +285,7 @@ fn cylinder(segments: u32) -> (Vec<DVec3>, Triangles) {
 #[test]
 fn cylinders_have_smooth_sides_and_flat_caps() {
     let (vertices, triangles) = cylinder(24);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     for (t, &triangle) in triangles.iter().enumerate() {
         let normals = shading.corner_normals(t);
         if t >= 48 {
@@ -322,7 +326,7 @@ fn the_sides_of_a_tube_are_round_up_to_the_chamfers_at_its_ends() {
         .iter()
         .flat_map(|r| (0..72).flat_map(|i| quad(*r, i)))
         .collect();
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     for (t, &triangle) in triangles.iter().enumerate().take(144) {
         let normals = shading.corner_normals(t).expect("side");
         for (normal, vertex) in normals.into_iter().zip(corners_of(&vertices, triangle)) {
@@ -361,15 +365,9 @@ fn triangles_without_area_say_nothing() {
 #[test]
 fn a_prism_that_meets_at_the_crease_angle_is_a_prism() {
     let (vertices, triangles) = cylinder(8);
-    assert!(all_flat(
-        &Shading::smooth(&vertices, &triangles, CREASE),
-        triangles.len()
-    ));
+    assert!(all_flat(&smooth(&vertices, &triangles, CREASE), triangles.len()));
     let (vertices, triangles) = cylinder(9);
-    assert!(!all_flat(
-        &Shading::smooth(&vertices, &triangles, CREASE),
-        triangles.len()
-    ));
+    assert!(!all_flat(&smooth(&vertices, &triangles, CREASE), triangles.len()));
 }
 
 /// Points of a quarter circle about (x, y), from angle `start` counter-clockwise.
@@ -389,7 +387,7 @@ fn planes_beside_a_fillet_stay_planes_and_the_fillet_is_round() {
         .chain([(-0.1, 0.005)])
         .collect();
     let (vertices, triangles) = swept(&profile, 0.1, false);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     let last = triangles.len() - 2;
     for t in [0, 1, last, last + 1] {
         assert!(shading.corner_normals(t).is_none(), "wall {t}");
@@ -421,7 +419,7 @@ fn a_plane_between_two_fillets_bulges_by_no_more_than_their_share_of_its_area() 
         .chain([(-0.105, -0.2)])
         .collect();
     let (vertices, triangles) = swept(&profile, 0.1, false);
-    let shading = Shading::smooth(&vertices, &triangles, CREASE);
+    let shading = smooth(&vertices, &triangles, CREASE);
     // At most two triangles of a strip of the fillet, 1/16 pi off, weigh against one of the plane; a plane whose
     // ends bend down by that angle rises by a quarter of it times its length.
     let strip = 2.0 * 0.005 * (PI / 32.0).sin();
@@ -439,12 +437,12 @@ fn neighbours_wound_the_other_way_are_not_smoothed() {
     let (vertices, triangles) = cylinder(24);
     let mut turned = triangles.clone();
     turned[10].swap(0, 1);
-    let shading = Shading::smooth(&vertices, &turned, CREASE);
+    let shading = smooth(&vertices, &turned, CREASE);
     assert!(
         shading.corner_normals(10).is_none(),
         "all its edges are sharp: its normals are its own"
     );
-    let whole = Shading::smooth(&vertices, &triangles, CREASE);
+    let whole = smooth(&vertices, &triangles, CREASE);
     for t in [30, 31] {
         assert_eq!(
             shading.corner_normals(t),
@@ -459,18 +457,18 @@ fn an_edge_of_three_faces_is_sharp() {
     // An arc of eight strips, and a fin along the edge between strips 3 and 4.
     let profile: Vec<_> = fillet((0.0, 0.0), 1.0, 0.0).collect();
     let (mut vertices, mut triangles) = swept(&profile, 1.0, false);
-    let smooth = Shading::smooth(&vertices, &triangles, CREASE);
+    let without = smooth(&vertices, &triangles, CREASE);
     vertices.push(DVec3::ZERO);
     triangles.push([8, 9, 18]);
-    let finned = Shading::smooth(&vertices, &triangles, CREASE);
+    let finned = smooth(&vertices, &triangles, CREASE);
     for t in 6..10 {
-        assert!(smooth.corner_normals(t).is_some());
+        assert!(without.corner_normals(t).is_some());
         // The surface ends at the fin, and half a bend fits no smooth surface.
         assert!(finned.corner_normals(t).is_none());
     }
     for t in [2, 3, 12, 13] {
         assert_eq!(
-            smooth.corner_normals(t),
+            without.corner_normals(t),
             finned.corner_normals(t),
             "far away nothing changes"
         );
@@ -481,13 +479,13 @@ fn an_edge_of_three_faces_is_sharp() {
 fn both_sides_of_a_sheet_stay_apart() {
     // The same triangle from both sides: one shared contour, wound consistently, but at 180 degrees.
     let vertices = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    assert!(all_flat(&Shading::smooth(&vertices, &[[0, 1, 2], [0, 2, 1]], PI), 2));
+    assert!(all_flat(&smooth(&vertices, &[[0, 1, 2], [0, 2, 1]], PI), 2));
 }
 
 #[test]
 fn triangles_without_shared_vertices_have_the_same_normals() {
     let (vertices, triangles) = icosphere(3);
-    let indexed = Shading::smooth(&vertices, &triangles, CREASE);
+    let indexed = smooth(&vertices, &triangles, CREASE);
     let (vertices, triangles) = soup(&vertices, &triangles);
     // Zeros of either sign are one position.
     let mixed: Vec<_> = vertices
@@ -507,7 +505,7 @@ fn triangles_without_shared_vertices_have_the_same_normals() {
             .any(|v| v.to_array().iter().any(|x| *x == 0.0 && x.is_sign_negative()))
     );
     for vertices in [vertices, mixed] {
-        let shading = Shading::smooth(&vertices, &triangles, CREASE);
+        let shading = smooth(&vertices, &triangles, CREASE);
         for t in 0..triangles.len() {
             assert_eq!(shading.corner_normals(t), indexed.corner_normals(t));
         }
@@ -518,10 +516,7 @@ fn triangles_without_shared_vertices_have_the_same_normals() {
 fn turning_every_triangle_over_turns_every_normal() {
     let (vertices, triangles) = icosphere(2);
     let over: Triangles = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let (front, back) = (
-        Shading::smooth(&vertices, &triangles, CREASE),
-        Shading::smooth(&vertices, &over, CREASE),
-    );
+    let (front, back) = (smooth(&vertices, &triangles, CREASE), smooth(&vertices, &over, CREASE));
     for t in 0..triangles.len() {
         let [a, b, c] = front.corner_normals(t).expect("smooth");
         assert_eq!(back.corner_normals(t).expect("smooth"), [-a, -c, -b]);

@@ -213,12 +213,3 @@ fn a_ray_in_the_plane_of_a_triangle_misses_it_and_hits_what_is_behind() {
     let hit = surface.nearest(&ray, f64::INFINITY).unwrap();
     assert_eq!((hit.triangle, hit.distance), (1, 2.0));
 }
-
-#[test]
-fn creases_follow_the_deformation() {
-    let flat = [DVec3::ZERO, DVec3::Y, DVec3::X, -DVec3::X];
-    let plate = Surface::new(&flat, &[[0, 1, 2], [1, 0, 3]], ShadingMode::Flat).unwrap();
-    assert!(plate.at_creases().is_empty());
-    let folded = plate.deform(vec![DVec3::ZERO, DVec3::Y, DVec3::X, DVec3::Z]).unwrap();
-    assert_eq!(folded.at_creases(), [0, 1]);
-}
