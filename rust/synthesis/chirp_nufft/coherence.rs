@@ -2,7 +2,7 @@
 
 use super::fast_time::FastTime;
 use super::number::{LaneRow, Number};
-use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, RECEIVED};
+use super::records::{Batch, CELL, HEAD, OFFSET, PHASE};
 use super::spread::cos_sin;
 use crate::numeric::random::mix;
 use crate::numeric::simd::{Isa, Kernel, Vector};
@@ -46,8 +46,9 @@ impl<T: Number> Kernel for SumCells<'_, T> {
             let records = batch.blocks[self.number].chunks_exact(batch.num_rows());
             for (number, record) in records.enumerate() {
                 let len = batch.paths_of(number);
+                let is_measured = mix(sums.count as u64).is_multiple_of(self.step as u64);
                 sums.count += len;
-                if mix(number as u64).is_multiple_of(self.step as u64) {
+                if is_measured {
                     let lanes = lanes::<T, I>(record, batch.counts, middle);
                     sums.add_lanes::<I>(len, &lanes);
                 }
@@ -65,7 +66,7 @@ fn lanes<T: Number, I: Isa>(record: &[LaneRow<T>], counts: [usize; 2], middle: f
         let load = |row: usize| <T::In<I>>::load(&record[row][at..]);
         let mut turns = <T::In<I>>::splat(T::zero());
         if counts[0] > 0 {
-            turns = load(RECEIVED).mul_add(load(HEAD), load(HEAD));
+            turns = load(HEAD);
         }
         let amplitude = load(HEAD + counts[0]);
         let [c, s] = cos_sin::<T, I>(turns.mul_add(<T::In<I>>::splat(T::of(middle)), load(PHASE)));

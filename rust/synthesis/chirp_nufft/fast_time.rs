@@ -92,6 +92,7 @@ impl<'a> FastTime<'a> {
         let num_nodes = nodes.times.len();
         let mut tables = LaneTables {
             turns: vec![none; 2 * num_turns],
+            tones: vec![none; 2 * num_turns],
             amplitude: vec![none; num_amplitudes],
             node_turns: vec![none; num_nodes * num_turns],
             node_amplitude: vec![none; num_nodes * num_amplitudes],
@@ -107,6 +108,8 @@ impl<'a> FastTime<'a> {
                 let doppler = 3.0_f64.sqrt() * slope - self.ratio * phase;
                 tables.turns[2 * k][lane] = T::of(phase);
                 tables.turns[2 * k + 1][lane] = T::of(doppler);
+                tables.tones[2 * k][lane] = T::of(phase);
+                tables.tones[2 * k + 1][lane] = T::of(self.cells_per_turn * (doppler + self.ratio * phase));
                 for (j, u) in nodes.times.iter().enumerate() {
                     tables.node_turns[k * num_nodes + j][lane] = T::of(values[j] - phase - u * doppler);
                 }
@@ -162,6 +165,8 @@ pub struct Orders {
 pub struct LaneTables<T> {
     /// Coefficients of the delay after the constant one: the phase of the tone [turns] and its Doppler of each.
     pub turns: Vec<LaneRow<T>>,
+    /// Likewise, the phase of the tone [turns] and its place [cells], but for squares of delays.
+    pub tones: Vec<LaneRow<T>>,
     /// Mean amplitude of a chirp by coefficient.
     pub amplitude: Vec<LaneRow<T>>,
     /// Delay but for the tone [turns], and amplitude, at all nodes by coefficient.

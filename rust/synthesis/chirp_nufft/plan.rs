@@ -281,7 +281,8 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             let degrees: Vec<usize> = [0].iter().chain(&degrees[..number]).copied().collect();
             let left_out = |errors: &Errors<f64>| -> f64 {
                 let orders = (1..MAX_ORDERS).filter(|n| !degrees.contains(n));
-                orders.map(|n| errors.orders[n]).sum()
+                let ramp = if number == 0 { errors.ramp } else { 0.0 };
+                orders.map(|n| errors.orders[n]).sum::<f64>() + ramp
             };
             for width in T::WIDTHS {
                 let bound = self.bound(*width, left_out);

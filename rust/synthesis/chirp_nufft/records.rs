@@ -8,13 +8,16 @@ use super::fast_time::{FastTime, Orders};
 use super::number::{LaneRow, MAX_LANES, MAX_ORDERS, Number};
 use crate::numeric::simd::{Isa, Kernel, Level, Real, Vector};
 use crate::numeric::trig::angle;
-use crate::numeric::wide::{self, mul, narrow, neg_mul_add, number, sub};
+use crate::numeric::wide::{self, Wide, mul, narrow, neg_mul_add, number, sub};
 use crate::synthesis::chunk::{Block, CHUNK, Chunk, Lane, expand};
 use crate::synthesis::source::{PathSource, Request, Shape};
 
 /// Shares of the tolerance below which coefficients do not count: of delays [turns], and of amplitudes relative to them.
 const TURNS_SHARE: f64 = 0.004;
 const AMPLITUDE_SHARE: f64 = 0.01;
+
+/// Largest carrier over the frequency received.
+const MAX_SHARE: f64 = 4.0;
 
 /// Phase within a chirp beyond which bounds of errors need not grow [rad].
 const MOST_TURNED: f64 = 4.0;
@@ -31,13 +34,14 @@ pub const PHASE: usize = 0;
 /// Constant part of the place on the grid: the cell, and the place after it, -1/2 to 1/2 [cells].
 pub const CELL: usize = 1;
 pub const OFFSET: usize = 2;
-/// Change of the frequency received by the delay, relative to the carrier.
-pub const RECEIVED: usize = 3;
+/// Carrier over the frequency that is received at the same time.
+pub const SHARE: usize = 3;
 /// Number of these rows.
 pub const HEAD: usize = 4;
 
 /// Records of some paths of a channel. Each has the rows of [`MAX_LANES`] paths: the head, the coefficients of the delay
-/// after the constant one [turns at the carrier], and those of the amplitude in phase and in quadrature with the first one.
+/// after the constant one [turns at the frequency received], and those of the amplitude in phase and in quadrature with
+/// the first one.
 #[derive(Clone, Debug)]
 pub struct Batch<T> {
     /// Number of paths; lanes after the last path have no amplitude.
@@ -83,6 +87,9 @@ pub struct Errors<V> {
     pub series: V,
     /// Squares of the rounding of coefficients of delays, each of them rounded by one [rad^2 W].
     pub rounding: V,
+    /// Squares of what a single grid leaves out [rad^2 W]: phases of squared delays, and the effect of the frequency
+    /// received on places.
+    pub ramp: V,
     /// Squares of the Legendre polynomials of fast time within a chirp, by degree [W].
     pub orders: [V; MAX_ORDERS],
     /// Largest delay of a path with power [s].
@@ -98,6 +105,7 @@ impl<V: Vector> Errors<V> {
             strongest: zero,
             series: zero,
             rounding: zero,
+            ramp: zero,
             orders: [zero; MAX_ORDERS],
             longest: zero,
         }
@@ -115,6 +123,7 @@ impl<V: Vector> Errors<V> {
             strongest: self.strongest.largest().wide(),
             series: total(self.series),
             rounding: total(self.rounding),
+            ramp: total(self.ramp),
             orders,
             longest: self.longest.largest().wide(),
         }
@@ -128,6 +137,7 @@ impl Errors<f64> {
         self.strongest = self.strongest.max(other.strongest);
         self.series += weight * other.series;
         self.rounding += weight * other.rounding;
+        self.ramp += weight * other.ramp;
         for (sum, order) in self.orders.iter_mut().zip(other.orders) {
             *sum += weight * order;
         }
@@ -288,24 +298,21 @@ impl<T: Number> Build<'_, T> {
         let (head, rows) = record.split_at_mut(HEAD);
         let (turns, amplitudes) = rows.split_at_mut(num_turns);
         let (direction, argument) = direction::<T, I>(paths, at);
-        let received = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
-        // Received far from the carrier, phases change more.
-        let more = absolute(received).add(number::<T, I>(1.0));
+        let (received, share) = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
         let (all, mut used) = (u32::MAX >> (32 - T::LANES), [0; 3]);
 
         // Orders of the phase, per squared turn of the delay.
         let (mut drift, mut tail) = (zero, zero);
         let (mut phase, mut change) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
-        let carrier = wide::splat::<I, P>(self.fast_time.carrier);
         for k in 1..paths.delay.len() {
-            let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), carrier));
+            let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), received));
             let size = absolute(own);
             if k > num_turns {
                 tail = tail.add(size);
                 continue;
             }
             own.store(&mut turns[k - 1][lane..]);
-            let is_small = size.mul(more).at_most(number::<T, I>(TURNS_SHARE * self.tolerance));
+            let is_small = size.at_most(number::<T, I>(TURNS_SHARE * self.tolerance));
             tail = tail.add(size.select(is_small, zero));
             if is_small != all {
                 used[0] = k;
@@ -343,12 +350,11 @@ impl<T: Number> Build<'_, T> {
         // Orders of the amplitude times exp(j phase): those of the factors, and products, powers of fast time, which also
         // have polynomials of lower degrees.
         let size = power.sqrt();
-        drift = drift.mul(more);
+        let detuned = absolute(share.sub(number::<T, I>(1.0)));
+        phase[1] = phase[1].mul(detuned);
         let (mut sums, mut products) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
         for n in 1..=T::DEGREE + 2 {
-            let own = phase[n].mul(if n == 1 { absolute(received) } else { more });
-            phase[n] = own;
-            change[n] = size.mul_add(own, change[n]);
+            change[n] = size.mul_add(phase[n], change[n]);
             for m in 2..n {
                 let share = number::<T, I>(m as f64 / (n - 1) as f64);
                 products[n] = phase[m].mul(share).mul_add(sums[n - m], products[n]);
@@ -381,21 +387,31 @@ impl<T: Number> Build<'_, T> {
             let (sum, count) = small_ones::<T, I>(of_part, lane, least);
             (small, used[1 + part]) = (small.add(sum), count);
         }
-        let series = tail.mul(more).mul(number::<T, I>(TAU));
+        let series = tail.mul(number::<T, I>(TAU));
+        // Far from the carrier, shares have no digits.
+        let far = number::<T, I>(MAX_SHARE).at_most(absolute(share));
+        let series = number::<T, I>(1.0).select(far, series);
         let series = turned
             .mul_add(number::<T, I>(1.0 / 40_320.0), series)
             .mul_add(size, small);
         errors.series = series.mul_add(series, errors.series.add(beyond));
+        let curved = drift
+            .mul(share)
+            .mul(share)
+            .mul(number::<T, I>(self.fast_time.per_square.abs()));
+        let ramp = detuned.mul_add(number::<T, I>(self.fast_time.ratio.abs()), curved);
+        let ramp = ramp.mul(drift).mul(size).mul(number::<T, I>(TAU));
+        errors.ramp = ramp.mul_add(ramp, errors.ramp);
         let rounding = drift.mul(number::<T, I>(TAU)).mul(size);
         errors.rounding = rounding.mul_add(rounding, errors.rounding);
-        let per_turn = number::<T, I>(self.fast_time.carrier.abs().recip());
-        let longest = drift.mul_add(per_turn, absolute(constant));
+        let per_turn = share.mul(number::<T, I>(self.fast_time.carrier.recip()));
+        let longest = drift.mul_add(absolute(per_turn), absolute(constant));
         errors.longest = errors.longest.max(zero.select(power.at_most(zero), longest));
         used
     }
 
-    /// Put the head of a record for constant delays and arguments of the amplitudes [turns]. Returns the change of the
-    /// frequency received.
+    /// Put the head of a record for constant delays and arguments of the amplitudes [turns]. Returns the frequency received
+    /// [Hz], and the carrier over it.
     #[cfg_attr(optimised, inline(always))]
     fn put_constant<I: Isa, const P: usize>(
         &self,
@@ -403,7 +419,7 @@ impl<T: Number> Build<'_, T> {
         argument: T::In<I>,
         head: &mut [LaneRow<T>],
         lane: usize,
-    ) -> T::In<I> {
+    ) -> (Wide<I, P>, T::In<I>) {
         let fast_time = self.fast_time;
         let delay = wide::load::<I, P>(delay);
         let slope = fast_time.waveform.slope;
@@ -411,8 +427,9 @@ impl<T: Number> Build<'_, T> {
         let phase = wide::turns::<I, P>(fast_time.carrier, delay);
         let phase = neg_mul_add(mul(delay, wide::splat::<I, P>(0.5 * slope)), delay, phase);
         let phase = narrow::<T, I, P>(wide::reduce::<I, P>(phase)).add(argument);
-        let received = mul(delay, wide::splat::<I, P>(-slope / fast_time.carrier));
-        let received = narrow::<T, I, P>(received);
+        let carrier = wide::splat::<I, P>(fast_time.carrier);
+        let received = neg_mul_add(delay, wide::splat::<I, P>(slope), carrier);
+        let share = narrow::<T, I, P>(carrier).div(narrow::<T, I, P>(received));
         let per_delay = fast_time.cells_per_turn * fast_time.ratio * fast_time.carrier;
         let place = mul(delay, wide::splat::<I, P>(per_delay));
         let cell = wide::round::<I, P>(place);
@@ -420,10 +437,10 @@ impl<T: Number> Build<'_, T> {
         let num_cells = fast_time.num_cells as f64;
         let rounds = wide::round::<I, P>(mul(cell, wide::splat::<I, P>(num_cells.recip())));
         let cell = narrow::<T, I, P>(neg_mul_add(rounds, wide::splat::<I, P>(num_cells), cell));
-        for (row, numbers) in [(PHASE, phase), (CELL, cell), (OFFSET, offset), (RECEIVED, received)] {
+        for (row, numbers) in [(PHASE, phase), (CELL, cell), (OFFSET, offset), (SHARE, share)] {
             numbers.store(&mut head[row][lane..]);
         }
-        received
+        (received, share)
     }
 }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
-use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, RECEIVED};
+use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, SHARE};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::wide::{cos_sin_of, number};
 use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
@@ -93,10 +93,14 @@ const NUM_NODES: [usize; MAX_DEGREE + 1] = [3, 2, 3, 5, 5, 9, 9, 9, 9];
 /// Complex strengths of the paths of a record on a grid.
 type Strengths<V> = [[V; 2]; MAX_LANES];
 
-/// Sums of the coefficients of a path times `N` tables of chirps each.
+/// Add the coefficients of a path times `N` tables of chirps each.
 #[cfg_attr(optimised, inline(always))]
-fn sum<V: Vector, const N: usize>(rows: &[LaneRow<V::Scalar>], path: usize, tables: &[LaneRow<V::Scalar>]) -> [V; N] {
-    let mut sums = [V::splat(V::Scalar::default()); N];
+fn sum<V: Vector, const N: usize>(
+    mut sums: [V; N],
+    rows: &[LaneRow<V::Scalar>],
+    path: usize,
+    tables: &[LaneRow<V::Scalar>],
+) -> [V; N] {
     for (row, tables) in rows.iter().zip(tables.chunks_exact(N)) {
         let own = V::splat(row[path]);
         for j in 0..N {
@@ -116,8 +120,8 @@ pub struct Spreading<'a, T> {
     degrees: &'a [usize],
     /// Nodes that tell their coefficients.
     pub nodes: Nodes,
-    /// Fast time of the nodes, and its product with the relative change of the frequency.
-    times: Vec<[T; 2]>,
+    /// Fast time of the nodes.
+    times: Vec<T>,
     /// Weights of the nodes by grid.
     weights: Vec<Vec<T>>,
 }
@@ -133,11 +137,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             width,
             taps: kernel(width, fast_time).taps(),
             degrees,
-            times: nodes
-                .times
-                .iter()
-                .map(|u| [*u, u * fast_time.ratio].map(T::of))
-                .collect(),
+            times: nodes.times.iter().map(|u| T::of(*u)).collect(),
             weights: degrees.iter().map(weights).collect(),
             nodes,
         }
@@ -219,11 +219,7 @@ impl<'a, T: Number> Spreading<'a, T> {
         places: &mut [T::In<I>; MAX_LANES],
         strengths: &mut [Strengths<T::In<I>>],
     ) {
-        let splat = <T::In<I>>::splat;
-        let ratio = number::<T, I>(self.fast_time.ratio);
-        let cells_per_turn = number::<T, I>(self.fast_time.cells_per_turn);
-        let per_square = number::<T, I>(self.fast_time.per_square);
-        let twice = per_square.add(per_square);
+        let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
         let (head, rows) = record.split_at(HEAD);
         let (delays, amplitudes) = rows.split_at(counts[0]);
         let (in_phase, quadrature) = amplitudes.split_at(counts[1]);
@@ -233,49 +229,51 @@ impl<'a, T: Number> Spreading<'a, T> {
             &quadrature[..num_quadrature],
         );
         for path in 0..num_paths.min(MAX_LANES) {
-            // Delay [turns at the carrier] and Doppler in the middle of every chirp.
-            let [turns, doppler] = sum::<T::In<I>, 2>(delays, path, &tables.turns);
-            // The wave received was sent a delay before, at another frequency of the ramp.
-            let received = splat(head[RECEIVED][path]);
-            let phase = turns.neg_mul_add(per_square, received).mul_add(turns, turns);
-            let received = turns.neg_mul_add(twice, received);
-            let slope = received.mul_add(doppler, ratio.mul_add(turns, doppler));
-            places[path] = slope.mul_add(cells_per_turn, splat(head[OFFSET][path]));
-            let tone = cos_sin::<T, I>(phase.add(splat(head[PHASE][path])));
+            let middle = [PHASE, OFFSET].map(|row| splat(head[row][path]));
             if N == 0 {
-                let [re] = sum(in_phase, path, &tables.amplitude);
-                let [im] = sum(quadrature, path, &tables.amplitude);
-                strengths[0][path] = modulated(tone, [re, im], quadrature.is_empty());
+                let [phase, place] = sum(middle, delays, path, &tables.tones);
+                let [re] = sum([zero], in_phase, path, &tables.amplitude);
+                let [im] = sum([zero], quadrature, path, &tables.amplitude);
+                places[path] = place;
+                strengths[0][path] = modulated(cos_sin::<T, I>(phase), [re, im], quadrature.is_empty());
             } else {
                 let rows = [delays, in_phase, quadrature];
-                self.expand::<I, N>(rows, path, tables, tone, [doppler, received], strengths);
+                let share = splat(head[SHARE][path]);
+                places[path] = self.expand::<I, N>(rows, path, tables, (middle, share), strengths);
             }
         }
     }
 
-    /// Strengths of a path on all grids, from the values at `N` nodes of what it is besides a tone.
+    /// Place of a path, and its strengths on all grids, from the values at `N` nodes of what it is besides a tone.
     #[cfg_attr(optimised, inline(always))]
     fn expand<I: Isa, const N: usize>(
         &self,
         [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
         path: usize,
         tables: &LaneTables<T>,
-        tone: [T::In<I>; 2],
-        [doppler, received]: [T::In<I>; 2],
+        ([phase, offset], share): ([T::In<I>; 2], T::In<I>),
         strengths: &mut [Strengths<T::In<I>>],
-    ) {
-        let splat = <T::In<I>>::splat;
-        let per_square = number::<T, I>(self.fast_time.per_square);
+    ) -> T::In<I> {
+        let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
+        let ratio = share.mul(number::<T, I>(self.fast_time.ratio));
+        let per_square = share.mul(share).mul(number::<T, I>(self.fast_time.per_square));
+        let twice = per_square.add(per_square);
+        // Delay [turns] and Doppler in the middle of every chirp, and the tone.
+        let [turns, doppler] = sum([zero; 2], delays, path, &tables.turns);
+        let square = turns.mul(turns);
+        let tone = cos_sin::<T, I>(square.neg_mul_add(per_square, phase.add(turns)));
+        let received = turns.neg_mul_add(twice, number::<T, I>(1.0));
+        let slope = received.mul_add(doppler, ratio.mul(turns));
         // Phases beside the tone, from delays beside the tone.
-        let delay: [_; N] = sum(delays, path, &tables.node_turns);
-        let re: [_; N] = sum(in_phase, path, &tables.node_amplitude);
-        let im: [_; N] = sum(quadrature, path, &tables.node_amplitude);
-        let mut values = [[received; 2]; N];
+        let delay: [_; N] = sum([zero; N], delays, path, &tables.node_turns);
+        let re: [_; N] = sum([zero; N], in_phase, path, &tables.node_amplitude);
+        let im: [_; N] = sum([zero; N], quadrature, path, &tables.node_amplitude);
+        let mut values = [[zero; 2]; N];
         for j in 0..N {
-            let [u, ratio] = self.times[j].map(splat);
+            let u = splat(self.times[j]);
             let change = doppler.mul_add(u, delay[j]);
-            let phase = received.mul_add(delay[j], delay[j]);
-            let phase = change.mul_add(change.neg_mul_add(per_square, ratio), phase);
+            let change_of_frequency = change.neg_mul_add(per_square, ratio.mul(u));
+            let phase = change.mul_add(change_of_frequency, received.mul(delay[j]));
             let [c, s] = small_cos_sin::<T, I>(phase);
             values[j] = modulated([c, s], [re[j], im[j]], quadrature.is_empty());
         }
@@ -290,6 +288,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             }
             strengths[path] = product(tone, strength);
         }
+        slope.mul_add(number::<T, I>(self.fast_time.cells_per_turn), offset)
     }
 
     /// Add a path to the cells of the grids about its places.
