@@ -86,14 +86,26 @@ impl<'a> FastTime<'a> {
     }
 
     /// Tables of the chirps from number `first` on for series of some numbers of coefficients over a block.
-    pub fn tables<T: Number>(&self, block: &Block, first: usize, counts: [usize; 2], nodes: &Nodes) -> LaneTables<T> {
+    pub fn tables<T: Number>(
+        &self,
+        block: &Block,
+        first: usize,
+        counts: [usize; 2],
+        (nodes, degrees): (&Nodes, &[usize]),
+    ) -> LaneTables<T> {
         let none = [T::zero(); MAX_LANES];
         let [num_turns, num_amplitudes] = counts;
         let num_nodes = nodes.times.len();
         let mut tables = LaneTables {
             turns: vec![none; 2 * num_turns],
             tones: vec![none; 2 * num_turns],
-            amplitude: vec![none; num_amplitudes],
+            orders: vec![
+                OrderTables {
+                    phase: vec![none; num_turns],
+                    amplitude: vec![none; num_amplitudes],
+                };
+                degrees.len()
+            ],
             node_turns: vec![none; num_nodes * num_turns],
             node_amplitude: vec![none; num_nodes * num_amplitudes],
         };
@@ -110,12 +122,18 @@ impl<'a> FastTime<'a> {
                 tables.turns[2 * k + 1][lane] = T::of(doppler);
                 tables.tones[2 * k][lane] = T::of(phase);
                 tables.tones[2 * k + 1][lane] = T::of(self.cells_per_turn * (doppler + self.ratio * phase));
+                for (tables, degree) in tables.orders.iter_mut().zip(degrees).filter(|(_, degree)| **degree > 1) {
+                    let turns = nodes.coefficient(*degree, |j| (1.0 + self.ratio * nodes.times[j]) * values[j]);
+                    tables.phase[k][lane] = T::of(2.0 * PI * turns);
+                }
                 for (j, u) in nodes.times.iter().enumerate() {
                     tables.node_turns[k * num_nodes + j][lane] = T::of(values[j] - phase - u * doppler);
                 }
             }
             for k in 0..num_amplitudes {
-                tables.amplitude[k][lane] = T::of(nodes.coefficient(0, |j| values[k][j]));
+                for (tables, degree) in tables.orders.iter_mut().zip(degrees) {
+                    tables.amplitude[k][lane] = T::of(nodes.coefficient(*degree, |j| values[k][j]));
+                }
                 for j in 0..num_nodes {
                     tables.node_amplitude[k * num_nodes + j][lane] = T::of(values[k][j]);
                 }
@@ -167,11 +185,18 @@ pub struct LaneTables<T> {
     pub turns: Vec<LaneRow<T>>,
     /// Likewise, the phase of the tone [turns] and its place [cells], but for squares of delays.
     pub tones: Vec<LaneRow<T>>,
-    /// Mean amplitude of a chirp by coefficient.
-    pub amplitude: Vec<LaneRow<T>>,
+    /// By grid.
+    pub orders: Vec<OrderTables<T>>,
     /// Delay but for the tone [turns], and amplitude, at all nodes by coefficient.
     pub node_turns: Vec<LaneRow<T>>,
     pub node_amplitude: Vec<LaneRow<T>>,
+}
+
+/// Tables of a Legendre polynomial of fast time by coefficient: phases beside the tone [rad], and amplitudes.
+#[derive(Clone, Debug)]
+pub struct OrderTables<T> {
+    pub phase: Vec<LaneRow<T>>,
+    pub amplitude: Vec<LaneRow<T>>,
 }
 
 /// Gauss's nodes of fast time, and what they tell.

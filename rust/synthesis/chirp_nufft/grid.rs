@@ -27,14 +27,16 @@ struct Layer<'a, T> {
 pub fn samples<T: Number>(plan: &ChirpPlan<T>) -> Vec<Complex<T>> {
     let (fast_time, options) = (&plan.fast_time, plan.options);
     let (num_samples, num_chirps) = (fast_time.waveform.num_samples, fast_time.waveform.chirp_times.len());
-    let spreading = Spreading::new(plan.steps.width, &plan.steps.degrees, fast_time);
+    let spreading = Spreading::new(&plan.steps, fast_time);
     let of_grids = spreading.factors();
     let mut exponents: Vec<u8> = plan.groups.iter().map(|group| group.frequency_exponent).collect();
     exponents.sort_unstable();
     exponents.dedup();
     let layer = |exponent: &u8| {
         let own = plan.groups.iter().filter(|group| group.frequency_exponent == *exponent);
-        let groups = own.map(|group| (group, plan.tables(group, &spreading.nodes))).collect();
+        let groups = own
+            .map(|group| (group, plan.tables(group, &spreading.nodes, spreading.degrees)))
+            .collect();
         let mut over_frequency = fast_time.waveform.over_frequency(*exponent);
         over_frequency.resize(num_samples, 1.0);
         let factors = |of_grid: &Vec<f64>| {

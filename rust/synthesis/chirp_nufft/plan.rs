@@ -26,6 +26,9 @@ const MARGIN: f64 = 0.95;
 /// Gain that steps allow for where it costs nothing but cells: more makes a second run.
 const RESERVE: f64 = 1.4;
 
+/// Cost of the values at nodes, relative to the first order.
+const NODES: f64 = 1.5;
+
 /// Cost of a likely second run, in cells of a grid that a path is spread on.
 const SECOND_RUN: f64 = 2.5;
 
@@ -56,6 +59,8 @@ pub struct Steps {
     pub width: usize,
     /// Degrees of fast time of the grids; 0 is the first.
     pub degrees: Vec<usize>,
+    /// True if products of small changes within a chirp are left out.
+    pub is_first_order: bool,
 }
 
 /// Records of a group of paths.
@@ -113,6 +118,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             steps: Steps {
                 width: T::WIDTHS[0],
                 degrees: vec![0],
+                is_first_order: true,
             },
             error: ErrorBound::default(),
         };
@@ -281,11 +287,13 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             let degrees: Vec<usize> = [0].iter().chain(&degrees[..number]).copied().collect();
             let left_out = |errors: &Errors<f64>| -> f64 {
                 let orders = (1..MAX_ORDERS).filter(|n| !degrees.contains(n));
-                let ramp = if number == 0 { errors.ramp } else { 0.0 };
-                orders.map(|n| errors.orders[n]).sum::<f64>() + ramp
+                orders.map(|n| errors.orders[n]).sum::<f64>()
             };
-            for width in T::WIDTHS {
-                let bound = self.bound(*width, left_out);
+            let all_steps = T::WIDTHS.iter().flat_map(|width| [(*width, true), (*width, false)]);
+            for (width, is_first_order) in all_steps.filter(|(_, first)| *first || number > 0) {
+                let bound = self.bound(width, |errors| {
+                    left_out(errors) + if is_first_order { errors.products } else { 0.0 }
+                });
                 // What is exceeded, then what it costs.
                 let excess = bound.with_gain(known) / tolerance;
                 let excess = if excess.is_nan() {
@@ -294,13 +302,15 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
                     excess.max(1.0)
                 };
                 let has_reserve = bound.with_gain(known.max(RESERVE)) <= tolerance;
-                let cost = (width * (1 + number)) as f64 + if has_reserve { 0.0 } else { SECOND_RUN };
+                let of_nodes = if is_first_order { 1.0 } else { NODES };
+                let cost = of_nodes * (width * (1 + number)) as f64 + if has_reserve { 0.0 } else { SECOND_RUN };
                 if (excess, cost) < best || best.0 == f64::INFINITY {
                     best = (excess, cost);
                     self.error = bound;
                     self.steps = Steps {
-                        width: *width,
+                        width,
                         degrees: degrees.clone(),
+                        is_first_order,
                     };
                 }
             }
@@ -330,7 +340,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
     }
 
     /// Tables of every group of chirps for the blocks of a group of paths; none where these are static.
-    pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes) -> Vec<LaneTables<T>> {
+    pub fn tables(&self, group: &RecordGroup<T>, nodes: &Nodes, degrees: &[usize]) -> Vec<LaneTables<T>> {
         if group.is_static {
             return Vec::new();
         }
@@ -338,7 +348,8 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
         let counts = group.batches[0][0].counts;
         let tables = |number: usize| {
             let block = &group.blocks[block_of(number, num_groups, num_blocks)];
-            self.fast_time.tables(block, T::LANES * number, counts, nodes)
+            self.fast_time
+                .tables(block, T::LANES * number, counts, (nodes, degrees))
         };
         (0..num_groups).map(tables).collect()
     }

@@ -87,9 +87,9 @@ pub struct Errors<V> {
     pub series: V,
     /// Squares of the rounding of coefficients of delays, each of them rounded by one [rad^2 W].
     pub rounding: V,
-    /// Squares of what a single grid leaves out [rad^2 W]: phases of squared delays, and the effect of the frequency
-    /// received on places.
-    pub ramp: V,
+    /// Squares of what the first order leaves out [rad^2 W]: products of changes within a chirp, phases of squared delays,
+    /// and the effect of the frequency received on places.
+    pub products: V,
     /// Squares of the Legendre polynomials of fast time within a chirp, by degree [W].
     pub orders: [V; MAX_ORDERS],
     /// Largest delay of a path with power [s].
@@ -105,7 +105,7 @@ impl<V: Vector> Errors<V> {
             strongest: zero,
             series: zero,
             rounding: zero,
-            ramp: zero,
+            products: zero,
             orders: [zero; MAX_ORDERS],
             longest: zero,
         }
@@ -123,7 +123,7 @@ impl<V: Vector> Errors<V> {
             strongest: self.strongest.largest().wide(),
             series: total(self.series),
             rounding: total(self.rounding),
-            ramp: total(self.ramp),
+            products: total(self.products),
             orders,
             longest: self.longest.largest().wide(),
         }
@@ -137,7 +137,7 @@ impl Errors<f64> {
         self.strongest = self.strongest.max(other.strongest);
         self.series += weight * other.series;
         self.rounding += weight * other.rounding;
-        self.ramp += weight * other.ramp;
+        self.products += weight * other.products;
         for (sum, order) in self.orders.iter_mut().zip(other.orders) {
             *sum += weight * order;
         }
@@ -400,8 +400,11 @@ impl<T: Number> Build<'_, T> {
             .mul(share)
             .mul(number::<T, I>(self.fast_time.per_square.abs()));
         let ramp = detuned.mul_add(number::<T, I>(self.fast_time.ratio.abs()), curved);
-        let ramp = ramp.mul(drift).mul(size).mul(number::<T, I>(TAU));
-        errors.ramp = ramp.mul_add(ramp, errors.ramp);
+        let mut left = ramp.mul(drift).mul(size).mul(number::<T, I>(TAU));
+        for n in 1..=T::DEGREE + 2 {
+            left = left.add(products[n]);
+        }
+        errors.products = left.mul_add(left, errors.products);
         let rounding = drift.mul(number::<T, I>(TAU)).mul(size);
         errors.rounding = rounding.mul_add(rounding, errors.rounding);
         let per_turn = share.mul(number::<T, I>(self.fast_time.carrier.recip()));

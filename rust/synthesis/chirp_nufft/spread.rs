@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
+use super::plan::Steps;
 use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, SHARE};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::wide::{cos_sin_of, number};
@@ -117,7 +118,8 @@ pub struct Spreading<'a, T> {
     pub width: usize,
     taps: Taps<T>,
     /// Degrees of the Legendre polynomials of the grids.
-    degrees: &'a [usize],
+    pub degrees: &'a [usize],
+    is_first_order: bool,
     /// Nodes that tell their coefficients.
     pub nodes: Nodes,
     /// Fast time of the nodes.
@@ -127,8 +129,9 @@ pub struct Spreading<'a, T> {
 }
 
 impl<'a, T: Number> Spreading<'a, T> {
-    /// Kernel of a width, and polynomials of some degrees, of which 0 is the first.
-    pub fn new(width: usize, degrees: &'a [usize], fast_time: &'a FastTime) -> Self {
+    /// Kernel and polynomials of some steps.
+    pub fn new(steps: &'a Steps, fast_time: &'a FastTime) -> Self {
+        let (width, degrees) = (steps.width, &steps.degrees);
         let most = degrees.iter().copied().max().unwrap_or(0);
         let nodes = Nodes::new(NUM_NODES[most]);
         let weights = |degree: &usize| nodes.weights.iter().map(|of_node| T::of(of_node[*degree])).collect();
@@ -137,6 +140,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             width,
             taps: kernel(width, fast_time).taps(),
             degrees,
+            is_first_order: steps.is_first_order,
             times: nodes.times.iter().map(|u| T::of(*u)).collect(),
             weights: degrees.iter().map(weights).collect(),
             nodes,
@@ -169,7 +173,7 @@ impl<'a, T: Number> Spreading<'a, T> {
             // Two loops, as a processor looks ahead over few paths.
             if let Some(tables) = tables {
                 let counts = (batch.counts, batch.used[block][number]);
-                match if strengths.len() == 1 { 0 } else { self.times.len() } {
+                match if self.is_first_order { 0 } else { self.times.len() } {
                     0 => self.compute::<I, 0>(counts, record, tables, &mut places, strengths),
                     2 => self.compute::<I, 2>(counts, record, tables, &mut places, strengths),
                     3 => self.compute::<I, 3>(counts, record, tables, &mut places, strengths),
@@ -209,7 +213,7 @@ impl<'a, T: Number> Spreading<'a, T> {
     }
 
     /// Compute places on the grids [cells after that of the path], and strengths, of the moving paths of a record in the
-    /// chirps of all lanes; with `N` nodes, or none for a single grid.
+    /// chirps of all lanes; with `N` nodes, or none for the first order.
     #[cfg_attr(optimised, inline(always))]
     fn compute<I: Isa, const N: usize>(
         &self,
@@ -232,10 +236,25 @@ impl<'a, T: Number> Spreading<'a, T> {
             let middle = [PHASE, OFFSET].map(|row| splat(head[row][path]));
             if N == 0 {
                 let [phase, place] = sum(middle, delays, path, &tables.tones);
-                let [re] = sum([zero], in_phase, path, &tables.amplitude);
-                let [im] = sum([zero], quadrature, path, &tables.amplitude);
                 places[path] = place;
-                strengths[0][path] = modulated(cos_sin::<T, I>(phase), [re, im], quadrature.is_empty());
+                let tone = cos_sin::<T, I>(phase);
+                let mut first = [zero; 2];
+                for (grid, (strengths, tables)) in strengths.iter_mut().zip(&tables.orders).enumerate() {
+                    let [re] = sum([zero], in_phase, path, &tables.amplitude);
+                    let [im] = sum([zero], quadrature, path, &tables.amplitude);
+                    let mut strength = modulated(tone, [re, im], quadrature.is_empty());
+                    if grid == 0 {
+                        first = strength;
+                    } else {
+                        // A small phase turns the tone.
+                        let [turned] = sum([zero], delays, path, &tables.phase);
+                        strength = [
+                            turned.neg_mul_add(first[1], strength[0]),
+                            turned.mul_add(first[0], strength[1]),
+                        ];
+                    }
+                    strengths[path] = strength;
+                }
             } else {
                 let rows = [delays, in_phase, quadrature];
                 let share = splat(head[SHARE][path]);
