@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::stages::{Cast, Level, PosedScene, Ray, SmoothHits, Traversals};
+use radarcore::stages::{Cast, Level, PosedScene, Ray, Traversals};
 use radarcore::{ImagePlane, Pose, ShadingMode, Surface};
 
 /// Square image of 60 degrees.
@@ -146,7 +146,7 @@ fn traversals(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A person of 16 bodies, from pixels far larger than triangles to smaller ones: hits, and smooth hits from them.
+/// A person of 16 bodies, from pixels far larger than triangles to smaller ones.
 fn people(criterion: &mut Criterion) {
     let ahead = Pose {
         rotation: DMat3::from_rotation_z(2.6),
@@ -167,10 +167,6 @@ fn people(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(plane.num_pixels() as u64));
         group.bench_function(BenchmarkId::new("hits", side), |bencher| {
             bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
-        });
-        let hits = scene.cast_image(&plane).unwrap();
-        group.bench_function(BenchmarkId::new("smooth_hits", side), |bencher| {
-            bencher.iter(|| pool.install(|| SmoothHits::new(&scene, &hits)));
         });
     }
     group.finish();

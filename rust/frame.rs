@@ -23,15 +23,15 @@ use glam::DVec3;
 use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::paths::kinematics::World;
+use crate::rays::hits::Hits;
 use crate::rays::scene::Occlusion;
 use crate::rays::surface::Surface;
 use crate::synthesis::beat_signal::sum_groups;
 use crate::synthesis::report::Samples;
 
 pub use counts::Counts;
-pub use model::{DepthImage, Model, RaySampling, Scene, Settings, Source};
+pub use model::{Model, RaySampling, Scene, Settings, Source};
 pub use path_groups::PathArrays;
-pub use rays::Image;
 
 use path_groups::{PathGroups, PathsAtNodes, motions};
 use rays::Rays;
@@ -59,10 +59,6 @@ pub struct Frame {
 pub struct Memory {
     /// Rays of the frame before.
     rays: Option<Rays>,
-    /// Rays that launched ray tubes, with adaptive sampling, of every sector.
-    tubes: Vec<Image>,
-    /// The image before.
-    image: Option<Arc<Image>>,
     /// Surfaces of bodies that deform, by body.
     deformed: HashMap<usize, Arc<Surface>>,
 }
@@ -110,9 +106,7 @@ pub fn simulate(
         if let Some(before) = memory.rays.take() {
             rayon::spawn(move || drop(before));
         }
-        let groups = counts.timed("scatterers", || {
-            PathGroups::new(model, &motions, &rays, &mut memory.tubes, cancel)
-        })?;
+        let groups = counts.timed("scatterers", || PathGroups::new(model, &motions, &rays, cancel))?;
         let options = model.options(groups.len(), span.chirps.len(), cancel);
         let paths = counts.timed("node times", || {
             groups.at_nodes(model, &motion, &span, options.is_parallel)
@@ -146,18 +140,16 @@ pub fn paths(
     let scene = model.posed(&motion, span.cast, &mut memory.deformed)?;
     let rays = Rays::cast(model, &scene, &span.rotation_angles, memory.rays.as_ref(), cancel)?;
     let motions = motions(model, &motion, span);
-    let groups = PathGroups::new(model, &motions, &rays, &mut memory.tubes, cancel)?;
+    let groups = PathGroups::new(model, &motions, &rays, cancel)?;
     memory.rays = Some(rays);
     groups.arrays(model, &model.motion(at)?, &model.rates(at, rates_at)?)
 }
 
-/// Image of the hits of rays at one time.
-pub fn image(model: &Model, at: &World, memory: &mut Memory, cancel: &Cancel) -> Result<Arc<Image>> {
+/// Hits of the rays of an image at one time.
+pub fn image(model: &Model, at: &World, memory: &mut Memory, cancel: &Cancel) -> Result<Hits> {
     let motion = model.motion(at)?;
     let scene = model.posed(&motion, 0.0, &mut memory.deformed)?;
-    let image = Arc::new(model.cast_image(scene, memory.image.as_deref(), cancel)?);
-    memory.image = Some(image.clone());
-    Ok(image)
+    model.cast_image(&scene, cancel)
 }
 
 /// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.

@@ -164,7 +164,7 @@ pub use paths::kinematics::World;
 pub use rays::camera::ImagePlane;
 pub use rays::surface::{ShadingMode, Surface};
 pub use scattering::material::CONDUCTOR;
-pub use scattering::physical_optics::Sampling;
+pub use scattering::refinement::Sampling;
 pub use synthesis::chirp::Waveform;
 pub use synthesis::choose::Method;
 pub use synthesis::report::Samples;
@@ -181,7 +181,6 @@ pub mod stages {
     pub use crate::rays::hits::Cast;
     pub use crate::rays::packet_search::Traversals;
     pub use crate::rays::scene::PosedScene;
-    pub use crate::rays::smooth_hits::SmoothHits;
     pub use crate::rays::tree::{Ray, Tree, WIDTH};
     pub use crate::scattering::material::{Material, Response};
     pub use crate::synthesis::beat_signal::beat_signal;

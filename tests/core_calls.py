@@ -189,7 +189,8 @@ def table(azimuth: Any = ANGLES, elevation: Any = ANGLES, gain_db: Any = GAINS) 
 
 
 def reflectance(materials: Any = (MATERIAL,), **changes: Any) -> Any:
-    return HITS.reflectance(list(materials), **({"frequency": 60e9} | changes))
+    _, cosines, body, _, normals = HITS
+    return _core.reflectance(list(materials), body, cosines, normals, normals, **({"frequency": 60e9} | changes))
 
 
 def response(cosine: Any = COSINES, **changes: Any) -> Any:

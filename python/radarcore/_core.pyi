@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 __all__ = [
     "Antennas",
     "DepthScene",
-    "Hits",
     "IdealFrame",
     "Material",
     "Pattern",
@@ -31,10 +30,15 @@ __all__ = [
     "local_maxima",
     "normal",
     "receive",
+    "reflectance",
     "training_medians",
 ]
 
 __version__: str
+
+ImageArrays = tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]
+]
 
 def load_obj(
     path: str,
@@ -62,6 +66,22 @@ def beat_signal(
 
 def levels() -> list[str]:
     """Names of the instruction sets of this processor, slowest first, up to ``RADARCORE_SIMD``."""
+
+def reflectance(
+    materials: Sequence[Material],
+    body: NDArray[np.int32],
+    cos_incidence: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    *,
+    frequency: float,
+    polarization: tuple[float, float, float] | None = None,
+    threads: int | None = None,
+) -> NDArray[np.float64]:
+    """Power reflectance of materials, one per body, in the pixels of an image, (rows, columns); 0 for negative bodies.
+
+    Pixels have a body, a cosine of incidence, and a normal and a direction of the ray, (rows, columns, 3).
+    """
 
 def normal(num: int, *, seed: int, start: float) -> NDArray[np.float32]:
     """Independent numbers of the standard normal distribution, which belong to the seed and to a frame's start [s]."""
@@ -295,39 +315,6 @@ class Antennas:
         """
 
 @final
-class Hits:
-    """Hits of the rays of an image."""
-
-    @property
-    def counts(self) -> tuple[int, int, int]:
-        """Rays that were cast, and tiles that were skipped and taken over."""
-    def distance(self) -> NDArray[np.float64]:
-        """Distance along the ray [m], (rows, columns); inf where nothing was hit."""
-    def cos_incidence(self, *, threads: int | None = None) -> NDArray[np.float64]:
-        """Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit."""
-    def smooth(self, *, threads: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Distance along the ray to the surface that the facets stand for [m], and its unit normal towards the sensor.
-
-        (rows, columns), inf where nothing was hit, and (rows, columns, 3), 0 where nothing was hit.
-        """
-    def reflectance(
-        self,
-        materials: Sequence[Material],
-        *,
-        frequency: float,
-        polarization: tuple[float, float, float] | None = None,
-        threads: int | None = None,
-    ) -> NDArray[np.float64]:
-        """Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns).
-
-        0 where nothing was hit.
-        """
-    def body(self) -> NDArray[np.int32]:
-        """Number of the body, (rows, columns); -1 where nothing was hit."""
-    def directions(self) -> NDArray[np.float64]:
-        """Unit directions of the rays in the sensor frame, (rows, columns, 3)."""
-
-@final
 class Scene:
     """Surfaces of bodies, and point targets."""
 
@@ -488,8 +475,13 @@ class Simulator:
         """
     def stop(self) -> None:
         """Stop the run in progress in another thread, if there is one: it ends between two stages, with an error."""
-    def image(self, at: Placement) -> Hits:
-        """Hits of the rays of an image at one time."""
+    def image(self, at: Placement) -> ImageArrays:
+        """Hits of the rays of an image at one time.
+
+        Distances along the rays [m], inf where nothing was hit, cosines of incidence, 0 there, and numbers of the
+        bodies, -1 there, (rows, columns); distances to the surface that the facets stand for [m], and its unit normals
+        towards the sensor, (rows, columns, 3).
+        """
     def occluded(
         self, at: Placement, points: NDArray[np.float64], *, ends_early: bool = True
     ) -> tuple[NDArray[np.bool_], int]:

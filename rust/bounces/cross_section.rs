@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
-use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Sampling;
 
 /// Number of cells across the scene at first, along the longer side of the rectangle that covers it.
 const CELLS: f64 = 128.0;

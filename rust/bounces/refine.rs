@@ -15,7 +15,7 @@ use crate::rays::hits::Hits;
 use crate::rays::scene::PosedScene;
 use crate::scattering::material::Material;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Sampling;
 
 /// Number of cells across a small part of a mesh.
 pub const CELLS_ACROSS: f64 = 8.0;

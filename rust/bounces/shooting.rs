@@ -14,7 +14,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Ray;
 use crate::scattering::material::Material;
-use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Sampling;
 use crate::scattering::taper::taper;
 
 use super::direction::Direction;

@@ -6,8 +6,6 @@ use super::path_groups::{PathGroups, PathsAtNodes};
 use super::rays::Rays;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::paths::node_times::NodeTimes;
-use crate::rays::hits;
-use crate::rays::scene::NO_BODY;
 use crate::synthesis::report::Report;
 use crate::synthesis::source::{PathSource, Shape};
 
@@ -71,25 +69,17 @@ impl Counts {
     /// Add the counts of a span.
     pub fn add(&mut self, rays: &Rays, groups: &PathGroups, paths: &[PathsAtNodes], report: &Report) {
         self.casts += 1;
-        match rays {
-            Rays::Cells(_, samples) => {
-                let tiles = &samples.tiles;
-                self.add_rays(samples.counts, tiles.num_hit, tiles.num_lit);
-                *self.cells_not_split.get_or_insert(0) += tiles.num_coarse;
-                // Edge terms of cells may lie beyond the surface.
-                self.farthest = self.farthest.max(tiles.farthest);
-            }
-            Rays::Pixels(images) => {
-                let hits = images.iter().map(|image| &image.hits);
-                let counts = hits
-                    .clone()
-                    .fold(hits::Counts::default(), |all, hits| all.plus(hits.counts));
-                let bodies = hits.flat_map(|hits| &hits.body);
-                let num_hit = bodies.filter(|body| **body != NO_BODY).count();
-                self.add_rays(counts, num_hit, groups.num_cells());
-            }
-            Rays::None => {}
+        let (rays, tiles) = (rays.samples.counts, &rays.samples.tiles);
+        self.rays_cast += rays.rays;
+        self.tiles_skipped += rays.tiles_skipped;
+        self.tiles_reused += rays.tiles_reused;
+        self.rays_hit += tiles.num_hit;
+        self.paths_skipped += tiles.num_hit.saturating_sub(tiles.num_lit);
+        if let Some(number) = tiles.num_coarse {
+            *self.cells_not_split.get_or_insert(0) += number;
         }
+        // Edge terms of cells may lie beyond the surface.
+        self.farthest = self.farthest.max(tiles.farthest);
         self.paths += groups.len();
         let (num_bounces, bounces) = groups.bounces;
         self.bounce_paths += num_bounces;
@@ -111,14 +101,5 @@ impl Counts {
                 .push(format!("delays at {delays}, amplitudes at {amplitudes}; {report}"));
             self.node_times = self.node_times.max(nodes);
         }
-    }
-
-    /// Add counts of rays, of rays that hit a body, and of hits with a material point.
-    fn add_rays(&mut self, counts: hits::Counts, num_hit: usize, num_lit: usize) {
-        self.rays_cast += counts.rays;
-        self.tiles_skipped += counts.tiles_skipped;
-        self.tiles_reused += counts.tiles_reused;
-        self.rays_hit += num_hit;
-        self.paths_skipped += num_hit.saturating_sub(num_lit);
     }
 }

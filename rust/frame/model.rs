@@ -11,15 +11,16 @@ use crate::bounces::Limits;
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result, fits_memory};
+use crate::geometry::pose::Pose;
 use crate::numeric::simd::Level;
 use crate::paths::kinematics::{Kinematics, World};
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
-use crate::rays::surface::Surface;
-use crate::scattering::depth_image::Surfels;
+use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::Material;
-use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Sampling;
 use crate::scattering::reflection_table::Reflection;
+use crate::scattering::surface_image::SurfaceImage;
 use crate::synthesis::beat_signal::is_worth_threads;
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::choose::Method;
@@ -46,22 +47,12 @@ pub struct Scene {
     pub point_numbers: Vec<usize>,
 }
 
-/// Depth image of another program: one surface element per pixel.
-pub struct DepthImage {
-    /// The pixels.
-    pub surfels: Surfels,
-    /// Range rate of every pixel beside the motion of its body [m/s]; none: all zero.
-    pub range_rate: Option<Vec<f64>>,
-    /// Time of the start of the frame after that of the image [s].
-    pub age: f64,
-}
-
 /// Origin of the surfaces that the sensor sees.
 pub enum Source {
     /// Meshes and points.
     Scene(Scene),
     /// An image.
-    Depth(Arc<DepthImage>),
+    Depth(Arc<SurfaceImage>),
 }
 
 impl Source {
@@ -227,11 +218,10 @@ impl Model {
                 (surfaces.clone().map(radius).collect(), surfaces.map(corners).collect())
             }
             Source::Depth(image) => {
-                let surfels = &image.surfels;
-                fits_memory("bodies", &[surfels.num_bodies], size_of::<f64>())?;
-                let distances = surfels.distance.iter().copied();
+                fits_memory("bodies", &[image.num_bodies], size_of::<Pose>())?;
+                let distances = image.distance.iter().copied();
                 let farthest = distances.filter(|distance| distance.is_finite()).fold(0.0, f64::max);
-                (vec![farthest; surfels.num_bodies], Vec::new())
+                (vec![farthest; image.num_bodies], Vec::new())
             }
         };
         let facing = |rotation: &DMat3| Facing::new(&array, *rotation, settings.gain_floor, &materials);
@@ -274,7 +264,7 @@ impl Model {
                 let num_vertices: Vec<usize> = deforming.map(|body| scene.surfaces[*body].vertices().len()).collect();
                 world.check(scene.surfaces.len(), scene.rcs.len(), &num_vertices)
             }
-            Source::Depth(image) => world.check(image.surfels.num_bodies, 0, &[]),
+            Source::Depth(image) => world.check(image.num_bodies, 0, &[]),
         }
     }
 
@@ -296,8 +286,17 @@ impl Model {
         x: f64,
         deformed: &mut HashMap<usize, Arc<Surface>>,
     ) -> Result<Arc<PosedScene>> {
-        let Source::Scene(scene) = &self.source else {
-            return Ok(Arc::new(PosedScene::new(Vec::new(), Vec::new())));
+        let scene = match &self.source {
+            Source::Scene(scene) => scene,
+            // The pixels are given in the sensor frame.
+            Source::Depth(image) => {
+                let empty = Arc::new(Surface::new(&[], &[], ShadingMode::Flat)?);
+                let surfaces = vec![empty; image.num_bodies];
+                return Ok(Arc::new(PosedScene::new(
+                    surfaces,
+                    vec![Pose::IDENTITY; image.num_bodies],
+                )));
+            }
         };
         let mut surfaces = scene.surfaces.clone();
         for (body, vertices) in &motion.vertices {

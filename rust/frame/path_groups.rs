@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::model::{Model, Scene, Source};
-use super::rays::{Image, Rays};
+use super::rays::Rays;
 use super::spans::Span;
 use crate::bounces::{self, Bounces};
 use crate::cancel::Cancel;
@@ -17,7 +17,6 @@ use crate::numeric::simd::{Level, Precision};
 use crate::paths::kinematics::{Kinematics, Motion};
 use crate::paths::node_times::{self, NodeTimes};
 use crate::paths::scatterers::Scatterers;
-use crate::scattering::material_points::NO_CELL;
 use crate::synthesis::chunk::{CHUNK, Chunk};
 use crate::synthesis::delay::Basis;
 use crate::synthesis::source::{PathGroup, PathSource, Request, Shape};
@@ -88,22 +87,15 @@ pub struct PathsAtNodes<'a> {
 impl PathGroups {
     /// Group the scatterers of all hits and the paths of several reflections by motion, and by the power of the
     /// frequency; `motions`: of every body, and last of all point targets.
-    pub fn new(
-        model: &Model,
-        motions: &[Motion],
-        rays: &Rays,
-        tubes: &mut Vec<Image>,
-        cancel: &Cancel,
-    ) -> Result<Self> {
+    pub fn new(model: &Model, motions: &[Motion], rays: &Rays, cancel: &Cancel) -> Result<Self> {
         let motion_of = |body: u32| motions[body as usize];
-        let mut scatterers = rays.scatterers(model, |body| motion_of(body) as u8, cancel)?;
+        let mut scatterers = rays.scatterers(model, |body| motion_of(body) as u8);
         scatterers.rcs = model.source.rcs().to_vec();
         cancel.check()?;
-        let (bounces, bounce_counts) = rays.bounces(model, tubes, cancel)?;
+        let (bounces, bounce_counts) = rays.bounces(model, cancel)?;
         let num_bounces = bounces.len();
 
-        // Static ones first, and within each by the power of the frequency.
-        scatterers.sort_by(|body, exponent| (motion_of(body), exponent));
+        // Static ones come first, and within each the powers of the frequency.
         let key = |number: usize| match scatterers.body.get(number) {
             Some(body) => (motion_of(*body), scatterers.frequency_exponent(number), false),
             None => (motions[motions.len() - 1], 0, true),
@@ -144,15 +136,6 @@ impl PathGroups {
     /// Number of paths.
     pub fn len(&self) -> usize {
         self.scatterers.num_paths() + self.bounces.0
-    }
-
-    /// Number of cells that have a material point.
-    pub fn num_cells(&self) -> usize {
-        let cells = self.scatterers.cell.iter().copied();
-        let mut cells: Vec<u32> = cells.filter(|cell| *cell != NO_CELL).collect();
-        cells.sort_unstable();
-        cells.dedup();
-        cells.len()
     }
 
     /// The paths of all groups at node times of a span, which are chosen for the tolerance.
@@ -325,9 +308,9 @@ impl<'a> PathsAtNodes<'a> {
                 let numbers: Vec<usize> = paths.map(|path| range.start + path).collect();
                 self.scatterers.fill(nodes, &numbers, request, chunk);
                 if let Source::Depth(image) = &self.model.source
-                    && let Some(rates) = &image.range_rate
+                    && image.range_rate.is_some()
                 {
-                    self.add_range_rates(rates, image.age, &numbers, request.channels.len(), chunk);
+                    self.add_range_rates(image.age, &numbers, request.channels.len(), chunk);
                 }
             }
             Paths::Bounces(bounces) => bounces.fill(nodes, &paths.collect::<Vec<_>>(), request, chunk),
@@ -335,15 +318,8 @@ impl<'a> PathsAtNodes<'a> {
     }
 
     /// The surface of a pixel of a depth image moves on at the range rate of the pixel, from the time of the image on.
-    fn add_range_rates<T>(
-        &self,
-        rates: &[f64],
-        age: f64,
-        numbers: &[usize],
-        num_channels: usize,
-        chunk: &mut Chunk<T>,
-    ) {
-        let (cells, num_nodes) = (&self.scatterers.cell, self.elapsed.len());
+    fn add_range_rates<T>(&self, age: f64, numbers: &[usize], num_channels: usize, chunk: &mut Chunk<T>) {
+        let (rates, num_nodes) = (&self.scatterers.range_rate, self.elapsed.len());
         for (row, delays) in chunk.delay.iter_mut().enumerate().take(num_channels * num_nodes) {
             // Rows after the first are differences from it.
             let elapsed = match row % num_nodes {
@@ -351,8 +327,8 @@ impl<'a> PathsAtNodes<'a> {
                 node => self.elapsed[node] - self.elapsed[0],
             };
             for (i, delay) in delays.iter_mut().enumerate() {
-                let cell = cells[numbers[i.min(numbers.len() - 1)]];
-                *delay += 2.0 / SPEED_OF_LIGHT * rates[cell as usize] * elapsed;
+                let rate = rates[numbers[i.min(numbers.len() - 1)]];
+                *delay += 2.0 / SPEED_OF_LIGHT * rate * elapsed;
             }
         }
     }

@@ -5,7 +5,6 @@ use glam::DVec3;
 use super::model::{Model, Source};
 use super::rays::Rays;
 use crate::paths::kinematics::Kinematics;
-use crate::scattering::patch::place_on_mesh;
 
 /// Truth of a scene, per body and point target: range [m], range rate [m/s], azimuth and elevation [rad]; NaN where no
 /// ray hit. None for images.
@@ -25,7 +24,9 @@ pub fn of(model: &Model, rays: &Rays, motion: &Kinematics, rates: &Kinematics) -
                 (cast.pose(hit.body).point_to_body(point), DVec3::ZERO)
             }
             Some(index) => {
-                let (corners, weights) = place_on_mesh(cast, &hit.cell, hit.body, hit.triangle);
+                let corners = cast.surface(hit.body).vertices_of(hit.triangle);
+                let direction = DVec3::new(1.0, hit.cell.u, hit.cell.v);
+                let weights = cast.barycentric(hit.body, hit.triangle, direction);
                 let on_mesh = |kinematics: &Kinematics| -> DVec3 {
                     let vertices = kinematics.vertices[index].1.at(0.0);
                     let terms = corners.iter().zip(weights);

@@ -55,7 +55,7 @@ impl<T: Precision> Kernel for Evaluate<'_, T> {
         let num_antennas = array.tx.len() + array.rx.len();
         let mut distances = vec![[0.0; STEP]; num_antennas];
         let mut sights = Vec::with_capacity(num_antennas);
-        let mut weights = vec![[[T::zero(); STEP]; 4]; self.scatterers.num_weights()];
+        let mut weights = vec![[[T::zero(); STEP]; 2]; self.scatterers.num_weights()];
         for first in (0..numbers.len()).step_by(STEP) {
             let count = STEP.min(numbers.len() - first);
             let mut sixteen = [numbers[first + count - 1]; STEP];
@@ -122,7 +122,7 @@ impl<T: Precision> Evaluate<'_, T> {
         &mut self,
         points: &Sixteen,
         first: usize,
-        weights: &[[[T; STEP]; 4]],
+        weights: &[[[T; STEP]; 2]],
         sights: &mut Vec<Sights<T::In<I>>>,
     ) {
         let array = &self.scatterers.array;
@@ -148,8 +148,8 @@ impl<T: Precision> Evaluate<'_, T> {
                 }
                 for channel in self.request.channels.clone() {
                     let (t, r) = (&sights[channel / num_rx], &sights[num_tx + channel % num_rx]);
-                    let mut weight = [<T::In<I>>::splat(T::zero()); 4];
-                    for part in 0..4 {
+                    let mut weight = [<T::In<I>>::splat(T::zero()); 2];
+                    for part in 0..2 {
                         weight[part] = <T::In<I>>::load(&weights[channel.min(weights.len() - 1)][part][lanes..]);
                     }
                     let surface = (&normal, edges.as_ref());

@@ -13,8 +13,6 @@ use crate::paths::kinematics::Kinematics;
 /// Material points and the weights of their amplitudes, in arrays.
 pub struct Scatterers {
     pub(crate) array: Array,
-    /// Number of the pixel that the point was sampled by, row by row. Empty: no point has one.
-    pub(crate) cell: Vec<u32>,
     pub(crate) body: Vec<u32>,
     /// Power of the frequency by which the field falls; empty: zero.
     pub(crate) frequency_exponent: Vec<u8>,
@@ -27,87 +25,17 @@ pub struct Scatterers {
     /// Edges of the patch that a point stands for, along u and v, in coordinates of the body [m], or of the triangle.
     /// The phase varies linearly over the patch in any orientation; zero edges stand for a point. Empty: points.
     pub(crate) patch: Vec<[DVec3; 2]>,
-    /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels.
-    pub(crate) weights: Vec<Weight>,
+    /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels: amplitudes without gains
+    /// and distances over the sum of both cosines of incidence. Specular parts are `(j / 4 pi) Gamma dA / 2` times the
+    /// factors of cells and of edge terms; diffuse ones see [`crate::scattering::material::Response::diffuse`].
+    pub(crate) weights: Vec<Complex64>,
+    /// Range rate beside the motion of the body [m/s]; empty: zero.
+    pub(crate) range_rate: Vec<f64>,
     /// Radar cross-sections of the point targets [m^2], whose paths follow those of the material points.
     pub(crate) rcs: Vec<f64>,
 }
 
-/// Weight of a material point for one channel: its amplitude without cosines, gains and distances.
-#[derive(Clone, Copy)]
-pub struct Weight {
-    /// Specular part `(j / 4 pi) Gamma dA / 2`, times the factors of pixels and of edge terms.
-    pub(crate) specular: Complex64,
-    /// Diffuse part `(lambda / 4 pi) sqrt(rho dA / pi) exp(j psi)`.
-    pub(crate) diffuse: Complex64,
-}
-
-impl Weight {
-    /// Weight of nothing.
-    pub(crate) const NONE: Self = Self {
-        specular: Complex64::ZERO,
-        diffuse: Complex64::ZERO,
-    };
-
-    pub(crate) fn is_silent(&self) -> bool {
-        self.specular == Complex64::ZERO && self.diffuse == Complex64::ZERO
-    }
-}
-
 impl Scatterers {
-    /// Append the material points of others; those of no cell have the number `u32::MAX` of one.
-    pub(crate) fn append(&mut self, mut others: Self) {
-        if self.body.is_empty() {
-            *self = others;
-            return;
-        }
-        for of in [&mut *self, &mut others] {
-            let number = of.len();
-            let num_weights = of.num_weights();
-            if num_weights == 1 {
-                let each = of.weights.iter();
-                of.weights = each
-                    .flat_map(|weight| std::iter::repeat_n(*weight, of.array.num_channels()))
-                    .collect();
-            }
-            of.cell.resize(number, u32::MAX);
-            of.frequency_exponent.resize(number, 0);
-            of.corners.resize(number, None);
-            of.patch.resize(number, [DVec3::ZERO; 2]);
-        }
-        self.body.append(&mut others.body);
-        self.position.append(&mut others.position);
-        self.normal.append(&mut others.normal);
-        self.weights.append(&mut others.weights);
-        self.cell.append(&mut others.cell);
-        self.frequency_exponent.append(&mut others.frequency_exponent);
-        self.corners.append(&mut others.corners);
-        self.patch.append(&mut others.patch);
-    }
-
-    /// Order the material points by a key of body and power of the frequency, and by body.
-    pub fn sort_by<K: Ord + Copy>(&mut self, key: impl Fn(u32, u8) -> K) {
-        let number = self.num_weights();
-        let keys: Vec<(K, u32)> = (0..self.len())
-            .map(|i| (key(self.body[i], self.frequency_exponent(i)), self.body[i]))
-            .collect();
-        if keys.is_sorted() {
-            return;
-        }
-        // Points of one body are evaluated together.
-        let mut rows: Vec<usize> = (0..self.len()).collect();
-        rows.sort_by_key(|row| keys[*row]);
-        permute(&mut self.cell, &rows);
-        permute(&mut self.body, &rows);
-        permute(&mut self.frequency_exponent, &rows);
-        permute(&mut self.corners, &rows);
-        permute(&mut self.position, &rows);
-        permute(&mut self.normal, &rows);
-        permute(&mut self.patch, &rows);
-        let weights = rows.iter().flat_map(|row| &self.weights[number * row..][..number]);
-        self.weights = weights.copied().collect();
-    }
-
     /// Number of material points.
     pub fn len(&self) -> usize {
         self.body.len()
@@ -125,9 +53,9 @@ impl Scatterers {
 
     /// Weight of a material point for a channel.
     #[inline]
-    pub(crate) fn weight(&self, number: usize, channel: usize) -> &Weight {
+    pub(crate) fn weight(&self, number: usize, channel: usize) -> Complex64 {
         let num_weights = self.num_weights();
-        &self.weights[number * num_weights + channel.min(num_weights - 1)]
+        self.weights[number * num_weights + channel.min(num_weights - 1)]
     }
 
     pub(super) fn num_weights(&self) -> usize {
@@ -185,14 +113,12 @@ impl Scatterers {
         r: &Sight,
     ) -> Complex64 {
         let (cos_t, cos_r) = ((-normal.dot(t.direction)).max(0.0), (-normal.dot(r.direction)).max(0.0));
-        let weight = self.weight(path, channel);
-        let mut specular = weight.specular * (cos_t + cos_r);
+        let mut amplitude = self.weight(path, channel) * (cos_t + cos_r);
         if edges != [DVec3::ZERO; 2] {
             let bisector = bisector(self.array.frequency, t.direction, r.direction);
-            specular *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
+            amplitude *= sinc(bisector.dot(edges[0])) * sinc(bisector.dot(edges[1]));
         }
-        let diffuse = weight.diffuse * (cos_t * cos_r).sqrt();
-        (specular + diffuse) * self.spreading(t, r)
+        amplitude * self.spreading(t, r)
     }
 
     /// Amplitude of a point target by the radar equation: sqrt(P Gt Gr) (lambda / 4 pi) sqrt(sigma / 4 pi) / (Rt Rr).
@@ -203,13 +129,6 @@ impl Scatterers {
 
     fn spreading(&self, t: &Sight, r: &Sight) -> f64 {
         (self.array.power * t.gain * r.gain).sqrt() / (t.distance * r.distance)
-    }
-}
-
-/// Bring elements into an order, unless there are none.
-fn permute<T: Copy>(elements: &mut Vec<T>, rows: &[usize]) {
-    if !elements.is_empty() {
-        *elements = rows.iter().map(|row| elements[*row]).collect();
     }
 }
 

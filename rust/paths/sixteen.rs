@@ -10,7 +10,7 @@ use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Precision, Real, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns, splat};
 use crate::numeric::wide;
-use crate::paths::scatterers::{Scatterers, Weight};
+use crate::paths::scatterers::Scatterers;
 
 /// Paths of a step: numbers of two vectors in double precision, and of one in single precision.
 pub(super) const STEP: usize = 16;
@@ -77,16 +77,14 @@ impl Scatterers {
         Some(points)
     }
 
-    /// Weights of sixteen material points, by channel: real and imaginary parts of specular and of diffuse ones.
+    /// Weights of sixteen material points, by channel: real and imaginary parts.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn weigh<T: Real>(&self, numbers: &[usize; STEP], weights: &mut [[[T; STEP]; 4]]) {
+    pub(super) fn weigh<T: Real>(&self, numbers: &[usize; STEP], weights: &mut [[[T; STEP]; 2]]) {
         for (channel, weights) in weights.iter_mut().enumerate() {
             for lane in 0..STEP {
-                let Weight { specular, diffuse } = self.weight(numbers[lane], channel);
-                weights[0][lane] = T::of(specular.re);
-                weights[1][lane] = T::of(specular.im);
-                weights[2][lane] = T::of(diffuse.re);
-                weights[3][lane] = T::of(diffuse.im);
+                let weight = self.weight(numbers[lane], channel);
+                weights[0][lane] = T::of(weight.re);
+                weights[1][lane] = T::of(weight.im);
             }
         }
     }
@@ -172,27 +170,25 @@ pub(super) fn surface_amplitude<V: Vector>(
     array: &Array,
     factor: f64,
     (normal, edges): (&[V; 3], Option<&[[V; 3]; 2]>),
-    weight: &[V; 4],
+    weight: &[V; 2],
     t: &Sights<V>,
     r: &Sights<V>,
 ) -> [V; 2] {
     let zero = splat::<V>(0.0);
     let cos_t = zero.sub(dot(normal, &t.direction)).max(zero);
     let cos_r = zero.sub(dot(normal, &r.direction)).max(zero);
-    let mut specular = cos_t.add(cos_r);
+    let mut cosines = cos_t.add(cos_r);
     if let Some(edges) = edges {
         // Half the wave vectors' sum, in turns per metre.
         let rate = splat::<V>(0.5 * array.frequency / SPEED_OF_LIGHT);
         let sum = wide::add(t.direction, r.direction);
         for side in 0..2 {
-            specular = specular.mul(sinc_turns(dot(&sum, &edges[side]).mul(rate)));
+            cosines = cosines.mul(sinc_turns(dot(&sum, &edges[side]).mul(rate)));
         }
     }
-    let diffuse = cos_t.mul(cos_r).sqrt();
     let way = t.distance.mul(r.distance);
     let spreading = splat::<V>(factor * array.power.sqrt()).mul(t.gain).mul(r.gain).div(way);
-    let sum = wide::mul([weight[0], weight[1]], [specular; 2]);
-    wide::mul(wide::mul_add([weight[2], weight[3]], [diffuse; 2], sum), [spreading; 2])
+    wide::mul(wide::mul(*weight, [cosines; 2]), [spreading; 2])
 }
 
 /// Amplitudes of a channel behind the receiver.

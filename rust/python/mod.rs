@@ -21,7 +21,7 @@ mod synthesis;
 mod threads;
 
 use antennas::{Antennas, Pattern};
-use rays::{Hits, Surface};
+use rays::Surface;
 use scattering::Material;
 use simulator::{DepthScene, IdealFrame, Placement, Scene, Settings, Simulator};
 use synthesis::{Report, Waveform};
@@ -37,6 +37,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(geometry::load_obj, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::beat_signal, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::levels, module)?)?;
+    module.add_function(wrap_pyfunction!(rays::reflectance, module)?)?;
     module.add_function(wrap_pyfunction!(receive::receive, module)?)?;
     module.add_function(wrap_pyfunction!(receive::normal, module)?)?;
     module.add_function(wrap_pyfunction!(cross_section::cross_sections, module)?)?;
@@ -51,7 +52,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Material>()?;
     module.add_class::<Pattern>()?;
     module.add_class::<Antennas>()?;
-    module.add_class::<Hits>()?;
     module.add_class::<Scene>()?;
     module.add_class::<DepthScene>()?;
     module.add_class::<Settings>()?;

@@ -3,17 +3,20 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use super::arrays::{numbers, points};
-use super::scattering::{Material, materials};
-use super::threads::{check_threads, compute, compute_owned};
-use crate::frame;
-use crate::rays::hits;
+use super::scattering::Material;
+use super::threads::{compute, compute_owned};
+use crate::error::Error;
+use crate::rays::hits::Hits;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{self, ShadingMode};
-use crate::scattering::reflectance;
+use crate::scattering::reflectance::pixel_reflectance;
 
 /// Triangles, tree and shading of one body.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -74,92 +77,65 @@ impl Surface {
     }
 }
 
-pub(super) type SmoothArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+/// Distance along the ray [m], cosine of incidence and body of every pixel, (rows, columns), distance to the curved
+/// surface [m] and unit normals, (rows, columns, 3).
+pub(super) type ImageArrays<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<i32>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray3<f64>>,
+);
 
-/// Hits of the rays of an image.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Hits(pub(super) Arc<frame::Image>);
-
-#[pymethods]
-impl Hits {
-    /// Distance along the ray [m], (rows, columns); inf where nothing was hit.
-    fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        self.image(PyArray1::from_slice(py, &self.0.hits.distance))
-    }
-
-    /// Numbers of rays cast, of tiles skipped and of tiles reused.
-    #[getter]
-    fn counts(&self) -> (usize, usize, usize) {
-        let hits::Counts {
-            rays,
-            tiles_skipped,
-            tiles_reused,
-        } = self.0.hits.counts;
-        (rays, tiles_skipped, tiles_reused)
-    }
-
-    /// Cosine of the angle of incidence, (rows, columns); 0 where nothing was hit.
-    #[pyo3(signature = (*, threads=None))]
-    fn cos_incidence<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        check_threads(threads)?;
-        if let Some(cosine) = &self.0.hits.cosine {
-            return self.image(PyArray1::from_slice(py, cosine));
-        }
-        let smooth = compute(py, threads, None, |cancel| self.0.smooth(cancel))?;
-        self.image(PyArray1::from_slice(py, &smooth.cosine))
-    }
-
-    /// Distance along the ray to the curved surface that the triangles approximate [m], (rows, columns), and the unit
-    /// normal towards the sensor, (rows, columns, 3); inf and 0 where nothing was hit.
-    #[pyo3(signature = (*, threads=None))]
-    fn smooth<'py>(&self, py: Python<'py>, threads: Option<usize>) -> PyResult<SmoothArrays<'py>> {
-        let smooth = compute(py, threads, None, |cancel| self.0.smooth(cancel))?;
-        let plane = &self.0.hits.plane;
-        let normals = smooth.normal.iter().flat_map(DVec3::to_array);
-        Ok((
-            self.image(PyArray1::from_slice(py, &smooth.distance))?,
-            PyArray1::from_iter(py, normals).reshape([plane.rows, plane.columns, 3])?,
-        ))
-    }
-
-    /// Power reflectance of the materials, one per body, at the angles of the pixels, (rows, columns); 0 where nothing
-    /// was hit.
-    #[pyo3(signature = (materials, *, frequency, polarization=None, threads=None))]
-    fn reflectance<'py>(
-        &self,
-        py: Python<'py>,
-        materials: Vec<PyRef<'_, Material>>,
-        frequency: f64,
-        polarization: Option<[f64; 3]>,
-        threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let materials = self::materials(&materials, self.0.scene.num_bodies())?;
-        let polarization = polarization.map(DVec3::from_array);
-        let reflectance = compute(py, threads, None, |cancel| {
-            let smooth = || self.0.smooth(cancel);
-            reflectance::reflectance(&self.0.hits, &materials, frequency, polarization, smooth, cancel)
-        })?;
-        self.image(reflectance.into_pyarray(py))
-    }
-
-    /// Number of the body, (rows, columns); -1 where nothing was hit.
-    fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        const { assert!(NO_BODY.cast_signed() == -1) };
-        let numbers: Vec<i32> = self.0.hits.body.iter().map(|body| body.cast_signed()).collect();
-        self.image(numbers.into_pyarray(py))
-    }
-
-    /// Unit directions of the rays in the sensor frame, (rows, columns, 3).
-    fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let plane = &self.0.hits.plane;
-        let pixels = (0..plane.rows).flat_map(|row| (0..plane.columns).map(move |column| (row, column)));
-        let numbers = pixels.flat_map(|(row, column)| plane.direction(row, column).to_array());
-        PyArray1::from_iter(py, numbers).reshape([plane.rows, plane.columns, 3])
-    }
+pub(super) fn image_arrays(py: Python<'_>, hits: Hits) -> PyResult<ImageArrays<'_>> {
+    const { assert!(NO_BODY.cast_signed() == -1) };
+    let shape = [hits.plane.rows, hits.plane.columns];
+    let body: Vec<i32> = hits.body.into_iter().map(u32::cast_signed).collect();
+    Ok((
+        hits.distance.into_pyarray(py).reshape(shape)?,
+        hits.cosine.into_pyarray(py).reshape(shape)?,
+        body.into_pyarray(py).reshape(shape)?,
+        hits.surface_distance.into_pyarray(py).reshape(shape)?,
+        hits.normal
+            .into_flattened()
+            .into_pyarray(py)
+            .reshape([shape[0], shape[1], 3])?,
+    ))
 }
 
-impl Hits {
-    fn image<'py, T: numpy::Element>(&self, pixels: Bound<'py, PyArray1<T>>) -> PyResult<Bound<'py, PyArray2<T>>> {
-        pixels.reshape([self.0.hits.plane.rows, self.0.hits.plane.columns])
+/// Power reflectance of materials, one per body, in pixels with a body, a cosine of incidence, a normal and a direction of
+/// the ray; 0 where the body is negative.
+#[pyfunction]
+#[pyo3(signature = (materials, body, cos_incidence, normals, directions, *, frequency, polarization=None, threads=None))]
+pub(super) fn reflectance<'py>(
+    py: Python<'py>,
+    materials: Vec<PyRef<'_, Material>>,
+    body: PyReadonlyArray2<'_, i32>,
+    cos_incidence: PyReadonlyArray2<'_, f64>,
+    normals: PyReadonlyArray3<'_, f64>,
+    directions: PyReadonlyArray3<'_, f64>,
+    frequency: f64,
+    polarization: Option<[f64; 3]>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let materials: Vec<_> = materials.iter().map(|material| material.0).collect();
+    let [rows, columns] = [body.shape()[0], body.shape()[1]];
+    let (image, vectors) = ([Some(rows), Some(columns)], [Some(rows), Some(columns), Some(3)]);
+    let scalars = (
+        numbers("body", &body, image)?,
+        numbers("cos_incidence", &cos_incidence, image)?,
+    );
+    let vectors = (
+        numbers("normals", &normals, vectors)?.as_chunks().0,
+        numbers("directions", &directions, vectors)?.as_chunks().0,
+    );
+    let is_beyond = |body: &&i32| usize::try_from(**body).is_ok_and(|body| body >= materials.len());
+    if let Some(beyond) = scalars.0.iter().find(is_beyond) {
+        return Err(Error::value("body", format!("numbers below {}", materials.len()), beyond).into());
     }
+    let polarization = polarization.map(DVec3::from_array);
+    let reflectance = compute(py, threads, None, |cancel| {
+        pixel_reflectance(&materials, scalars, vectors, frequency, polarization, cancel)
+    })?;
+    reflectance.into_pyarray(py).reshape([rows, columns])
 }

@@ -8,7 +8,7 @@ use super::arrays::numbers;
 use crate::antennas::polarization::Seen;
 use crate::error::{Error, Result};
 use crate::scattering::material::{self, Dielectric, Response, Roughness};
-use crate::scattering::physical_optics::Sampling;
+use crate::scattering::refinement::Sampling;
 
 /// Material of a surface at one frequency.
 #[pyclass(frozen, module = "radarcore._core")]

@@ -14,7 +14,7 @@ use rayon::ThreadPool;
 
 use super::antennas::Antennas;
 use super::arrays::{numbers, points, poses};
-use super::rays::{Hits, Surface};
+use super::rays::{ImageArrays, Surface, image_arrays};
 use super::scattering::{Material, sampling};
 use super::synthesis::{Waveform, method, tolerance};
 use super::threads::{check_threads, new_pool, pool, watch};
@@ -24,7 +24,7 @@ use crate::error::{Error, Result};
 use crate::frame::{self, Answer, Counts, Memory, Model, RaySampling, Source};
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
-use crate::scattering::depth_image::Surfels;
+use crate::scattering::surface_image::SurfaceImage;
 use crate::synthesis::report::Samples;
 
 /// Surfaces of bodies, and point targets.
@@ -75,7 +75,7 @@ impl Scene {
 
 /// Surface elements of a depth image, one per pixel.
 #[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct DepthScene(Arc<frame::DepthImage>);
+pub(super) struct DepthScene(Arc<SurfaceImage>);
 
 #[pymethods]
 impl DepthScene {
@@ -105,7 +105,7 @@ impl DepthScene {
         let image = [Some(rows), Some(columns)];
         let rates = range_rate.as_ref();
         let rates = rates.map(|rates| PyResult::Ok(numbers("range_rate", rates, image)?.to_vec()));
-        let surfels = Surfels {
+        Ok(Self(Arc::new(SurfaceImage {
             plane: ImagePlane {
                 rows,
                 columns,
@@ -120,9 +120,6 @@ impl DepthScene {
             albedo: numbers("albedo", &albedo, image)?.to_vec(),
             body: numbers("body", &body, image)?.to_vec(),
             num_bodies,
-        };
-        Ok(Self(Arc::new(frame::DepthImage {
-            surfels,
             range_rate: rates.transpose()?,
             age,
         })))
@@ -468,10 +465,12 @@ impl Simulator {
     }
 
     /// Hits of the rays of an image with the kinematics `at` one time.
-    fn image(&self, py: Python<'_>, at: PyRef<'_, Placement>) -> PyResult<Hits> {
+    fn image<'py>(&self, py: Python<'py>, at: PyRef<'_, Placement>) -> PyResult<ImageArrays<'py>> {
         let at = &at.0;
-        let image = self.run(py, |memory, cancel| frame::image(&self.model, at, memory, cancel))?;
-        Ok(Hits(image))
+        image_arrays(
+            py,
+            self.run(py, |memory, cancel| frame::image(&self.model, at, memory, cancel))?,
+        )
     }
 
     /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes, and the number of

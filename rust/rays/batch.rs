@@ -176,7 +176,6 @@ mod tests {
     use crate::numeric::simd::Level;
     use crate::rays::camera::ImagePlane;
     use crate::rays::scene::tests::furnished;
-    use crate::rays::smooth_hits::SmoothHits;
 
     /// Type of known hits where there are none.
     type Unknown = fn(usize) -> Option<Found>;
@@ -192,7 +191,6 @@ mod tests {
                 ..Cast::default()
             };
             let hits = scene.cast_image_with(&plane, &cast).unwrap();
-            let smooth = SmoothHits::at(&scene, &hits, level);
             // Every seventh pixel after the other: groups that reach all over the image.
             let pixels: Vec<usize> = (0..plane.num_pixels()).map(|i| i * 7 % plane.num_pixels()).collect();
             let points: Vec<[f64; 2]> = pixels
@@ -205,7 +203,7 @@ mod tests {
             for (pixel, found) in pixels.into_iter().zip(found) {
                 assert_eq!((found.body, found.triangle), (hits.body[pixel], hits.triangle[pixel]));
                 assert_eq!(found.to_facet, hits.distance[pixel]);
-                assert_eq!(found.normal, smooth.normal[pixel]);
+                assert_eq!(found.normal.to_array(), hits.normal[pixel]);
                 num_hits += usize::from(found.is_hit());
             }
             assert!(num_hits > 1000);

@@ -5,7 +5,6 @@ use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::TileRays;
 use crate::rays::packet_search::Traversals;
-use crate::rays::scene::PosedScene;
 
 /// Hits of all pixels of an image, row by row.
 pub struct Hits {
@@ -13,12 +12,16 @@ pub struct Hits {
     pub plane: ImagePlane,
     /// Distance along the ray [m]; infinite where nothing was hit.
     pub distance: Vec<f64>,
+    /// Cosine of incidence; zero where nothing was hit.
+    pub cosine: Vec<f64>,
     /// Number of the body, or [`NO_BODY`].
     pub body: Vec<u32>,
     /// Number of the triangle in the body's surface.
     pub triangle: Vec<u32>,
-    /// Cosine of incidence, zero where nothing was hit; only if asked for.
-    pub cosine: Option<Vec<f64>>,
+    /// Distance along the ray to the curved surface that the triangles approximate [m]; infinite where nothing was hit.
+    pub surface_distance: Vec<f64>,
+    /// Unit normal of the curved surface on the incident side, in the sensor frame; zero where nothing was hit.
+    pub normal: Vec<[f64; 3]>,
     /// Work done for the hits.
     pub counts: Counts,
 }
@@ -30,7 +33,7 @@ pub struct Counts {
     pub rays: usize,
     /// Tiles without bodies, or outside the beam of the antennas.
     pub tiles_skipped: usize,
-    /// Tiles copied from previous hits.
+    /// Tiles taken over from another time.
     pub tiles_reused: usize,
 }
 
@@ -57,12 +60,8 @@ pub struct Cast<'a> {
     pub skip_empty: bool,
     /// Predicate of directions that are not cast.
     pub outside: Option<&'a Outside<'a>>,
-    /// Option to compute cosines of incidence.
-    pub with_cosines: bool,
     /// Traversal of the tree of a body by the rays of a tile.
     pub traversals: Traversals,
-    /// Scene and hits of another time with the same directions outside. Tiles where no body has moved are copied.
-    pub previous: Option<(&'a PosedScene, &'a Hits)>,
     /// Request to stop.
     pub cancel: Option<&'a Cancel>,
 }
@@ -81,9 +80,7 @@ impl Default for Cast<'_> {
             level: Level::best(),
             skip_empty: true,
             outside: None,
-            with_cosines: false,
             traversals: Traversals::Chosen,
-            previous: None,
             cancel: None,
         }
     }

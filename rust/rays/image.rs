@@ -19,7 +19,7 @@ use crate::rays::camera::{ImagePlane, TILE, Tile};
 use crate::rays::hits::{Cast, Counts, Hits};
 use crate::rays::packet::TileRays;
 use crate::rays::scene::{NO_BODY, PosedScene, bounds};
-use crate::rays::search::{Scratch, Touch};
+use crate::rays::search::Scratch;
 use crate::rays::tree::Tree;
 
 impl PosedScene {
@@ -42,51 +42,42 @@ impl PosedScene {
     /// [`Self::cast_image`] with options.
     pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
-        fits_memory(
-            "hits",
-            &[plane.rows, plane.columns],
-            size_of::<f64>() + 2 * size_of::<u32>(),
-        )?;
+        fits_memory("hits", &[plane.rows, plane.columns], PIXEL_SIZE)?;
         let num_pixels = plane.num_pixels();
         let mut hits = Hits {
             plane: *plane,
             distance: vec![0.0; num_pixels],
+            cosine: vec![0.0; num_pixels],
             body: vec![0; num_pixels],
             triangle: vec![0; num_pixels],
-            cosine: cast.with_cosines.then(|| vec![0.0; num_pixels]),
+            surface_distance: vec![0.0; num_pixels],
+            normal: vec![[0.0; 3]; num_pixels],
             counts: Counts::default(),
         };
-        let previous = cast.previous.and_then(|(scene, before)| {
-            let has_all = before.cosine.is_some() || !cast.with_cosines;
-            let is_alike = before.plane == *plane && has_all;
-            let moved = if is_alike { self.moved(scene) } else { None };
-            moved.map(|moved| (before, moved))
-        });
         let band = TILE * plane.columns;
-        let distance = hits.distance.par_chunks_mut(band);
-        let body = hits.body.par_chunks_mut(band);
-        let triangle = hits.triangle.par_chunks_mut(band);
-        let mut cosine: Vec<Option<&mut [f64]>> = match &mut hits.cosine {
-            Some(cosine) => cosine.chunks_mut(band).map(Some).collect(),
-            None => (0..plane.rows.div_ceil(TILE)).map(|_| None).collect(),
-        };
-        let counts = distance
-            .zip_eq(body)
-            .zip_eq(triangle)
-            .zip_eq(cosine.par_iter_mut())
+        let counts = hits
+            .distance
+            .par_chunks_mut(band)
+            .zip_eq(hits.cosine.par_chunks_mut(band))
+            .zip_eq(hits.body.par_chunks_mut(band))
+            .zip_eq(hits.triangle.par_chunks_mut(band))
+            .zip_eq(hits.surface_distance.par_chunks_mut(band))
+            .zip_eq(hits.normal.par_chunks_mut(band))
             .enumerate()
-            .map(|(index, (((distance, body), triangle), cosine))| {
+            .map(|(index, pixels)| {
+                let (((((distance, cosine), body), triangle), surface_distance), normal) = pixels;
                 cast.cancel.map_or(Ok(()), Cancel::check)?;
                 Ok(cast.level.run(CastBand {
                     scene: self,
                     cast,
-                    previous: previous.as_ref().map(|(hits, moved)| (*hits, moved)),
                     plane,
                     index,
                     distance,
+                    cosine,
                     body,
                     triangle,
-                    cosine: cosine.as_deref_mut(),
+                    surface_distance,
+                    normal,
                 }))
             });
         hits.counts = counts.try_reduce(Counts::default, |a, b| Ok(a.plus(b)))?;
@@ -114,19 +105,22 @@ impl PosedScene {
     }
 }
 
+/// Memory of a pixel of [`Hits`] [bytes].
+const PIXEL_SIZE: usize = size_of::<([f64; 3], [f64; 3], [u32; 2])>();
+
 /// Kernel that casts the rays of a row of tiles.
 struct CastBand<'a> {
     scene: &'a PosedScene,
     cast: &'a Cast<'a>,
-    /// Hits of another time, and boxes where bodies have moved.
-    previous: Option<(&'a Hits, &'a Tree)>,
     plane: &'a ImagePlane,
     /// Number of the row of tiles.
     index: usize,
     distance: &'a mut [f64],
+    cosine: &'a mut [f64],
     body: &'a mut [u32],
     triangle: &'a mut [u32],
-    cosine: Option<&'a mut [f64]>,
+    surface_distance: &'a mut [f64],
+    normal: &'a mut [[f64; 3]],
 }
 
 impl Kernel for CastBand<'_> {
@@ -140,22 +134,7 @@ impl Kernel for CastBand<'_> {
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
             scratch.rays.aim::<I>(self.plane, &tile);
-            if self.cast.is_outside(&scratch.rays) {
-                self.clear(&tile);
-                counts.tiles_skipped += 1;
-                continue;
-            }
-            if let Some((hits, moved)) = self.previous {
-                let mut touch = Touch(false);
-                scratch.rays.traverse::<I>(moved, &mut scratch.top, &mut touch);
-                if !touch.0 {
-                    self.take_over(&tile, hits);
-                    counts.tiles_reused += 1;
-                    continue;
-                }
-            }
-            let is_empty = self.scene.search::<I>(&mut scratch, self.cast);
-            if is_empty {
+            if self.cast.is_outside(&scratch.rays) || self.scene.search::<I>(&mut scratch, self.cast) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
@@ -163,12 +142,10 @@ impl Kernel for CastBand<'_> {
             counts.rays += tile.rows * tile.columns;
             self.scene
                 .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
-            if self.cosine.is_some() {
-                let (hits, distance) = (&scratch.hits, &scratch.distance);
-                scratch
-                    .shade
-                    .fill::<I, false>(self.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
-            }
+            let (hits, distance) = (&scratch.hits, &scratch.distance);
+            scratch
+                .shade
+                .fill::<I, true>(self.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
             self.write(&tile, &scratch);
         }
         counts
@@ -176,42 +153,24 @@ impl Kernel for CastBand<'_> {
 }
 
 impl CastBand<'_> {
-    /// Pixel ranges of the rows of a tile, counted in this row of tiles.
-    fn rows(&self, tile: &Tile) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let (columns, first, number) = (self.plane.columns, tile.column, tile.columns);
-        (0..tile.rows).map(move |row| row * columns + first..row * columns + first + number)
-    }
-
     /// Write a tile without hits.
     fn clear(&mut self, tile: &Tile) {
-        for pixels in self.rows(tile) {
+        for row in 0..tile.rows {
+            let first = row * self.plane.columns + tile.column;
+            let pixels = first..first + tile.columns;
             self.distance[pixels.clone()].fill(f64::INFINITY);
+            self.cosine[pixels.clone()].fill(0.0);
             self.body[pixels.clone()].fill(NO_BODY);
             self.triangle[pixels.clone()].fill(u32::MAX);
-            if let Some(cosine) = &mut self.cosine {
-                cosine[pixels].fill(0.0);
-            }
-        }
-    }
-
-    /// Copy the hits of a tile from another time.
-    fn take_over(&mut self, tile: &Tile, hits: &Hits) {
-        let first = self.index * TILE * self.plane.columns;
-        for pixels in self.rows(tile) {
-            let from = first + pixels.start..first + pixels.end;
-            self.distance[pixels.clone()].copy_from_slice(&hits.distance[from.clone()]);
-            self.body[pixels.clone()].copy_from_slice(&hits.body[from.clone()]);
-            self.triangle[pixels.clone()].copy_from_slice(&hits.triangle[from.clone()]);
-            if let (Some(cosine), Some(before)) = (&mut self.cosine, &hits.cosine) {
-                cosine[pixels].copy_from_slice(&before[from]);
-            }
+            self.surface_distance[pixels.clone()].fill(f64::INFINITY);
+            self.normal[pixels].fill([0.0; 3]);
         }
     }
 
     /// Write the hits of a tile.
     #[cfg_attr(optimised, inline(always))]
     fn write(&mut self, tile: &Tile, scratch: &Scratch) {
-        let hits = &scratch.hits;
+        let (hits, shade) = (&scratch.hits, &scratch.shade);
         for row in 0..tile.rows {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
@@ -219,10 +178,12 @@ impl CastBand<'_> {
                 let (from, to) = (TileRays::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
                 copy(&mut self.distance[to..], &scratch.distance[from..], number);
+                copy(&mut self.cosine[to..], &shade.cosine[from..], number);
                 copy(&mut self.body[to..], &hits.body.as_flattened()[from..], number);
                 copy(&mut self.triangle[to..], &hits.triangle.as_flattened()[from..], number);
-                if let Some(cosine) = &mut self.cosine {
-                    copy(&mut cosine[to..], &scratch.shade.cosine[from..], number);
+                copy(&mut self.surface_distance[to..], &shade.distance[from..], number);
+                for i in 0..number {
+                    self.normal[to + i] = shade.normal_of(from + i).to_array();
                 }
             }
         }

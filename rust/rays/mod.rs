@@ -14,7 +14,6 @@ pub mod packet_search;
 pub mod scene;
 pub mod search;
 pub mod shade;
-pub mod smooth_hits;
 pub mod surface;
 pub mod traversal;
 pub mod tree;

@@ -8,7 +8,7 @@ use crate::rays::facets::{Group, Groups, HALF, cross, difference, in_all, rounde
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::PosedScene;
 
-/// Smooth hits of the rays of a tile; see [`crate::rays::smooth_hits::SmoothHits`].
+/// Smooth hits of the rays of a tile; see [`crate::rays::hits::Hits`].
 pub struct Shade {
     /// Cosine of incidence.
     pub cosine: [f64; MOST_RAYS],

@@ -1,10 +1,13 @@
 //! Materials: Fresnel coefficients of half-spaces and slabs, and scattering of rough surfaces.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
+use glam::DVec3;
 use num_complex::Complex64;
 
+use crate::antennas::array::Array;
 use crate::antennas::polarization::Seen;
+use crate::constants::SPEED_OF_LIGHT;
 
 /// Smallest cosine of incidence; smaller ones are clamped, as coefficients have their limits there.
 const GRAZING: f64 = 1e-12;
@@ -60,9 +63,32 @@ impl Response {
     pub fn power(&self) -> f64 {
         self.reflection.norm_sqr() + self.albedo
     }
+
+    /// Specular weight `(j / 4 pi) Gamma dA / 2` of an area [m^2].
+    pub fn specular(&self, area: f64) -> Complex64 {
+        Complex64::new(0.0, 1.0 / (8.0 * PI)) * self.reflection * area
+    }
+
+    /// Diffuse weight `(lambda / 4 pi) sqrt(rho dA / pi)` of an area [m^2] over the sum of the cosines to antennas in
+    /// unit directions, which amplitudes are proportional to, and times the root of their product.
+    pub fn diffuse(&self, area: f64, wavelength: f64, normal: DVec3, directions: [DVec3; 2]) -> f64 {
+        let [t, r] = directions.map(|direction| (-normal.dot(direction)).max(0.0));
+        if t == 0.0 || r == 0.0 {
+            return 0.0;
+        }
+        wavelength / (4.0 * PI) * (self.albedo * area / PI).sqrt() * (t * r).sqrt() / (t + r)
+    }
 }
 
 impl Material {
+    /// Response of a surface with a unit normal to antennas in unit directions. The cosine of incidence is the mean of
+    /// both cosines, which is exact in the specular direction.
+    pub fn response_to(&self, array: &Array, normal: DVec3, [t, r]: [DVec3; 2]) -> Response {
+        let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
+        let seen = array.polarization.map(|e| Seen::by(e, normal, t, r));
+        self.response(cosine, SPEED_OF_LIGHT / array.frequency, seen)
+    }
+
     /// Response at a cosine of incidence and a wavelength [m], as received by antennas; none: without a polarisation.
     pub fn response(&self, cosine: f64, wavelength: f64, seen: Option<Seen>) -> Response {
         match self {

@@ -1,11 +1,10 @@
-//! Settings of adaptive sampling.
+//! Settings of sampling.
 
 use std::f64::consts::PI;
 
 use crate::antennas::beam::Beam;
 use crate::error::{Error, Result, fits_memory};
 use crate::rays::camera::ImagePlane;
-use crate::scattering::reflection_table::Reflection;
 
 /// Largest number of cells of the base grid, along either side: rows and columns of the finest have 23 bits.
 const MAX_SIDE: usize = 1 << 14;
@@ -18,11 +17,25 @@ pub(crate) const MAX_LEVEL: usize = 9;
 /// 20 cm).
 pub(crate) const SHARE: f64 = 1e-2;
 
+/// Sampling of the surface behind a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// One phasor per cell as in Stetco et al., ICRA 2020, but with the weight of the surface, and no random phases. It
+    /// does not converge; for comparison.
+    Point,
+    /// The phase varies linearly over the cell, tapered so that steep surfaces drop out.
+    Footprint,
+}
+
 /// Settings of the refinement.
 #[derive(Clone, Copy, Debug)]
 pub struct Refinement<'a> {
     /// Coarsest cells.
     pub base: ImagePlane,
+    /// Sampling of a cell.
+    pub sampling: Sampling,
+    /// True if cells are split; all further settings but the beam and the turns are for these.
+    pub is_adaptive: bool,
     /// Smallest cross-section of interest [m^2].
     pub rcs_floor: f64,
     /// True if the floor is lowered where the strongest echo in view is weak.
@@ -40,8 +53,6 @@ pub struct Refinement<'a> {
     pub skip_dark: bool,
     /// Angle by which every body turns from the cast to the ends of its use, seen from the sensor [rad].
     pub turns: &'a [f64],
-    /// Tables of the reflection coefficients of all bodies; empty: made for the cast.
-    pub reflections: &'a [Reflection],
 }
 
 impl Refinement<'_> {
@@ -49,7 +60,7 @@ impl Refinement<'_> {
     pub fn check(&self) -> Result<()> {
         self.base.check()?;
         let (rows, columns) = (self.base.rows, self.base.columns);
-        if rows.max(columns) > MAX_SIDE {
+        if self.is_adaptive && rows.max(columns) > MAX_SIDE {
             let expected = format!("at most {MAX_SIDE} cells along either side of the base grid");
             return Err(Error::value("resolution", expected, format!("{rows} x {columns}")));
         }

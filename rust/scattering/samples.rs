@@ -9,7 +9,7 @@ use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
-use crate::scattering::refinement::Refinement;
+use crate::scattering::refinement::{Refinement, Sampling};
 use crate::scattering::sampling::Tiles;
 use crate::scattering::sector::Sector;
 
@@ -24,12 +24,11 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Cast rays by adaptive refinement and to the random points, drawn with `seed`. Samples of the frame `before` are
-    /// reused where no body has moved since.
+    /// Cast rays through cells and to random points. Samples of the frame `before` are reused where no body has moved
+    /// since.
     pub fn new(
         sectors: &[Sector],
         materials: &[Material],
-        seed: u64,
         before: Option<(&[Arc<PosedScene>], &Self)>,
     ) -> Result<Self> {
         let mut beams = Vec::with_capacity(sectors.len());
@@ -70,7 +69,7 @@ impl Samples {
         for (number, sector) in sectors.iter().enumerate() {
             let mut of_sector = Vec::with_capacity(materials.len());
             for (body, material) in materials.iter().enumerate() {
-                if !material.is_diffuse() {
+                if !material.is_diffuse() || sector.refinement.sampling == Sampling::Point {
                     of_sector.push(None);
                     continue;
                 }
@@ -78,7 +77,7 @@ impl Samples {
                 let drawn = speckles.first().and_then(|first| first[body].as_ref());
                 let drawn = drawn.map(|speckle| &speckle.points);
                 let moved = moved.as_ref().map(|moved| &moved[number]);
-                let (speckle, more) = Speckle::new(sector, body as u32, seed, drawn, known, moved);
+                let (speckle, more) = Speckle::new(sector, body as u32, sector.seed, drawn, known, moved);
                 counts = counts.plus(more);
                 of_sector.push(Some(speckle));
             }

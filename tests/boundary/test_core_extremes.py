@@ -60,12 +60,12 @@ def poses_of_nothing() -> Any:
         (lambda: beat(np.zeros((4, 0, 3)), np.zeros((4, 0, 3), complex), method="auto"), (0, 2, 8)),
         (lambda: beat(num_samples=1, chirp_times=np.zeros(1)), (2, 1, 1)),
         (lambda: surface(triangles=np.zeros((2, 3), np.uint32)).kept(), (0,)),  # degenerate: dropped
-        (lambda: EMPTY_HITS.distance(), (20, 30)),
+        (lambda: EMPTY_HITS[0], (20, 30)),
         (lambda: frame(NOWHERE, EMPTY, []).cube, (2, 2, 8)),
         (lambda: frame(NOWHERE, EMPTY, []).truth, (4, 0)),
         (lambda: frame(NOWHERE, EMPTY, [], sampling="adaptive").cube, (2, 2, 8)),
-        (lambda: cast(rows=1, columns=1).distance(), (1, 1)),
-        (lambda: cast(rows=1, columns=1000).directions(), (1, 1000, 3)),
+        (lambda: cast(rows=1, columns=1)[0], (1, 1)),
+        (lambda: cast(rows=1, columns=1000)[4], (1, 1000, 3)),
         (lambda: frame(tx=np.zeros((0, 3)), tx_patterns=[]).cube, (0, 2, 8)),
         (lambda: paths(tx=np.zeros((0, 3)), tx_patterns=[])[0], None),
         (lambda: paths(seed=HUGE)[0], (2, NUM_PATHS)),
@@ -94,8 +94,8 @@ def test_wild_numbers_neither_panic_nor_hang(value: float) -> None:
         _core.Material.dielectric((value, -value), scattering=value),
     ]
     calls: list[Call] = [
-        lambda: cast(wild_places).body(),
-        lambda: cast(turned).body(),
+        lambda: cast(wild_places)[2],
+        lambda: cast(turned)[2],
         lambda: occluded(np.full((2, 3), value)),
         lambda: simulator().occluded(wild_places, POINTS[0]),
         lambda: paths(wild_places),
@@ -156,7 +156,7 @@ def test_wild_surfaces_neither_panic_nor_hang() -> None:
             triangles = rng.integers(0, shape[0], (shape[1], 3)).astype(np.uint32)
             for crease_angle in (None, 0.0, 0.8, 7.0, NAN):
                 body = surface(vertices, triangles, crease_angle=crease_angle)
-                assert np.isin(cast(source=scene([body])).body(), (-1, 0)).all()
+                assert np.isin(cast(source=scene([body]))[2], (-1, 0)).all()
                 with contextlib.suppress(ValueError):  # of delays that no sum can take
                     frame(source=scene([body]))
                 body.topology()

@@ -214,8 +214,7 @@ def test_number_on_paper_of_matt_bodies_is_their_closed_form() -> None:
     assert lambertian_sphere(0.3, 2.0) == pytest.approx(7.656712e-10, rel=1e-6)
 
 
-# Mesh, distance of its centre, mean power, field of view, pixels per side. Those of the small disc are 0.34 mm wide, as
-# the patches that share a phase, then finer: 0.10 mm of the smallest disc's.
+# Mesh, distance of its centre, mean power, field of view, pixels per side.
 LAMBERTIAN = {
     "disc b=0.1 d=1": (lambda: rc.shapes.disc(0.1), 1.0, lambertian_disc(0.1, 1.0), 13.0, 32),
     "disc b=0.3 d=2": (lambda: rc.shapes.disc(0.3), 2.0, lambertian_disc(0.3, 2.0), 19.0, 32),
@@ -223,12 +222,11 @@ LAMBERTIAN = {
     "fine disc b=0.01 d=1": (lambda: rc.shapes.disc(0.01), 1.0, lambertian_disc(0.01, 1.0), 1.25, 64),
     "finest disc b=0.003 d=1": (lambda: rc.shapes.disc(0.003), 1.0, lambertian_disc(0.003, 1.0), 0.36, 60),
 }
-# Pixels of regular images are as many as they are told to be; adaptive sampling takes as many as matt bodies
-# need, whatever its base grid.
+# Depth images have the pixels they are given; scenes take as many points as matt bodies need, whatever the sampling.
 FINENESS: dict[str, dict[str, Any]] = {
-    "half": {"sampling": "footprint", "times": 0.5},
-    "whole": {"sampling": "footprint", "times": 1.0},
-    "double": {"sampling": "footprint", "times": 2.0},
+    "half": {"times": 0.5},
+    "whole": {"times": 1.0},
+    "double": {"times": 2.0},
     "adaptive": {"sampling": "adaptive", "resolution": 32},
 }
 
@@ -243,13 +241,24 @@ def lambertian_scene(name: str) -> rc.Scene:
     return rc.Scene([body(mesh(), x, material=rc.Material.lambertian(1.0))])
 
 
+@cache
+def lambertian_image(name: str, times: float) -> rc.DepthImage:
+    """Depth image of the matt body, made once for all seeds."""
+    *_, field_of_view_deg, resolution = LAMBERTIAN[name]
+    options: dict[str, Any] = {"field_of_view_deg": (field_of_view_deg,) * 2, "resolution": round(times * resolution)}
+    return rc.Simulator(lambertian_scene(name), TONE, **options).depth_image()
+
+
 def lambertian_field(name: str, fineness: str, seed: int) -> complex:
     """Field of a matt body over the root of its mean power on paper."""
-    *_, expected, field_of_view_deg, resolution = LAMBERTIAN[name]
+    *_, expected, field_of_view_deg, _ = LAMBERTIAN[name]
     options = dict(FINENESS[fineness])
-    if "times" in options:
-        options["resolution"] = round(options.pop("times") * resolution)
     window = (field_of_view_deg, field_of_view_deg)
+    if "times" in options:
+        image = lambertian_image(name, options["times"])
+        surface = {"normals": image.normals, "body": image.body, "albedo": 1.0}
+        frame = rc.frame_from_depth(image.surface_distance, 0.0, TONE, camera=window, seed=seed, **surface)
+        return complex(np.conj(frame.cube[0, 0, 0]) / np.sqrt(expected))
     paths = rc.Simulator(lambertian_scene(name), TONE, field_of_view_deg=window, seed=seed, **options).paths()
     field = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
     return complex(field / np.sqrt(expected))

@@ -64,7 +64,6 @@ def test_only_tiles_that_the_moving_body_touches_are_cast_again() -> None:
         assert frame.stats["tiles_reused"] >= 256 - 2 * 16 - frame.stats["tiles_skipped"]
         assert expected.stats["rays_cast"] == 128 * 128
         image = sim.depth_image(time)
-        assert image._hits.counts[2] > 200
         for name in ("distance", "cos_incidence", "body", "normals"):
             np.testing.assert_array_equal(getattr(image, name), getattr(fresh.depth_image(time), name))
 
@@ -136,7 +135,7 @@ def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> 
         rx=RADAR.rx,
         pattern=rc.GaussianPattern(20.0, beamwidth_azimuth_deg=12.0, beamwidth_elevation_deg=14.0),
     )
-    wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
+    wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
 
     def frame(gain_floor_db: float) -> rc.Frame:
         return rc.Simulator(wall, radar, gain_floor_db=gain_floor_db, method="direct", **PIXELS).frame()

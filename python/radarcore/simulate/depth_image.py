@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core
+from radarcore.simulate.sectors import one_plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,35 +58,23 @@ class DepthImage:
     distance: NDArray[np.float64]
     cos_incidence: NDArray[np.float64]
     body: NDArray[np.int32]
+    surface_distance: NDArray[np.float64]
+    normals: NDArray[np.float64]
     field_of_view_deg: tuple[float, float]
     time: float
-    _hits: _core.Hits = field(repr=False)
-    _reflectance: Callable[[_core.Hits], NDArray[np.float64]] = field(repr=False)
-    _threads: int | None = field(default=None, repr=False)
+    _reflectance: Callable[[DepthImage], NDArray[np.float64]] = field(repr=False)
 
     @cached_property
     def directions(self) -> NDArray[np.float64]:
         """Unit directions of the rays, see the attributes."""
-        return self._hits.directions()
+        rows, columns, du, dv, axis_column, axis_row = one_plane(self.field_of_view_deg, *self.distance.shape)
+        u, v = np.meshgrid((axis_column - np.arange(columns) - 0.5) * du, (axis_row - np.arange(rows) - 0.5) * dv)
+        return np.stack([np.ones_like(u), u, v], axis=-1) / np.sqrt(1.0 + u**2 + v**2)[..., None]
 
     @cached_property
     def reflectance(self) -> NDArray[np.float64]:
         """Power reflectance at the pixels, see the attributes."""
-        return self._reflectance(self._hits)
-
-    @cached_property
-    def surface_distance(self) -> NDArray[np.float64]:
-        """Distance to the smooth surface [m], see the attributes."""
-        return self._smooth[0]
-
-    @cached_property
-    def normals(self) -> NDArray[np.float64]:
-        """Unit normals of the smooth surface, see the attributes."""
-        return self._smooth[1]
-
-    @cached_property
-    def _smooth(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self._hits.smooth(threads=self._threads)
+        return self._reflectance(self)
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -95,9 +83,8 @@ class DepthImage:
         return self.distance[is_hit, None] * self.directions[is_hit]
 
     def __getstate__(self) -> dict[str, Any]:
-        # Hits in the core are not pickled: keep the arrays.
-        arrays = {name: getattr(self, name) for name in ("directions", "reflectance", "surface_distance", "normals")}
-        return {**self.__dict__, **arrays, "_hits": None, "_reflectance": None}
+        # The materials are not pickled: keep the array.
+        return {**self.__dict__, "reflectance": self.reflectance, "_reflectance": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

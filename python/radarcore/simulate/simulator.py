@@ -347,18 +347,19 @@ class Simulator(Settings):
         """
         at = self._start(time)
         self._doubts.of_materials(self.scene)
-        hits, parts = self._engine.image(self._placement.at(at)), self.scene.parts
+        parts = self.scene.parts
+        distance, cos_incidence, body, surface_distance, normals = self._engine.image(self._placement.at(at))
         # The core numbers bodies with meshes alone.
-        numbers, body = np.append(parts.mesh_numbers, np.int32(-1)), hits.body()
+        numbers = np.append(parts.mesh_numbers, np.int32(-1))
         return DepthImage(
-            distance=hits.distance(),
-            cos_incidence=hits.cos_incidence(threads=self.threads),
+            distance=distance,
+            cos_incidence=cos_incidence,
             body=numbers[body] if len(parts.point_numbers) else body,
+            surface_distance=surface_distance,
+            normals=normals,
             field_of_view_deg=self.image_view_deg,
             time=at,
-            _hits=hits,
             _reflectance=self._reflectance,
-            _threads=self.threads,
         )
 
     def is_hidden(self, points: ArrayLike, time: float | None = None) -> NDArray[np.bool_]:
@@ -579,10 +580,17 @@ class Simulator(Settings):
         """Materials of the bodies with meshes, at the centre of the first band."""
         return self._materials_at(self.radar.waveform.center_frequency)
 
-    def _reflectance(self, hits: _core.Hits) -> NDArray[np.float64]:
-        """Power reflectance at the pixels."""
-        return hits.reflectance(
+    def _reflectance(self, image: DepthImage) -> NDArray[np.float64]:
+        """Power reflectance at the pixels of an image."""
+        parts = self.scene.parts
+        numbers = np.full(len(parts.mesh_numbers) + len(parts.point_numbers) + 1, -1, np.int32)
+        numbers[parts.mesh_numbers] = np.arange(len(parts.mesh_numbers))
+        return _core.reflectance(
             self._materials,
+            numbers[image.body],
+            image.cos_incidence,
+            image.normals,
+            image.directions,
             frequency=self.radar.waveform.center_frequency,
             polarization=self.radar.polarization_vector,
             threads=self.threads,

@@ -12,7 +12,6 @@ use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
 use crate::numeric::simd::Level;
 use crate::paths::kinematics::TimeSeries;
-use crate::paths::scatterers::Weight;
 use crate::synthesis::delay::Basis;
 use crate::synthesis::source::Shape;
 
@@ -60,17 +59,14 @@ fn scatterers(array: &Array, number: usize, has_patches: bool, num_weights: usiz
     // Every third stands for a point.
     let patch = (0..number).map(|i| [0, 1].map(|_| vector(if i % 3 == 0 { 0.0 } else { 2e-3 })));
     let patch: Vec<_> = patch.filter(|_| has_patches).collect();
-    let weights = (0..number * num_weights).map(|_| Weight {
-        specular: Complex64::new(vector(1.0).x, vector(1.0).y),
-        diffuse: Complex64::new(vector(1.0).x, vector(1.0).y),
-    });
+    let weights = (0..number * num_weights).map(|_| Complex64::new(vector(1.0).x, vector(1.0).y));
     Scatterers {
         array: array.clone(),
-        cell: Vec::new(),
         body: (0..number).map(|i| u32::from(3 * i > 2 * number)).collect(),
         frequency_exponent: Vec::new(),
         corners: Vec::new(),
         weights: weights.collect(),
+        range_rate: Vec::new(),
         rcs: rcs.to_vec(),
         position,
         normal,

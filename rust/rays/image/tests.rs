@@ -1,62 +1,15 @@
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
 use crate::antennas::gain_table::Table;
 use crate::antennas::pattern::Pattern;
+use crate::geometry::curved_triangle::shade;
 use crate::geometry::pose::Pose;
 use crate::rays::packet_search::Traversals;
 use crate::rays::scene::tests::{furnished, square};
 use crate::rays::surface::{ShadingMode, Surface};
-
-#[test]
-fn only_tiles_that_a_moved_body_touches_are_cast_again() {
-    let plane = ImagePlane::centered(93, 101, 0.5, 0.5);
-    let (mut surfaces, mut poses) = furnished();
-    let before = PosedScene::new(surfaces.clone(), poses.clone());
-    let hits = before.cast_image(&plane).unwrap();
-    assert_eq!(hits.counts.rays, plane.num_pixels());
-
-    poses[3].translation += DVec3::new(0.1, 0.15, 0.0);
-    surfaces[7] = Arc::new(
-        surfaces[7]
-            .deform(surfaces[7].vertices().iter().map(|p| 1.2 * p).collect())
-            .unwrap(),
-    );
-    let after = PosedScene::new(surfaces, poses);
-    let fresh = after.cast_image(&plane).unwrap();
-    for level in Level::available() {
-        let cast = Cast {
-            level,
-            previous: Some((&before, &hits)),
-            ..Cast::default()
-        };
-        let reused = after.cast_image_with(&plane, &cast).unwrap();
-        assert_eq!(reused.distance, fresh.distance);
-        assert_eq!((&reused.body, &reused.triangle), (&fresh.body, &fresh.triangle));
-        assert_eq!(fresh.counts.tiles_reused, 0);
-        assert!(reused.counts.tiles_reused > plane.num_tiles() / 2);
-        assert!(reused.counts.rays < plane.num_pixels() / 4, "{:?}", reused.counts);
-        // Every pixel with another hit was cast.
-        let changed = (0..plane.num_pixels())
-            .filter(|i| hits.distance[*i] != fresh.distance[*i])
-            .count();
-        assert!(changed > 20 && changed <= reused.counts.rays);
-
-        // Nothing has moved: nothing is cast. A different image is cast whole.
-        let again = Cast {
-            previous: Some((&after, &reused)),
-            ..cast
-        };
-        assert_eq!(after.cast_image_with(&plane, &again).unwrap().counts.rays, 0);
-        let everywhere = Beam::new(&array(&[DVec3::ZERO], &[gaussian(1.0, 1.0)]), 1e-8);
-        let [u, v] = plane.ranges();
-        assert_eq!(everywhere.in_front(|| 1.0, u, v), None);
-        let other = ImagePlane::centered(93, 101, 0.5, 0.4);
-        assert_eq!(after.cast_image_with(&other, &again).unwrap().counts.tiles_reused, 0);
-    }
-}
 
 #[test]
 fn traversals_change_neither_images_nor_counts() {
@@ -218,4 +171,72 @@ fn what_is_behind_the_sensor_does_not_widen_the_beam() {
     let nearest = PosedScene::new(surfaces, poses).nearest_in_front();
     assert!((2.8..3.1).contains(&nearest), "{nearest}");
     assert_eq!(PosedScene::new(vec![], vec![]).nearest_in_front(), f64::INFINITY);
+}
+
+/// Bumpy sheet, curved where its triangles meet at small angles, seen from both sides.
+fn sheet() -> Surface {
+    let side = 24;
+    let mut vertices = Vec::new();
+    for i in 0..=side {
+        for j in 0..=side {
+            let (y, z) = (f64::from(i) / 12.0 - 1.0, f64::from(j) / 12.0 - 1.0);
+            vertices.push(DVec3::new(0.4 * (3.0 * y).sin() * (2.0 * z).cos(), y, z));
+        }
+    }
+    let mut triangles = Vec::new();
+    for i in 0..side as u32 {
+        for j in 0..side as u32 {
+            let a = i * (side as u32 + 1) + j;
+            let b = a + side as u32 + 1;
+            triangles.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
+        }
+    }
+    Surface::new(&vertices, &triangles, ShadingMode::Smooth { crease_angle: 0.16 }).unwrap()
+}
+
+#[test]
+fn smooth_hits_are_those_of_shading_one_hit_after_the_other() {
+    let surface = Arc::new(sheet());
+    let turned = |angle: f64, x: f64| Pose {
+        rotation: DMat3::from_rotation_z(angle) * DMat3::from_rotation_x(0.3),
+        translation: DVec3::new(x, 0.1, 0.0),
+    };
+    let poses = vec![turned(0.5, 2.0), turned(3.5, 3.0)];
+    let scene = PosedScene::new(vec![surface.clone(), surface], poses);
+    let plane = ImagePlane::centered(61, 83, 0.7, 0.6);
+    for level in Level::available() {
+        let hits = scene.cast_image_at(&plane, level).unwrap();
+        let (mut num_curved, mut num_flat) = (0, 0);
+        for pixel in 0..plane.num_pixels() {
+            let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);
+            if body == NO_BODY {
+                assert_eq!((hits.cosine[pixel], hits.normal[pixel]), (0.0, [0.0; 3]));
+                assert!(hits.surface_distance[pixel].is_infinite());
+                continue;
+            }
+            let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
+            let direction = DVec3::new(1.0, u, v);
+            let (surface, pose) = (scene.surface(body), scene.pose(body));
+            let corners = surface.corners(triangle);
+            let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            let (normal, correction) = shade(
+                corners,
+                surface.corner_normals(triangle),
+                scene.barycentric(body, triangle, direction),
+                face,
+                pose.direction_to_body(direction.normalize()),
+            );
+            let normal = pose.direction(normal);
+            assert!(
+                (DVec3::from_array(hits.normal[pixel]) - normal).length() < 1e-11,
+                "{pixel} {level:?}"
+            );
+            assert!((hits.surface_distance[pixel] - hits.distance[pixel] - correction).abs() < 1e-12);
+            let cosine = (-normal.dot(direction.normalize())).clamp(0.0, 1.0);
+            assert!((hits.cosine[pixel] - cosine).abs() < 1e-11);
+            num_curved += usize::from(correction != 0.0);
+            num_flat += usize::from(correction == 0.0);
+        }
+        assert!(num_curved > 500 && num_flat > 500, "{num_curved} {num_flat}");
+    }
 }

@@ -7,14 +7,17 @@ use glam::DVec3;
 
 use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::cos_sin_turns;
-use crate::rays::camera::ImagePlane;
+use crate::rays::camera::{Cell, ImagePlane, Tile};
 use crate::rays::facets::HALF;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::NO_BODY;
 use crate::rays::search::Scratch;
-use crate::scattering::patch::MIN_COSINE;
 use crate::scattering::reflection_table::Reflection;
+use crate::scattering::surface_image::SurfaceImage;
 use crate::scattering::taper::{roll_off, tapers};
+
+/// Smallest cosine of incidence at which a surface returns power.
+pub(super) const MIN_COSINE: f64 = 1e-6;
 
 /// Cells of a tile, in the order of its rays: packet by packet.
 #[derive(Clone, Debug)]
@@ -74,18 +77,53 @@ impl Cells {
         weight: [0.0; MOST_RAYS],
     };
 
+    /// Take over the hits of rays.
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
+    pub(super) fn take(&mut self, scratch: &Scratch) {
+        self.aim(&scratch.rays);
+        self.body.copy_from_slice(scratch.hits.body.as_flattened());
+        self.triangle.copy_from_slice(scratch.hits.triangle.as_flattened());
+        self.distance = scratch.shade.distance;
+        self.normal = *scratch.shade.normal();
+    }
+
+    /// Take over the pixels of a tile of an image of another program, whose numbers stand in place of triangles.
+    pub(super) fn read(&mut self, rays: &TileRays, image: &SurfaceImage, tile: &Tile) {
+        self.aim(rays);
+        self.body = [NO_BODY; MOST_RAYS];
+        for row in 0..tile.rows {
+            for column in 0..tile.columns {
+                let cell = TileRays::ray(row, column);
+                let pixel = (tile.row + row) * image.plane.columns + tile.column + column;
+                self.body[cell] = image.body_of(pixel);
+                self.triangle[cell] = pixel as u32;
+                self.distance[cell] = image.distance[pixel];
+                for axis in 0..3 {
+                    self.normal[axis][cell] = image.normal[pixel][axis];
+                }
+            }
+        }
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn aim(&mut self, rays: &TileRays) {
+        (self.u, self.v, self.valid) = (rays.u, rays.v, 0);
+        for packet in 0..PACKETS {
+            self.valid |= u64::from(rays.valid[packet]) << (packet * PACKET);
+        }
+    }
+
     /// Evaluate the hits of a tile; `gain`: relative two-way field gain in its middle.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn evaluate<I: Isa>(
         &mut self,
-        scratch: &Scratch,
         plane: &ImagePlane,
         wavenumber: f64,
         gain: f64,
         (reflections, turns): (&[Reflection], &[f32]),
     ) {
         let mut inverse = [0.0; MOST_RAYS];
-        self.take::<I>(scratch, &mut inverse);
+        self.face::<I>(&mut inverse);
         if self.hit == 0 {
             return;
         }
@@ -100,23 +138,16 @@ impl Cells {
         }
     }
 
-    /// Take over the hits of rays that return power, and the inverse lengths of all directions `(1, u, v)` beside them.
+    /// Find the cells that return power, and the inverse lengths of all directions `(1, u, v)` beside them.
     #[cfg_attr(optimised, inline(always))]
-    fn take<I: Isa>(&mut self, scratch: &Scratch, inverse: &mut [f64; MOST_RAYS]) {
-        self.u = scratch.rays.u;
-        self.v = scratch.rays.v;
-        self.body.copy_from_slice(scratch.hits.body.as_flattened());
-        self.triangle.copy_from_slice(scratch.hits.triangle.as_flattened());
-        self.distance = scratch.shade.distance;
-        self.normal = *scratch.shade.normal();
+    fn face<I: Isa>(&mut self, inverse: &mut [f64; MOST_RAYS]) {
         let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
         let far = <I::F64 as Vector>::splat(f64::INFINITY);
         let mut shortest = far;
-        (self.valid, self.hit, self.turning) = (0, 0, 0);
+        (self.hit, self.turning) = (0, 0);
         for packet in 0..PACKETS {
-            let valid = scratch.rays.valid[packet];
-            let found = valid & !I::equal(&scratch.hits.body[packet], NO_BODY) & 0xffff;
-            self.valid |= u64::from(valid) << (packet * PACKET);
+            let valid = (self.valid >> (packet * PACKET)) as u32 & 0xffff;
+            let found = valid & !I::equal(&self.bodies(packet), NO_BODY);
             if found == 0 {
                 continue;
             }
@@ -218,9 +249,13 @@ impl Cells {
         while rest != 0 {
             // All cells of a body at once.
             let body = self.body[rest.trailing_zeros() as usize];
-            let (reflection, turn) = (&reflections[body as usize], turns[body as usize]);
             let mut mine = self.hits_of::<I>(body);
             rest &= !mine;
+            // Pixels of images have reflections of their own.
+            let Some(reflection) = reflections.get(body as usize) else {
+                continue;
+            };
+            let turn = turns[body as usize];
             if turn > 0.0 {
                 self.turning |= mine;
             }
@@ -274,11 +309,17 @@ impl Cells {
     pub(super) fn hits_of<I: Isa>(&self, body: u32) -> u64 {
         let mut hits = 0;
         for packet in 0..PACKETS {
-            let mut bodies = [NO_BODY; PACKET];
-            bodies.copy_from_slice(&self.body[packet * PACKET..(packet + 1) * PACKET]);
-            hits |= u64::from(I::equal(&bodies, body) & 0xffff) << (packet * PACKET);
+            hits |= u64::from(I::equal(&self.bodies(packet), body) & 0xffff) << (packet * PACKET);
         }
         hits & self.hit
+    }
+
+    /// Bodies of the cells of a packet.
+    #[cfg_attr(optimised, inline(always))]
+    pub(super) fn bodies(&self, packet: usize) -> [u32; PACKET] {
+        let mut bodies = [NO_BODY; PACKET];
+        bodies.copy_from_slice(&self.body[packet * PACKET..(packet + 1) * PACKET]);
+        bodies
     }
 
     /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
@@ -303,6 +344,28 @@ impl Cells {
     /// Unit direction through the centre of a cell.
     pub(super) fn direction(&self, cell: usize) -> DVec3 {
         DVec3::new(1.0, self.u[cell], self.v[cell]).normalize()
+    }
+
+    /// Rectangle of a plane that a cell covers.
+    pub(super) fn cell(&self, cell: usize, plane: &ImagePlane) -> Cell {
+        Cell {
+            u: self.u[cell],
+            v: self.v[cell],
+            du: plane.du,
+            dv: plane.dv,
+        }
+    }
+
+    /// Area of the surface behind a cell [m^2].
+    pub(super) fn area(&self, cell: usize, plane: &ImagePlane) -> f64 {
+        let (distance, rectangle) = (self.distance[cell], self.cell(cell, plane));
+        let cosine = -self.normal_of(cell).dot(rectangle.direction());
+        distance * distance * rectangle.solid_angle() / cosine
+    }
+
+    /// Edges of the surface behind a cell, along u and v [m].
+    pub(super) fn edges(&self, cell: usize, plane: &ImagePlane) -> [DVec3; 2] {
+        self.cell(cell, plane).edges(self.distance[cell], self.normal_of(cell))
     }
 
     /// Unit normal at the hit of a cell.

@@ -9,17 +9,16 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::Cells;
+use super::cells::{Cells, MIN_COSINE};
+use super::context::Context;
 use super::level::Level;
 use super::pairs::{CellEcho, KeptCells};
 use super::place::CellPlace;
-use super::points::{Channels, TilePoints, patch_of};
 use super::residual::block;
-use super::tile::{Scenery, Tile};
-use crate::rays::camera::TILE;
+use super::tile::Tile;
+use crate::rays::camera::{Cell, ImagePlane, TILE};
 use crate::rays::packet::{MOST_RAYS, PACKET, TileRays};
-use crate::scattering::physical_optics::{Sampling, Weigh};
-use crate::scattering::tile_point::TilePoint;
+use crate::scattering::tile_point::{TilePoint, TilePoints};
 
 /// Least rate of the phase at the end of a cell, relative to the rate in the centre.
 const LEAST_TURN: f64 = 0.5;
@@ -31,7 +30,7 @@ const SIDES: [i8; 2] = [-1, 1];
 #[derive(Clone, Copy)]
 pub(super) struct Leaves<'a> {
     /// Of every sector.
-    pub(super) sceneries: &'a [Scenery<'a>],
+    pub(super) contexts: &'a [Context<'a>],
     pub(super) levels: &'a [Level],
 }
 
@@ -83,9 +82,8 @@ impl<'a> Leaves<'a> {
 
     /// Append the points of a cell of a tile: its centre, or those ends or corners that nothing cancels.
     fn add(&self, at: CellPlace, (tile, split, kept): (&Tile, u16, &KeptCells), cell: usize, found: &mut Found) {
-        let scenery = &self.sceneries[at.sector];
-        let plane = &scenery.planes[at.level];
-        let width = [plane.du, plane.dv];
+        let context = &self.contexts[at.sector];
+        let plane = &context.planes[at.level];
         let partner = |axis: usize, side: usize| {
             // Most are beside a cell of the same tile.
             let beside = at.beside(axis, side).filter(|beside| beside.tile() == tile.place);
@@ -104,11 +102,10 @@ impl<'a> Leaves<'a> {
         };
         let mut add = |sides: [i8; 2]| {
             found.farthest = found.farthest.max(kept.cells.distance[cell]);
-            let (points, wavenumber) = (&mut found.points, scenery.wavenumber);
-            points.add_edge_term(&kept.cells, cell, width, sides, wavenumber, &scenery.channels);
+            found.points.add_edge_term(context, &kept.cells, cell, plane, sides);
         };
         match kept.steep(cell) {
-            [false, false] => found.points.add_center(&kept.cells, cell, width, &scenery.channels),
+            [false, false] => found.points.add_center(context, &kept.cells, cell, plane),
             [true, true] => {
                 // A corner is shared with cells along both axes: those along u come first.
                 for u in (0..2).filter(|u| partner(0, *u) == Partner::None) {
@@ -139,7 +136,7 @@ impl<'a> Leaves<'a> {
 
     /// What cancels the edge term of a cell on one side: the lower, 0, or the upper, 1, end of an axis.
     fn partner(&self, at: CellPlace, axis: usize, side: usize) -> Partner {
-        let plane = &self.sceneries[at.sector].planes[at.level];
+        let plane = &self.contexts[at.sector].planes[at.level];
         let beside = at.beside(axis, side);
         let Some(beside) = beside.filter(|beside| beside.row < plane.rows && beside.column < plane.columns) else {
             return Partner::Border;
@@ -171,7 +168,7 @@ impl<'a> Leaves<'a> {
         if !tile.is_seen {
             return true;
         }
-        let wavenumber = self.sceneries[at.sector].wavenumber;
+        let wavenumber = self.contexts[at.sector].wavenumber;
         let is_alike = self
             .echo(at)
             .is_some_and(|echo| echo.compare(other, axis, wavenumber).is_alike);
@@ -215,25 +212,69 @@ impl<'a> Leaves<'a> {
     /// Cell as others compare it; none without a hit in its tile.
     fn echo(&self, at: CellPlace) -> Option<CellEcho> {
         let kept = self.tile(at)?.0.kept.as_ref()?;
-        Some(kept.echo(at.ray(), &self.sceneries[at.sector].planes[at.level]))
+        Some(kept.echo(at.ray(), &self.contexts[at.sector].planes[at.level]))
+    }
+}
+
+/// Plane patch of surface behind a cell.
+#[derive(Clone, Copy)]
+struct Patch {
+    cell: Cell,
+    /// Distance [m], and unit normal towards the incident side.
+    distance: f64,
+    normal: DVec3,
+}
+
+impl Patch {
+    /// Patch of the same plane behind the cell that is `sides` widths away along u and v. None at grazing angles.
+    fn about(&self, sides: [f64; 2]) -> Option<Self> {
+        let cell = self.cell.about(sides);
+        let distance = self.distance * self.normal.dot(self.cell.direction()) / self.normal.dot(cell.direction());
+        let is_near = distance > 0.5 * self.distance && distance < 2.0 * self.distance;
+        is_near.then_some(Self {
+            cell,
+            distance,
+            ..*self
+        })
+    }
+
+    /// Point in the middle of the patch [m].
+    fn point(&self) -> DVec3 {
+        self.distance * self.cell.direction()
+    }
+
+    /// Edges along u and v [m].
+    fn edges(&self) -> [DVec3; 2] {
+        self.cell.edges(self.distance, self.normal)
+    }
+
+    /// Area [m^2]; none where the patch faces away from the sensor.
+    fn area(&self) -> Option<f64> {
+        let cosine = -self.normal.dot(self.cell.direction());
+        let area = self.distance * self.distance * self.cell.solid_angle() / cosine;
+        (cosine >= MIN_COSINE && self.distance > 0.0).then_some(area)
     }
 }
 
 impl TilePoints {
-    /// Append the end or corner of a cell of a size, on the sides -1 or 1 along u and v; 0 along an axis stands for the
+    /// Append the end or corner of a cell of a plane, on the sides -1 or 1 along u and v; 0 along an axis stands for the
     /// mean over the cell.
     pub(super) fn add_edge_term(
         &mut self,
+        context: &Context,
         cells: &Cells,
         cell: usize,
-        width: [f64; 2],
+        plane: &ImagePlane,
         sides: [i8; 2],
-        wavenumber: f64,
-        channels: &Channels,
     ) {
-        let patch = patch_of(cells, cell, width);
+        let patch = Patch {
+            cell: cells.cell(cell, plane),
+            distance: cells.distance[cell],
+            normal: cells.normal_of(cell),
+        };
+        let (array, wavenumber) = (context.sector.array, context.wavenumber);
         let sides = sides.map(|side| 0.5 * f64::from(side));
-        let edges = patch.cell.edges(patch.distance, patch.normal);
+        let edges = patch.edges();
         // At grazing angles the plane has no point there.
         let there = patch.about(sides);
         let end = there.map_or_else(
@@ -244,31 +285,26 @@ impl TilePoints {
         let Some(area) = there.area().or(patch.area()) else {
             return;
         };
-        let edges_there = there.cell.edges(there.distance, there.normal);
-        for channel in 0..channels.number() {
-            let (reflection, slopes, slopes_there) = match channels {
-                Channels::Common => {
-                    let reflection = [0, 1].map(|part| f64::from(cells.reflection[part][cell]));
-                    let slopes =
-                        |edges: [DVec3; 2], point: DVec3| edges.map(|edge| wavenumber * edge.dot(point.normalize()));
-                    (
-                        Complex64::new(reflection[0], reflection[1]),
-                        slopes(edges, patch.point()),
-                        slopes(edges_there, end),
-                    )
-                }
-                Channels::Each(array, materials) => {
-                    let sampling = Sampling::Footprint;
-                    let [t, r] = array.directions(channel, patch.point());
-                    let response =
-                        Weigh { array, sampling }.response(&materials[patch.body as usize], patch.normal, t, r);
-                    let [t_end, r_end] = array.directions(channel, end);
-                    (
-                        response.reflection,
-                        edges.map(|edge| 0.5 * wavenumber * edge.dot(t + r)),
-                        edges_there.map(|edge| 0.5 * wavenumber * edge.dot(t_end + r_end)),
-                    )
-                }
+        let edges_there = there.edges();
+        for channel in 0..context.num_weights() {
+            let (reflection, slopes, slopes_there) = if context.has_common_weight {
+                let reflection = [0, 1].map(|part| f64::from(cells.reflection[part][cell]));
+                let slopes =
+                    |edges: [DVec3; 2], point: DVec3| edges.map(|edge| wavenumber * edge.dot(point.normalize()));
+                (
+                    Complex64::new(reflection[0], reflection[1]),
+                    slopes(edges, patch.point()),
+                    slopes(edges_there, end),
+                )
+            } else {
+                let [t, r] = array.directions(channel, patch.point());
+                let response = context.material(cells, cell).response_to(array, patch.normal, [t, r]);
+                let [t_end, r_end] = array.directions(channel, end);
+                (
+                    response.reflection,
+                    edges.map(|edge| 0.5 * wavenumber * edge.dot(t + r)),
+                    edges_there.map(|edge| 0.5 * wavenumber * edge.dot(t_end + r_end)),
+                )
             };
             let mut weight = Complex64::new(0.0, area / (8.0 * PI)) * reflection;
             for axis in (0..2).filter(|axis| sides[*axis] != 0.0) {
@@ -282,7 +318,7 @@ impl TilePoints {
         self.points.push(TilePoint {
             position: end,
             normal: patch.normal,
-            body: patch.body,
+            body: cells.body[cell],
             triangle: cells.triangle[cell],
             edges: [0, 1].map(|axis| {
                 if sides[axis] == 0.0 {

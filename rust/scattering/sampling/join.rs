@@ -8,7 +8,6 @@ use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::cos_sin_quarter;
 use crate::rays::facets::HALF;
 use crate::rays::packet::{MOST_RAYS, PACKET};
-use crate::rays::scene::NO_BODY;
 use crate::scattering::tile_point::TilePoint;
 
 /// Phase by which the cells of a joined point may turn against each other while their body turns [rad], from the first to
@@ -58,9 +57,7 @@ pub(super) fn joined<I: Isa>(
     if most_phase - least_phase >= 2.0 * most {
         return None;
     }
-    let mut bodies = [NO_BODY; PACKET];
-    bodies.copy_from_slice(&cells.body[first..first + PACKET]);
-    if lit & !I::equal(&bodies, body) != 0 {
+    if lit & !I::equal(&cells.bodies(first / PACKET), body) != 0 {
         return None;
     }
     let mean = 0.5 * (least_phase + most_phase);

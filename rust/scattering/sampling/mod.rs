@@ -1,4 +1,4 @@
-//! Adaptive sampling: tiles of 8 x 8 cells of the image plane, refined where the residual error of a quarter is large.
+//! Sampling: tiles of 8 x 8 cells of the image plane, refined where the residual error of a quarter is large.
 //!
 //! Every cell has a ray through its centre, and the hit represents the cell with a phase that varies linearly over it
 //! (docs/theory.md eq. (2) and its footprint). Adjacent cells of a tile are compared: where they differ by more than
@@ -7,7 +7,7 @@
 //! of cells turns so fast that tapers leave nothing of them for several levels, the residual error after these decides.
 //! All other quarters keep their material points; points whose phases differ little are joined. A tile depends on the
 //! surfaces that its rays meet alone, so that tiles are independent tasks, and static ones are taken over from the frame
-//! before.
+//! before. Without refinement the tiles of the base level are pixels, of a scene or of an image of another program.
 //!
 //! With edge terms, cells with a fast phase are represented by their ends in place of tapered points. What cancels these
 //! is known when all tiles are; the tiles keep their cells until then. Blocks are split one by one, and without tapers
@@ -15,6 +15,7 @@
 
 mod border;
 mod cells;
+mod context;
 mod edges;
 mod join;
 mod level;
@@ -26,7 +27,7 @@ mod residual;
 mod small_parts;
 mod tile;
 
-pub use refine::{Piece, Tiles, nearest_of};
+pub use refine::{Piece, Tiles};
 pub use tile::Nearest;
 
 #[cfg(test)]

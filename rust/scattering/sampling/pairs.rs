@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::cells::Cells;
-use super::points::{Channels, patch_of};
+use super::context::Context;
 use super::residual::{BLOCKS, block};
 use crate::rays::camera::{ImagePlane, TILE};
 use crate::rays::packet::{MOST_RAYS, TileRays};
@@ -65,16 +65,16 @@ pub(super) struct PairError {
 }
 
 impl KeptCells {
-    /// Cells on a plane; `wavenumber` [rad/m].
-    pub(super) fn new(cells: &Cells, plane: &ImagePlane, wavenumber: f64, channels: &Channels) -> Self {
+    /// Cells on a plane.
+    pub(super) fn new(cells: &Cells, plane: &ImagePlane, context: &Context) -> Self {
+        let (array, wavenumber) = (context.sector.array, context.wavenumber);
         let mut steep = [0; 2];
         for cell in (0..MOST_RAYS).filter(|cell| cells.hit >> cell & 1 == 1) {
             let mut least = [cells.least_slope[0][cell], cells.least_slope[1][cell]];
-            if let Channels::Each(array, _) = channels {
-                let patch = patch_of(cells, cell, [plane.du, plane.dv]);
-                let edges = patch.cell.edges(patch.distance, patch.normal);
+            if !context.has_common_weight {
+                let (edges, point) = (cells.edges(cell, plane), cells.distance[cell] * cells.direction(cell));
                 for channel in 0..array.num_channels() {
-                    let [t, r] = array.directions(channel, patch.point());
+                    let [t, r] = array.directions(channel, point);
                     let bisector = 0.5 * wavenumber * (t + r);
                     for axis in 0..2 {
                         let slope = bisector.dot(edges[axis]) as f32;

@@ -4,67 +4,12 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::cells::Cells;
-use super::join::{Join, joined};
-use crate::antennas::array::Array;
+use super::context::Context;
+use super::join::joined;
 use crate::numeric::simd::{Isa, Vector};
-use crate::rays::camera::Cell;
+use crate::rays::camera::ImagePlane;
 use crate::rays::packet::PACKET;
-use crate::scattering::material::Material;
-use crate::scattering::patch::Patch;
-use crate::scattering::physical_optics::{Weigh, specular};
-use crate::scattering::taper::taper;
-use crate::scattering::tile_point::TilePoint;
-
-/// Material points in order, and their weights: one per point, or one per point and channel.
-#[derive(Clone, Debug, Default)]
-pub struct TilePoints {
-    /// The points.
-    pub points: Vec<TilePoint>,
-    /// Weights `(point, channel)`, or `(point,)`: specular weights of [`crate::paths::scatterers::Weight`].
-    pub weights: Vec<Complex64>,
-}
-
-/// Largest distance of an antenna from the middle of the array [m] with weights of the middle: angles of incidence and
-/// polarisation differ by a few degrees at arm's length.
-const SMALL_ARRAY: f64 = 0.025;
-
-/// Largest phase of a cell by which the middle of a pair of antennas may shift its slope for the weights of all
-/// channels to be those of the middle of the array [rad].
-const ONE_WEIGHT: f64 = 0.25;
-
-/// Rule for the weights of the points of all channels.
-#[derive(Clone, Copy)]
-pub enum Channels<'a> {
-    /// The array is small: one weight for all channels.
-    Common,
-    /// One weight per channel.
-    Each(&'a Array, &'a [Material]),
-}
-
-impl<'a> Channels<'a> {
-    /// Rule for an array, a width of the cells of the base grid and the materials of all bodies.
-    pub fn new(array: &'a Array, materials: &'a [Material], width: f64, wavenumber: f64) -> Self {
-        let middles = (0..array.num_channels()).map(|channel| {
-            let [tx, rx] = [channel / array.rx.len(), channel % array.rx.len()];
-            0.5 * (array.tx[tx] + array.rx[rx]).length()
-        });
-        let antennas = array.tx.iter().chain(&array.rx);
-        let is_small = antennas.map(|antenna| antenna.length()).fold(0.0, f64::max) <= SMALL_ARRAY;
-        if is_small && wavenumber * width * middles.fold(0.0, f64::max) <= ONE_WEIGHT {
-            Self::Common
-        } else {
-            Self::Each(array, materials)
-        }
-    }
-
-    /// Number of weights per point.
-    pub fn number(&self) -> usize {
-        match self {
-            Self::Common => 1,
-            Self::Each(array, _) => array.num_channels(),
-        }
-    }
-}
+use crate::scattering::tile_point::{TilePoint, TilePoints};
 
 /// Most groups of a quarter that wait to be joined: one half of every group round a single cell, and both of the last.
 const MOST_GROUPS: usize = 5;
@@ -125,44 +70,32 @@ impl TilePoints {
         self.weights.clear();
     }
 
-    /// Append the points of a quarter. `join`: limits of joined cells, per body; `width`: size
-    /// of the cells in u and v.
+    /// Append the points of a quarter of a tile on a plane.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
-    pub(super) fn add<I: Isa>(
-        &mut self,
-        cells: &Cells,
-        quarter: usize,
-        wavenumber: f64,
-        join: &[Join],
-        width: [f64; 2],
-        channels: &Channels,
-    ) {
+    pub(super) fn add_quarter<I: Isa>(&mut self, context: &Context, cells: &Cells, quarter: usize, plane: &ImagePlane) {
         let first = quarter * PACKET;
-        match channels {
-            Channels::Common => self.add_quarter::<I>(cells, first, wavenumber, join, width),
-            Channels::Each(array, materials) => {
-                for cell in (first..first + PACKET).filter(|cell| cells.hit >> cell & 1 == 1) {
-                    self.add_by_channel(cells, cell, width, array, materials);
-                }
+        if context.has_common_weight {
+            self.add_joined::<I>(context, cells, first, plane);
+        } else {
+            for cell in (first..first + PACKET).filter(|cell| cells.hit >> cell & 1 == 1) {
+                self.add_by_channel(context, cells, cell, plane);
             }
         }
     }
 
     /// Append the point of one cell, unless it has no weight.
-    pub(super) fn add_center(&mut self, cells: &Cells, cell: usize, width: [f64; 2], channels: &Channels) {
-        match channels {
-            Channels::Common if cells.weight[cell] > 0.0 => {
-                self.points.push(point_of(cells, cell, width));
-                self.weights.push(weight_of(cells, cell));
-            }
-            Channels::Common => {}
-            Channels::Each(array, materials) => self.add_by_channel(cells, cell, width, array, materials),
+    pub(super) fn add_center(&mut self, context: &Context, cells: &Cells, cell: usize, plane: &ImagePlane) {
+        if !context.has_common_weight {
+            self.add_by_channel(context, cells, cell, plane);
+        } else if cells.weight[cell] > 0.0 {
+            self.points.push(point_of(cells, cell, plane));
+            self.weights.push(weight_of(cells, cell));
         }
     }
 
     /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
     #[cfg_attr(optimised, inline(always))]
-    fn add_quarter<I: Isa>(&mut self, cells: &Cells, first: usize, wavenumber: f64, join: &[Join], width: [f64; 2]) {
+    fn add_joined<I: Isa>(&mut self, context: &Context, cells: &Cells, first: usize, plane: &ImagePlane) {
         let weight = I::F32::load(&cells.weight[first..]);
         let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
         let lit = is_lit & cells.hits(first / PACKET);
@@ -171,7 +104,7 @@ impl TilePoints {
         }
         let leader = first + lit.trailing_zeros() as usize;
         let slope = [cells.slope[0][leader].abs(), cells.slope[1][leader].abs()];
-        let join = &join[cells.body[leader] as usize];
+        let (join, wavenumber) = (&context.join[cells.body[leader] as usize], context.wavenumber);
         let mut stack = [Group::QUARTER; MOST_GROUPS];
         let mut depth = 1;
         while depth > 0 {
@@ -180,7 +113,7 @@ impl TilePoints {
             let lit = lit & group.cells;
             let number = lit.count_ones();
             if number > 1 {
-                let length = cells.distance[leader] * group.length(width);
+                let length = cells.distance[leader] * group.length([plane.du, plane.dv]);
                 let mut point = None;
                 if join.allows(wavenumber, length) {
                     point = joined::<I>(cells, first, lit, wavenumber, join.phase);
@@ -195,7 +128,7 @@ impl TilePoints {
                 }
             } else if number == 1 {
                 let cell = first + lit.trailing_zeros() as usize;
-                self.points.push(point_of(cells, cell, width));
+                self.points.push(point_of(cells, cell, plane));
                 self.weights.push(weight_of(cells, cell));
             }
         }
@@ -204,59 +137,31 @@ impl TilePoints {
     /// Append the point of a cell with the weight of every channel, whose taper is that of the slopes seen by its
     /// antennas; none if all are zero.
     #[inline(never)]
-    fn add_by_channel(&mut self, cells: &Cells, cell: usize, width: [f64; 2], array: &Array, materials: &[Material]) {
-        let patch = patch_of(cells, cell, width);
-        let Some(area) = patch.area() else { return };
-        let weigh = Weigh {
-            array,
-            sampling: crate::scattering::physical_optics::Sampling::Footprint,
+    fn add_by_channel(&mut self, context: &Context, cells: &Cells, cell: usize, plane: &ImagePlane) {
+        let point = TilePoint {
+            edges: [DVec3::ZERO; 2],
+            ..point_of(cells, cell, plane)
         };
-        let [along_u, along_v] = patch.cell.edges(patch.distance, patch.normal);
-        let start = self.weights.len();
-        for channel in 0..array.num_channels() {
-            let [t, r] = array.directions(channel, patch.point());
-            let response = weigh.response(&materials[patch.body as usize], patch.normal, t, r);
-            let bisector = crate::paths::scatterers::bisector(array.frequency, t, r);
-            let tapers = taper(bisector.dot(along_u)) * taper(bisector.dot(along_v));
-            self.weights.push(specular(&response, area) * tapers);
-        }
-        if self.weights[start..].iter().all(|weight| *weight == Complex64::ZERO) {
-            self.weights.truncate(start);
-        } else {
-            let edges = [DVec3::ZERO; 2];
-            let point = point_of(cells, cell, width);
-            self.points.push(TilePoint { edges, ..point });
-        }
+        let weight = |directions| context.weight(cells, cell, plane, directions);
+        self.add(point, context.sector.array, false, weight);
     }
 }
 
-/// Material point of one cell of a size.
+/// Material point of one cell of a plane.
 #[cfg_attr(optimised, inline(always))]
-pub(super) fn point_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> TilePoint {
-    let mut edges = [DVec3::ZERO; 2];
-    if cells.turning >> cell & 1 == 1 {
-        let (u, v) = (cells.u[cell], cells.v[cell]);
-        edges = Cell { u, v, du, dv }.edges(cells.distance[cell], cells.normal_of(cell));
-    }
+pub(super) fn point_of(cells: &Cells, cell: usize, plane: &ImagePlane) -> TilePoint {
+    let is_turning = cells.turning >> cell & 1 == 1;
     TilePoint {
-        edges,
+        edges: if is_turning {
+            cells.edges(cell, plane)
+        } else {
+            [DVec3::ZERO; 2]
+        },
         position: cells.distance[cell] * cells.direction(cell),
         normal: cells.normal_of(cell),
         body: cells.body[cell],
         triangle: cells.triangle[cell],
         order: 0,
-    }
-}
-
-/// Patch of surface behind a cell of a size.
-pub(super) fn patch_of(cells: &Cells, cell: usize, [du, dv]: [f64; 2]) -> Patch {
-    let (u, v) = (cells.u[cell], cells.v[cell]);
-    Patch {
-        index: cell,
-        body: cells.body[cell],
-        cell: Cell { u, v, du, dv },
-        distance: cells.distance[cell],
-        normal: cells.normal_of(cell),
     }
 }
 

@@ -7,18 +7,17 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::context::Context;
 use super::edges::{Found, Leaves};
 use super::join::Join;
 use super::level::Level;
 use super::pairs::KeptCells;
-use super::place::{Place, base_tiles, planes};
-use super::points::{Channels, TilePoints};
+use super::place::{Place, base_tiles};
 use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
-use super::tile::{ALL, Nearest, Scenery, Tile, Worker};
+use super::tile::{ALL, Nearest, Tile, Worker};
 use crate::antennas::beam::Beam;
 use crate::cancel::Cancel;
-use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Result, fits_memory};
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
@@ -27,9 +26,9 @@ use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
-use crate::scattering::reflection_table::Reflection;
 use crate::scattering::sector::Sector;
-use crate::scattering::tile_point::TilePoint;
+use crate::scattering::surface_image::SurfaceImage;
+use crate::scattering::tile_point::{TilePoint, TilePoints};
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget, without and with edge terms, where
 /// nothing is left out of what is split.
@@ -43,9 +42,6 @@ const OF_STRONGEST: f64 = 0.1;
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
-/// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
-const MOST_TURN: f32 = 0.05;
-
 /// Tiles that one task gathers.
 const CHUNK: usize = 64;
 
@@ -58,6 +54,8 @@ pub struct Tiles {
     pub pieces: Vec<Piece>,
     /// Number of weights per point.
     pub num_weights: usize,
+    /// True if a point has one weight for all channels.
+    pub has_common_weight: bool,
     pub(super) levels: Vec<Level>,
     /// Base plane and beam of every sector.
     sectors: Vec<(ImagePlane, Option<Beam>)>,
@@ -66,8 +64,8 @@ pub struct Tiles {
     /// Cross-section that quarters were refined for [m^2].
     #[cfg(test)]
     pub rcs_floor: f64,
-    /// Number of cells that would have been split, but for the finest level or the budget.
-    pub num_coarse: usize,
+    /// Number of cells that would have been split, but for the finest level or the budget; none without refinement.
+    pub num_coarse: Option<usize>,
     /// Number of cells that hit a body.
     pub num_hit: usize,
     /// Number of cells with a material point.
@@ -89,6 +87,12 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// All of some points.
+    pub fn whole(sector: usize, of_tile: Arc<TilePoints>) -> Self {
+        let range = 0..of_tile.points.len();
+        Self { sector, of_tile, range }
+    }
+
     /// The points.
     pub fn points(&self) -> &[TilePoint] {
         &self.of_tile.points[self.range.clone()]
@@ -120,40 +124,34 @@ impl Tiles {
     /// Cast and refine the tiles of all sectors, of which there is at least one. `previous`: tiles at another time, and
     /// boxes where bodies have moved since, in the axes of every sector; static tiles are taken over.
     pub fn new(sectors: &[Sector], materials: &[Material], previous: Option<(&Self, &[Tree])>) -> Result<Self> {
-        for sector in sectors {
-            sector.refinement.check()?;
+        for Sector { refinement, image, .. } in sectors {
+            refinement.check()?;
+            image.map_or(Ok(()), SurfaceImage::check)?;
         }
-        let own: Vec<Vec<Reflection>> = sectors.iter().map(|sector| reflections(sector, materials)).collect();
         let bases = || sectors.iter().map(|sector| &sector.refinement.base);
         let width = bases().fold(0.0, |width: f64, base| width.max(base.du).max(base.dv));
-        let sceneries: Vec<Scenery> = sectors
+        let contexts: Vec<Context> = sectors
             .iter()
-            .zip(&own)
-            .map(|(sector, own)| scenery(sector, materials, own, width))
+            .map(|sector| Context::new(sector, materials, width))
             .collect();
-        let small_parts: Vec<SmallParts> = sectors
-            .iter()
-            .zip(&sceneries)
-            .map(|(sector, scenery)| {
-                let wavelength = SPEED_OF_LIGHT / sector.array.frequency;
-                SmallParts::new(sector.scene, &sector.refinement, &scenery.planes, wavelength)
-            })
-            .collect();
+        let is_adaptive = sectors[0].refinement.is_adaptive;
+        let adaptive = contexts.iter().filter(|_| is_adaptive);
+        let small_parts: Vec<SmallParts> = adaptive.map(SmallParts::new).collect();
         let previous = previous.filter(|(tiles, _)| {
             let mut sectors = sectors.iter().map(|sector| &sector.refinement).zip(&tiles.sectors);
             let is_alike = sectors.all(|(now, (base, beam))| now.base == *base && now.beam == beam.as_ref());
             // Tiles that a moved body touches are cast anew in any case.
-            let first = &sceneries[0];
+            let first = &contexts[0];
             let mut bodies = first.join.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
             let is_known = |(((now, before), pose), body): (((&Join, &f32), &Pose), u32)| {
-                now.turn == *before || pose != first.scene.pose(body)
+                now.turn == *before || pose != first.sector.scene.pose(body)
             };
-            is_alike && tiles.sectors.len() == sceneries.len() && bodies.all(is_known)
+            is_alike && tiles.sectors.len() == contexts.len() && bodies.all(is_known)
         });
-        let known = previous.map(|(tiles, moved)| Known::new(&sceneries, &tiles.levels, moved));
+        let known = previous.map(|(tiles, moved)| Known::new(&contexts, &tiles.levels, moved));
 
         let mut refine = Refine {
-            sceneries: &sceneries,
+            contexts: &contexts,
             sectors,
             small_parts: &small_parts,
             known: known.as_ref(),
@@ -199,8 +197,8 @@ impl Tiles {
 
     /// Pieces of all quarters that were not split, base tile by base tile and level by level.
     fn gather(levels: Vec<Level>, refine: &Refine) -> Self {
-        let (first, sectors) = (&refine.sceneries[0], refine.sectors);
-        let num_weights = first.channels.number();
+        let (first, sectors) = (&refine.contexts[0], refine.sectors);
+
         let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); levels[0].tiles.len()];
         for (number, level) in levels.iter().enumerate() {
             for (index, base) in level.base.iter().enumerate() {
@@ -216,24 +214,25 @@ impl Tiles {
             Gathered::quarters(&levels, &order)
         };
         let mut counts = refine.counts;
-        counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.nearest.is_empty()).count();
+        counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.rays == 0).count();
         if let Some(known) = refine.known {
             counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
         }
         Self {
             pieces: gathered.pieces,
-            num_weights,
+            num_weights: first.num_weights(),
+            has_common_weight: first.has_common_weight,
             sectors: sectors
                 .iter()
                 .map(|sector| (sector.refinement.base, sector.refinement.beam.cloned()))
                 .collect(),
             turns: first.join.iter().map(|join| join.turn).collect(),
             poses: (0..first.turns.len() as u32)
-                .map(|body| *first.scene.pose(body))
+                .map(|body| *first.sector.scene.pose(body))
                 .collect(),
             #[cfg(test)]
             rcs_floor: refine.floor.unwrap_or(sectors[0].refinement.rcs_floor),
-            num_coarse: refine.num_coarse(&levels),
+            num_coarse: refine.settings().is_adaptive.then(|| refine.num_coarse(&levels)),
             num_hit: gathered.num_hit,
             num_lit: gathered.num_lit,
             farthest: gathered.farthest,
@@ -284,8 +283,8 @@ impl Gathered {
 
     /// Points of the cells that were not split, with edge terms; none after a request to stop.
     fn edge_terms(refine: &Refine, levels: &[Level], order: &[(u32, u32)]) -> Self {
-        let sceneries = refine.sceneries;
-        let leaves = Leaves { sceneries, levels };
+        let contexts = refine.contexts;
+        let leaves = Leaves { contexts, levels };
         let points = |(level, index): &(u32, u32)| match refine.check() {
             Ok(()) => leaves.points(*level as usize, *index as usize),
             Err(_) => Found::default(),
@@ -294,8 +293,8 @@ impl Gathered {
         let mut all = Self::default();
         for (found, (level, index)) in found.into_iter().zip(order) {
             let sector = levels[*level as usize].tiles[*index as usize].place.sector;
-            let range = 0..found.points.points.len();
-            all.add(sector, Arc::new(found.points), range);
+            all.pieces
+                .extend((!found.points.points.is_empty()).then(|| Piece::whole(sector, Arc::new(found.points))));
             all.num_hit += found.num_hit;
             all.num_lit += found.num_lit;
             all.farthest = all.farthest.max(found.farthest);
@@ -314,7 +313,7 @@ impl Gathered {
 #[derive(Clone, Copy)]
 struct Refine<'a> {
     /// Of every sector.
-    sceneries: &'a [Scenery<'a>],
+    contexts: &'a [Context<'a>],
     sectors: &'a [Sector<'a>],
     small_parts: &'a [SmallParts],
     known: Option<&'a Known<'a>>,
@@ -371,9 +370,9 @@ impl Refine<'_> {
                 .and_then(|level| level.known(&wanted.place, wanted.packets));
             let known = here.or_else(|| self.known.and_then(|known| known.tile(wanted)));
             let is_new = known.is_none();
-            let scenery = &self.sceneries[wanted.place.sector];
+            let context = &self.contexts[wanted.place.sector];
             let mut new = || match self.check() {
-                Ok(()) => scenery.tile(worker, wanted.place, wanted.packets),
+                Ok(()) => context.tile(worker, wanted.place, wanted.packets),
                 Err(_) => Tile::not_cast(wanted.place, wanted.packets),
             };
             let tile = known.unwrap_or_else(|| Arc::new(new()));
@@ -391,7 +390,7 @@ impl Refine<'_> {
 
     /// Split the quarters of a level whose residual error is too large; tiles of the next level.
     fn split(&self, level: &mut Level, number: usize) -> Vec<Wanted> {
-        if number >= MAX_LEVEL {
+        if number >= MAX_LEVEL || !self.settings().is_adaptive {
             return Vec::new();
         }
         let tiles = level.tiles.par_iter();
@@ -416,12 +415,12 @@ impl Refine<'_> {
     /// of a mesh.
     fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
         let sector = tile.place.sector;
-        let scenery = &self.sceneries[sector];
-        let allowed = self.allowed(scenery, number);
-        let (set, wavenumber) = (scenery.cast.level, scenery.wavenumber);
+        let context = &self.contexts[sector];
+        let allowed = self.allowed(context, number);
+        let (set, wavenumber) = (context.sector.cast.level, context.wavenumber);
         let adjacent = |place| level.tile(&place);
-        let residual = if scenery.end_points {
-            tile.residual_of_edge_terms(&scenery.planes[number], wavenumber, adjacent)
+        let residual = if self.settings().end_points {
+            tile.residual_of_edge_terms(&context.planes[number], wavenumber, adjacent)
         } else {
             tile.residual_with(set, wavenumber, adjacent)
         };
@@ -433,7 +432,7 @@ impl Refine<'_> {
             let all = u16::from(ALL) << (PACKETS * quarter);
             if number < self.most_forced && self.small_parts[sector].wants(&tile.place, quarter) {
                 wanted |= all;
-            } else if of_quarter(wanted, quarter) != 0 && !scenery.end_points {
+            } else if of_quarter(wanted, quarter) != 0 && !self.settings().end_points {
                 let skips = self.settings().skip_dark;
                 wanted |= if skips { tile.blocks.bright & all } else { all };
             }
@@ -442,10 +441,10 @@ impl Refine<'_> {
     }
 
     /// Allowed residual field per solid angle of a quarter of a level, times distance squared [m^2].
-    fn allowed(&self, scenery: &Scenery, level: usize) -> f64 {
-        let plane = &scenery.planes[level];
+    fn allowed(&self, context: &Context, level: usize) -> f64 {
+        let plane = &context.planes[level];
         let floor = self.floor.unwrap_or(self.settings().rcs_floor);
-        SHARE * field_of(floor, TAU / scenery.wavenumber) / (plane.du * plane.dv)
+        SHARE * field_of(floor, TAU / context.wavenumber) / (plane.du * plane.dv)
     }
 
     /// Settings that all sectors have in common.
@@ -460,7 +459,7 @@ impl Refine<'_> {
         if !self.settings().follows_echo {
             return floor;
         }
-        let wavelength = TAU / self.sceneries[0].wavenumber;
+        let wavelength = TAU / self.contexts[0].wavenumber;
         let cross_section = 4.0 * PI * (strongest / wavelength).powi(2);
         (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
     }
@@ -493,10 +492,10 @@ impl Refine<'_> {
 
 impl<'a> Known<'a> {
     /// Tiles at another time; `moved`: boxes where bodies have moved since, in the axes of every sector.
-    fn new(sceneries: &[Scenery], levels: &'a [Level], moved: &[Tree]) -> Self {
-        let tiles = base_tiles(sceneries.iter().map(|scenery| &scenery.planes[0]));
+    fn new(contexts: &[Context], levels: &'a [Level], moved: &[Tree]) -> Self {
+        let tiles = base_tiles(contexts.iter().map(|context| &context.planes[0]));
         let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
-            sceneries[place.sector].is_static(worker, *place, &moved[place.sector])
+            contexts[place.sector].is_static(worker, *place, &moved[place.sector])
         });
         Self {
             levels,
@@ -513,49 +512,6 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Tables of the reflection coefficients of the materials; none where the settings have them.
-fn reflections(sector: &Sector, materials: &[Material]) -> Vec<Reflection> {
-    if !sector.refinement.reflections.is_empty() {
-        return Vec::new();
-    }
-    let wavelength = SPEED_OF_LIGHT / sector.array.frequency;
-    let table = |material| Reflection::new(material, wavelength, sector.array.polarization);
-    materials.iter().map(table).collect()
-}
-
-/// What the tiles of a sector are evaluated by. `own`: tables in place of those of the settings; `width`: of the widest
-/// cells of any sector.
-fn scenery<'a>(sector: &'a Sector, materials: &'a [Material], own: &'a [Reflection], width: f64) -> Scenery<'a> {
-    let Sector {
-        scene,
-        array,
-        cast,
-        refinement,
-    } = sector;
-    let wavenumber = TAU / (SPEED_OF_LIGHT / array.frequency);
-    let turn = |body| refinement.turns.get(body).map_or(0.0, |turn| *turn as f32);
-    let turns = || (0..scene.num_bodies()).map(turn);
-    let join = turns().zip(0..).map(|(turn, body)| {
-        // Points of a body that deforms lie on triangles; joined points do not turn against each other.
-        let is_rigid = !scene.surface(body).is_deformed();
-        let is_joined = is_rigid && turn <= MOST_TURN;
-        let phase = if is_joined { refinement.join as f32 } else { 0.0 };
-        Join { phase, turn }
-    });
-    Scenery {
-        scene,
-        cast,
-        array,
-        planes: planes(&refinement.base),
-        reflections: if own.is_empty() { refinement.reflections } else { own },
-        channels: Channels::new(array, materials, width, wavenumber),
-        join: join.collect(),
-        turns: turns().map(|turn| if turn > MOST_TURN { turn } else { 0.0 }).collect(),
-        wavenumber,
-        end_points: refinement.end_points,
-    }
-}
-
 /// Nearest hits of the bodies of the tiles of a level, chunk by chunk.
 fn nearest_of_level(level: &Level) -> Vec<Nearest> {
     let chunks = level.tiles.par_chunks(CHUNK);
@@ -566,7 +522,7 @@ fn nearest_of_level(level: &Level) -> Vec<Nearest> {
 }
 
 /// Nearest hit of every body, the first of equal ones, by body.
-pub fn nearest_of(hits: impl Iterator<Item = Nearest>) -> Vec<Nearest> {
+fn nearest_of(hits: impl Iterator<Item = Nearest>) -> Vec<Nearest> {
     let mut nearest: Vec<Option<Nearest>> = Vec::new();
     for hit in hits {
         let body = hit.body as usize;

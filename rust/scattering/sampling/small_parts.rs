@@ -1,11 +1,13 @@
 //! Small parts of meshes: quarters that are refined because rays of coarser cells may miss a connected component.
 
+use std::f64::consts::TAU;
+
+use super::context::Context;
 use super::place::Place;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::SIDE;
-use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
+use crate::scattering::refinement::{MAX_LEVEL, field_of};
 
 /// Number of cells across a part that is not missed.
 const CELLS_ACROSS: f64 = 5.0;
@@ -20,13 +22,14 @@ pub(super) struct SmallParts {
 
 impl SmallParts {
     /// Small parts of all bodies that can have the smallest cross-section of interest.
-    pub(super) fn new(scene: &PosedScene, refinement: &Refinement, planes: &[ImagePlane], wavelength: f64) -> Self {
+    pub(super) fn new(context: &Context) -> Self {
+        let (planes, sector) = (&context.planes, context.sector);
         let mut small = Self {
             levels: vec![Vec::new(); MAX_LEVEL],
             columns: planes.iter().map(|plane| plane.columns.div_ceil(SIDE)).collect(),
         };
-        let field = field_of(refinement.rcs_floor, wavelength);
-        for part in MeshPart::small(scene, &refinement.base, field, CELLS_ACROSS) {
+        let field = field_of(sector.refinement.rcs_floor, TAU / context.wavenumber);
+        for part in MeshPart::small(sector.scene, &planes[0], field, CELLS_ACROSS) {
             small.mark(&part, planes);
         }
         small

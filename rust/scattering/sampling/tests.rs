@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 
-use super::points::TilePoints;
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -16,13 +15,14 @@ use crate::numeric::trig::sinc;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Cast;
 use crate::rays::scene::PosedScene;
-use crate::rays::smooth_hits::SmoothHits;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Material};
-use crate::scattering::patch::patch;
-use crate::scattering::refinement::{MAX_LEVEL, Refinement, field_of};
+use crate::scattering::refinement::{MAX_LEVEL, Refinement, Sampling, field_of};
+use crate::scattering::reflection_table::Reflection;
 use crate::scattering::sector::Sector;
+use crate::scattering::surface_image::SurfaceImage;
 use crate::scattering::taper::taper;
+use crate::scattering::tile_point::TilePoints;
 
 const FREQUENCY: f64 = 60e9;
 const WAVENUMBER: f64 = TAU * FREQUENCY / SPEED_OF_LIGHT;
@@ -91,6 +91,8 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
 fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
     Refinement {
         base,
+        sampling: Sampling::Footprint,
+        is_adaptive: true,
         rcs_floor,
         follows_echo: false,
         budget: None,
@@ -99,7 +101,6 @@ fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
         join: 0.0,
         skip_dark: true,
         turns: &[],
-        reflections: &[],
     }
 }
 
@@ -110,11 +111,15 @@ fn tiles(scene: &PosedScene, refinement: &Refinement) -> Tiles {
 
 /// The one sector of a field of view.
 fn sector<'a>(scene: &'a PosedScene, array: &'a Array, refinement: &Refinement<'a>) -> Sector<'a> {
+    static CONDUCTORS: [Reflection; 4] = [const { Reflection::Constant([-1.0, 0.0]) }; 4];
     Sector {
         scene,
+        image: None,
         array,
+        reflections: &CONDUCTORS,
         cast: Cast::default(),
         refinement: *refinement,
+        seed: 0,
     }
 }
 
@@ -151,19 +156,16 @@ fn decibels(ratio: f64) -> f64 {
 /// Transfer function of the pixels of an image, tapered.
 fn of_pixels(scene: &PosedScene, plane: &ImagePlane) -> Complex64 {
     let hits = scene.cast_image(plane).unwrap();
-    let smooth = SmoothHits::new(scene, &hits);
-    (0..plane.num_pixels())
-        .filter_map(|pixel| patch(&hits, &smooth, pixel))
-        .filter_map(|patch| {
-            let direction = patch.cell.direction();
-            let cosine = -patch.normal.dot(direction);
-            let tapers = patch.cell.edges(patch.distance, patch.normal);
-            let tapers = tapers.map(|edge| taper(WAVENUMBER * edge.dot(direction)));
-            let weight = Complex64::new(0.0, -patch.area()? * tapers[0] * tapers[1] / (8.0 * PI));
-            let turn = Complex64::cis(-2.0 * WAVENUMBER * patch.distance);
-            Some(weight * 2.0 * cosine * turn / patch.distance.powi(2))
-        })
-        .sum()
+    let is_hit = |pixel: &usize| hits.surface_distance[*pixel].is_finite();
+    let of_pixel = |pixel: usize| {
+        let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
+        let (distance, normal) = (hits.surface_distance[pixel], DVec3::from_array(hits.normal[pixel]));
+        let direction = cell.direction();
+        let tapers = cell.edges(distance, normal).map(|edge| taper(WAVENUMBER * edge.dot(direction)));
+        let weight = Complex64::new(0.0, -cell.solid_angle() * tapers[0] * tapers[1] / (8.0 * PI));
+        weight * 2.0 * Complex64::cis(-2.0 * WAVENUMBER * distance)
+    };
+    (0..plane.num_pixels()).filter(is_hit).map(of_pixel).sum()
 }
 
 #[test]
@@ -172,8 +174,16 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
     // The finest plane of few cells has millions of pixels.
     let coarse = ImagePlane::centered(11, 10, 0.1, 0.12);
     let fine = ImagePlane::centered(1, 9, 0.1, 0.12);
-    for (base, rcs_floor, level) in [(coarse, 1e6, 0), (fine, 1e-30, MAX_LEVEL)] {
-        let tiles = tiles(&scene, &refinement(base, rcs_floor));
+    for (base, rcs_floor, is_adaptive, level) in [
+        (coarse, 1.0, false, 0),
+        (coarse, 1e6, true, 0),
+        (fine, 1e-30, true, MAX_LEVEL),
+    ] {
+        let settings = Refinement {
+            is_adaptive,
+            ..refinement(base, rcs_floor)
+        };
+        let tiles = tiles(&scene, &settings);
         let plane = base.divided(1 << level);
         let expected = of_pixels(&scene, &plane);
         let got = transfer(&tiles.points(), WAVENUMBER);
@@ -182,7 +192,52 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
             "{level}: {got} {expected}"
         );
         assert_eq!(tiles.num_hit, plane.num_pixels());
-        assert_eq!(tiles.num_coarse > 0, level > 0);
+        assert_eq!(tiles.num_coarse.map(|number| number > 0), is_adaptive.then_some(level > 0));
+    }
+}
+
+#[test]
+fn image_of_the_hits_of_rays_has_their_points() {
+    let plane = ImagePlane::centered(45, 50, 0.3, 0.3);
+    let (materials, array) = ([CONDUCTOR; 2], array());
+    let scene = PosedScene::new(
+        vec![sphere(0.1), plates(&[[0.0, 0.0, 0.3, 0.3]])],
+        vec![at(1.0, 0.1, 0.0), at(1.6, -0.3, 0.1)],
+    );
+    let hits = scene.cast_image(&plane).unwrap();
+    let number = plane.num_pixels();
+    let image = SurfaceImage {
+        plane,
+        distance: hits.surface_distance,
+        normal: hits.normal.into_iter().map(DVec3::from_array).collect(),
+        reflection: vec![Complex64::from(-1.0); number],
+        albedo: vec![0.0; number],
+        body: hits.body.into_iter().map(u32::cast_signed).collect(),
+        num_bodies: 2,
+        range_rate: None,
+        age: 0.0,
+    };
+    for sampling in [Sampling::Footprint, Sampling::Point] {
+        let settings = Refinement {
+            sampling,
+            is_adaptive: false,
+            ..refinement(plane, 1.0)
+        };
+        let of_scene = sector(&scene, &array, &settings);
+        let of_image = Sector {
+            image: Some(&image),
+            ..of_scene
+        };
+        let [rays, pixels] =
+            [of_scene, of_image].map(|sector| Tiles::new(&[sector], &materials, None).unwrap().points());
+        assert_eq!(rays.points.len(), pixels.points.len());
+        for (one, other) in rays.points.iter().zip(&pixels.points) {
+            assert_eq!((one.position, one.normal, one.body), (other.position, other.normal, other.body));
+        }
+        let largest = rays.weights.iter().map(|weight| weight.norm()).fold(0.0, f64::max);
+        for (one, other) in rays.weights.iter().zip(&pixels.weights) {
+            assert!((one - other).norm() < 1e-6 * largest, "{one} {other}");
+        }
     }
 }
 
@@ -352,8 +407,8 @@ fn budget_is_kept_by_a_larger_residual_error_everywhere() {
         ..refinement(base, 1e-5)
     };
     let limited = tiles(&scene, &settings);
-    assert!(free.counts.rays > budget && free.num_coarse == 0);
-    assert!(limited.rcs_floor > 1e-5 && limited.num_coarse > 0);
+    assert!(free.counts.rays > budget && free.num_coarse == Some(0));
+    assert!(limited.rcs_floor > 1e-5 && limited.num_coarse > Some(0));
     let [free, limited] = [free, limited].map(|tiles| transfer(&tiles.points(), WAVENUMBER));
     assert!((free - limited).norm() < 0.2 * free.norm());
 }
@@ -371,7 +426,7 @@ fn budget_is_kept_where_small_parts_alone_exceed_it() {
         };
         let found = tiles(&scene, &settings);
         assert!(found.num_rays() <= budget, "{} of {budget}", found.num_rays());
-        assert!(found.num_coarse > 0);
+        assert!(found.num_coarse > Some(0));
     }
 }
 

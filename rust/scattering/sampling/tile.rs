@@ -3,41 +3,22 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use num_complex::Complex64;
+
 use super::border::Border;
 use super::cells::Cells;
-use super::join::Join;
+use super::context::Context;
 use super::pairs::{self, CellEcho, KeptCells};
 use super::place::Place;
-use super::points::{Channels, TilePoints};
 use super::residual::{BLOCKS, Blocks, Echoes};
-use crate::antennas::array::Array;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{Cell, ImagePlane, TILE, Tile as Pixels};
 use crate::rays::facets::HALF;
-use crate::rays::hits::Cast;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
-use crate::rays::scene::PosedScene;
 use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
-use crate::scattering::reflection_table::Reflection;
-
-/// Scene, antennas and tables that tiles are evaluated by.
-pub(super) struct Scenery<'a> {
-    pub(super) scene: &'a PosedScene,
-    pub(super) cast: &'a Cast<'a>,
-    pub(super) array: &'a Array,
-    /// Image planes of all levels.
-    pub(super) planes: Vec<ImagePlane>,
-    pub(super) reflections: &'a [Reflection],
-    pub(super) channels: Channels<'a>,
-    /// Limits of joined points, per body.
-    pub(super) join: Vec<Join>,
-    /// Angle by which every body turns [rad]; 0 where its cells keep their tapers.
-    pub(super) turns: Vec<f32>,
-    pub(super) wavenumber: f64,
-    /// True if cells with a fast phase have edge terms: tiles keep their cells in place of points.
-    pub(super) end_points: bool,
-}
+use crate::scattering::refinement::Sampling;
+use crate::scattering::tile_point::TilePoints;
 
 /// Bits of all packets of a tile.
 pub(super) const ALL: u8 = (1 << PACKETS) - 1;
@@ -100,11 +81,11 @@ impl Worker {
     }
 }
 
-impl Scenery<'_> {
+impl Context<'_> {
     /// Cast and evaluate some packets of a tile, a bit each.
     pub(super) fn tile(&self, worker: &mut Worker, place: Place, packets: u8) -> Tile {
-        self.cast.level.run(Evaluate {
-            scenery: self,
+        self.sector.cast.level.run(Evaluate {
+            context: self,
             worker,
             place,
             packets,
@@ -113,8 +94,8 @@ impl Scenery<'_> {
 
     /// True if no ray of a tile may meet a box of a tree.
     pub(super) fn is_static(&self, worker: &mut Worker, place: Place, moved: &Tree) -> bool {
-        self.cast.level.run(Meets {
-            scenery: self,
+        self.sector.cast.level.run(Meets {
+            context: self,
             worker,
             place,
             moved,
@@ -125,13 +106,23 @@ impl Scenery<'_> {
     fn gain(&self, plane: &ImagePlane, pixels: &Pixels) -> f64 {
         let u = (plane.axis_column - (pixels.column as f64 + 0.5 * pixels.columns as f64)) * plane.du;
         let v = (plane.axis_row - (pixels.row as f64 + 0.5 * pixels.rows as f64)) * plane.dv;
-        self.array.relative_gain(u, v)
+        self.sector.array.relative_gain(u, v)
+    }
+
+    /// Weights of cells for antennas in the middle of the array, with their diffuse power.
+    fn weigh_with_diffuse(&self, cells: &mut Cells, plane: &ImagePlane) {
+        for cell in (0..MOST_RAYS).filter(|cell| cells.hit >> cell & 1 == 1) {
+            let weight = self.weight(cells, cell, plane, [cells.direction(cell); 2]);
+            cells.weight[cell] = if weight == Complex64::ZERO { 0.0 } else { 1.0 };
+            // The weight is j times the reflection.
+            (cells.reflection[0][cell], cells.reflection[1][cell]) = (weight.im as f32, -weight.re as f32);
+        }
     }
 }
 
 /// Kernel that evaluates a tile.
 struct Evaluate<'a> {
-    scenery: &'a Scenery<'a>,
+    context: &'a Context<'a>,
     worker: &'a mut Worker,
     place: Place,
     packets: u8,
@@ -143,12 +134,12 @@ impl Kernel for Evaluate<'_> {
     #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> Tile {
         let Self {
-            scenery,
+            context,
             worker: Worker { scratch, cells, points },
             place,
             packets,
         } = self;
-        let plane = &scenery.planes[place.level];
+        let (sector, plane) = (context.sector, &context.planes[place.level]);
         let Some(pixels) = place.pixels(plane) else {
             return Tile::unseen(place, packets);
         };
@@ -156,53 +147,57 @@ impl Kernel for Evaluate<'_> {
         if packets != ALL {
             scratch.rays.keep(u32::from(packets));
         }
-        if scenery.cast.is_outside(&scratch.rays) {
+        if sector.cast.is_outside(&scratch.rays) {
             return Tile::unseen(place, packets);
         }
         let (rows, columns) = (pixels.rows, pixels.columns);
-        if scenery.scene.search::<I>(scratch, scenery.cast) {
+        if let Some(image) = sector.image {
+            cells.read(&scratch.rays, image, &pixels);
+            scratch.distance = cells.distance;
+        } else if sector.scene.search::<I>(scratch, &sector.cast) {
             return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), 0);
+        } else {
+            let (rays, hits) = (&scratch.rays, &scratch.hits);
+            sector.scene.measure::<I>(rays, hits, &mut scratch.distance);
+            let distance = &scratch.distance;
+            scratch
+                .shade
+                .fill::<I, true>(sector.scene, rays, &hits.body, &hits.triangle, distance);
+            cells.take(scratch);
         }
-        scenery
-            .scene
-            .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
-        let (hits, distance) = (&scratch.hits, &scratch.distance);
-        scratch
-            .shade
-            .fill::<I, true>(scenery.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
 
-        let gain = scenery.gain(plane, &pixels);
-        cells.evaluate::<I>(
-            scratch,
-            plane,
-            scenery.wavenumber,
-            gain,
-            (scenery.reflections, &scenery.turns),
-        );
+        let gain = context.gain(plane, &pixels);
+        let tables = (sector.reflections, &*context.turns);
+        cells.evaluate::<I>(plane, context.wavenumber, gain, tables);
         let rays = cells.valid.count_ones() as usize;
         if cells.hit == 0 {
             return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
         }
-        let echoes = Echoes::new::<I>(cells);
-        let border = Border::new(&echoes, cells, rows, columns);
-        let mut tile = Tile::without_hits(place, packets, border, rays);
-        tile.blocks = Blocks::new::<I>(&echoes);
+        let mut tile = Tile::without_hits(place, packets, Border::OUTSIDE, rays);
         find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
-        cells.weigh::<I>();
-        if place.level == 0 {
+        let refinement = &sector.refinement;
+        if refinement.is_adaptive {
+            let echoes = Echoes::new::<I>(cells);
+            tile.border = Border::new(&echoes, cells, rows, columns);
+            tile.blocks = Blocks::new::<I>(&echoes);
+        }
+        if context.has_diffuse_cells {
+            context.weigh_with_diffuse(cells, plane);
+        } else if refinement.sampling == Sampling::Footprint {
+            cells.weigh::<I>();
+        }
+        if place.level == 0 && refinement.is_adaptive {
             tile.echo = cells.echo();
         }
-        if scenery.end_points {
-            let (wavenumber, channels) = (scenery.wavenumber, &scenery.channels);
-            tile.kept = Some(Box::new(KeptCells::new(cells, plane, wavenumber, channels)));
+        if refinement.end_points {
+            tile.kept = Some(Box::new(KeptCells::new(cells, plane, context)));
             return tile;
         }
         points.clear();
         for quarter in 0..PACKETS {
             let hit = cells.hits(quarter);
             if hit != 0 {
-                let (wavenumber, width) = (scenery.wavenumber, [plane.du, plane.dv]);
-                points.add::<I>(cells, quarter, wavenumber, &scenery.join, width, &scenery.channels);
+                points.add_quarter::<I>(context, cells, quarter, plane);
                 let weight = I::F32::load(&cells.weight[quarter * PACKET..]);
                 let silent = hit & weight.at_most(<I::F32 as Vector>::splat(0.0));
                 tile.hits[quarter] = hit.count_ones() as usize;
@@ -215,9 +210,9 @@ impl Kernel for Evaluate<'_> {
     }
 }
 
-/// Kernel of [`Scenery::is_static`].
+/// Kernel of [`Context::is_static`].
 struct Meets<'a> {
-    scenery: &'a Scenery<'a>,
+    context: &'a Context<'a>,
     worker: &'a mut Worker,
     place: Place,
     moved: &'a Tree,
@@ -228,7 +223,7 @@ impl Kernel for Meets<'_> {
 
     #[cfg_attr(optimised, inline(always))] // see `Kernel`
     fn run<I: Isa>(self) -> bool {
-        let plane = &self.scenery.planes[self.place.level];
+        let plane = &self.context.planes[self.place.level];
         let Some(pixels) = self.place.pixels(plane) else {
             return true;
         };
@@ -363,17 +358,11 @@ fn find_nearest<I: Isa>(
             mine &= mine - 1;
             at = mine.trailing_zeros() as usize % MOST_RAYS;
         }
-        let cell = Cell {
-            u: cells.u[at],
-            v: cells.v[at],
-            du: plane.du,
-            dv: plane.dv,
-        };
         found.push(Nearest {
             body,
             triangle: cells.triangle[at],
             distance: distances[at],
-            cell,
+            cell: cells.cell(at, plane),
             sector,
         });
     }

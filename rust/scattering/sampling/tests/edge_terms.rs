@@ -1,6 +1,6 @@
 use super::super::pairs::KeptCells;
 use super::super::place::CellPlace;
-use super::super::points::Channels;
+use super::super::context::Context;
 use super::super::residual::block;
 use super::*;
 use crate::rays::camera::TILE;
@@ -90,14 +90,15 @@ fn inside_of_an_oblique_wall_is_neither_split_nor_summed() {
 
 #[test]
 fn terms_of_all_cells_add_up_to_those_that_are_kept() {
-    let found = tiles(&scene(), &ends(1e-5));
+    let (scene, array, settings) = (scene(), array(), ends(1e-5));
+    let (found, sector) = (tiles(&scene, &settings), sector(&scene, &array, &settings));
+    let context = Context::new(&sector, &[CONDUCTOR; 3], BASE.du);
     let mut all = TilePoints::default();
     for (place, kept) in leaves(&found) {
         let Some((KeptCells { cells, .. }, cell)) = kept.filter(|(kept, cell)| kept.cells.hit >> cell & 1 == 1) else {
             continue;
         };
         let plane = BASE.divided(1 << place.level);
-        let width = [plane.du, plane.dv];
         let [u, v] = kept
             .unwrap()
             .0
@@ -105,9 +106,9 @@ fn terms_of_all_cells_add_up_to_those_that_are_kept() {
             .map(|is_steep| if is_steep { &[-1, 1][..] } else { &[0] });
         for sides in u.iter().flat_map(|u| v.iter().map(move |v| [*u, *v])) {
             if sides == [0, 0] {
-                all.add_center(cells, cell, width, &Channels::Common);
+                all.add_center(&context, cells, cell, &plane);
             } else {
-                all.add_edge_term(cells, cell, width, sides, WAVENUMBER, &Channels::Common);
+                all.add_edge_term(&context, cells, cell, &plane, sides);
             }
         }
     }

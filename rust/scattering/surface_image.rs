@@ -1,16 +1,16 @@
-//! Depth images of other programs: distance, normal and reflection of every pixel.
+//! Images of other programs: distance, normal and reflection of the surface in every pixel.
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-use crate::error::{Error, Result, fits_memory};
+use crate::error::{Error, Result};
 use crate::rays::camera::ImagePlane;
-use crate::scattering::material_points::POINT_SIZE;
-use crate::scattering::patch::Patch;
+use crate::rays::scene::NO_BODY;
+use crate::scattering::material::Response;
 
 /// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor
 /// frame at the time of the image.
-pub struct Surfels {
+pub struct SurfaceImage {
     /// Image plane.
     pub plane: ImagePlane,
     /// Distance along the ray [m]; no return where it is not a positive, finite number.
@@ -25,13 +25,16 @@ pub struct Surfels {
     pub body: Vec<i32>,
     /// Number of bodies.
     pub num_bodies: usize,
+    /// Range rate of every pixel beside the motion of its body [m/s]; none: all zero.
+    pub range_rate: Option<Vec<f64>>,
+    /// Time of the start of the frame after that of the image [s].
+    pub age: f64,
 }
 
-impl Surfels {
+impl SurfaceImage {
     /// Check the image plane and the numbers of the bodies.
-    pub(crate) fn check(&self) -> Result<()> {
+    pub fn check(&self) -> Result<()> {
         self.plane.check()?;
-        fits_memory("scatterers", &[self.plane.rows, self.plane.columns], POINT_SIZE)?;
         let is_beyond = |body: &&i32| usize::try_from(**body).is_ok_and(|body| body >= self.num_bodies);
         match self.body.iter().find(is_beyond) {
             Some(body) => Err(Error::value("body", format!("numbers below {}", self.num_bodies), body)),
@@ -39,18 +42,21 @@ impl Surfels {
         }
     }
 
-    /// Patch of surface of one pixel; none without a return.
-    pub(crate) fn patch(&self, pixel: usize) -> Option<Patch> {
+    /// Number of the body in a pixel, or [`NO_BODY`].
+    pub fn body_of(&self, pixel: usize) -> u32 {
         let (distance, normal) = (self.distance[pixel], self.normal[pixel]);
-        if !(distance > 0.0 && distance.is_finite() && normal.is_finite()) {
-            return None;
+        if distance > 0.0 && distance.is_finite() && normal.is_finite() {
+            u32::try_from(self.body[pixel]).unwrap_or(NO_BODY)
+        } else {
+            NO_BODY
         }
-        Some(Patch {
-            index: pixel,
-            body: u32::try_from(self.body[pixel]).ok()?,
-            cell: self.plane.cell(pixel / self.plane.columns, pixel % self.plane.columns),
-            distance,
-            normal,
-        })
+    }
+
+    /// Response of the surface in a pixel, at every angle.
+    pub fn response_of(&self, pixel: usize) -> Response {
+        Response {
+            reflection: self.reflection[pixel],
+            albedo: self.albedo[pixel],
+        }
     }
 }

@@ -1,0 +1,137 @@
+//! Sector, tables and limits that tiles are evaluated with.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::Complex64;
+
+use super::cells::Cells;
+use super::join::Join;
+use super::place::planes;
+use crate::antennas::array::Array;
+use crate::constants::SPEED_OF_LIGHT;
+use crate::numeric::random::mix;
+use crate::paths::scatterers::bisector;
+use crate::rays::camera::ImagePlane;
+use crate::scattering::material::Material;
+use crate::scattering::refinement::Sampling;
+use crate::scattering::sector::Sector;
+use crate::scattering::taper::taper;
+
+/// Angle by which a body turns [rad] beyond which the phase over a cell is followed, and points are not joined.
+const MOST_TURN: f32 = 0.05;
+
+/// Largest distance of an antenna from the middle of the array [m] with weights of the middle: angles of incidence and
+/// polarisation differ by a few degrees at arm's length.
+const SMALL_ARRAY: f64 = 0.025;
+
+/// Largest phase of a cell by which the middle of a pair of antennas may shift its slope for the weights of all
+/// channels to be those of the middle of the array [rad].
+const ONE_WEIGHT: f64 = 0.25;
+
+/// Sector, tables and limits that tiles are evaluated with.
+pub(super) struct Context<'a> {
+    pub(super) sector: &'a Sector<'a>,
+    pub(super) materials: &'a [Material],
+    /// Image planes of all levels.
+    pub(super) planes: Vec<ImagePlane>,
+    /// True if the array is small: points have one weight for all channels, otherwise one each.
+    pub(super) has_common_weight: bool,
+    /// True if cells have diffuse power: no random points stand for it.
+    pub(super) has_diffuse_cells: bool,
+    /// Limits of joined points, per body.
+    pub(super) join: Vec<Join>,
+    /// Angle by which every body turns [rad]; 0 where its cells keep their tapers.
+    pub(super) turns: Vec<f32>,
+    pub(super) wavenumber: f64,
+}
+
+impl<'a> Context<'a> {
+    /// Context of a sector; `width`: of the widest cells of any sector.
+    pub(super) fn new(sector: &'a Sector, materials: &'a [Material], width: f64) -> Self {
+        let (scene, refinement) = (sector.scene, &sector.refinement);
+        let wavenumber = TAU / (SPEED_OF_LIGHT / sector.array.frequency);
+        let is_point = refinement.sampling == Sampling::Point;
+        let turn = |body| refinement.turns.get(body).map_or(0.0, |turn| *turn as f32);
+        let turns = || (0..scene.num_bodies()).map(turn);
+        let join = turns().zip(0..).map(|(turn, body)| {
+            // Points of a body that deforms lie on triangles; joined points do not turn against each other.
+            let is_rigid = !scene.surface(body).is_deformed();
+            let is_joined = is_rigid && turn <= MOST_TURN;
+            let phase = if is_joined { refinement.join as f32 } else { 0.0 };
+            Join { phase, turn }
+        });
+        let follows = |turn: f32| turn > MOST_TURN && !is_point;
+        Self {
+            sector,
+            materials,
+            planes: planes(&refinement.base),
+            has_common_weight: is_small(sector.array, width, wavenumber),
+            has_diffuse_cells: sector.image.is_some() || is_point && materials.iter().any(Material::is_diffuse),
+            join: join.collect(),
+            turns: turns().map(|turn| if follows(turn) { turn } else { 0.0 }).collect(),
+            wavenumber,
+        }
+    }
+
+    /// Number of weights of a point.
+    pub(super) fn num_weights(&self) -> usize {
+        if self.has_common_weight {
+            1
+        } else {
+            self.sector.array.num_channels()
+        }
+    }
+
+    /// Material of the surface behind a cell.
+    pub(super) fn material(&self, cells: &Cells, cell: usize) -> Material {
+        match self.sector.image {
+            Some(image) => Material::Constant(image.response_of(cells.triangle[cell] as usize)),
+            None => self.materials[cells.body[cell] as usize],
+        }
+    }
+
+    /// Weight of the point of a cell for antennas in unit directions.
+    pub(super) fn weight(&self, cells: &Cells, cell: usize, plane: &ImagePlane, directions: [DVec3; 2]) -> Complex64 {
+        let array = self.sector.array;
+        let (area, normal) = (cells.area(cell, plane), cells.normal_of(cell));
+        let response = self.material(cells, cell).response_to(array, normal, directions);
+        let mut weight = response.specular(area);
+        let is_tapered = self.sector.refinement.sampling == Sampling::Footprint;
+        if is_tapered && weight != Complex64::ZERO {
+            let bisector = bisector(array.frequency, directions[0], directions[1]);
+            weight *= cells
+                .edges(cell, plane)
+                .map(|edge| taper(bisector.dot(edge)))
+                .iter()
+                .product::<f64>();
+        }
+        if self.has_diffuse_cells {
+            let wavelength = SPEED_OF_LIGHT / array.frequency;
+            weight += self.phasor(cells.triangle[cell]) * response.diffuse(area, wavelength, normal, directions);
+        }
+        weight
+    }
+
+    /// Phase factor of the diffuse power of a cell: random for every pixel of an image of another program.
+    fn phasor(&self, pixel: u32) -> Complex64 {
+        match self.sector.refinement.sampling {
+            Sampling::Point => Complex64::ONE,
+            Sampling::Footprint => {
+                let random = mix(mix(self.sector.seed) ^ u64::from(pixel)) >> 11;
+                Complex64::cis(TAU * random as f64 / (1_u64 << 53) as f64)
+            }
+        }
+    }
+}
+
+/// True if one weight does for all channels of an array, with cells of a width at most.
+fn is_small(array: &Array, width: f64, wavenumber: f64) -> bool {
+    let middles = (0..array.num_channels()).map(|channel| {
+        let [tx, rx] = [channel / array.rx.len(), channel % array.rx.len()];
+        0.5 * (array.tx[tx] + array.rx[rx]).length()
+    });
+    let antennas = array.tx.iter().chain(&array.rx);
+    antennas.map(|antenna| antenna.length()).fold(0.0, f64::max) <= SMALL_ARRAY
+        && wavenumber * width * middles.fold(0.0, f64::max) <= ONE_WEIGHT
+}
