@@ -61,12 +61,12 @@ impl Scatterers {
         let mut is_turning = false;
         for (number, piece) in (0..).zip(&pieces) {
             for (point, at) in piece.points().iter().zip(0..) {
-                let group = usize::from(point.order) * num_bodies + point.body as usize;
+                let group = usize::from(piece.order(at as usize)) * num_bodies + point.body as usize;
                 if groups.len() <= group {
                     groups.resize(group + 1, Vec::new());
                 }
                 groups[group].push((number, at));
-                is_turning |= point.edges != [DVec3::ZERO; 2];
+                is_turning |= piece.edges(at as usize) != [DVec3::ZERO; 2];
             }
         }
         let mut order: Vec<usize> = (0..groups.len()).collect();
@@ -88,19 +88,21 @@ impl Scatterers {
         };
         let (position, normal) = points().map(place).unzip();
         let corners = |number: &(u32, u32)| frame(number).1.corners();
+        let piece = |number: &(u32, u32)| (pieces[number.0 as usize], number.1 as usize);
         let edges = |number: &(u32, u32)| {
-            let (point, frame) = frame(number);
-            frame.edges(point.edges)
+            let (piece, point) = piece(number);
+            frame(number).1.edges(piece.edges(point))
+        };
+        let order = |number: &(u32, u32)| {
+            let (piece, point) = piece(number);
+            piece.order(point)
         };
         let weights = |(piece, point): &(u32, u32)| pieces[*piece as usize].weights(*point as usize, num_weights);
         let has_orders = groups.len() > num_bodies;
         Self {
             array,
             body: points().map(|number| point(number).body).collect(),
-            frequency_exponent: points()
-                .filter(|_| has_orders)
-                .map(|number| point(number).order)
-                .collect(),
+            frequency_exponent: points().filter(|_| has_orders).map(order).collect(),
             corners: points().filter(|_| is_deformed).map(corners).collect(),
             position,
             normal,
@@ -161,8 +163,6 @@ impl DiffuseSurface<'_> {
             normal,
             body: self.body,
             triangle,
-            edges: [DVec3::ZERO; 2],
-            order: 0,
         };
         points.add(point, self.array, self.has_common_weight, weight);
     }

@@ -16,11 +16,6 @@ pub struct TilePoint {
     pub body: u32,
     /// Number of the triangle, or of the pixel of an image of another program.
     pub triangle: u32,
-    /// Edges of the cell on the surface that the field is a mean over, where the body turns or beside an edge term [m];
-    /// zero otherwise.
-    pub edges: [DVec3; 2],
-    /// Power of the frequency by which the field falls: number of axes of an edge term.
-    pub order: u8,
 }
 
 /// Points in order, and their weights: one per point, or one per point and channel.
@@ -30,9 +25,54 @@ pub struct TilePoints {
     pub points: Vec<TilePoint>,
     /// Weights `(point, channel)`, or `(point,)`; see [`crate::paths::scatterers::Scatterers`].
     pub weights: Vec<Complex64>,
+    /// Edges of the cell on the surface that the field of a point is a mean over, where bodies turn and beside edge terms
+    /// [m]; zero for the points that are missing.
+    edges: Vec<[DVec3; 2]>,
+    /// Power of the frequency by which the field of a point falls, of edge terms; zero for the points that are missing.
+    orders: Vec<u8>,
 }
 
 impl TilePoints {
+    /// Edges of the cell of a point on the surface [m].
+    pub fn edges(&self, point: usize) -> [DVec3; 2] {
+        self.edges.get(point).copied().unwrap_or_default()
+    }
+
+    /// Power of the frequency by which the field of a point falls.
+    pub fn order(&self, point: usize) -> u8 {
+        self.orders.get(point).copied().unwrap_or_default()
+    }
+
+    /// Set the edges of the last point [m].
+    pub fn set_edges(&mut self, edges: [DVec3; 2]) {
+        self.edges.resize(self.points.len() - 1, [DVec3::ZERO; 2]);
+        self.edges.push(edges);
+    }
+
+    /// Set the power of the frequency by which the field of the last point falls.
+    pub fn set_order(&mut self, order: u8) {
+        self.orders.resize(self.points.len() - 1, 0);
+        self.orders.push(order);
+    }
+
+    /// Copy without spare memory.
+    pub fn copy(&self) -> Self {
+        Self {
+            points: self.points.as_slice().to_vec(),
+            weights: self.weights.as_slice().to_vec(),
+            edges: self.edges.as_slice().to_vec(),
+            orders: self.orders.as_slice().to_vec(),
+        }
+    }
+
+    /// Remove all points.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.weights.clear();
+        self.edges.clear();
+        self.orders.clear();
+    }
+
     /// Append a point, unless it has no power. `weight`: that for antennas in two unit directions.
     pub fn add(
         &mut self,

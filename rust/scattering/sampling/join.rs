@@ -104,8 +104,6 @@ pub(super) fn joined<I: Isa>(
         normal,
         body,
         triangle: cells.triangle[leader],
-        edges: [DVec3::ZERO; 2],
-        order: 0,
     };
     (cosine > 0.0).then_some((point, weight))
 }

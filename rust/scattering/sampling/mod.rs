@@ -16,10 +16,9 @@
 mod border;
 mod cells;
 mod context;
-mod edges;
+mod edge_terms;
 mod join;
 mod level;
-mod pairs;
 mod place;
 mod points;
 mod refine;

@@ -1,6 +1,5 @@
 //! Material points of the cells of a tile.
 
-use glam::DVec3;
 use num_complex::Complex64;
 
 use super::cells::Cells;
@@ -56,20 +55,6 @@ impl Group {
 }
 
 impl TilePoints {
-    /// Copy without spare memory.
-    pub(super) fn copy(&self) -> Self {
-        Self {
-            points: self.points.as_slice().to_vec(),
-            weights: self.weights.as_slice().to_vec(),
-        }
-    }
-
-    /// Remove all points.
-    pub(super) fn clear(&mut self) {
-        self.points.clear();
-        self.weights.clear();
-    }
-
     /// Append the points of a quarter of a tile on a plane.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
     pub(super) fn add_quarter<I: Isa>(&mut self, context: &Context, cells: &Cells, quarter: usize, plane: &ImagePlane) {
@@ -88,8 +73,22 @@ impl TilePoints {
         if !context.has_common_weight {
             self.add_by_channel(context, cells, cell, plane);
         } else if cells.weight[cell] > 0.0 {
-            self.points.push(point_of(cells, cell, plane));
-            self.weights.push(weight_of(cells, cell));
+            self.add_cell(cells, cell, plane);
+        }
+    }
+
+    /// Append the point of one cell, `(j / 8 pi) Gamma dA T T`. Its field is a mean over the cell where the body turns.
+    #[cfg_attr(optimised, inline(always))] // part of a kernel
+    fn add_cell(&mut self, cells: &Cells, cell: usize, plane: &ImagePlane) {
+        let weight = f64::from(cells.weight[cell]);
+        let [re, im] = &cells.reflection;
+        self.points.push(point_of(cells, cell));
+        self.weights.push(Complex64::new(
+            -f64::from(im[cell]) * weight,
+            f64::from(re[cell]) * weight,
+        ));
+        if cells.turning >> cell & 1 == 1 {
+            self.set_edges(cells.edges(cell, plane));
         }
     }
 
@@ -128,8 +127,7 @@ impl TilePoints {
                 }
             } else if number == 1 {
                 let cell = first + lit.trailing_zeros() as usize;
-                self.points.push(point_of(cells, cell, plane));
-                self.weights.push(weight_of(cells, cell));
+                self.add_cell(cells, cell, plane);
             }
         }
     }
@@ -138,37 +136,18 @@ impl TilePoints {
     /// antennas; none if all are zero.
     #[inline(never)]
     fn add_by_channel(&mut self, context: &Context, cells: &Cells, cell: usize, plane: &ImagePlane) {
-        let point = TilePoint {
-            edges: [DVec3::ZERO; 2],
-            ..point_of(cells, cell, plane)
-        };
         let weight = |directions| context.weight(cells, cell, plane, directions);
-        self.add(point, context.sector.array, false, weight);
+        self.add(point_of(cells, cell), context.sector.array, false, weight);
     }
 }
 
-/// Material point of one cell of a plane.
+/// Material point of one cell.
 #[cfg_attr(optimised, inline(always))]
-pub(super) fn point_of(cells: &Cells, cell: usize, plane: &ImagePlane) -> TilePoint {
-    let is_turning = cells.turning >> cell & 1 == 1;
+fn point_of(cells: &Cells, cell: usize) -> TilePoint {
     TilePoint {
-        edges: if is_turning {
-            cells.edges(cell, plane)
-        } else {
-            [DVec3::ZERO; 2]
-        },
         position: cells.distance[cell] * cells.direction(cell),
         normal: cells.normal_of(cell),
         body: cells.body[cell],
         triangle: cells.triangle[cell],
-        order: 0,
     }
-}
-
-/// Weight of the point of one cell, `(j / 8 pi) Gamma dA T T`.
-#[cfg_attr(optimised, inline(always))]
-pub(super) fn weight_of(cells: &Cells, cell: usize) -> Complex64 {
-    let weight = f64::from(cells.weight[cell]);
-    let [re, im] = &cells.reflection;
-    Complex64::new(-f64::from(im[cell]) * weight, f64::from(re[cell]) * weight)
 }

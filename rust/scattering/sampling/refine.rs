@@ -4,14 +4,15 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::cells::Cells;
 use super::context::Context;
-use super::edges::{Found, Leaves};
+use super::edge_terms::{Found, Leaves};
 use super::join::Join;
 use super::level::Level;
-use super::pairs::KeptCells;
 use super::place::{Place, base_tiles};
 use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
@@ -46,7 +47,7 @@ const LEAST_FLOOR: f64 = 0.1;
 const CHUNK: usize = 64;
 
 /// Memory of a tile of which every cell is a point.
-const MOST_BYTES: usize = size_of::<(Tile, KeptCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
+const MOST_BYTES: usize = size_of::<(Tile, Cells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
 /// Refined tiles: material points of the specular part, and counts.
 pub struct Tiles {
@@ -96,6 +97,16 @@ impl Piece {
     /// The points.
     pub fn points(&self) -> &[TilePoint] {
         &self.of_tile.points[self.range.clone()]
+    }
+
+    /// Edges of the cell of a point on the surface [m].
+    pub fn edges(&self, point: usize) -> [DVec3; 2] {
+        self.of_tile.edges(self.range.start + point)
+    }
+
+    /// Power of the frequency by which the field of a point falls.
+    pub fn order(&self, point: usize) -> u8 {
+        self.of_tile.order(self.range.start + point)
     }
 
     /// Weights of a point, one or one per channel.
@@ -184,12 +195,14 @@ impl Tiles {
 
     /// All material points, piece by piece.
     #[cfg(test)]
-    pub(super) fn points(&self) -> super::points::TilePoints {
-        let mut all = super::points::TilePoints::default();
+    pub(super) fn points(&self) -> TilePoints {
+        let mut all = TilePoints::default();
         for piece in &self.pieces {
             for (number, point) in piece.points().iter().enumerate() {
                 all.points.push(*point);
                 all.weights.extend(piece.weights(number, self.num_weights));
+                all.set_edges(piece.edges(number));
+                all.set_order(piece.order(number));
             }
         }
         all
@@ -420,7 +433,7 @@ impl Refine<'_> {
         let (set, wavenumber) = (context.sector.cast.level, context.wavenumber);
         let adjacent = |place| level.tile(&place);
         let residual = if self.settings().end_points {
-            tile.residual_of_edge_terms(&context.planes[number], wavenumber, adjacent)
+            tile.residual_of_edge_terms(context, adjacent)
         } else {
             tile.residual_with(set, wavenumber, adjacent)
         };

@@ -125,13 +125,15 @@ fn sector<'a>(scene: &'a PosedScene, array: &'a Array, refinement: &Refinement<'
 
 /// Transfer function of material points, `sum w 2 cos exp(-2 j k R) / R^2`, at a wavenumber.
 fn transfer(points: &TilePoints, wavenumber: f64) -> Complex64 {
-    let points = points.points.iter().zip(&points.weights);
-    points
-        .map(|(point, weight)| {
+    let numbered = points.points.iter().zip(&points.weights).enumerate();
+    numbered
+        .map(|(number, (point, weight))| {
             let distance = point.position.length();
             let cosine = -point.normal.dot(point.position) / distance;
-            let slopes = point.edges.map(|edge| wavenumber * edge.dot(point.position) / distance);
-            let falls = (WAVENUMBER / wavenumber).powi(i32::from(point.order));
+            let slopes = points
+                .edges(number)
+                .map(|edge| wavenumber * edge.dot(point.position) / distance);
+            let falls = (WAVENUMBER / wavenumber).powi(i32::from(points.order(number)));
             weight
                 * sinc(slopes[0])
                 * sinc(slopes[1])
@@ -161,7 +163,9 @@ fn of_pixels(scene: &PosedScene, plane: &ImagePlane) -> Complex64 {
         let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
         let (distance, normal) = (hits.surface_distance[pixel], DVec3::from_array(hits.normal[pixel]));
         let direction = cell.direction();
-        let tapers = cell.edges(distance, normal).map(|edge| taper(WAVENUMBER * edge.dot(direction)));
+        let tapers = cell
+            .edges(distance, normal)
+            .map(|edge| taper(WAVENUMBER * edge.dot(direction)));
         let weight = Complex64::new(0.0, -cell.solid_angle() * tapers[0] * tapers[1] / (8.0 * PI));
         weight * 2.0 * Complex64::cis(-2.0 * WAVENUMBER * distance)
     };
@@ -192,7 +196,10 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
             "{level}: {got} {expected}"
         );
         assert_eq!(tiles.num_hit, plane.num_pixels());
-        assert_eq!(tiles.num_coarse.map(|number| number > 0), is_adaptive.then_some(level > 0));
+        assert_eq!(
+            tiles.num_coarse.map(|number| number > 0),
+            is_adaptive.then_some(level > 0)
+        );
     }
 }
 
@@ -232,7 +239,10 @@ fn image_of_the_hits_of_rays_has_their_points() {
             [of_scene, of_image].map(|sector| Tiles::new(&[sector], &materials, None).unwrap().points());
         assert_eq!(rays.points.len(), pixels.points.len());
         for (one, other) in rays.points.iter().zip(&pixels.points) {
-            assert_eq!((one.position, one.normal, one.body), (other.position, other.normal, other.body));
+            assert_eq!(
+                (one.position, one.normal, one.body),
+                (other.position, other.normal, other.body)
+            );
         }
         let largest = rays.weights.iter().map(|weight| weight.norm()).fold(0.0, f64::max);
         for (one, other) in rays.weights.iter().zip(&pixels.weights) {
@@ -331,12 +341,12 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
 fn same(a: &Tiles, b: &Tiles) -> bool {
     let key = |tiles: &Tiles| -> Vec<([u64; 5], [u32; 2])> {
         let all = tiles.points();
-        let points = all.points.iter().zip(&all.weights);
+        let points = all.points.iter().zip(&all.weights).enumerate();
         points
-            .map(|(point, weight)| {
+            .map(|(number, (point, weight))| {
                 let [x, y, z] = point.position.to_array();
                 let numbers = [x, y, z, weight.re, weight.im].map(f64::to_bits);
-                (numbers, [point.triangle, u32::from(point.order)])
+                (numbers, [point.triangle, u32::from(all.order(number))])
             })
             .collect()
     };

@@ -8,13 +8,12 @@ use num_complex::Complex64;
 use super::border::Border;
 use super::cells::Cells;
 use super::context::Context;
-use super::pairs::{self, CellEcho, KeptCells};
 use super::place::Place;
 use super::residual::{BLOCKS, Blocks, Echoes};
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::camera::{Cell, ImagePlane, TILE, Tile as Pixels};
+use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
 use crate::rays::facets::HALF;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
+use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
 use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
 use crate::scattering::refinement::Sampling;
@@ -37,7 +36,7 @@ pub(super) struct Tile {
     /// False if no ray was cast, as nothing is seen there.
     pub(super) is_seen: bool,
     /// Cells, for edge terms; none without a hit.
-    pub(super) kept: Option<Box<KeptCells>>,
+    pub(super) cells: Option<Box<Cells>>,
     /// Points of all quarters, if there are any, and the end of every quarter.
     pub(super) points: Option<Arc<TilePoints>>,
     ends: [usize; 4],
@@ -190,7 +189,7 @@ impl Kernel for Evaluate<'_> {
             tile.echo = cells.echo();
         }
         if refinement.end_points {
-            tile.kept = Some(Box::new(KeptCells::new(cells, plane, context)));
+            tile.cells = Some(Box::new(cells.clone()));
             return tile;
         }
         points.clear();
@@ -256,7 +255,7 @@ impl Tile {
             blocks: Blocks::DARK,
             border,
             is_seen: true,
-            kept: None,
+            cells: None,
             points: None,
             ends: [0; 4],
             hits: [0; 4],
@@ -269,47 +268,6 @@ impl Tile {
     /// Points of a quarter.
     pub(super) fn quarter(&self, number: usize) -> Range<usize> {
         number.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[number]
-    }
-
-    /// Residual field of every block with edge terms, with the cells of adjacent tiles of the same level; `plane`: that of
-    /// the level.
-    pub(super) fn residual_of_edge_terms<'a>(
-        &self,
-        plane: &ImagePlane,
-        wavenumber: f64,
-        adjacent: impl Fn(Place) -> Option<&'a Self>,
-    ) -> [f32; BLOCKS] {
-        let beside = |axis, side| self.place.beside(axis, side).and_then(&adjacent);
-        let adjacent = [[beside(0, 0), beside(0, 1)], [beside(1, 0), beside(1, 1)]];
-        let kept = self.kept.as_deref();
-        if kept.is_none() && adjacent.as_flattened().iter().flatten().all(|tile| tile.kept.is_none()) {
-            return [0.0; BLOCKS];
-        }
-        pairs::residual(
-            kept,
-            plane,
-            |cell| self.casts(cell, plane),
-            wavenumber,
-            |row, column, [axis, side]| {
-                // Opposite sides meet.
-                let across = if side == 0 { 0 } else { TILE - 1 };
-                let cell = if axis == 0 {
-                    TileRays::ray(row, across)
-                } else {
-                    TileRays::ray(across, column)
-                };
-                let tile = adjacent[axis][side].filter(|tile| tile.casts(cell, plane))?;
-                let kept = tile.kept.as_ref();
-                Some(kept.map_or(CellEcho::nothing(plane), |kept| kept.echo(cell, plane)))
-            },
-        )
-    }
-
-    /// True if the ray of a cell was cast; `plane`: that of the level.
-    pub(super) fn casts(&self, cell: usize, plane: &ImagePlane) -> bool {
-        let (row, column) = TileRays::place(cell);
-        let is_inside = TILE * self.place.row + row < plane.rows && TILE * self.place.column + column < plane.columns;
-        self.is_seen && self.packets >> (cell / PACKET) & 1 == 1 && is_inside
     }
 
     /// Residual field of every block, with the cells of adjacent tiles of the same level.

@@ -1,8 +1,6 @@
 //! Places of tiles on the image planes of all levels.
 
-use super::residual::block;
 use crate::rays::camera::{ImagePlane, TILE, Tile};
-use crate::rays::packet::TileRays;
 use crate::scattering::refinement::MAX_LEVEL;
 
 /// Image planes of all levels.
@@ -68,92 +66,8 @@ impl Place {
     }
 }
 
-/// Place of a cell: sector, level, and row and column among the cells of the level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct CellPlace {
-    pub(super) sector: usize,
-    pub(super) level: usize,
-    pub(super) row: usize,
-    pub(super) column: usize,
-}
-
-impl CellPlace {
-    /// First cell of a tile.
-    pub(super) fn first(tile: &Place) -> Self {
-        let Place {
-            sector,
-            level,
-            row,
-            column,
-        } = *tile;
-        Self {
-            sector,
-            level,
-            row: TILE * row,
-            column: TILE * column,
-        }
-    }
-
-    /// Tile of the cell.
-    pub(super) fn tile(&self) -> Place {
-        let Self {
-            sector,
-            level,
-            row,
-            column,
-        } = *self;
-        Place {
-            sector,
-            level,
-            row: row / TILE,
-            column: column / TILE,
-        }
-    }
-
-    /// Number of its ray in the tile.
-    pub(super) fn ray(&self) -> usize {
-        TileRays::ray(self.row % TILE, self.column % TILE)
-    }
-
-    /// Number of its block in the tile.
-    pub(super) fn block(&self) -> usize {
-        block(self.row % TILE, self.column % TILE)
-    }
-
-    /// Cell of the same size beside it, on the lower, 0, or upper, 1, side of an axis, u or v.
-    pub(super) fn beside(&self, axis: usize, side: usize) -> Option<Self> {
-        let (row, column) = step(self.row, self.column, axis, side)?;
-        Some(Self { row, column, ..*self })
-    }
-
-    /// Cell some levels coarser that the cell is a part of.
-    pub(super) fn within(&self, levels: usize) -> Self {
-        Self {
-            level: self.level - levels,
-            row: self.row >> levels,
-            column: self.column >> levels,
-            ..*self
-        }
-    }
-
-    /// The two parts, one level finer, on the lower, 0, or upper, 1, side of an axis, u or v.
-    pub(super) fn halves(&self, axis: usize, side: usize) -> [Self; 2] {
-        // u and v grow to the left and upwards: to smaller columns and rows.
-        let across = 1 - side;
-        [0, 1].map(|along| {
-            let (row, column) = if axis == 0 { (along, across) } else { (across, along) };
-            Self {
-                level: self.level + 1,
-                row: 2 * self.row + row,
-                column: 2 * self.column + column,
-                ..*self
-            }
-        })
-    }
-}
-
 /// Row and column beside others; none beyond the first ones. u and v grow to the left and upwards.
-fn step(row: usize, column: usize, axis: usize, side: usize) -> Option<(usize, usize)> {
+pub(super) fn step(row: usize, column: usize, axis: usize, side: usize) -> Option<(usize, usize)> {
     let step = if side == 0 { 1 } else { -1 };
     if axis == 0 {
         Some((row, column.checked_add_signed(step)?))

@@ -1,6 +1,6 @@
-use super::super::pairs::KeptCells;
-use super::super::place::CellPlace;
+use super::super::cells::Cells;
 use super::super::context::Context;
+use super::super::edge_terms::{CellPlace, steep};
 use super::super::residual::block;
 use super::*;
 use crate::rays::camera::TILE;
@@ -32,7 +32,7 @@ fn scene() -> PosedScene {
 }
 
 /// Cells that were cast and not split, with those of their tile and their number in it, if any hit a body.
-fn leaves(tiles: &Tiles) -> Vec<(CellPlace, Option<(&KeptCells, usize)>)> {
+fn leaves(tiles: &Tiles) -> Vec<(CellPlace, Option<(&Cells, usize)>)> {
     let mut leaves = Vec::new();
     for (depth, level) in tiles.levels.iter().enumerate() {
         let plane = BASE.divided(1 << depth);
@@ -48,7 +48,7 @@ fn leaves(tiles: &Tiles) -> Vec<(CellPlace, Option<(&KeptCells, usize)>)> {
                 let is_cast = place.row < plane.rows && place.column < plane.columns;
                 let is_cast = is_cast && tile.packets >> (cell / PACKET) & 1 == 1;
                 if is_cast && split >> block(row, column) & 1 == 0 {
-                    leaves.push((place, tile.kept.as_deref().map(|kept| (kept, cell))));
+                    leaves.push((place, tile.cells.as_deref().map(|cells| (cells, cell))));
                 }
             }
         }
@@ -94,16 +94,12 @@ fn terms_of_all_cells_add_up_to_those_that_are_kept() {
     let (found, sector) = (tiles(&scene, &settings), sector(&scene, &array, &settings));
     let context = Context::new(&sector, &[CONDUCTOR; 3], BASE.du);
     let mut all = TilePoints::default();
-    for (place, kept) in leaves(&found) {
-        let Some((KeptCells { cells, .. }, cell)) = kept.filter(|(kept, cell)| kept.cells.hit >> cell & 1 == 1) else {
+    for (place, cells) in leaves(&found) {
+        let Some((cells, cell)) = cells.filter(|(cells, cell)| cells.hit >> cell & 1 == 1) else {
             continue;
         };
         let plane = BASE.divided(1 << place.level);
-        let [u, v] = kept
-            .unwrap()
-            .0
-            .steep(cell)
-            .map(|is_steep| if is_steep { &[-1, 1][..] } else { &[0] });
+        let [u, v] = steep(cells, cell, &plane, &context).map(|is_steep| if is_steep { &[-1, 1][..] } else { &[0] });
         for sides in u.iter().flat_map(|u| v.iter().map(move |v| [*u, *v])) {
             if sides == [0, 0] {
                 all.add_center(&context, cells, cell, &plane);
@@ -116,15 +112,16 @@ fn terms_of_all_cells_add_up_to_those_that_are_kept() {
     // Most cells lie at silhouettes, where no term is left out; inside the plates nearly all are.
     assert!(kept.points.len() + 20_000 < all.points.len());
     for order in [0, 1, 2] {
-        assert!(kept.points.iter().any(|point| point.order == order));
+        assert!((0..kept.points.len()).any(|point| kept.order(point) == order));
     }
     // Terms that cancel are large: those of the wall's cells alone are a hundred times its echo.
     let size: f64 = all
         .points
         .iter()
         .zip(&all.weights)
-        .filter(|(point, _)| point.order > 0)
-        .map(|(point, weight)| 2.0 * weight.norm() / point.position.length_squared())
+        .enumerate()
+        .filter(|(number, _)| all.order(*number) > 0)
+        .map(|(_, (point, weight))| 2.0 * weight.norm() / point.position.length_squared())
         .sum();
     for detuned in [-0.05, 0.0, 0.05] {
         let [kept, all] = [&kept, &all].map(|points| transfer(points, WAVENUMBER * (1.0 + detuned)));
