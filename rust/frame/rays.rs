@@ -14,7 +14,7 @@ use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::refinement::{Refinement, Sampling, field_of};
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Nearest;
+use crate::scattering::sampling::NearestHit;
 use crate::scattering::sector::Sector;
 
 /// Smallest cross-section of interest [m^2] where no cell is split: the number of random points has a least of its own.
@@ -193,8 +193,8 @@ impl Rays {
         }
     }
 
-    /// Nearest hit of every body with a hit, the first of equal ones, and the scene in which it was hit.
-    pub fn nearest(&self) -> Vec<(&PosedScene, Nearest)> {
+    /// NearestHit hit of every body with a hit, the first of equal ones, and the scene in which it was hit.
+    pub fn nearest(&self) -> Vec<(&PosedScene, NearestHit)> {
         let nearest = self.samples.tiles.nearest.iter();
         nearest.map(|hit| (&*self.scenes[hit.sector], *hit)).collect()
     }

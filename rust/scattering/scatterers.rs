@@ -19,7 +19,7 @@ use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
 use crate::scattering::material_frame::MaterialFrame;
 use crate::scattering::samples::Samples;
-use crate::scattering::sampling::Piece;
+use crate::scattering::sampling::PointRange;
 use crate::scattering::tile_point::{TilePoint, TilePoints};
 
 /// Points that one task makes.
@@ -50,10 +50,10 @@ impl Scatterers {
                     has_common_weight: samples.tiles.has_common_weight,
                 };
                 let points = surface.points().into_iter();
-                diffuse.extend(points.map(|points| Piece::whole(number, Arc::new(points))));
+                diffuse.extend(points.map(|points| PointRange::whole(number, Arc::new(points))));
             }
         }
-        let pieces: Vec<&Piece> = diffuse.iter().chain(&samples.tiles.pieces).collect();
+        let pieces: Vec<&PointRange> = diffuse.iter().chain(&samples.tiles.pieces).collect();
 
         // Points body by body, and those of edge terms after the others.
         let num_bodies = sectors[0].0.num_bodies();

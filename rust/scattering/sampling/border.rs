@@ -1,40 +1,33 @@
 //! Border of a tile: cells along its sides, for comparison with those of adjacent tiles.
 
-use super::cells::Cells;
-use super::residual::{BLOCKS, Echo, Echoes, NOTHING, block, pair_error};
+use super::cells::TileCells;
+use super::residual::{BLOCKS, BODY, CellFeatures, FEATURES, Features, NOTHING, PHASE, VALID, block, load, pair_error};
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::TILE;
 use crate::rays::packet::{PACKET, TileRays};
 
-/// Cells on all sides of a tile.
+/// TileCells on all sides of a tile.
 const AROUND: usize = 4 * TILE;
 
-/// Cells along the sides of a tile: the left and the right one from top to bottom, the top and the bottom one from left
+/// TileCells along the sides of a tile: the left and the right one from top to bottom, the top and the bottom one from left
 /// to right.
 #[derive(Clone, Debug)]
 pub(super) struct Border {
-    /// Numbers of [`Echo`], without phases.
-    slope: [[f32; AROUND]; 2],
-    least: [[f32; AROUND]; 2],
-    shrink: [f32; AROUND],
-    field: [f32; AROUND],
-    body: [f32; AROUND],
-    /// Zero where no ray was cast: surfaces go on there.
-    valid: [f32; AROUND],
+    /// Features; cells without a ray are not valid, as surfaces go on there.
+    features: Features<[f32; AROUND]>,
     /// Distances [m].
     distance: [f64; AROUND],
 }
 
 impl Border {
     /// Border of a tile whose directions are not cast.
-    pub(super) const OUTSIDE: Self = Self {
-        slope: [[0.0; AROUND]; 2],
-        least: [[0.0; AROUND]; 2],
-        shrink: [0.0; AROUND],
-        field: [0.0; AROUND],
-        body: [NOTHING; AROUND],
-        valid: [0.0; AROUND],
-        distance: [0.0; AROUND],
+    pub(super) const OUTSIDE: Self = {
+        let mut features = [[0.0; AROUND]; FEATURES];
+        features[BODY] = [NOTHING; AROUND];
+        Self {
+            features,
+            distance: [0.0; AROUND],
+        }
     };
 
     /// Border of a tile, of some rows and columns, whose rays hit nothing.
@@ -43,7 +36,7 @@ impl Border {
         for place in 0..AROUND {
             if let Some((row, column)) = cell(place, rows, columns) {
                 let ray = TileRays::ray(row, column);
-                border.valid[place] = (rays.valid[ray / PACKET] >> (ray % PACKET) & 1) as f32;
+                border.features[VALID][place] = (rays.valid[ray / PACKET] >> (ray % PACKET) & 1) as f32;
             }
         }
         border
@@ -51,21 +44,15 @@ impl Border {
 
     /// Border of evaluated cells, in a tile of some rows and columns.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
-    pub(super) fn new(echoes: &Echoes, cells: &Cells, rows: usize, columns: usize) -> Self {
+    pub(super) fn new(features: &CellFeatures, cells: &TileCells, rows: usize, columns: usize) -> Self {
         let mut border = Self::OUTSIDE;
         for place in 0..AROUND {
             let Some((row, column)) = cell(place, rows, columns) else {
                 continue;
             };
-            let at = row * TILE + column;
-            for axis in 0..2 {
-                border.slope[axis][place] = echoes.slope[axis][at];
-                border.least[axis][place] = echoes.least[axis][at];
+            for feature in 0..FEATURES {
+                border.features[feature][place] = features.0[feature][row * TILE + column];
             }
-            border.shrink[place] = echoes.shrink[at];
-            border.field[place] = echoes.field[at];
-            border.body[place] = echoes.body[at];
-            border.valid[place] = echoes.valid[at];
             border.distance[place] = cells.distance[TileRays::ray(row, column)];
         }
         border
@@ -90,32 +77,14 @@ impl Border {
         }
     }
 
-    /// Echoes at two sides from one place on; phases [rad] relative to those of other distances.
-    #[cfg_attr(optimised, inline(always))]
-    fn load<V: Vector<Scalar = f32>>(&self, first: usize, phase: V) -> Echo<V> {
-        Echo {
-            phase,
-            slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
-            least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
-            shrink: V::load(&self.shrink[first..]),
-            field: V::load(&self.field[first..]),
-            body: V::load(&self.body[first..]),
-            valid: V::load(&self.valid[first..]),
-        }
-    }
-
     /// Copy the side of another border to a side of this one.
     #[cfg_attr(optimised, inline(always))]
     fn copy(&mut self, to: usize, from: &Self, side: usize) {
         let (to, side) = (to * TILE, side * TILE);
-        for axis in 0..2 {
-            self.slope[axis][to..to + TILE].copy_from_slice(&from.slope[axis][side..side + TILE]);
-            self.least[axis][to..to + TILE].copy_from_slice(&from.least[axis][side..side + TILE]);
+        for feature in 0..FEATURES {
+            let (row, other) = (&mut self.features[feature], &from.features[feature]);
+            row[to..to + TILE].copy_from_slice(&other[side..side + TILE]);
         }
-        self.shrink[to..to + TILE].copy_from_slice(&from.shrink[side..side + TILE]);
-        self.field[to..to + TILE].copy_from_slice(&from.field[side..side + TILE]);
-        self.body[to..to + TILE].copy_from_slice(&from.body[side..side + TILE]);
-        self.valid[to..to + TILE].copy_from_slice(&from.valid[side..side + TILE]);
         self.distance[to..to + TILE].copy_from_slice(&from.distance[side..side + TILE]);
     }
 }
@@ -155,18 +124,17 @@ impl Kernel for Compare<'_> {
         }
         for axis in 0..2 {
             let first = axis * 2 * TILE;
-            let mut turn = [0.0; PACKET];
+            let mut step = [0.0; PACKET];
             for i in 0..PACKET {
                 let (near, far) = (self.border.distance[first + i], there.distance[first + i]);
                 // u and v fall to the right and downwards.
-                let step = if i < TILE { near - far } else { far - near };
-                turn[i] = (2.0 * self.wavenumber * step) as f32;
+                let length = if i < TILE { near - far } else { far - near };
+                step[i] = (2.0 * self.wavenumber * length) as f32;
             }
-            let turn = I::F32::load(&turn);
-            let zero = <I::F32 as Vector>::splat(0.0);
-            // The tile beyond comes first on the left and on top: the turn has that order, the rest is alike both ways.
-            let here = self.border.load(first, zero);
-            let beyond = there.load(first, turn);
+            // The tile beyond comes first on the left and on top: the step has that order, the rest is alike both ways.
+            let mut here = load::<I::F32, AROUND>(&self.border.features, first);
+            let mut beyond = load(&there.features, first);
+            (here[PHASE], beyond[PHASE]) = (<I::F32 as Vector>::splat(0.0), I::F32::load(&step));
             let mut fields = [0.0; PACKET];
             pair_error(&here, &beyond, axis).store(&mut fields);
             for i in 0..PACKET {

@@ -1,4 +1,4 @@
-//! Cells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
+//! TileCells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -19,10 +19,10 @@ use crate::scattering::taper::{roll_off, tapers};
 /// Smallest cosine of incidence at which a surface returns power.
 pub(super) const MIN_COSINE: f64 = 1e-6;
 
-/// Cells of a tile, in the order of its rays: packet by packet.
+/// TileCells of a tile, in the order of its rays: packet by packet.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Cells {
+pub(super) struct TileCells {
     /// Plane coordinates of the centres.
     pub(super) u: [f64; MOST_RAYS],
     pub(super) v: [f64; MOST_RAYS],
@@ -55,7 +55,7 @@ pub(super) struct Cells {
     pub(super) weight: [f32; MOST_RAYS],
 }
 
-impl Cells {
+impl TileCells {
     pub(super) const EMPTY: Self = Self {
         u: [0.0; MOST_RAYS],
         v: [0.0; MOST_RAYS],
@@ -98,6 +98,8 @@ impl Cells {
                 self.body[cell] = image.body_of(pixel);
                 self.triangle[cell] = pixel as u32;
                 self.distance[cell] = image.distance[pixel];
+                let reflection = image.reflection[pixel];
+                (self.reflection[0][cell], self.reflection[1][cell]) = (reflection.re as f32, reflection.im as f32);
                 for axis in 0..3 {
                     self.normal[axis][cell] = image.normal[pixel][axis];
                 }

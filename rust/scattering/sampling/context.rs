@@ -1,18 +1,19 @@
 //! Sector, tables and limits that tiles are evaluated with.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::Cells;
+use super::cells::TileCells;
 use super::join::Join;
-use super::place::planes;
+use super::tile_index::planes;
 use crate::antennas::array::Array;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::random::mix;
 use crate::paths::scatterers::bisector;
 use crate::rays::camera::ImagePlane;
+use crate::rays::packet::MOST_RAYS;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::Sampling;
 use crate::scattering::sector::Sector;
@@ -61,7 +62,7 @@ impl<'a> Context<'a> {
             let phase = if is_joined { refinement.join as f32 } else { 0.0 };
             Join { phase, turn }
         });
-        let follows = |turn: f32| turn > MOST_TURN && !is_point;
+        let follows = |turn: f32| turn > MOST_TURN && refinement.is_adaptive;
         Self {
             sector,
             materials,
@@ -84,7 +85,7 @@ impl<'a> Context<'a> {
     }
 
     /// Material of the surface behind a cell.
-    pub(super) fn material(&self, cells: &Cells, cell: usize) -> Material {
+    pub(super) fn material(&self, cells: &TileCells, cell: usize) -> Material {
         match self.sector.image {
             Some(image) => Material::Constant(image.response_of(cells.triangle[cell] as usize)),
             None => self.materials[cells.body[cell] as usize],
@@ -92,7 +93,13 @@ impl<'a> Context<'a> {
     }
 
     /// Weight of the point of a cell for antennas in unit directions.
-    pub(super) fn weight(&self, cells: &Cells, cell: usize, plane: &ImagePlane, directions: [DVec3; 2]) -> Complex64 {
+    pub(super) fn weight(
+        &self,
+        cells: &TileCells,
+        cell: usize,
+        plane: &ImagePlane,
+        directions: [DVec3; 2],
+    ) -> Complex64 {
         let array = self.sector.array;
         let (area, normal) = (cells.area(cell, plane), cells.normal_of(cell));
         let response = self.material(cells, cell).response_to(array, normal, directions);
@@ -113,6 +120,30 @@ impl<'a> Context<'a> {
         weight
     }
 
+    /// Add the diffuse power of cells to their weights for antennas in the middle of the array; `untapered`: weights
+    /// before the tapers.
+    pub(super) fn add_diffuse(&self, cells: &mut TileCells, untapered: &[f32; MOST_RAYS]) {
+        let wavelength = TAU / self.wavenumber;
+        for cell in (0..MOST_RAYS).filter(|cell| cells.hit >> cell & 1 == 1) {
+            let (directions, normal) = ([cells.direction(cell); 2], cells.normal_of(cell));
+            let response = match self.sector.image {
+                Some(image) => image.response_of(cells.triangle[cell] as usize),
+                None => self
+                    .material(cells, cell)
+                    .response_to(self.sector.array, normal, directions),
+            };
+            if response.albedo == 0.0 {
+                continue;
+            }
+            let area = 8.0 * PI * f64::from(untapered[cell]);
+            let diffuse = self.phasor(cells.triangle[cell]) * response.diffuse(area, wavelength, normal, directions);
+            let weight = weight_of(cells, cell) + diffuse;
+            // The weight is j times the reflection.
+            cells.weight[cell] = 1.0;
+            (cells.reflection[0][cell], cells.reflection[1][cell]) = (weight.im as f32, -weight.re as f32);
+        }
+    }
+
     /// Phase factor of the diffuse power of a cell: random for every pixel of an image of another program.
     fn phasor(&self, pixel: u32) -> Complex64 {
         match self.sector.refinement.sampling {
@@ -123,6 +154,14 @@ impl<'a> Context<'a> {
             }
         }
     }
+}
+
+/// Weight of the point of one cell for antennas in the middle of the array, `(j / 8 pi) Gamma dA T T`.
+#[cfg_attr(optimised, inline(always))] // part of a kernel
+pub(super) fn weight_of(cells: &TileCells, cell: usize) -> Complex64 {
+    let weight = f64::from(cells.weight[cell]);
+    let [re, im] = &cells.reflection;
+    Complex64::new(-f64::from(im[cell]) * weight, f64::from(re[cell]) * weight)
 }
 
 /// True if one weight does for all channels of an array, with cells of a width at most.

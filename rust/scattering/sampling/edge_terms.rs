@@ -9,12 +9,12 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::{Cells, MIN_COSINE};
+use super::cells::{MIN_COSINE, TileCells};
 use super::context::Context;
-use super::level::Level;
-use super::place::{Place, step};
+use super::level::TileLevel;
 use super::residual::{BLOCKS, block};
-use super::tile::Tile;
+use super::tile::SampledTile;
+use super::tile_index::{TileIndex, step};
 use crate::rays::camera::{Cell, ImagePlane, TILE};
 use crate::rays::packet::{MOST_RAYS, PACKET, TileRays};
 use crate::rays::scene::NO_BODY;
@@ -35,7 +35,7 @@ const SILHOUETTE: f32 = 1.0;
 
 /// Cell as another one compares it.
 #[derive(Clone, Copy)]
-struct CellEcho {
+struct ComparedCell {
     /// Centre and size.
     center: [f64; 2],
     width: [f64; 2],
@@ -53,7 +53,7 @@ struct CellEcho {
 
 /// Difference between two adjacent cells.
 #[derive(Clone, Copy, Debug)]
-struct PairError {
+struct PairResidual {
     /// Field per solid angle and times distance squared, of which the rest are shares [m^2].
     field: f32,
     /// Share that may be other than one smooth surface.
@@ -66,15 +66,15 @@ struct PairError {
 }
 
 /// Pairs of every cell of a tile and the one beside it in the tile, on the lower side along u and along v; row by row.
-struct Pairs([[PairError; MOST_RAYS]; 2]);
+struct Pairs([[PairResidual; MOST_RAYS]; 2]);
 
 impl Pairs {
-    fn new(cells: &Cells, plane: &ImagePlane, context: &Context) -> Self {
-        let mut pairs = [[PairError::NOTHING; MOST_RAYS]; 2];
-        let mut echoes = [CellEcho::nothing(plane); MOST_RAYS];
+    fn new(cells: &TileCells, plane: &ImagePlane, context: &Context) -> Self {
+        let mut pairs = [[PairResidual::NOTHING; MOST_RAYS]; 2];
+        let mut echoes = [ComparedCell::nothing(plane); MOST_RAYS];
         for row in 0..TILE {
             for column in 0..TILE {
-                echoes[TILE * row + column] = CellEcho::new(cells, TileRays::ray(row, column), plane, context);
+                echoes[TILE * row + column] = ComparedCell::new(cells, TileRays::ray(row, column), plane, context);
             }
         }
         for (axis, step) in [1, TILE].into_iter().enumerate() {
@@ -88,13 +88,13 @@ impl Pairs {
     }
 
     /// Pair of the cell of a row and a column with the one beside it in the tile, on the lower side of an axis.
-    fn of(&self, row: usize, column: usize, axis: usize) -> &PairError {
+    fn of(&self, row: usize, column: usize, axis: usize) -> &PairResidual {
         &self.0[axis][TILE * row + column]
     }
 }
 
 /// Axes along which a cell has edge terms: the phase of every channel turns fast over it, with one sign.
-pub(super) fn steep(cells: &Cells, cell: usize, plane: &ImagePlane, context: &Context) -> [bool; 2] {
+pub(super) fn steep(cells: &TileCells, cell: usize, plane: &ImagePlane, context: &Context) -> [bool; 2] {
     let mut least = [cells.least_slope[0][cell], cells.least_slope[1][cell]];
     if !context.has_common_weight {
         let array = context.sector.array;
@@ -111,7 +111,7 @@ pub(super) fn steep(cells: &Cells, cell: usize, plane: &ImagePlane, context: &Co
     least.map(|least| least > STEEP)
 }
 
-impl PairError {
+impl PairResidual {
     /// Between cells of which neither hit a body.
     const NOTHING: Self = Self {
         field: 0.0,
@@ -122,8 +122,8 @@ impl PairError {
     };
 }
 
-impl CellEcho {
-    fn new(cells: &Cells, cell: usize, plane: &ImagePlane, context: &Context) -> Self {
+impl ComparedCell {
+    fn new(cells: &TileCells, cell: usize, plane: &ImagePlane, context: &Context) -> Self {
         if cells.hit >> cell & 1 == 0 {
             return Self::nothing(plane);
         }
@@ -158,9 +158,9 @@ impl CellEcho {
     }
 
     /// Compare with a cell beside along an axis, which is as large or larger; `wavenumber` [rad/m].
-    fn compare(&self, other: &Self, axis: usize, wavenumber: f64) -> PairError {
+    fn compare(&self, other: &Self, axis: usize, wavenumber: f64) -> PairResidual {
         if self.body == NO_BODY && other.body == NO_BODY {
-            return PairError::NOTHING;
+            return PairResidual::NOTHING;
         }
         // Slopes of the other over a cell of this size.
         let slopes = [
@@ -177,7 +177,7 @@ impl CellEcho {
         }
         let field = (self.field / damping[0]).max(other.field / damping[1]);
         if self.body == NO_BODY || other.body == NO_BODY {
-            return PairError {
+            return PairResidual {
                 field: field as f32,
                 jump: SILHOUETTE,
                 apart: SILHOUETTE,
@@ -224,7 +224,7 @@ impl CellEcho {
         };
         let together = jump + if is_plane { 0.0 } else { 0.25 * bend(axis) };
         let apart = explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step;
-        PairError {
+        PairResidual {
             field: field as f32,
             jump: jump as f32,
             apart: apart as f32,
@@ -235,7 +235,7 @@ impl CellEcho {
 }
 
 /// Residual field of a cell, from its pairs along u and v, lower and upper.
-fn open(pairs: &[[Option<PairError>; 2]; 2], is_hit: bool, steep: [bool; 2]) -> f32 {
+fn open(pairs: &[[Option<PairResidual>; 2]; 2], is_hit: bool, steep: [bool; 2]) -> f32 {
     // Nothing of a cell is left where others cancel both of its edge terms. Surfaces go on where nothing is cast, and
     // larger cells were compared before.
     let is_cancelled = [0, 1].map(|axis| {
@@ -256,19 +256,19 @@ fn open(pairs: &[[Option<PairError>; 2]; 2], is_hit: bool, steep: [bool; 2]) -> 
     most
 }
 
-/// Place of a cell: sector, level, and row and column among the cells of the level.
+/// TileIndex of a cell: sector, level, and row and column among the cells of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct CellPlace {
+pub(super) struct CellIndex {
     pub(super) sector: usize,
     pub(super) level: usize,
     pub(super) row: usize,
     pub(super) column: usize,
 }
 
-impl CellPlace {
+impl CellIndex {
     /// First cell of a tile.
-    pub(super) fn first(tile: &Place) -> Self {
-        let Place {
+    pub(super) fn first(tile: &TileIndex) -> Self {
+        let TileIndex {
             sector,
             level,
             row,
@@ -282,15 +282,15 @@ impl CellPlace {
         }
     }
 
-    /// Tile of the cell.
-    pub(super) fn tile(&self) -> Place {
+    /// SampledTile of the cell.
+    pub(super) fn tile(&self) -> TileIndex {
         let Self {
             sector,
             level,
             row,
             column,
         } = *self;
-        Place {
+        TileIndex {
             sector,
             level,
             row: row / TILE,
@@ -346,17 +346,17 @@ const LEAST_TURN: f64 = 0.5;
 /// Lower and upper side of a cell along an axis.
 const SIDES: [i8; 2] = [-1, 1];
 
-/// Cells of all levels that were not split.
+/// TileCells of all levels that were not split.
 #[derive(Clone, Copy)]
 pub(super) struct Leaves<'a> {
     /// Of every sector.
     pub(super) contexts: &'a [Context<'a>],
-    pub(super) levels: &'a [Level],
+    pub(super) levels: &'a [TileLevel],
 }
 
 /// Material points of a tile with edge terms, and counts of its cells that were not split.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct EdgeTermPoints {
     pub(super) points: TilePoints,
     /// Number that hit a body, and of those with a point.
     pub(super) num_hit: usize,
@@ -372,24 +372,24 @@ enum Partner {
     /// Surface beyond the border of what is seen.
     Border,
     /// Cell as large or larger, perhaps split.
-    Cell(CellPlace),
+    Cell(CellIndex),
 }
 
 impl<'a> Leaves<'a> {
     /// Material points of the cells of a tile that were not split.
-    pub(super) fn points(&self, level: usize, number: usize) -> Found {
+    pub(super) fn points(&self, level: usize, number: usize) -> EdgeTermPoints {
         let (tile, split) = (&*self.levels[level].tiles[number], self.levels[level].split[number]);
-        let mut found = Found::default();
+        let mut found = EdgeTermPoints::default();
         let Some(cells) = &tile.cells else { return found };
         let context = &self.contexts[tile.place.sector];
         let pairs = Pairs::new(cells, &context.planes[level], context);
-        let first = CellPlace::first(&tile.place);
+        let first = CellIndex::first(&tile.place);
         for cell in (0..MOST_RAYS).filter(|cell| cells.hit >> cell & 1 == 1) {
             let (row, column) = TileRays::place(cell);
             if split >> block(row, column) & 1 == 1 {
                 continue;
             }
-            let at = CellPlace {
+            let at = CellIndex {
                 row: first.row + row,
                 column: first.column + column,
                 ..first
@@ -403,7 +403,13 @@ impl<'a> Leaves<'a> {
     }
 
     /// Append the points of a cell of a tile: its centre, or those ends or corners that nothing cancels.
-    fn add(&self, at: CellPlace, (tile, split): (&Tile, u16), (cells, pairs): (&Cells, &Pairs), found: &mut Found) {
+    fn add(
+        &self,
+        at: CellIndex,
+        (tile, split): (&SampledTile, u16),
+        (cells, pairs): (&TileCells, &Pairs),
+        found: &mut EdgeTermPoints,
+    ) {
         let (context, cell) = (&self.contexts[at.sector], at.ray());
         let plane = &context.planes[at.level];
         let partner = |axis: usize, side: usize| {
@@ -457,7 +463,7 @@ impl<'a> Leaves<'a> {
     }
 
     /// What cancels the edge term of a cell on one side: the lower, 0, or the upper, 1, end of an axis.
-    fn partner(&self, at: CellPlace, axis: usize, side: usize) -> Partner {
+    fn partner(&self, at: CellIndex, axis: usize, side: usize) -> Partner {
         let plane = &self.contexts[at.sector].planes[at.level];
         let beside = at.beside(axis, side);
         let Some(beside) = beside.filter(|beside| beside.row < plane.rows && beside.column < plane.columns) else {
@@ -483,7 +489,7 @@ impl<'a> Leaves<'a> {
     }
 
     /// True if a cell, and all that it was split into along a side, show one smooth surface with another there.
-    fn are_alike(&self, at: CellPlace, other: &CellEcho, axis: usize, side: usize) -> bool {
+    fn are_alike(&self, at: CellIndex, other: &ComparedCell, axis: usize, side: usize) -> bool {
         let Some((tile, split)) = self.tile(at) else {
             return true;
         };
@@ -505,7 +511,7 @@ impl<'a> Leaves<'a> {
 
     /// Cell beside one along v, or what it was split into, that has a corner in common with it; none where a larger one
     /// has its side there.
-    fn at_corner(&self, at: CellPlace, beside: CellPlace, u: usize, v: usize) -> Option<CellPlace> {
+    fn at_corner(&self, at: CellIndex, beside: CellIndex, u: usize, v: usize) -> Option<CellIndex> {
         let last = (1 << (at.level - beside.level)) - 1;
         if at.column & last != if u == 0 { last } else { 0 } {
             return None;
@@ -518,12 +524,12 @@ impl<'a> Leaves<'a> {
         Some(corner)
     }
 
-    fn is_split(&self, at: CellPlace) -> bool {
+    fn is_split(&self, at: CellIndex) -> bool {
         self.tile(at).is_some_and(|(_, split)| split >> at.block() & 1 == 1)
     }
 
-    /// Tile of a cell whose ray is of those that are wanted, and its split blocks.
-    fn tile(&self, at: CellPlace) -> Option<(&'a Tile, u16)> {
+    /// SampledTile of a cell whose ray is of those that are wanted, and its split blocks.
+    fn tile(&self, at: CellIndex) -> Option<(&'a SampledTile, u16)> {
         let level = self.levels.get(at.level)?;
         let number = level.find(&at.tile())?;
         let tile = &level.tiles[number];
@@ -532,9 +538,9 @@ impl<'a> Leaves<'a> {
     }
 
     /// Cell as others compare it; none without a hit in its tile.
-    fn echo(&self, at: CellPlace) -> Option<CellEcho> {
+    fn echo(&self, at: CellIndex) -> Option<ComparedCell> {
         let (context, cells) = (&self.contexts[at.sector], self.tile(at)?.0.cells.as_ref()?);
-        Some(CellEcho::new(cells, at.ray(), &context.planes[at.level], context))
+        Some(ComparedCell::new(cells, at.ray(), &context.planes[at.level], context))
     }
 }
 
@@ -578,13 +584,13 @@ impl Patch {
     }
 }
 
-impl Tile {
+impl SampledTile {
     /// Residual field of every block with edge terms, per solid angle and times distance squared [m^2], with the cells of
     /// `adjacent` tiles of the same level.
     pub(super) fn residual_of_edge_terms<'a>(
         &self,
         context: &Context,
-        adjacent: impl Fn(Place) -> Option<&'a Self>,
+        adjacent: impl Fn(TileIndex) -> Option<&'a Self>,
     ) -> [f32; BLOCKS] {
         const LAST: usize = TILE - 1;
         let (plane, wavenumber) = (&context.planes[self.place.level], context.wavenumber);
@@ -661,9 +667,9 @@ impl Tile {
     }
 
     /// Cell as another one compares it.
-    fn echo(&self, cell: usize, plane: &ImagePlane, context: &Context) -> CellEcho {
-        self.cells.as_ref().map_or(CellEcho::nothing(plane), |cells| {
-            CellEcho::new(cells, cell, plane, context)
+    fn echo(&self, cell: usize, plane: &ImagePlane, context: &Context) -> ComparedCell {
+        self.cells.as_ref().map_or(ComparedCell::nothing(plane), |cells| {
+            ComparedCell::new(cells, cell, plane, context)
         })
     }
 }
@@ -674,7 +680,7 @@ impl TilePoints {
     pub(super) fn add_edge_term(
         &mut self,
         context: &Context,
-        cells: &Cells,
+        cells: &TileCells,
         cell: usize,
         plane: &ImagePlane,
         sides: [i8; 2],

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use super::cells::Cells;
+use super::cells::TileCells;
 use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::cos_sin_quarter;
 use crate::rays::facets::HALF;
@@ -40,7 +40,7 @@ impl Join {
 /// mean ray.
 #[cfg_attr(optimised, inline(always))] // part of a kernel
 pub(super) fn joined<I: Isa>(
-    cells: &Cells,
+    cells: &TileCells,
     first: usize,
     lit: u32,
     wavenumber: f64,

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::place::Place;
 use super::residual::of_quarter;
-use super::tile::Tile;
+use super::tile::SampledTile;
+use super::tile_index::TileIndex;
 
 /// Evaluated tiles of one level.
 #[derive(Default)]
-pub(super) struct Level {
-    pub(super) tiles: Vec<Arc<Tile>>,
+pub(super) struct TileLevel {
+    pub(super) tiles: Vec<Arc<SampledTile>>,
     /// Base tile of every tile.
     pub(super) base: Vec<u32>,
     /// A bit per block of every tile that became a packet of the next level.
@@ -18,9 +18,9 @@ pub(super) struct Level {
     keys: Vec<(u64, u32)>,
 }
 
-impl Level {
-    /// Level of which nothing is split.
-    pub(super) fn new(tiles: Vec<Arc<Tile>>, base: Vec<u32>) -> Self {
+impl TileLevel {
+    /// TileLevel of which nothing is split.
+    pub(super) fn new(tiles: Vec<Arc<SampledTile>>, base: Vec<u32>) -> Self {
         let mut keys: Vec<(u64, u32)> = tiles.iter().map(|tile| tile.place.key()).zip(0..).collect();
         keys.sort_unstable();
         Self {
@@ -36,21 +36,21 @@ impl Level {
         of_quarter(self.split[tile], quarter) == 0
     }
 
-    /// Tile at a place, if its rays are those of the packets.
-    pub(super) fn known(&self, place: &Place, packets: u8) -> Option<Arc<Tile>> {
+    /// SampledTile at a place, if its rays are those of the packets.
+    pub(super) fn known(&self, place: &TileIndex, packets: u8) -> Option<Arc<SampledTile>> {
         let tile = &self.tiles[self.find(place)?];
         (tile.packets == packets).then(|| tile.clone())
     }
 
     /// Number of the tile at a place.
-    pub(super) fn find(&self, place: &Place) -> Option<usize> {
+    pub(super) fn find(&self, place: &TileIndex) -> Option<usize> {
         let key = place.key();
         let at = self.keys.binary_search_by_key(&key, |(key, _)| *key).ok()?;
         Some(self.keys[at].1 as usize)
     }
 
-    /// Tile at a place.
-    pub(super) fn tile(&self, place: &Place) -> Option<&Tile> {
+    /// SampledTile at a place.
+    pub(super) fn tile(&self, place: &TileIndex) -> Option<&SampledTile> {
         self.find(place).map(|number| &*self.tiles[number])
     }
 

@@ -19,15 +19,15 @@ mod context;
 mod edge_terms;
 mod join;
 mod level;
-mod place;
 mod points;
 mod refine;
 mod residual;
 mod small_parts;
 mod tile;
+mod tile_index;
 
-pub use refine::{Piece, Tiles};
-pub use tile::Nearest;
+pub use refine::{PointRange, Tiles};
+pub use tile::NearestHit;
 
 #[cfg(test)]
 mod tests;

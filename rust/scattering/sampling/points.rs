@@ -1,9 +1,7 @@
 //! Material points of the cells of a tile.
 
-use num_complex::Complex64;
-
-use super::cells::Cells;
-use super::context::Context;
+use super::cells::TileCells;
+use super::context::{Context, weight_of};
 use super::join::joined;
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::ImagePlane;
@@ -15,13 +13,13 @@ const MOST_GROUPS: usize = 5;
 
 /// Neighbouring cells of a quarter, a bit each.
 #[derive(Clone, Copy)]
-struct Group {
+struct CellGroup {
     cells: u32,
     rows: u32,
     columns: u32,
 }
 
-impl Group {
+impl CellGroup {
     const SIDE: u32 = 4;
     const QUARTER: Self = Self {
         cells: (1 << PACKET) - 1,
@@ -57,7 +55,13 @@ impl Group {
 impl TilePoints {
     /// Append the points of a quarter of a tile on a plane.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
-    pub(super) fn add_quarter<I: Isa>(&mut self, context: &Context, cells: &Cells, quarter: usize, plane: &ImagePlane) {
+    pub(super) fn add_quarter<I: Isa>(
+        &mut self,
+        context: &Context,
+        cells: &TileCells,
+        quarter: usize,
+        plane: &ImagePlane,
+    ) {
         let first = quarter * PACKET;
         if context.has_common_weight {
             self.add_joined::<I>(context, cells, first, plane);
@@ -69,7 +73,7 @@ impl TilePoints {
     }
 
     /// Append the point of one cell, unless it has no weight.
-    pub(super) fn add_center(&mut self, context: &Context, cells: &Cells, cell: usize, plane: &ImagePlane) {
+    pub(super) fn add_center(&mut self, context: &Context, cells: &TileCells, cell: usize, plane: &ImagePlane) {
         if !context.has_common_weight {
             self.add_by_channel(context, cells, cell, plane);
         } else if cells.weight[cell] > 0.0 {
@@ -77,16 +81,11 @@ impl TilePoints {
         }
     }
 
-    /// Append the point of one cell, `(j / 8 pi) Gamma dA T T`. Its field is a mean over the cell where the body turns.
+    /// Append the point of one cell. Its field is a mean over the cell where the body turns.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
-    fn add_cell(&mut self, cells: &Cells, cell: usize, plane: &ImagePlane) {
-        let weight = f64::from(cells.weight[cell]);
-        let [re, im] = &cells.reflection;
+    fn add_cell(&mut self, cells: &TileCells, cell: usize, plane: &ImagePlane) {
         self.points.push(point_of(cells, cell));
-        self.weights.push(Complex64::new(
-            -f64::from(im[cell]) * weight,
-            f64::from(re[cell]) * weight,
-        ));
+        self.weights.push(weight_of(cells, cell));
         if cells.turning >> cell & 1 == 1 {
             self.set_edges(cells.edges(cell, plane));
         }
@@ -94,7 +93,7 @@ impl TilePoints {
 
     /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
     #[cfg_attr(optimised, inline(always))]
-    fn add_joined<I: Isa>(&mut self, context: &Context, cells: &Cells, first: usize, plane: &ImagePlane) {
+    fn add_joined<I: Isa>(&mut self, context: &Context, cells: &TileCells, first: usize, plane: &ImagePlane) {
         let weight = I::F32::load(&cells.weight[first..]);
         let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
         let lit = is_lit & cells.hits(first / PACKET);
@@ -104,7 +103,13 @@ impl TilePoints {
         let leader = first + lit.trailing_zeros() as usize;
         let slope = [cells.slope[0][leader].abs(), cells.slope[1][leader].abs()];
         let (join, wavenumber) = (&context.join[cells.body[leader] as usize], context.wavenumber);
-        let mut stack = [Group::QUARTER; MOST_GROUPS];
+        if join.phase == 0.0 {
+            for cell in (first..first + PACKET).filter(|cell| lit >> (cell - first) & 1 == 1) {
+                self.add_cell(cells, cell, plane);
+            }
+            return;
+        }
+        let mut stack = [CellGroup::QUARTER; MOST_GROUPS];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
@@ -135,7 +140,7 @@ impl TilePoints {
     /// Append the point of a cell with the weight of every channel, whose taper is that of the slopes seen by its
     /// antennas; none if all are zero.
     #[inline(never)]
-    fn add_by_channel(&mut self, context: &Context, cells: &Cells, cell: usize, plane: &ImagePlane) {
+    fn add_by_channel(&mut self, context: &Context, cells: &TileCells, cell: usize, plane: &ImagePlane) {
         let weight = |directions| context.weight(cells, cell, plane, directions);
         self.add(point_of(cells, cell), context.sector.array, false, weight);
     }
@@ -143,7 +148,7 @@ impl TilePoints {
 
 /// Material point of one cell.
 #[cfg_attr(optimised, inline(always))]
-fn point_of(cells: &Cells, cell: usize) -> TilePoint {
+fn point_of(cells: &TileCells, cell: usize) -> TilePoint {
     TilePoint {
         position: cells.distance[cell] * cells.direction(cell),
         normal: cells.normal_of(cell),

@@ -8,15 +8,15 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::cells::Cells;
+use super::cells::TileCells;
 use super::context::Context;
-use super::edge_terms::{Found, Leaves};
+use super::edge_terms::{EdgeTermPoints, Leaves};
 use super::join::Join;
-use super::level::Level;
-use super::place::{Place, base_tiles};
+use super::level::TileLevel;
 use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
-use super::tile::{ALL, Nearest, Tile, Worker};
+use super::tile::{ALL, NearestHit, SampledTile, Worker};
+use super::tile_index::{TileIndex, base_tiles};
 use crate::antennas::beam::Beam;
 use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
@@ -40,24 +40,24 @@ const STEP_OF_EDGE_TERMS: f64 = 1.5;
 /// alone in view, the residual error stays that far below their own echo.
 const OF_STRONGEST: f64 = 0.1;
 
-/// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
+/// Least lowered floor, relative to the default one. TileCells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
 /// Tiles that one task gathers.
 const CHUNK: usize = 64;
 
 /// Memory of a tile of which every cell is a point.
-const MOST_BYTES: usize = size_of::<(Tile, Cells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
+const MOST_BYTES: usize = size_of::<(SampledTile, TileCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
 /// Refined tiles: material points of the specular part, and counts.
 pub struct Tiles {
     /// Pieces with material points, base tile by base tile.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<PointRange>,
     /// Number of weights per point.
     pub num_weights: usize,
     /// True if a point has one weight for all channels.
     pub has_common_weight: bool,
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<TileLevel>,
     /// Base plane and beam of every sector.
     sectors: Vec<(ImagePlane, Option<Beam>)>,
     turns: Vec<f32>,
@@ -73,21 +73,21 @@ pub struct Tiles {
     pub num_lit: usize,
     /// Distance of the farthest cell with edge terms [m].
     pub farthest: f64,
-    /// Nearest hits of all bodies with a hit, the first of equal ones, by body.
-    pub nearest: Vec<Nearest>,
+    /// NearestHit hits of all bodies with a hit, the first of equal ones, by body.
+    pub nearest: Vec<NearestHit>,
     /// Counts of rays and of base tiles.
     pub counts: Counts,
 }
 
 /// Material points of a quarter of a tile, or of a tile with edge terms.
-pub struct Piece {
+pub struct PointRange {
     /// Number of the sector in whose axes the points are.
     pub sector: usize,
     of_tile: Arc<TilePoints>,
     range: Range<usize>,
 }
 
-impl Piece {
+impl PointRange {
     /// All of some points.
     pub fn whole(sector: usize, of_tile: Arc<TilePoints>) -> Self {
         let range = 0..of_tile.points.len();
@@ -116,17 +116,17 @@ impl Piece {
     }
 }
 
-/// Tile that is wanted: number of its base tile, place, and a bit per packet of rays.
+/// SampledTile that is wanted: number of its base tile, place, and a bit per packet of rays.
 #[derive(Clone, Copy)]
-struct Wanted {
+struct TileRequest {
     base: u32,
-    place: Place,
+    place: TileIndex,
     packets: u8,
 }
 
 /// Tiles of another time that may be taken over.
-struct Known<'a> {
-    levels: &'a [Level],
+struct PreviousTiles<'a> {
+    levels: &'a [TileLevel],
     /// Base tiles that no moved body touches, then or now.
     is_static: Vec<bool>,
 }
@@ -159,9 +159,9 @@ impl Tiles {
             };
             is_alike && tiles.sectors.len() == contexts.len() && bodies.all(is_known)
         });
-        let known = previous.map(|(tiles, moved)| Known::new(&contexts, &tiles.levels, moved));
+        let known = previous.map(|(tiles, moved)| PreviousTiles::new(&contexts, &tiles.levels, moved));
 
-        let mut refine = Refine {
+        let mut refine = RefineTiles {
             contexts: &contexts,
             sectors,
             small_parts: &small_parts,
@@ -190,7 +190,7 @@ impl Tiles {
     /// Number of rays of all tiles.
     #[cfg(test)]
     pub(super) fn num_rays(&self) -> usize {
-        self.levels.iter().map(Level::rays).sum()
+        self.levels.iter().map(TileLevel::rays).sum()
     }
 
     /// All material points, piece by piece.
@@ -209,7 +209,7 @@ impl Tiles {
     }
 
     /// Pieces of all quarters that were not split, base tile by base tile and level by level.
-    fn gather(levels: Vec<Level>, refine: &Refine) -> Self {
+    fn gather(levels: Vec<TileLevel>, refine: &RefineTiles) -> Self {
         let (first, sectors) = (&refine.contexts[0], refine.sectors);
 
         let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); levels[0].tiles.len()];
@@ -259,7 +259,7 @@ impl Tiles {
 /// Material points of all tiles, and counts; see [`Tiles`].
 #[derive(Default)]
 struct Gathered {
-    pieces: Vec<Piece>,
+    pieces: Vec<PointRange>,
     num_hit: usize,
     num_lit: usize,
     farthest: f64,
@@ -267,7 +267,7 @@ struct Gathered {
 
 impl Gathered {
     /// Points of the quarters that were not split; `order`: level and number of all tiles with a hit.
-    fn quarters(levels: &[Level], order: &[(u32, u32)]) -> Self {
+    fn quarters(levels: &[TileLevel], order: &[(u32, u32)]) -> Self {
         let some = |order: &[(u32, u32)]| {
             let mut some = Self::default();
             for (level, index) in order {
@@ -295,19 +295,19 @@ impl Gathered {
     }
 
     /// Points of the cells that were not split, with edge terms; none after a request to stop.
-    fn edge_terms(refine: &Refine, levels: &[Level], order: &[(u32, u32)]) -> Self {
+    fn edge_terms(refine: &RefineTiles, levels: &[TileLevel], order: &[(u32, u32)]) -> Self {
         let contexts = refine.contexts;
         let leaves = Leaves { contexts, levels };
         let points = |(level, index): &(u32, u32)| match refine.check() {
             Ok(()) => leaves.points(*level as usize, *index as usize),
-            Err(_) => Found::default(),
+            Err(_) => EdgeTermPoints::default(),
         };
-        let found: Vec<Found> = order.par_iter().map(points).collect();
+        let found: Vec<EdgeTermPoints> = order.par_iter().map(points).collect();
         let mut all = Self::default();
         for (found, (level, index)) in found.into_iter().zip(order) {
             let sector = levels[*level as usize].tiles[*index as usize].place.sector;
             all.pieces
-                .extend((!found.points.points.is_empty()).then(|| Piece::whole(sector, Arc::new(found.points))));
+                .extend((!found.points.points.is_empty()).then(|| PointRange::whole(sector, Arc::new(found.points))));
             all.num_hit += found.num_hit;
             all.num_lit += found.num_lit;
             all.farthest = all.farthest.max(found.farthest);
@@ -317,19 +317,19 @@ impl Gathered {
 
     fn add(&mut self, sector: usize, of_tile: Arc<TilePoints>, range: Range<usize>) {
         if !range.is_empty() {
-            self.pieces.push(Piece { sector, of_tile, range });
+            self.pieces.push(PointRange { sector, of_tile, range });
         }
     }
 }
 
 /// Refinement in progress.
 #[derive(Clone, Copy)]
-struct Refine<'a> {
+struct RefineTiles<'a> {
     /// Of every sector.
     contexts: &'a [Context<'a>],
     sectors: &'a [Sector<'a>],
     small_parts: &'a [SmallParts],
-    known: Option<&'a Known<'a>>,
+    known: Option<&'a PreviousTiles<'a>>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
     /// Number of levels, from the base level on, whose quarters small parts may split.
@@ -337,19 +337,19 @@ struct Refine<'a> {
     counts: Counts,
 }
 
-impl Refine<'_> {
+impl RefineTiles<'_> {
     /// Tiles of all levels; false where the rays would exceed the budget, and finer levels are missing. Tiles that were
     /// `tried` for a smaller cross-section are taken over.
-    fn levels(&mut self, tried: &[Level]) -> Result<(Vec<Level>, bool)> {
+    fn levels(&mut self, tried: &[TileLevel]) -> Result<(Vec<TileLevel>, bool)> {
         let budget = self.settings().budget.unwrap_or(usize::MAX);
-        let mut levels: Vec<Level> = Vec::new();
-        let whole = |(base, place)| Wanted {
+        let mut levels: Vec<TileLevel> = Vec::new();
+        let whole = |(base, place)| TileRequest {
             base,
             place,
             packets: ALL,
         };
         let bases = self.sectors.iter().map(|sector| &sector.refinement.base);
-        let mut next: Vec<Wanted> = base_tiles(bases).into_iter().map(whole).collect();
+        let mut next: Vec<TileRequest> = base_tiles(bases).into_iter().map(whole).collect();
         let mut rays = 0;
         while !next.is_empty() {
             fits_memory("tiles", &[next.len()], MOST_BYTES)?;
@@ -376,8 +376,8 @@ impl Refine<'_> {
     }
 
     /// Tiles that are wanted, cast or taken over; without rays after a request to stop.
-    fn evaluate(&mut self, all: &[Wanted], tried: &[Level]) -> Level {
-        let tile = |worker: &mut Worker, wanted: &Wanted| {
+    fn evaluate(&mut self, all: &[TileRequest], tried: &[TileLevel]) -> TileLevel {
+        let tile = |worker: &mut Worker, wanted: &TileRequest| {
             let here = tried
                 .get(wanted.place.level)
                 .and_then(|level| level.known(&wanted.place, wanted.packets));
@@ -386,23 +386,23 @@ impl Refine<'_> {
             let context = &self.contexts[wanted.place.sector];
             let mut new = || match self.check() {
                 Ok(()) => context.tile(worker, wanted.place, wanted.packets),
-                Err(_) => Tile::not_cast(wanted.place, wanted.packets),
+                Err(_) => SampledTile::not_cast(wanted.place, wanted.packets),
             };
             let tile = known.unwrap_or_else(|| Arc::new(new()));
             (tile, is_new)
         };
-        let tiles: Vec<(Arc<Tile>, bool)> = all
+        let tiles: Vec<(Arc<SampledTile>, bool)> = all
             .par_iter()
             .map_init(Worker::new, |worker, wanted| tile(worker, wanted))
             .collect();
         let cast = tiles.iter().filter(|(_, is_new)| *is_new);
         self.counts.rays += cast.map(|(tile, _)| tile.rays).sum::<usize>();
         let tiles = tiles.into_iter().map(|(tile, _)| tile).collect();
-        Level::new(tiles, all.iter().map(|wanted| wanted.base).collect())
+        TileLevel::new(tiles, all.iter().map(|wanted| wanted.base).collect())
     }
 
     /// Split the quarters of a level whose residual error is too large; tiles of the next level.
-    fn split(&self, level: &mut Level, number: usize) -> Vec<Wanted> {
+    fn split(&self, level: &mut TileLevel, number: usize) -> Vec<TileRequest> {
         if number >= MAX_LEVEL || !self.settings().is_adaptive {
             return Vec::new();
         }
@@ -415,7 +415,7 @@ impl Refine<'_> {
                 let packets = of_quarter(*split, quarter);
                 if packets != 0 {
                     let place = place.quarter(quarter);
-                    next.push(Wanted { base, place, packets });
+                    next.push(TileRequest { base, place, packets });
                 }
             }
         }
@@ -426,7 +426,7 @@ impl Refine<'_> {
     /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual
     /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
     /// of a mesh.
-    fn wanted(&self, level: &Level, tile: &Tile, number: usize) -> u16 {
+    fn wanted(&self, level: &TileLevel, tile: &SampledTile, number: usize) -> u16 {
         let sector = tile.place.sector;
         let context = &self.contexts[sector];
         let allowed = self.allowed(context, number);
@@ -447,7 +447,7 @@ impl Refine<'_> {
                 wanted |= all;
             } else if of_quarter(wanted, quarter) != 0 && !self.settings().end_points {
                 let skips = self.settings().skip_dark;
-                wanted |= if skips { tile.blocks.bright & all } else { all };
+                wanted |= if skips { tile.blocks.unaliased & all } else { all };
             }
         }
         wanted
@@ -466,7 +466,7 @@ impl Refine<'_> {
     }
 
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
-    fn chosen_floor(&self, base: &Level) -> f64 {
+    fn chosen_floor(&self, base: &TileLevel) -> f64 {
         let strongest = base.tiles.iter().map(|tile| tile.echo).fold(0.0, f64::max);
         let floor = self.settings().rcs_floor;
         if !self.settings().follows_echo {
@@ -479,7 +479,7 @@ impl Refine<'_> {
 
     /// Number of cells of quarters that the settings ask to split, where the finest level or the budget ended the
     /// refinement.
-    fn num_coarse(&self, levels: &[Level]) -> usize {
+    fn num_coarse(&self, levels: &[TileLevel]) -> usize {
         let asked = Self {
             floor: None,
             most_forced: MAX_LEVEL,
@@ -503,9 +503,9 @@ impl Refine<'_> {
     }
 }
 
-impl<'a> Known<'a> {
+impl<'a> PreviousTiles<'a> {
     /// Tiles at another time; `moved`: boxes where bodies have moved since, in the axes of every sector.
-    fn new(contexts: &[Context], levels: &'a [Level], moved: &[Tree]) -> Self {
+    fn new(contexts: &[Context], levels: &'a [TileLevel], moved: &[Tree]) -> Self {
         let tiles = base_tiles(contexts.iter().map(|context| &context.planes[0]));
         let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
             contexts[place.sector].is_static(worker, *place, &moved[place.sector])
@@ -517,7 +517,7 @@ impl<'a> Known<'a> {
     }
 
     /// Static tile as it is wanted.
-    fn tile(&self, wanted: &Wanted) -> Option<Arc<Tile>> {
+    fn tile(&self, wanted: &TileRequest) -> Option<Arc<SampledTile>> {
         let level = self.levels.get(wanted.place.level);
         level
             .filter(|_| self.is_static[wanted.base as usize])?
@@ -525,18 +525,18 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Nearest hits of the bodies of the tiles of a level, chunk by chunk.
-fn nearest_of_level(level: &Level) -> Vec<Nearest> {
+/// NearestHit hits of the bodies of the tiles of a level, chunk by chunk.
+fn nearest_of_level(level: &TileLevel) -> Vec<NearestHit> {
     let chunks = level.tiles.par_chunks(CHUNK);
-    let nearest: Vec<Vec<Nearest>> = chunks
+    let nearest: Vec<Vec<NearestHit>> = chunks
         .map(|tiles| nearest_of(tiles.iter().flat_map(|tile| &tile.nearest).copied()))
         .collect();
     nearest.into_iter().flatten().collect()
 }
 
-/// Nearest hit of every body, the first of equal ones, by body.
-fn nearest_of(hits: impl Iterator<Item = Nearest>) -> Vec<Nearest> {
-    let mut nearest: Vec<Option<Nearest>> = Vec::new();
+/// NearestHit hit of every body, the first of equal ones, by body.
+fn nearest_of(hits: impl Iterator<Item = NearestHit>) -> Vec<NearestHit> {
+    let mut nearest: Vec<Option<NearestHit>> = Vec::new();
     for hit in hits {
         let body = hit.body as usize;
         if nearest.len() <= body {

@@ -1,6 +1,6 @@
 //! Residual error of the blocks of a tile, from the differences of adjacent cells, and blocks that cannot echo.
 
-use super::cells::{Cells, magnitude};
+use super::cells::{TileCells, magnitude};
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::camera::TILE;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, SIDE, TileRays};
@@ -23,25 +23,45 @@ const EXPONENT: u32 = 0x7f80_0000;
 /// Number of blocks of 2 x 2 cells of a tile; each is a packet of the tile that its quarter is split into.
 pub(super) const BLOCKS: usize = MOST_RAYS / 4;
 
-/// Number in which [`Echo`] has bodies where there is none.
+/// Numbers of cells that adjacent ones compare, a row each.
+pub(super) type Features<T> = [T; FEATURES];
+
+/// Number of rows, and their order.
+pub(super) const FEATURES: usize = 9;
+
+/// Phase relative to others [rad], or zero where the step is known.
+pub(super) const PHASE: usize = 0;
+
+/// Half of what the phase turns over a cell, along u and, in the next row, along v [rad].
+const SLOPE: usize = 1;
+
+/// Least magnitudes of the slopes while the body turns, along u and, in the next row, along v.
+const LEAST: usize = 3;
+
+/// Ratio of the largest size at which half cells pass the tapers to the cell's, a power of two of at most 1; 0 without a
+/// hit.
+const ALIAS_SCALE: usize = 5;
+
+/// Field per solid angle times distance squared [m^2].
+const FIELD: usize = 6;
+
+/// Number of the body, or [`NOTHING`].
+pub(super) const BODY: usize = 7;
+
+/// 1 for cells with a ray, 0 for others.
+pub(super) const VALID: usize = 8;
+
+/// Body of cells without a hit.
 pub(super) const NOTHING: f32 = -1.0;
 
-/// Cells as adjacent ones compare them, 16 in the lanes.
-#[derive(Clone, Copy)]
-pub(super) struct Echo<V> {
-    /// Phase relative to others [rad], or zero where the turn is known.
-    pub(super) phase: V,
-    /// Half of what the phase turns over a cell, along u and v [rad], and least magnitudes.
-    pub(super) slope: [V; 2],
-    pub(super) least: [V; 2],
-    /// Ratio of the largest size at which half cells pass the tapers to the cell's, a power of two of at most 1; 0 without
-    /// a hit.
-    pub(super) shrink: V,
-    pub(super) field: V,
-    /// Number of the body, or [`NOTHING`].
-    pub(super) body: V,
-    /// 1 for cells with a ray, 0 for others.
-    pub(super) valid: V,
+/// Load a vector of every row from a place on.
+#[cfg_attr(optimised, inline(always))] // part of kernels
+pub(super) fn load<V: Vector<Scalar = f32>, const N: usize>(rows: &Features<[f32; N]>, first: usize) -> Features<V> {
+    let mut loaded = [V::splat(0.0); FEATURES];
+    for row in 0..FEATURES {
+        loaded[row] = V::load(&rows[row][first..]);
+    }
+    loaded
 }
 
 /// Residual fields of adjacent cells along an axis; u and v fall from the first to the second.
@@ -51,57 +71,40 @@ pub(super) struct Echo<V> {
 /// these until cells are smaller, the residual of the last split before that is decisive: cells up to there return
 /// nothing.
 #[cfg_attr(optimised, inline(always))] // part of a kernel
-pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Echo<V>, b: &Echo<V>, axis: usize) -> V {
+pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Features<V>, b: &Features<V>, axis: usize) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
-    let phase = b.phase.sub(a.phase).add(a.slope[axis]).add(b.slope[axis]);
-    let bend = magnitude(b.slope[0].sub(a.slope[0])).add(magnitude(b.slope[1].sub(a.slope[1])));
-    let other_body = zero.select(a.body.equal(b.body), V::splat(OTHER_BODY));
-    let residual = magnitude(phase).add(bend.mul(V::splat(0.25))).add(other_body);
-    let is_silhouette = zero.at_most(a.body) ^ zero.at_most(b.body);
+    let phase = b[PHASE].sub(a[PHASE]).add(a[SLOPE + axis]).add(b[SLOPE + axis]);
+    let change = magnitude(b[SLOPE].sub(a[SLOPE])).add(magnitude(b[SLOPE + 1].sub(a[SLOPE + 1])));
+    let other_body = zero.select(a[BODY].equal(b[BODY]), V::splat(OTHER_BODY));
+    let residual = magnitude(phase).add(change.mul(V::splat(0.25))).add(other_body);
+    let is_silhouette = zero.at_most(a[BODY]) ^ zero.at_most(b[BODY]);
     let is_edge = is_silhouette | one.at_most(residual);
-    let shrink = a.shrink.max(b.shrink);
+    let scale = a[ALIAS_SCALE].max(b[ALIAS_SCALE]);
     // A stationary point may lie between slopes of opposite signs.
     let mut damping = [one; 2];
     for axis in 0..2 {
-        let is_steady = zero.at_most(a.slope[axis].mul(b.slope[axis]));
-        let factor = shrink.select(is_steady, zero);
-        damping[0] = damping[0].mul(one.add(a.least[axis].mul(factor)));
-        damping[1] = damping[1].mul(one.add(b.least[axis].mul(factor)));
+        let is_steady = zero.at_most(a[SLOPE + axis].mul(b[SLOPE + axis]));
+        let factor = scale.select(is_steady, zero);
+        damping[0] = damping[0].mul(one.add(a[LEAST + axis].mul(factor)));
+        damping[1] = damping[1].mul(one.add(b[LEAST + axis].mul(factor)));
     }
-    let field = a.field.div(damping[0]).max(b.field.div(damping[1]));
-    let area = shrink.mul(shrink);
+    let field = a[FIELD].div(damping[0]).max(b[FIELD].div(damping[1]));
+    let area = scale.mul(scale);
     let share = V::splat(EDGE).select(is_edge, residual.mul(area));
-    field.mul(share).mul(area).mul(a.valid).mul(b.valid)
+    field.mul(share).mul(area).mul(a[VALID]).mul(b[VALID])
 }
 
-/// Cells of a tile row by row, and of cells below the last row.
+/// TileCells of a tile row by row, and of cells below the last row.
 const CAPACITY: usize = MOST_RAYS + PACKET;
 
-/// Numbers of [`Echo`] of the cells of a tile, row by row.
+/// Features of the cells of a tile, row by row.
 #[repr(C, align(64))]
-pub(super) struct Echoes {
-    pub(super) phase: [f32; CAPACITY],
-    pub(super) slope: [[f32; CAPACITY]; 2],
-    pub(super) least: [[f32; CAPACITY]; 2],
-    pub(super) shrink: [f32; CAPACITY],
-    pub(super) field: [f32; CAPACITY],
-    pub(super) body: [f32; CAPACITY],
-    pub(super) valid: [f32; CAPACITY],
-}
+pub(super) struct CellFeatures(pub(super) Features<[f32; CAPACITY]>);
 
-impl Echoes {
-    /// Echoes of evaluated cells.
+impl CellFeatures {
+    /// Features of evaluated cells.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn new<I: Isa>(cells: &Cells) -> Self {
-        let mut echoes = Self {
-            phase: [0.0; CAPACITY],
-            slope: [[0.0; CAPACITY]; 2],
-            least: [[0.0; CAPACITY]; 2],
-            shrink: [0.0; CAPACITY],
-            field: [0.0; CAPACITY],
-            body: [NOTHING; CAPACITY],
-            valid: [0.0; CAPACITY],
-        };
+    pub(super) fn new<I: Isa>(cells: &TileCells) -> Self {
         // Packet by packet.
         let (mut body, mut valid) = ([0.0; MOST_RAYS], [0.0; MOST_RAYS]);
         for i in 0..MOST_RAYS {
@@ -115,40 +118,48 @@ impl Echoes {
             let bits = (cells.valid >> first) as u32 & 0xffff;
             splat(1.0).select(bits, splat(0.0)).store(&mut valid[first..]);
         }
-        for row in 0..TILE {
-            for first in [0, SIDE] {
-                let (to, from) = (row * TILE + first, TileRays::ray(row, first));
-                echoes.phase[to..to + SIDE].copy_from_slice(&cells.phase[from..from + SIDE]);
-                echoes.field[to..to + SIDE].copy_from_slice(&cells.field[from..from + SIDE]);
-                echoes.body[to..to + SIDE].copy_from_slice(&body[from..from + SIDE]);
-                echoes.valid[to..to + SIDE].copy_from_slice(&valid[from..from + SIDE]);
-                for axis in 0..2 {
-                    let (slope, least) = (&cells.slope[axis], &cells.least_slope[axis]);
-                    echoes.slope[axis][to..to + SIDE].copy_from_slice(&slope[from..from + SIDE]);
-                    echoes.least[axis][to..to + SIDE].copy_from_slice(&least[from..from + SIDE]);
+        let mut rows = [[0.0; CAPACITY]; FEATURES];
+        rows[BODY] = [NOTHING; CAPACITY];
+        let by_packet = [
+            (PHASE, &cells.phase),
+            (SLOPE, &cells.slope[0]),
+            (SLOPE + 1, &cells.slope[1]),
+            (LEAST, &cells.least_slope[0]),
+            (LEAST + 1, &cells.least_slope[1]),
+            (FIELD, &cells.field),
+            (BODY, &body),
+            (VALID, &valid),
+        ];
+        for (feature, numbers) in by_packet {
+            for row in 0..TILE {
+                for first in [0, SIDE] {
+                    let (to, from) = (row * TILE + first, TileRays::ray(row, first));
+                    rows[feature][to..to + SIDE].copy_from_slice(&numbers[from..from + SIDE]);
                 }
             }
         }
-        echoes.steepen::<I>();
-        echoes
+        let mut features = Self(rows);
+        features.set_alias_scales::<I>();
+        features
     }
 
-    /// Sizes at which half cells pass the tapers.
+    /// Find the sizes at which half cells pass the tapers.
     #[cfg_attr(optimised, inline(always))]
-    fn steepen<I: Isa>(&mut self) {
+    fn set_alias_scales<I: Isa>(&mut self) {
         let splat = <I::F32 as Vector>::splat;
+        let rows = &mut self.0;
         let mut steep = [splat(1.0); MOST_RAYS / PACKET];
         for axis in 0..2 {
-            let slope = &self.slope[axis];
+            let slope = &rows[SLOPE + axis];
             // Changes to the right, with those to the left in front, and downwards, with those upwards in front.
             let mut right = [0.0_f32; CAPACITY];
             let mut below = [0.0_f32; CAPACITY];
             for first in (0..MOST_RAYS).step_by(PACKET) {
-                let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&self.body[first..]));
-                let is_same = body.equal(I::F32::load(&self.body[first + 1..])) & INNER;
+                let (here, body) = (I::F32::load(&slope[first..]), I::F32::load(&rows[BODY][first..]));
+                let is_same = body.equal(I::F32::load(&rows[BODY][first + 1..])) & INNER;
                 let change = magnitude(I::F32::load(&slope[first + 1..]).sub(here));
                 change.select(is_same, splat(0.0)).store(&mut right[first + 1..]);
-                let is_same = body.equal(I::F32::load(&self.body[first + TILE..]));
+                let is_same = body.equal(I::F32::load(&rows[BODY][first + TILE..]));
                 let change = magnitude(I::F32::load(&slope[first + TILE..]).sub(here));
                 change.select(is_same, splat(0.0)).store(&mut below[first + TILE..]);
             }
@@ -157,33 +168,19 @@ impl Echoes {
                 let change = I::F32::load(&right[first..]).max(I::F32::load(&right[first + 1..]));
                 let change = change.max(I::F32::load(&below[first..]));
                 let change = change.max(I::F32::load(&below[first + TILE..]));
-                let least = I::F32::load(&self.least[axis][first..]).sub(change.mul(splat(WITHIN)));
+                let least = I::F32::load(&rows[LEAST + axis][first..]).sub(change.mul(splat(WITHIN)));
                 *steep = steep.max(least.mul(splat(0.5 / STEEPEST)));
             }
         }
         for (number, steep) in steep.into_iter().enumerate() {
             let first = number * PACKET;
-            let is_hit = splat(0.0).at_most(I::F32::load(&self.body[first..]));
-            let shrink = splat(1.0).div(steep).select(is_hit, splat(0.0));
-            shrink.store(&mut self.shrink[first..]);
+            let is_hit = splat(0.0).at_most(I::F32::load(&rows[BODY][first..]));
+            let scale = splat(1.0).div(steep).select(is_hit, splat(0.0));
+            scale.store(&mut rows[ALIAS_SCALE][first..]);
         }
-        // Cells are halved: sizes at which they pass are powers of two.
-        for shrink in &mut self.shrink {
-            *shrink = f32::from_bits(shrink.to_bits() & EXPONENT);
-        }
-    }
-
-    /// Echoes of the 16 cells from one on.
-    #[cfg_attr(optimised, inline(always))]
-    fn load<V: Vector<Scalar = f32>>(&self, first: usize) -> Echo<V> {
-        Echo {
-            phase: V::load(&self.phase[first..]),
-            slope: [V::load(&self.slope[0][first..]), V::load(&self.slope[1][first..])],
-            least: [V::load(&self.least[0][first..]), V::load(&self.least[1][first..])],
-            shrink: V::load(&self.shrink[first..]),
-            field: V::load(&self.field[first..]),
-            body: V::load(&self.body[first..]),
-            valid: V::load(&self.valid[first..]),
+        // TileCells are halved: sizes at which they pass are powers of two.
+        for scale in &mut rows[ALIAS_SCALE] {
+            *scale = f32::from_bits(scale.to_bits() & EXPONENT);
         }
     }
 }
@@ -197,31 +194,31 @@ pub(super) struct Blocks {
     /// Largest residual field of any pair of cells, per solid angle and times distance squared [m^2].
     pub(super) residual: [f32; BLOCKS],
     /// A bit per block in which a cell of half the size may return power: one with slopes that the taper passes.
-    pub(super) bright: u16,
+    pub(super) unaliased: u16,
 }
 
 impl Blocks {
     /// Blocks without hits.
-    pub(super) const DARK: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         residual: [0.0; BLOCKS],
-        bright: 0,
+        unaliased: 0,
     };
 
     /// Criteria of the blocks of evaluated cells.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
-    pub(super) fn new<I: Isa>(echoes: &Echoes) -> Self {
+    pub(super) fn new<I: Isa>(features: &CellFeatures) -> Self {
+        let rows = &features.0;
         let zero = <I::F32 as Vector>::splat(0.0);
         let mut right = [0.0_f32; CAPACITY];
         let mut below = [0.0_f32; CAPACITY];
-        let mut bright = 0_u64;
+        let mut unaliased = 0_u64;
         for first in (0..MOST_RAYS).step_by(PACKET) {
-            let here = echoes.load::<I::F32>(first);
-            let residual = pair_error(&here, &echoes.load(first + 1), 0);
+            let here = load::<I::F32, CAPACITY>(rows, first);
+            let residual = pair_error(&here, &load(rows, first + 1), 0);
             residual.select(INNER, zero).store(&mut right[first + 1..]);
-            pair_error(&here, &echoes.load(first + TILE), 1).store(&mut below[first + TILE..]);
+            pair_error(&here, &load(rows, first + TILE), 1).store(&mut below[first + TILE..]);
             let one = <I::F32 as Vector>::splat(1.0);
-            let is_bright = one.at_most(here.shrink);
-            bright |= u64::from(is_bright) << first;
+            unaliased |= u64::from(one.at_most(here[ALIAS_SCALE])) << first;
         }
         let mut residual = [0.0_f32; MOST_RAYS];
         for first in (0..MOST_RAYS).step_by(PACKET) {
@@ -229,14 +226,14 @@ impl Blocks {
             let along = I::F32::load(&below[first..]).max(I::F32::load(&below[first + TILE..]));
             across.max(along).store(&mut residual[first..]);
         }
-        let mut blocks = Self::DARK;
+        let mut blocks = Self::EMPTY;
         for row in (0..TILE).step_by(2) {
             for column in (0..TILE).step_by(2) {
                 let (block, cell) = (block(row, column), row * TILE + column);
                 let [a, b] = [cell, cell + TILE];
                 blocks.residual[block] = residual[a].max(residual[a + 1]).max(residual[b].max(residual[b + 1]));
-                let is_bright = bright >> a & 0b11 != 0 || bright >> b & 0b11 != 0;
-                blocks.bright |= u16::from(is_bright) << block;
+                let is_unaliased = unaliased >> a & 0b11 != 0 || unaliased >> b & 0b11 != 0;
+                blocks.unaliased |= u16::from(is_unaliased) << block;
             }
         }
         blocks
@@ -262,7 +259,7 @@ mod tests {
     /// Residual field of cells with a field of 1, beside others without a hit. `slope`: along u [rad].
     struct AtEdge {
         slope: f32,
-        shrink: f32,
+        scale: f32,
     }
 
     impl Kernel for AtEdge {
@@ -271,24 +268,11 @@ mod tests {
         #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> f32 {
             let splat = <I::F32 as Vector>::splat;
-            let nothing = Echo {
-                phase: splat(0.0),
-                slope: [splat(0.0); 2],
-                least: [splat(0.0); 2],
-                shrink: splat(0.0),
-                field: splat(0.0),
-                body: splat(NOTHING),
-                valid: splat(1.0),
-            };
-            let slope = [splat(self.slope), splat(0.0)];
-            let hit = Echo {
-                slope,
-                least: slope,
-                shrink: splat(self.shrink),
-                field: splat(1.0),
-                body: splat(0.0),
-                ..nothing
-            };
+            let mut nothing = [splat(0.0); FEATURES];
+            (nothing[BODY], nothing[VALID]) = (splat(NOTHING), splat(1.0));
+            let mut hit = [splat(0.0); FEATURES];
+            (hit[SLOPE], hit[LEAST]) = (splat(self.slope), splat(self.slope));
+            (hit[ALIAS_SCALE], hit[FIELD], hit[VALID]) = (splat(self.scale), splat(1.0), splat(1.0));
             let mut residual = [0.0; PACKET];
             pair_error(&hit, &nothing, 1).store(&mut residual);
             residual[0]
@@ -299,20 +283,17 @@ mod tests {
     fn silhouettes_of_steep_cells_leave_what_they_do_at_the_size_that_returns_power() {
         for level in Level::available() {
             // Half of the steep cell turns by 5 rad to either side, beyond the tapers; a quarter passes.
-            let whole = level.run(AtEdge {
-                slope: 1.0,
-                shrink: 1.0,
-            });
+            let whole = level.run(AtEdge { slope: 1.0, scale: 1.0 });
             let steep = level.run(AtEdge {
                 slope: 10.0,
-                shrink: 0.5,
+                scale: 0.5,
             });
             assert!((whole - 0.1 / 2.0).abs() < 1e-6, "{whole}");
             assert!((steep - 0.1 * 0.25 / 6.0).abs() < 1e-6, "{steep}");
         }
     }
 
-    /// Shrinks of the first cells of a tile, of slopes along u [rad].
+    /// Alias scales of the first cells of a tile, of slopes along u [rad].
     struct Steepened([f32; 4]);
 
     impl Kernel for Steepened {
@@ -320,7 +301,7 @@ mod tests {
 
         #[cfg_attr(optimised, inline(always))]
         fn run<I: Isa>(self) -> [f32; 4] {
-            let mut cells = Cells::EMPTY;
+            let mut cells = TileCells::EMPTY;
             // Of bodies of their own, so that no slope changes from cell to cell; the last misses.
             for (column, slope) in self.0.into_iter().enumerate() {
                 let cell = TileRays::ray(0, column);
@@ -330,8 +311,8 @@ mod tests {
                 cells.valid |= 1 << cell;
                 cells.hit |= u64::from(column < 3) << cell;
             }
-            let echoes = Echoes::new::<I>(&cells);
-            [0, 1, 2, 3].map(|column| echoes.shrink[column])
+            let features = CellFeatures::new::<I>(&cells);
+            [0, 1, 2, 3].map(|column| features.0[ALIAS_SCALE][column])
         }
     }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::context::Context;
-use super::place::Place;
+use super::tile_index::TileIndex;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::SIDE;
 use crate::scattering::mesh_parts::MeshPart;
@@ -36,7 +36,7 @@ impl SmallParts {
     }
 
     /// True if a quarter of a tile must be refined.
-    pub(super) fn wants(&self, place: &Place, quarter: usize) -> bool {
+    pub(super) fn wants(&self, place: &TileIndex, quarter: usize) -> bool {
         let Some(level) = self.levels.get(place.level).filter(|level| !level.is_empty()) else {
             return false;
         };

@@ -269,7 +269,7 @@ fn plates_at_borders_of_tiles_keep_their_echo() {
 
 #[test]
 fn fences_and_rods_thinner_than_cells_keep_their_echo() {
-    // Cells of the base grid are 2 cm wide at 2.5 m.
+    // TileCells of the base grid are 2 cm wide at 2.5 m.
     let base = ImagePlane::centered(128, 128, 0.5, 0.5);
     let fence: Vec<[f64; 4]> = (0..15)
         .map(|bar| [0.037 * f64::from(bar) - 0.26, 0.0, 0.004, 0.05])

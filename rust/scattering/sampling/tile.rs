@@ -3,13 +3,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use num_complex::Complex64;
-
 use super::border::Border;
-use super::cells::Cells;
+use super::cells::TileCells;
 use super::context::Context;
-use super::place::Place;
-use super::residual::{BLOCKS, Blocks, Echoes};
+use super::residual::{BLOCKS, Blocks, CellFeatures};
+use super::tile_index::TileIndex;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
 use crate::rays::facets::HALF;
@@ -24,8 +22,8 @@ pub(super) const ALL: u8 = (1 << PACKETS) - 1;
 
 /// Evaluated tile. It depends on the surfaces that its rays meet alone, not on the refinement.
 #[derive(Debug)]
-pub(super) struct Tile {
-    pub(super) place: Place,
+pub(super) struct SampledTile {
+    pub(super) place: TileIndex,
     /// A bit per packet of rays that is wanted.
     pub(super) packets: u8,
     /// Number of rays cast.
@@ -35,22 +33,22 @@ pub(super) struct Tile {
     border: Border,
     /// False if no ray was cast, as nothing is seen there.
     pub(super) is_seen: bool,
-    /// Cells, for edge terms; none without a hit.
-    pub(super) cells: Option<Box<Cells>>,
+    /// TileCells, for edge terms; none without a hit.
+    pub(super) cells: Option<Box<TileCells>>,
     /// Points of all quarters, if there are any, and the end of every quarter.
     pub(super) points: Option<Arc<TilePoints>>,
     ends: [usize; 4],
-    /// Cells of every quarter that hit a body, and of those the ones without a point.
+    /// TileCells of every quarter that hit a body, and of those the ones without a point.
     pub(super) hits: [usize; 4],
     pub(super) silent: [usize; 4],
-    pub(super) nearest: Vec<Nearest>,
-    /// Echo of all cells together [m^2], of tiles of the base level; see [`Cells::echo`].
+    pub(super) nearest: Vec<NearestHit>,
+    /// Echo of all cells together [m^2], of tiles of the base level; see [`TileCells::echo`].
     pub(super) echo: f64,
 }
 
-/// Nearest hit of a body.
+/// NearestHit hit of a body.
 #[derive(Clone, Copy, Debug)]
-pub struct Nearest {
+pub struct NearestHit {
     /// Number of the body.
     pub body: u32,
     /// Number of the triangle.
@@ -65,7 +63,7 @@ pub struct Nearest {
 /// Memory of a thread, kept from tile to tile.
 pub(super) struct Worker {
     scratch: Scratch,
-    cells: Cells,
+    cells: TileCells,
     points: TilePoints,
 }
 
@@ -74,7 +72,7 @@ impl Worker {
     pub(super) fn new() -> Box<Self> {
         Box::new(Self {
             scratch: Scratch::new(),
-            cells: Cells::EMPTY,
+            cells: TileCells::EMPTY,
             points: TilePoints::default(),
         })
     }
@@ -82,8 +80,8 @@ impl Worker {
 
 impl Context<'_> {
     /// Cast and evaluate some packets of a tile, a bit each.
-    pub(super) fn tile(&self, worker: &mut Worker, place: Place, packets: u8) -> Tile {
-        self.sector.cast.level.run(Evaluate {
+    pub(super) fn tile(&self, worker: &mut Worker, place: TileIndex, packets: u8) -> SampledTile {
+        self.sector.cast.level.run(EvaluateTile {
             context: self,
             worker,
             place,
@@ -92,7 +90,7 @@ impl Context<'_> {
     }
 
     /// True if no ray of a tile may meet a box of a tree.
-    pub(super) fn is_static(&self, worker: &mut Worker, place: Place, moved: &Tree) -> bool {
+    pub(super) fn is_static(&self, worker: &mut Worker, place: TileIndex, moved: &Tree) -> bool {
         self.sector.cast.level.run(Meets {
             context: self,
             worker,
@@ -107,31 +105,21 @@ impl Context<'_> {
         let v = (plane.axis_row - (pixels.row as f64 + 0.5 * pixels.rows as f64)) * plane.dv;
         self.sector.array.relative_gain(u, v)
     }
-
-    /// Weights of cells for antennas in the middle of the array, with their diffuse power.
-    fn weigh_with_diffuse(&self, cells: &mut Cells, plane: &ImagePlane) {
-        for cell in (0..MOST_RAYS).filter(|cell| cells.hit >> cell & 1 == 1) {
-            let weight = self.weight(cells, cell, plane, [cells.direction(cell); 2]);
-            cells.weight[cell] = if weight == Complex64::ZERO { 0.0 } else { 1.0 };
-            // The weight is j times the reflection.
-            (cells.reflection[0][cell], cells.reflection[1][cell]) = (weight.im as f32, -weight.re as f32);
-        }
-    }
 }
 
 /// Kernel that evaluates a tile.
-struct Evaluate<'a> {
+struct EvaluateTile<'a> {
     context: &'a Context<'a>,
     worker: &'a mut Worker,
-    place: Place,
+    place: TileIndex,
     packets: u8,
 }
 
-impl Kernel for Evaluate<'_> {
-    type Output = Tile;
+impl Kernel for EvaluateTile<'_> {
+    type Output = SampledTile;
 
     #[cfg_attr(optimised, inline(always))] // see `Kernel`
-    fn run<I: Isa>(self) -> Tile {
+    fn run<I: Isa>(self) -> SampledTile {
         let Self {
             context,
             worker: Worker { scratch, cells, points },
@@ -140,21 +128,21 @@ impl Kernel for Evaluate<'_> {
         } = self;
         let (sector, plane) = (context.sector, &context.planes[place.level]);
         let Some(pixels) = place.pixels(plane) else {
-            return Tile::unseen(place, packets);
+            return SampledTile::unseen(place, packets);
         };
         scratch.rays.aim::<I>(plane, &pixels);
         if packets != ALL {
             scratch.rays.keep(u32::from(packets));
         }
         if sector.cast.is_outside(&scratch.rays) {
-            return Tile::unseen(place, packets);
+            return SampledTile::unseen(place, packets);
         }
         let (rows, columns) = (pixels.rows, pixels.columns);
         if let Some(image) = sector.image {
             cells.read(&scratch.rays, image, &pixels);
             scratch.distance = cells.distance;
         } else if sector.scene.search::<I>(scratch, &sector.cast) {
-            return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), 0);
+            return SampledTile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), 0);
         } else {
             let (rays, hits) = (&scratch.rays, &scratch.hits);
             sector.scene.measure::<I>(rays, hits, &mut scratch.distance);
@@ -170,20 +158,22 @@ impl Kernel for Evaluate<'_> {
         cells.evaluate::<I>(plane, context.wavenumber, gain, tables);
         let rays = cells.valid.count_ones() as usize;
         if cells.hit == 0 {
-            return Tile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
+            return SampledTile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
         }
-        let mut tile = Tile::without_hits(place, packets, Border::OUTSIDE, rays);
+        let mut tile = SampledTile::without_hits(place, packets, Border::OUTSIDE, rays);
         find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
         let refinement = &sector.refinement;
         if refinement.is_adaptive {
-            let echoes = Echoes::new::<I>(cells);
-            tile.border = Border::new(&echoes, cells, rows, columns);
-            tile.blocks = Blocks::new::<I>(&echoes);
+            let features = CellFeatures::new::<I>(cells);
+            tile.border = Border::new(&features, cells, rows, columns);
+            tile.blocks = Blocks::new::<I>(&features);
+        }
+        let untapered = cells.weight;
+        if refinement.sampling == Sampling::Footprint {
+            cells.weigh::<I>();
         }
         if context.has_diffuse_cells {
-            context.weigh_with_diffuse(cells, plane);
-        } else if refinement.sampling == Sampling::Footprint {
-            cells.weigh::<I>();
+            context.add_diffuse(cells, &untapered);
         }
         if place.level == 0 && refinement.is_adaptive {
             tile.echo = cells.echo();
@@ -213,7 +203,7 @@ impl Kernel for Evaluate<'_> {
 struct Meets<'a> {
     context: &'a Context<'a>,
     worker: &'a mut Worker,
-    place: Place,
+    place: TileIndex,
     moved: &'a Tree,
 }
 
@@ -234,25 +224,25 @@ impl Kernel for Meets<'_> {
     }
 }
 
-impl Tile {
-    fn unseen(place: Place, packets: u8) -> Self {
+impl SampledTile {
+    fn unseen(place: TileIndex, packets: u8) -> Self {
         Self {
             is_seen: false,
             ..Self::without_hits(place, packets, Border::OUTSIDE, 0)
         }
     }
 
-    /// Tile without rays.
-    pub(super) fn not_cast(place: Place, packets: u8) -> Self {
+    /// SampledTile without rays.
+    pub(super) fn not_cast(place: TileIndex, packets: u8) -> Self {
         Self::without_hits(place, packets, Border::OUTSIDE, 0)
     }
 
-    fn without_hits(place: Place, packets: u8, border: Border, rays: usize) -> Self {
+    fn without_hits(place: TileIndex, packets: u8, border: Border, rays: usize) -> Self {
         Self {
             place,
             packets,
             rays,
-            blocks: Blocks::DARK,
+            blocks: Blocks::EMPTY,
             border,
             is_seen: true,
             cells: None,
@@ -275,7 +265,7 @@ impl Tile {
         &self,
         level: Level,
         wavenumber: f64,
-        adjacent: impl Fn(Place) -> Option<&'a Self>,
+        adjacent: impl Fn(TileIndex) -> Option<&'a Self>,
     ) -> [f32; BLOCKS] {
         let beside = |axis, side| {
             let other = self.place.beside(axis, side).and_then(&adjacent);
@@ -292,10 +282,10 @@ impl Tile {
 /// Add the nearest hits of the bodies of a tile, from distances to triangles [m].
 #[cfg_attr(optimised, inline(always))] // part of a kernel
 fn find_nearest<I: Isa>(
-    cells: &Cells,
+    cells: &TileCells,
     distances: &[f64; MOST_RAYS],
     (sector, plane): (usize, &ImagePlane),
-    found: &mut Vec<Nearest>,
+    found: &mut Vec<NearestHit>,
 ) {
     let far = <I::F64 as Vector>::splat(f64::INFINITY);
     let mut rest = cells.hit;
@@ -316,7 +306,7 @@ fn find_nearest<I: Isa>(
             mine &= mine - 1;
             at = mine.trailing_zeros() as usize % MOST_RAYS;
         }
-        found.push(Nearest {
+        found.push(NearestHit {
             body,
             triangle: cells.triangle[at],
             distance: distances[at],

@@ -9,10 +9,10 @@ pub(super) fn planes(base: &ImagePlane) -> Vec<ImagePlane> {
 }
 
 /// Places of the tiles of the base level and their numbers, sector by sector and row by row.
-pub(super) fn base_tiles<'a>(bases: impl Iterator<Item = &'a ImagePlane>) -> Vec<(u32, Place)> {
+pub(super) fn base_tiles<'a>(bases: impl Iterator<Item = &'a ImagePlane>) -> Vec<(u32, TileIndex)> {
     let places = bases.enumerate().flat_map(|(sector, base)| {
         let columns = base.columns.div_ceil(TILE);
-        (0..base.num_tiles()).map(move |index| Place {
+        (0..base.num_tiles()).map(move |index| TileIndex {
             sector,
             level: 0,
             row: index / columns,
@@ -22,16 +22,16 @@ pub(super) fn base_tiles<'a>(bases: impl Iterator<Item = &'a ImagePlane>) -> Vec
     (0..).zip(places).collect()
 }
 
-/// Place of a tile: sector, level, and row and column among the tiles of the level.
+/// TileIndex of a tile: sector, level, and row and column among the tiles of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct TileIndex {
     pub(super) sector: usize,
     pub(super) level: usize,
     pub(super) row: usize,
     pub(super) column: usize,
 }
 
-impl Place {
+impl TileIndex {
     /// Tile of half the cell size that covers a quarter.
     pub(super) fn quarter(&self, number: usize) -> Self {
         Self {

@@ -1,6 +1,6 @@
-use super::super::cells::Cells;
+use super::super::cells::TileCells;
 use super::super::context::Context;
-use super::super::edge_terms::{CellPlace, steep};
+use super::super::edge_terms::{CellIndex, steep};
 use super::super::residual::block;
 use super::*;
 use crate::rays::camera::TILE;
@@ -31,16 +31,16 @@ fn scene() -> PosedScene {
     PosedScene::new(surfaces.to_vec(), poses)
 }
 
-/// Cells that were cast and not split, with those of their tile and their number in it, if any hit a body.
-fn leaves(tiles: &Tiles) -> Vec<(CellPlace, Option<(&Cells, usize)>)> {
+/// TileCells that were cast and not split, with those of their tile and their number in it, if any hit a body.
+fn leaves(tiles: &Tiles) -> Vec<(CellIndex, Option<(&TileCells, usize)>)> {
     let mut leaves = Vec::new();
     for (depth, level) in tiles.levels.iter().enumerate() {
         let plane = BASE.divided(1 << depth);
         for (tile, split) in level.tiles.iter().zip(&level.split) {
-            let first = CellPlace::first(&tile.place);
+            let first = CellIndex::first(&tile.place);
             for (row, column) in (0..TILE).flat_map(|row| (0..TILE).map(move |column| (row, column))) {
                 let cell = TileRays::ray(row, column);
-                let place = CellPlace {
+                let place = CellIndex {
                     row: first.row + row,
                     column: first.column + column,
                     ..first
