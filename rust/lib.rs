@@ -98,7 +98,7 @@
 //! let plane = ImagePlane::centered(64, 64, 0.01, 0.01);
 //! let settings = Settings {
 //!     rotations: vec![DMat3::IDENTITY],
-//!     rays: RaySampling::Pixels(vec![plane], Sampling::Footprint),
+//!     rays: RaySampling { planes: vec![plane], sampling: Sampling::Footprint, refinement: None },
 //!     tubes: vec![plane],
 //!     image: plane,
 //!     gain_floor: None,
@@ -134,7 +134,7 @@
 
 #![cfg_attr(
     not(feature = "python"),
-    expect(dead_code, unused_imports, reason = "the boundary uses more than the names below")
+    expect(dead_code, reason = "the boundary uses more than the names below")
 )]
 
 mod antennas;
@@ -164,7 +164,7 @@ pub use paths::kinematics::World;
 pub use rays::camera::ImagePlane;
 pub use rays::surface::{ShadingMode, Surface};
 pub use scattering::material::CONDUCTOR;
-pub use scattering::refinement::Sampling;
+pub use scattering::refinement::{Refinement, Sampling};
 pub use synthesis::chirp::Waveform;
 pub use synthesis::choose::Method;
 pub use synthesis::report::Samples;

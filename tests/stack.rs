@@ -11,8 +11,8 @@ use radarcore::stages::{
     beat_signal, cross_sections, image, paths as frame_paths,
 };
 use radarcore::{
-    Answer, Array, CONDUCTOR, Cancel, ImagePlane, Limits, Memory, Method, Model, Pattern, Pose, RaySampling, Sampling,
-    Scene, Settings, ShadingMode, Source, Surface, Waveform, World, simulate,
+    Answer, Array, CONDUCTOR, Cancel, ImagePlane, Limits, Memory, Method, Model, Pattern, Pose, RaySampling,
+    Refinement, Sampling, Scene, Settings, ShadingMode, Source, Surface, Waveform, World, simulate,
 };
 
 const STACK: usize = 512 * 1024;
@@ -185,12 +185,18 @@ fn rays() {
 /// Frames, paths and images of bodies that stand, move, turn and deform, of every sampling and with several reflections.
 fn frames() {
     let plane = ImagePlane::centered(24, 24, 0.3, 0.3);
-    let adaptive = |end_points| RaySampling::Adaptive {
-        base: vec![plane],
-        rcs_floor: 1e-4,
-        follows_echo: true,
-        budget: Some(20_000),
-        end_points,
+    let rays = |refinement| RaySampling {
+        planes: vec![plane],
+        sampling: Sampling::Footprint,
+        refinement,
+    };
+    let adaptive = |end_points| {
+        rays(Some(Refinement {
+            rcs_floor: 1e-4,
+            follows_echo: true,
+            budget: Some(20_000),
+            end_points,
+        }))
     };
     let rough = Material::Constant(Response {
         reflection: Complex64::new(-0.5, 0.0),
@@ -199,7 +205,7 @@ fn frames() {
     let cases = [
         (adaptive(false), 1e-3, 3),
         (adaptive(true), 1e-5, 1),
-        (RaySampling::Pixels(vec![plane], Sampling::Footprint), 1e-8, 3),
+        (rays(None), 1e-8, 3),
     ];
     for (rays, tolerance, max_bounces) in cases {
         let settings = Settings {

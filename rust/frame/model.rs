@@ -18,7 +18,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::Material;
-use crate::scattering::refinement::Sampling;
+use crate::scattering::refinement::{Refinement, Sampling};
 use crate::scattering::reflection_table::Reflection;
 use crate::scattering::surface_image::SurfaceImage;
 use crate::synthesis::beat_signal::is_worth_threads;
@@ -74,25 +74,14 @@ impl Source {
 }
 
 /// Rays of frames.
-///
-/// Image planes are those of the sectors of the field of view, see [`Settings::rotations`].
 #[derive(Clone, Debug)]
-pub enum RaySampling {
-    /// Adaptive: cells are split where the residual error is large, see [`crate::scattering::sampling::Refinement`].
-    Adaptive {
-        /// Coarsest cells.
-        base: Vec<ImagePlane>,
-        /// Smallest cross-section of interest [m^2].
-        rcs_floor: f64,
-        /// True if the floor is lowered where the strongest echo in view is weak.
-        follows_echo: bool,
-        /// Largest number of rays; none: limited by the floor alone.
-        budget: Option<usize>,
-        /// True if cells with a fast phase are integrated by edge terms.
-        end_points: bool,
-    },
-    /// Uniform: one ray per pixel of images.
-    Pixels(Vec<ImagePlane>, Sampling),
+pub struct RaySampling {
+    /// Image planes of the sectors of the field of view, see [`Settings::rotations`]: pixels, or the coarsest cells.
+    pub planes: Vec<ImagePlane>,
+    /// Sampling of the surface behind a pixel or cell.
+    pub sampling: Sampling,
+    /// Settings of the refinement of cells; none: pixels are not split.
+    pub refinement: Option<Refinement>,
 }
 
 /// Settings of the simulation.
@@ -103,7 +92,7 @@ pub struct Settings {
     pub rotations: Vec<DMat3>,
     /// Rays of frames.
     pub rays: RaySampling,
-    /// Pixels that launch ray tubes where the rays are adaptive, of every sector.
+    /// Pixels that launch ray tubes, of every sector.
     pub tubes: Vec<ImagePlane>,
     /// Pixels of images.
     pub image: ImagePlane,

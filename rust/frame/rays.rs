@@ -12,13 +12,10 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::{Refinement, Sampling, field_of};
+use crate::scattering::refinement::{Refinement, field_of};
 use crate::scattering::samples::Samples;
 use crate::scattering::sampling::NearestHit;
 use crate::scattering::sector::Sector;
-
-/// Smallest cross-section of interest [m^2] where no cell is split: the number of random points has a least of its own.
-const NO_FLOOR: f64 = 1.0;
 
 /// Samples of a frame: cells of tiles, and random points of rough surfaces.
 pub struct Rays {
@@ -73,41 +70,11 @@ impl Rays {
         cancel: &Cancel,
     ) -> Result<Self> {
         let settings = &model.settings;
-        let (planes, sampling) = match &settings.rays {
-            RaySampling::Adaptive { base, .. } => (base, Sampling::Footprint),
-            RaySampling::Pixels(planes, sampling) => (planes, *sampling),
-        };
-        let mut refinement = Refinement {
-            base: planes[0],
+        let RaySampling {
+            planes,
             sampling,
-            is_adaptive: false,
-            rcs_floor: NO_FLOOR,
-            follows_echo: false,
-            budget: None,
-            end_points: false,
-            beam: None,
-            join: 0.0,
-            skip_dark: true,
-            turns,
-        };
-        if let RaySampling::Adaptive {
-            rcs_floor,
-            follows_echo,
-            budget,
-            end_points,
-            ..
-        } = settings.rays
-        {
-            refinement = Refinement {
-                is_adaptive: true,
-                rcs_floor,
-                follows_echo,
-                budget,
-                end_points,
-                join: model.join(),
-                ..refinement
-            };
-        }
+            refinement,
+        } = &settings.rays;
         // An image has the axes of the sensor, and all of it is seen.
         let image = match &model.source {
             Source::Scene(_) => None,
@@ -129,11 +96,13 @@ impl Rays {
                 array: &facing.array,
                 reflections: &facing.reflections,
                 cast: model.cast(cancel),
-                refinement: Refinement {
-                    base: image.map_or(*plane, |image| image.plane),
-                    beam: facing.beam.as_ref().filter(|_| image.is_none()),
-                    ..refinement
-                },
+                plane: image.map_or(*plane, |image| image.plane),
+                beam: facing.beam.as_ref().filter(|_| image.is_none()),
+                sampling: *sampling,
+                refinement: *refinement,
+                join: if refinement.is_some() { model.join() } else { 0.0 },
+                skip_aliased: true,
+                turns,
                 seed: settings.seed,
             })
             .collect();
@@ -165,35 +134,32 @@ impl Rays {
         let images = model.cast_images(scenes, &model.settings.tubes, cancel)?;
         // The first sector has the axes of the sensor.
         let each = images.iter().zip(scenes).zip(&model.sectors);
-        match model.settings.rays {
-            RaySampling::Pixels(_, sampling) => {
-                let launches: Vec<Launch> = each
-                    .flat_map(|((hits, _), facing)| Launch::of_image(hits, facing.rotation.transpose()))
-                    .collect();
-                Ok(Bounces::new(&scenes[0], &launches, materials, array, limits, sampling))
-            }
-            RaySampling::Adaptive { rcs_floor, .. } => {
-                let field = field_of(rcs_floor, SPEED_OF_LIGHT / array.frequency);
-                let tube_images: Vec<TubeImage> = each
-                    .map(|((hits, scene), facing)| TubeImage {
-                        rotation: facing.rotation.transpose(),
-                        hits,
-                        parts: MeshPart::small(scene, &hits.plane, field, bounces::CELLS_ACROSS),
-                    })
-                    .collect();
-                Ok(Bounces::refined(
-                    &scenes[0],
-                    &tube_images,
-                    materials,
-                    array,
-                    limits,
-                    field,
-                ))
-            }
-        }
+        let (sampling, refinement) = (model.settings.rays.sampling, model.settings.rays.refinement);
+        let Some(Refinement { rcs_floor, .. }) = refinement else {
+            let launches: Vec<Launch> = each
+                .flat_map(|((hits, _), facing)| Launch::of_image(hits, facing.rotation.transpose()))
+                .collect();
+            return Ok(Bounces::new(&scenes[0], &launches, materials, array, limits, sampling));
+        };
+        let field = field_of(rcs_floor, SPEED_OF_LIGHT / array.frequency);
+        let tube_images: Vec<TubeImage> = each
+            .map(|((hits, scene), facing)| TubeImage {
+                rotation: facing.rotation.transpose(),
+                hits,
+                parts: MeshPart::small(scene, &hits.plane, field, bounces::CELLS_ACROSS),
+            })
+            .collect();
+        Ok(Bounces::refined(
+            &scenes[0],
+            &tube_images,
+            materials,
+            array,
+            limits,
+            field,
+        ))
     }
 
-    /// NearestHit hit of every body with a hit, the first of equal ones, and the scene in which it was hit.
+    /// Nearest hit of every body with a hit, the first of equal ones, and the scene in which it was hit.
     pub fn nearest(&self) -> Vec<(&PosedScene, NearestHit)> {
         let nearest = self.samples.tiles.nearest.iter();
         nearest.map(|hit| (&*self.scenes[hit.sector], *hit)).collect()

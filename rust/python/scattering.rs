@@ -8,7 +8,6 @@ use super::arrays::numbers;
 use crate::antennas::polarization::Seen;
 use crate::error::{Error, Result};
 use crate::scattering::material::{self, Dielectric, Response, Roughness};
-use crate::scattering::refinement::Sampling;
 
 /// Material of a surface at one frequency.
 #[pyclass(frozen, module = "radarcore._core")]
@@ -75,12 +74,4 @@ pub(super) fn materials(materials: &[PyRef<'_, Material>], num_bodies: usize) ->
         return Err(Error::value("materials", expected, materials.len()));
     }
     Ok(materials.iter().map(|material| material.0).collect())
-}
-
-pub(super) fn sampling(is_footprint: bool) -> Sampling {
-    if is_footprint {
-        Sampling::Footprint
-    } else {
-        Sampling::Point
-    }
 }

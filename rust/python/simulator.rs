@@ -15,7 +15,7 @@ use rayon::ThreadPool;
 use super::antennas::Antennas;
 use super::arrays::{numbers, points, poses};
 use super::rays::{ImageArrays, Surface, image_arrays};
-use super::scattering::{Material, sampling};
+use super::scattering::Material;
 use super::synthesis::{Waveform, method, tolerance};
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::bounces::Limits;
@@ -24,6 +24,7 @@ use crate::error::{Error, Result};
 use crate::frame::{self, Answer, Counts, Memory, Model, RaySampling, Source};
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
+use crate::scattering::refinement::{Refinement, Sampling};
 use crate::scattering::surface_image::SurfaceImage;
 use crate::synthesis::report::Samples;
 
@@ -190,20 +191,25 @@ impl Settings {
             let got = format!("{number}, {} and {}", rays.len(), tubes.len());
             return Err(Error::value("rotations", expected, got).into());
         }
-        let planes = |planes: &[Plane]| planes.iter().map(plane).collect();
-        let rays = match sampling {
-            "adaptive" => RaySampling::Adaptive {
-                base: planes(&rays),
-                rcs_floor,
-                follows_echo,
-                budget: ray_budget,
-                end_points,
-            },
-            "footprint" | "point" => RaySampling::Pixels(planes(&rays), self::sampling(sampling == "footprint")),
+        let planes = |planes: &[Plane]| planes.iter().map(plane).collect::<Vec<ImagePlane>>();
+        let (sampling, is_adaptive) = match sampling {
+            "adaptive" => (Sampling::Footprint, true),
+            "footprint" => (Sampling::Footprint, false),
+            "point" => (Sampling::Point, false),
             _ => {
                 let expected = "'adaptive', 'footprint' or 'point'";
                 return Err(Error::value("sampling", expected, format!("{sampling:?}")).into());
             }
+        };
+        let rays = RaySampling {
+            planes: planes(&rays),
+            sampling,
+            refinement: is_adaptive.then_some(Refinement {
+                rcs_floor,
+                follows_echo,
+                budget: ray_budget,
+                end_points,
+            }),
         };
         Ok(Self(frame::Settings {
             rotations,

@@ -148,11 +148,12 @@ impl Speckle {
         let Sector {
             scene,
             cast,
+            plane,
             refinement,
             ..
         } = sector;
         let surface = scene.surface(body);
-        let floor = refinement.rcs_floor.min(FLOOR);
+        let floor = refinement.map_or(FLOOR, |refinement| refinement.rcs_floor.min(FLOOR));
         let seed = seed ^ scene.content_hash(body);
         let before = before.filter(|before| before.points.is_of(surface, floor, seed));
         let drawn = drawn.or(before.map(|before| &before.points)).cloned();
@@ -162,8 +163,8 @@ impl Speckle {
         let sight = |point: usize| {
             let position = scene.pose(body).point(points.position(surface, point));
             let place = [position.y / position.x, position.z / position.x];
-            let (row, column) = refinement.base.pixel(place);
-            let (rows, columns) = (refinement.base.rows as f64, refinement.base.columns as f64);
+            let (row, column) = plane.pixel(place);
+            let (rows, columns) = (plane.rows as f64, plane.columns as f64);
             let is_inside = position.x > 0.0 && (0.0..rows).contains(&row) && (0.0..columns).contains(&column);
             is_inside.then(|| Sight {
                 key: morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32),

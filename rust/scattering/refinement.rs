@@ -2,8 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::antennas::beam::Beam;
-use crate::error::{Error, Result, fits_memory};
+use crate::error::{Error, Result};
 use crate::rays::camera::ImagePlane;
 
 /// Largest number of cells of the base grid, along either side: rows and columns of the finest have 23 bits.
@@ -27,15 +26,9 @@ pub enum Sampling {
     Footprint,
 }
 
-/// Settings of the refinement.
-#[derive(Clone, Copy, Debug)]
-pub struct Refinement<'a> {
-    /// Coarsest cells.
-    pub base: ImagePlane,
-    /// Sampling of a cell.
-    pub sampling: Sampling,
-    /// True if cells are split; all further settings but the beam and the turns are for these.
-    pub is_adaptive: bool,
+/// Settings of the refinement of cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refinement {
     /// Smallest cross-section of interest [m^2].
     pub rcs_floor: f64,
     /// True if the floor is lowered where the strongest echo in view is weak.
@@ -44,28 +37,16 @@ pub struct Refinement<'a> {
     pub budget: Option<usize>,
     /// True if cells whose phase varies fast are integrated by edge terms.
     pub end_points: bool,
-    /// Directions with enough gain; none: all.
-    pub beam: Option<&'a Beam>,
-    /// Largest difference of the phases of joined points from their mean, below half a turn [rad]; 0: no points are
-    /// joined.
-    pub join: f64,
-    /// Option to leave out the parts of split quarters whose rays cannot return power.
-    pub skip_dark: bool,
-    /// Angle by which every body turns from the cast to the ends of its use, seen from the sensor [rad].
-    pub turns: &'a [f64],
 }
 
-impl Refinement<'_> {
-    /// Check the settings.
-    pub fn check(&self) -> Result<()> {
-        self.base.check()?;
-        let (rows, columns) = (self.base.rows, self.base.columns);
-        if self.is_adaptive && rows.max(columns) > MAX_SIDE {
+impl Refinement {
+    /// Check the settings for a grid of coarsest cells.
+    pub fn check(&self, base: &ImagePlane) -> Result<()> {
+        let (rows, columns) = (base.rows, base.columns);
+        if rows.max(columns) > MAX_SIDE {
             let expected = format!("at most {MAX_SIDE} cells along either side of the base grid");
             return Err(Error::value("resolution", expected, format!("{rows} x {columns}")));
         }
-        // Bytes of a cell, at least.
-        fits_memory("cells", &[rows, columns], 256)?;
         if !(self.rcs_floor > 0.0 && self.rcs_floor.is_finite()) {
             return Err(Error::value("rcs_floor", "a positive number [m^2]", self.rcs_floor));
         }

@@ -9,7 +9,7 @@ use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
-use crate::scattering::refinement::{Refinement, Sampling};
+use crate::scattering::refinement::Sampling;
 use crate::scattering::sampling::Tiles;
 use crate::scattering::sector::Sector;
 
@@ -32,11 +32,11 @@ impl Samples {
         before: Option<(&[Arc<PosedScene>], &Self)>,
     ) -> Result<Self> {
         let mut beams = Vec::with_capacity(sectors.len());
-        for Sector { scene, refinement, .. } in sectors {
-            refinement.check()?;
-            let [u, v] = refinement.base.ranges();
-            let in_front = |beam: &Beam| beam.in_front(|| scene.nearest_in_front(), u, v);
-            beams.push(refinement.beam.and_then(in_front));
+        for sector in sectors {
+            sector.check()?;
+            let [u, v] = sector.plane.ranges();
+            let in_front = |beam: &Beam| beam.in_front(|| sector.scene.nearest_in_front(), u, v);
+            beams.push(sector.beam.and_then(in_front));
         }
         let outside: Vec<_> = beams
             .iter()
@@ -49,10 +49,7 @@ impl Samples {
                     outside: beam.is_some().then_some(outside),
                     ..sector.cast
                 },
-                refinement: Refinement {
-                    beam: beam.as_ref(),
-                    ..sector.refinement
-                },
+                beam: beam.as_ref(),
                 ..*sector
             })
             .collect();
@@ -69,7 +66,7 @@ impl Samples {
         for (number, sector) in sectors.iter().enumerate() {
             let mut of_sector = Vec::with_capacity(materials.len());
             for (body, material) in materials.iter().enumerate() {
-                if !material.is_diffuse() || sector.refinement.sampling == Sampling::Point {
+                if !material.is_diffuse() || sector.sampling == Sampling::Point {
                     of_sector.push(None);
                     continue;
                 }

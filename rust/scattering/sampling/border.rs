@@ -6,10 +6,10 @@ use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::TILE;
 use crate::rays::packet::{PACKET, TileRays};
 
-/// TileCells on all sides of a tile.
+/// Cells on all sides of a tile.
 const AROUND: usize = 4 * TILE;
 
-/// TileCells along the sides of a tile: the left and the right one from top to bottom, the top and the bottom one from left
+/// Cells along the sides of a tile: the left and the right one from top to bottom, the top and the bottom one from left
 /// to right.
 #[derive(Clone, Debug)]
 pub(super) struct Border {

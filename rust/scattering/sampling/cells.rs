@@ -1,4 +1,4 @@
-//! TileCells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
+//! Cells of a tile: hits of the rays through their centres, slopes of the phase, fields and weights.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::scattering::taper::{roll_off, tapers};
 /// Smallest cosine of incidence at which a surface returns power.
 pub(super) const MIN_COSINE: f64 = 1e-6;
 
-/// TileCells of a tile, in the order of its rays: packet by packet.
+/// Cells of a tile, in the order of its rays: packet by packet.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct TileCells {

@@ -50,23 +50,23 @@ pub(super) struct Context<'a> {
 impl<'a> Context<'a> {
     /// Context of a sector; `width`: of the widest cells of any sector.
     pub(super) fn new(sector: &'a Sector, materials: &'a [Material], width: f64) -> Self {
-        let (scene, refinement) = (sector.scene, &sector.refinement);
+        let scene = sector.scene;
         let wavenumber = TAU / (SPEED_OF_LIGHT / sector.array.frequency);
-        let is_point = refinement.sampling == Sampling::Point;
-        let turn = |body| refinement.turns.get(body).map_or(0.0, |turn| *turn as f32);
+        let is_point = sector.sampling == Sampling::Point;
+        let turn = |body| sector.turns.get(body).map_or(0.0, |turn| *turn as f32);
         let turns = || (0..scene.num_bodies()).map(turn);
         let join = turns().zip(0..).map(|(turn, body)| {
             // Points of a body that deforms lie on triangles; joined points do not turn against each other.
             let is_rigid = !scene.surface(body).is_deformed();
             let is_joined = is_rigid && turn <= MOST_TURN;
-            let phase = if is_joined { refinement.join as f32 } else { 0.0 };
+            let phase = if is_joined { sector.join as f32 } else { 0.0 };
             Join { phase, turn }
         });
-        let follows = |turn: f32| turn > MOST_TURN && refinement.is_adaptive;
+        let follows = |turn: f32| turn > MOST_TURN && sector.refinement.is_some();
         Self {
             sector,
             materials,
-            planes: planes(&refinement.base),
+            planes: planes(&sector.plane),
             has_common_weight: is_small(sector.array, width, wavenumber),
             has_diffuse_cells: sector.image.is_some() || is_point && materials.iter().any(Material::is_diffuse),
             join: join.collect(),
@@ -104,7 +104,7 @@ impl<'a> Context<'a> {
         let (area, normal) = (cells.area(cell, plane), cells.normal_of(cell));
         let response = self.material(cells, cell).response_to(array, normal, directions);
         let mut weight = response.specular(area);
-        let is_tapered = self.sector.refinement.sampling == Sampling::Footprint;
+        let is_tapered = self.sector.sampling == Sampling::Footprint;
         if is_tapered && weight != Complex64::ZERO {
             let bisector = bisector(array.frequency, directions[0], directions[1]);
             weight *= cells
@@ -146,7 +146,7 @@ impl<'a> Context<'a> {
 
     /// Phase factor of the diffuse power of a cell: random for every pixel of an image of another program.
     fn phasor(&self, pixel: u32) -> Complex64 {
-        match self.sector.refinement.sampling {
+        match self.sector.sampling {
             Sampling::Point => Complex64::ONE,
             Sampling::Footprint => {
                 let random = mix(mix(self.sector.seed) ^ u64::from(pixel)) >> 11;

@@ -256,7 +256,7 @@ fn open(pairs: &[[Option<PairResidual>; 2]; 2], is_hit: bool, steep: [bool; 2]) 
     most
 }
 
-/// TileIndex of a cell: sector, level, and row and column among the cells of the level.
+/// Place of a cell: sector, level, and row and column among the cells of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct CellIndex {
     pub(super) sector: usize,
@@ -282,7 +282,7 @@ impl CellIndex {
         }
     }
 
-    /// SampledTile of the cell.
+    /// Tile of the cell.
     pub(super) fn tile(&self) -> TileIndex {
         let Self {
             sector,
@@ -346,7 +346,7 @@ const LEAST_TURN: f64 = 0.5;
 /// Lower and upper side of a cell along an axis.
 const SIDES: [i8; 2] = [-1, 1];
 
-/// TileCells of all levels that were not split.
+/// Cells of all levels that were not split.
 #[derive(Clone, Copy)]
 pub(super) struct Leaves<'a> {
     /// Of every sector.
@@ -528,7 +528,7 @@ impl<'a> Leaves<'a> {
         self.tile(at).is_some_and(|(_, split)| split >> at.block() & 1 == 1)
     }
 
-    /// SampledTile of a cell whose ray is of those that are wanted, and its split blocks.
+    /// Tile of a cell whose ray is of those that are wanted, and its split blocks.
     fn tile(&self, at: CellIndex) -> Option<(&'a SampledTile, u16)> {
         let level = self.levels.get(at.level)?;
         let number = level.find(&at.tile())?;

@@ -28,7 +28,6 @@ use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::sector::Sector;
-use crate::scattering::surface_image::SurfaceImage;
 use crate::scattering::tile_point::{TilePoint, TilePoints};
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget, without and with edge terms, where
@@ -40,7 +39,7 @@ const STEP_OF_EDGE_TERMS: f64 = 1.5;
 /// alone in view, the residual error stays that far below their own echo.
 const OF_STRONGEST: f64 = 0.1;
 
-/// Least lowered floor, relative to the default one. TileCells of the base level may be too large to show any echo.
+/// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
 /// Tiles that one task gathers.
@@ -73,7 +72,7 @@ pub struct Tiles {
     pub num_lit: usize,
     /// Distance of the farthest cell with edge terms [m].
     pub farthest: f64,
-    /// NearestHit hits of all bodies with a hit, the first of equal ones, by body.
+    /// Nearest hits of all bodies with a hit, the first of equal ones, by body.
     pub nearest: Vec<NearestHit>,
     /// Counts of rays and of base tiles.
     pub counts: Counts,
@@ -116,7 +115,7 @@ impl PointRange {
     }
 }
 
-/// SampledTile that is wanted: number of its base tile, place, and a bit per packet of rays.
+/// Tile that is wanted: number of its base tile, place, and a bit per packet of rays.
 #[derive(Clone, Copy)]
 struct TileRequest {
     base: u32,
@@ -135,22 +134,24 @@ impl Tiles {
     /// Cast and refine the tiles of all sectors, of which there is at least one. `previous`: tiles at another time, and
     /// boxes where bodies have moved since, in the axes of every sector; static tiles are taken over.
     pub fn new(sectors: &[Sector], materials: &[Material], previous: Option<(&Self, &[Tree])>) -> Result<Self> {
-        for Sector { refinement, image, .. } in sectors {
-            refinement.check()?;
-            image.map_or(Ok(()), SurfaceImage::check)?;
+        for sector in sectors {
+            sector.check()?;
         }
-        let bases = || sectors.iter().map(|sector| &sector.refinement.base);
-        let width = bases().fold(0.0, |width: f64, base| width.max(base.du).max(base.dv));
+        let width = sectors.iter().fold(0.0, |width: f64, Sector { plane, .. }| {
+            width.max(plane.du).max(plane.dv)
+        });
         let contexts: Vec<Context> = sectors
             .iter()
             .map(|sector| Context::new(sector, materials, width))
             .collect();
-        let is_adaptive = sectors[0].refinement.is_adaptive;
-        let adaptive = contexts.iter().filter(|_| is_adaptive);
-        let small_parts: Vec<SmallParts> = adaptive.map(SmallParts::new).collect();
+        let refinement = sectors[0].refinement;
+        let small_parts = refinement.map_or_else(Vec::new, |Refinement { rcs_floor, .. }| {
+            let of = |context| SmallParts::new(context, rcs_floor);
+            contexts.iter().map(of).collect()
+        });
         let previous = previous.filter(|(tiles, _)| {
-            let mut sectors = sectors.iter().map(|sector| &sector.refinement).zip(&tiles.sectors);
-            let is_alike = sectors.all(|(now, (base, beam))| now.base == *base && now.beam == beam.as_ref());
+            let mut sectors = sectors.iter().zip(&tiles.sectors);
+            let is_alike = sectors.all(|(now, (base, beam))| now.plane == *base && now.beam == beam.as_ref());
             // Tiles that a moved body touches are cast anew in any case.
             let first = &contexts[0];
             let mut bodies = first.join.iter().zip(&tiles.turns).zip(&tiles.poses).zip(0..);
@@ -166,6 +167,7 @@ impl Tiles {
             sectors,
             small_parts: &small_parts,
             known: known.as_ref(),
+            refinement,
             floor: None,
             most_forced: MAX_LEVEL,
             counts: Counts::default(),
@@ -173,7 +175,7 @@ impl Tiles {
         let (mut levels, mut is_whole) = refine.levels(&[])?;
         while !is_whole {
             // Too many rays: again, with the tiles that are there. In the end nothing is split.
-            let step = if refine.settings().end_points {
+            let step = if refine.has_edge_terms() {
                 STEP_OF_EDGE_TERMS
             } else {
                 STEP
@@ -221,7 +223,7 @@ impl Tiles {
             }
         }
         let order: Vec<(u32, u32)> = of_base.into_iter().flatten().collect();
-        let gathered = if refine.settings().end_points {
+        let gathered = if refine.has_edge_terms() {
             Gathered::edge_terms(refine, &levels, &order)
         } else {
             Gathered::quarters(&levels, &order)
@@ -237,15 +239,17 @@ impl Tiles {
             has_common_weight: first.has_common_weight,
             sectors: sectors
                 .iter()
-                .map(|sector| (sector.refinement.base, sector.refinement.beam.cloned()))
+                .map(|sector| (sector.plane, sector.beam.cloned()))
                 .collect(),
             turns: first.join.iter().map(|join| join.turn).collect(),
             poses: (0..first.turns.len() as u32)
                 .map(|body| *first.sector.scene.pose(body))
                 .collect(),
             #[cfg(test)]
-            rcs_floor: refine.floor.unwrap_or(sectors[0].refinement.rcs_floor),
-            num_coarse: refine.settings().is_adaptive.then(|| refine.num_coarse(&levels)),
+            rcs_floor: refine.floor.unwrap_or_default(),
+            num_coarse: refine
+                .refinement
+                .map(|refinement| refine.num_coarse(&levels, &refinement)),
             num_hit: gathered.num_hit,
             num_lit: gathered.num_lit,
             farthest: gathered.farthest,
@@ -330,6 +334,8 @@ struct RefineTiles<'a> {
     sectors: &'a [Sector<'a>],
     small_parts: &'a [SmallParts],
     known: Option<&'a PreviousTiles<'a>>,
+    /// Settings; none: no cell is split.
+    refinement: Option<Refinement>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
     /// Number of levels, from the base level on, whose quarters small parts may split.
@@ -341,14 +347,15 @@ impl RefineTiles<'_> {
     /// Tiles of all levels; false where the rays would exceed the budget, and finer levels are missing. Tiles that were
     /// `tried` for a smaller cross-section are taken over.
     fn levels(&mut self, tried: &[TileLevel]) -> Result<(Vec<TileLevel>, bool)> {
-        let budget = self.settings().budget.unwrap_or(usize::MAX);
+        let budget = self.refinement.and_then(|refinement| refinement.budget);
+        let budget = budget.unwrap_or(usize::MAX);
         let mut levels: Vec<TileLevel> = Vec::new();
         let whole = |(base, place)| TileRequest {
             base,
             place,
             packets: ALL,
         };
-        let bases = self.sectors.iter().map(|sector| &sector.refinement.base);
+        let bases = self.sectors.iter().map(|sector| &sector.plane);
         let mut next: Vec<TileRequest> = base_tiles(bases).into_iter().map(whole).collect();
         let mut rays = 0;
         while !next.is_empty() {
@@ -360,8 +367,8 @@ impl RefineTiles<'_> {
             let mut level = self.evaluate(&next, tried);
             self.check()?;
             rays += level.rays();
-            if self.floor.is_none() {
-                self.floor = Some(self.chosen_floor(&level));
+            if levels.is_empty() && self.floor.is_none() {
+                self.floor = self.refinement.map(|refinement| self.chosen_floor(&level, &refinement));
             }
             next = self.split(&mut level, levels.len());
             self.check()?;
@@ -403,11 +410,13 @@ impl RefineTiles<'_> {
 
     /// Split the quarters of a level whose residual error is too large; tiles of the next level.
     fn split(&self, level: &mut TileLevel, number: usize) -> Vec<TileRequest> {
-        if number >= MAX_LEVEL || !self.settings().is_adaptive {
+        let Some(refinement) = self.refinement.filter(|_| number < MAX_LEVEL) else {
             return Vec::new();
-        }
+        };
         let tiles = level.tiles.par_iter();
-        let split: Vec<u16> = tiles.map(|tile| self.wanted(level, tile, number)).collect();
+        let split: Vec<u16> = tiles
+            .map(|tile| self.wanted(level, tile, number, &refinement))
+            .collect();
         let mut next = Vec::new();
         for (index, split) in split.iter().enumerate() {
             let (base, place) = (level.base[index], level.tiles[index].place);
@@ -426,13 +435,16 @@ impl RefineTiles<'_> {
     /// Blocks of a tile, a bit each, that become packets of the next level: of quarters with too large a residual
     /// error, those whose own is too large or that may return power there, and all of quarters that show a small part
     /// of a mesh.
-    fn wanted(&self, level: &TileLevel, tile: &SampledTile, number: usize) -> u16 {
+    fn wanted(&self, level: &TileLevel, tile: &SampledTile, number: usize, refinement: &Refinement) -> u16 {
         let sector = tile.place.sector;
         let context = &self.contexts[sector];
-        let allowed = self.allowed(context, number);
+        let plane = &context.planes[number];
+        let field = field_of(self.floor.unwrap_or(refinement.rcs_floor), TAU / context.wavenumber);
+        // Per solid angle and times distance squared [m^2].
+        let allowed = SHARE * field / (plane.du * plane.dv);
         let (set, wavenumber) = (context.sector.cast.level, context.wavenumber);
         let adjacent = |place| level.tile(&place);
-        let residual = if self.settings().end_points {
+        let residual = if refinement.end_points {
             tile.residual_of_edge_terms(context, adjacent)
         } else {
             tile.residual_with(set, wavenumber, adjacent)
@@ -445,31 +457,27 @@ impl RefineTiles<'_> {
             let all = u16::from(ALL) << (PACKETS * quarter);
             if number < self.most_forced && self.small_parts[sector].wants(&tile.place, quarter) {
                 wanted |= all;
-            } else if of_quarter(wanted, quarter) != 0 && !self.settings().end_points {
-                let skips = self.settings().skip_dark;
-                wanted |= if skips { tile.blocks.unaliased & all } else { all };
+            } else if of_quarter(wanted, quarter) != 0 && !refinement.end_points {
+                wanted |= if context.sector.skip_aliased {
+                    tile.blocks.unaliased & all
+                } else {
+                    all
+                };
             }
         }
         wanted
     }
 
-    /// Allowed residual field per solid angle of a quarter of a level, times distance squared [m^2].
-    fn allowed(&self, context: &Context, level: usize) -> f64 {
-        let plane = &context.planes[level];
-        let floor = self.floor.unwrap_or(self.settings().rcs_floor);
-        SHARE * field_of(floor, TAU / context.wavenumber) / (plane.du * plane.dv)
-    }
-
-    /// Settings that all sectors have in common.
-    fn settings(&self) -> &Refinement<'_> {
-        &self.sectors[0].refinement
+    /// True if cells with a fast phase are represented by edge terms.
+    fn has_edge_terms(&self) -> bool {
+        self.refinement.is_some_and(|refinement| refinement.end_points)
     }
 
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
-    fn chosen_floor(&self, base: &TileLevel) -> f64 {
+    fn chosen_floor(&self, base: &TileLevel, refinement: &Refinement) -> f64 {
         let strongest = base.tiles.iter().map(|tile| tile.echo).fold(0.0, f64::max);
-        let floor = self.settings().rcs_floor;
-        if !self.settings().follows_echo {
+        let floor = refinement.rcs_floor;
+        if !refinement.follows_echo {
             return floor;
         }
         let wavelength = TAU / self.contexts[0].wavenumber;
@@ -479,7 +487,7 @@ impl RefineTiles<'_> {
 
     /// Number of cells of quarters that the settings ask to split, where the finest level or the budget ended the
     /// refinement.
-    fn num_coarse(&self, levels: &[TileLevel]) -> usize {
+    fn num_coarse(&self, levels: &[TileLevel], refinement: &Refinement) -> usize {
         let asked = Self {
             floor: None,
             most_forced: MAX_LEVEL,
@@ -490,8 +498,8 @@ impl RefineTiles<'_> {
         for (depth, level) in levels.iter().enumerate().skip(first) {
             let tiles = level.tiles.par_iter().enumerate();
             let cells = tiles.map(|(index, tile)| {
-                let wanted = asked.wanted(level, tile, depth);
-                if self.settings().end_points {
+                let wanted = asked.wanted(level, tile, depth, refinement);
+                if refinement.end_points {
                     return PACKET / 4 * (wanted & !level.split[index]).count_ones() as usize;
                 }
                 let is_coarse = |quarter: &usize| level.keeps(index, *quarter) && of_quarter(wanted, *quarter) != 0;
@@ -525,7 +533,7 @@ impl<'a> PreviousTiles<'a> {
     }
 }
 
-/// NearestHit hits of the bodies of the tiles of a level, chunk by chunk.
+/// Nearest hits of the bodies of the tiles of a level, chunk by chunk.
 fn nearest_of_level(level: &TileLevel) -> Vec<NearestHit> {
     let chunks = level.tiles.par_chunks(CHUNK);
     let nearest: Vec<Vec<NearestHit>> = chunks
@@ -534,7 +542,7 @@ fn nearest_of_level(level: &TileLevel) -> Vec<NearestHit> {
     nearest.into_iter().flatten().collect()
 }
 
-/// NearestHit hit of every body, the first of equal ones, by body.
+/// Nearest hit of every body, the first of equal ones, by body.
 fn nearest_of(hits: impl Iterator<Item = NearestHit>) -> Vec<NearestHit> {
     let mut nearest: Vec<Option<NearestHit>> = Vec::new();
     for hit in hits {

@@ -94,7 +94,7 @@ pub(super) fn pair_error<V: Vector<Scalar = f32>>(a: &Features<V>, b: &Features<
     field.mul(share).mul(area).mul(a[VALID]).mul(b[VALID])
 }
 
-/// TileCells of a tile row by row, and of cells below the last row.
+/// Cells of a tile row by row, and of cells below the last row.
 const CAPACITY: usize = MOST_RAYS + PACKET;
 
 /// Features of the cells of a tile, row by row.
@@ -178,7 +178,7 @@ impl CellFeatures {
             let scale = splat(1.0).div(steep).select(is_hit, splat(0.0));
             scale.store(&mut rows[ALIAS_SCALE][first..]);
         }
-        // TileCells are halved: sizes at which they pass are powers of two.
+        // Cells are halved: sizes at which they pass are powers of two.
         for scale in &mut rows[ALIAS_SCALE] {
             *scale = f32::from_bits(scale.to_bits() & EXPONENT);
         }

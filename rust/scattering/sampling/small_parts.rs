@@ -22,13 +22,13 @@ pub(super) struct SmallParts {
 
 impl SmallParts {
     /// Small parts of all bodies that can have the smallest cross-section of interest.
-    pub(super) fn new(context: &Context) -> Self {
+    pub(super) fn new(context: &Context, rcs_floor: f64) -> Self {
         let (planes, sector) = (&context.planes, context.sector);
         let mut small = Self {
             levels: vec![Vec::new(); MAX_LEVEL],
             columns: planes.iter().map(|plane| plane.columns.div_ceil(SIDE)).collect(),
         };
-        let field = field_of(sector.refinement.rcs_floor, TAU / context.wavenumber);
+        let field = field_of(rcs_floor, TAU / context.wavenumber);
         for part in MeshPart::small(sector.scene, &planes[0], field, CELLS_ACROSS) {
             small.mark(&part, planes);
         }

@@ -16,7 +16,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Cast;
 use crate::rays::scene::PosedScene;
 use crate::rays::surface::{ShadingMode, Surface};
-use crate::scattering::material::{CONDUCTOR, Material};
+use crate::scattering::material::CONDUCTOR;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, Sampling, field_of};
 use crate::scattering::reflection_table::Reflection;
 use crate::scattering::sector::Sector;
@@ -88,29 +88,25 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
     }
 }
 
-fn refinement(base: ImagePlane, rcs_floor: f64) -> Refinement<'static> {
+fn refinement(rcs_floor: f64) -> Refinement {
     Refinement {
-        base,
-        sampling: Sampling::Footprint,
-        is_adaptive: true,
         rcs_floor,
         follows_echo: false,
         budget: None,
         end_points: false,
-        beam: None,
-        join: 0.0,
-        skip_dark: true,
-        turns: &[],
     }
 }
 
-fn tiles(scene: &PosedScene, refinement: &Refinement) -> Tiles {
-    let materials = vec![CONDUCTOR; scene.num_bodies()];
-    Tiles::new(&[sector(scene, &array(), refinement)], &materials, None).unwrap()
+fn tiles(scene: &PosedScene, base: ImagePlane, refinement: Refinement) -> Tiles {
+    of_sectors(&[sector(scene, &array(), base, refinement)])
+}
+
+fn of_sectors(sectors: &[Sector]) -> Tiles {
+    Tiles::new(sectors, &[CONDUCTOR; 4], None).unwrap()
 }
 
 /// The one sector of a field of view.
-fn sector<'a>(scene: &'a PosedScene, array: &'a Array, refinement: &Refinement<'a>) -> Sector<'a> {
+fn sector<'a>(scene: &'a PosedScene, array: &'a Array, plane: ImagePlane, refinement: Refinement) -> Sector<'a> {
     static CONDUCTORS: [Reflection; 4] = [const { Reflection::Constant([-1.0, 0.0]) }; 4];
     Sector {
         scene,
@@ -118,7 +114,13 @@ fn sector<'a>(scene: &'a PosedScene, array: &'a Array, refinement: &Refinement<'
         array,
         reflections: &CONDUCTORS,
         cast: Cast::default(),
-        refinement: *refinement,
+        plane,
+        beam: None,
+        sampling: Sampling::Footprint,
+        refinement: Some(refinement),
+        join: 0.0,
+        skip_aliased: true,
+        turns: &[],
         seed: 0,
     }
 }
@@ -183,11 +185,10 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
         (coarse, 1e6, true, 0),
         (fine, 1e-30, true, MAX_LEVEL),
     ] {
-        let settings = Refinement {
-            is_adaptive,
-            ..refinement(base, rcs_floor)
-        };
-        let tiles = tiles(&scene, &settings);
+        let tiles = of_sectors(&[Sector {
+            refinement: is_adaptive.then_some(refinement(rcs_floor)),
+            ..sector(&scene, &array(), base, refinement(rcs_floor))
+        }]);
         let plane = base.divided(1 << level);
         let expected = of_pixels(&scene, &plane);
         let got = transfer(&tiles.points(), WAVENUMBER);
@@ -206,7 +207,7 @@ fn tiles_split_nowhere_and_everywhere_are_the_pixels_of_the_base_and_of_the_fine
 #[test]
 fn image_of_the_hits_of_rays_has_their_points() {
     let plane = ImagePlane::centered(45, 50, 0.3, 0.3);
-    let (materials, array) = ([CONDUCTOR; 2], array());
+    let array = array();
     let scene = PosedScene::new(
         vec![sphere(0.1), plates(&[[0.0, 0.0, 0.3, 0.3]])],
         vec![at(1.0, 0.1, 0.0), at(1.6, -0.3, 0.1)],
@@ -225,18 +226,16 @@ fn image_of_the_hits_of_rays_has_their_points() {
         age: 0.0,
     };
     for sampling in [Sampling::Footprint, Sampling::Point] {
-        let settings = Refinement {
+        let of_scene = Sector {
             sampling,
-            is_adaptive: false,
-            ..refinement(plane, 1.0)
+            refinement: None,
+            ..sector(&scene, &array, plane, refinement(1.0))
         };
-        let of_scene = sector(&scene, &array, &settings);
         let of_image = Sector {
             image: Some(&image),
             ..of_scene
         };
-        let [rays, pixels] =
-            [of_scene, of_image].map(|sector| Tiles::new(&[sector], &materials, None).unwrap().points());
+        let [rays, pixels] = [of_scene, of_image].map(|sector| of_sectors(&[sector]).points());
         assert_eq!(rays.points.len(), pixels.points.len());
         for (one, other) in rays.points.iter().zip(&pixels.points) {
             assert_eq!(
@@ -259,7 +258,7 @@ fn plates_at_borders_of_tiles_keep_their_echo() {
     for step in 0..12 {
         let place = at(10.0, 0.013 * f64::from(step), 0.007 * f64::from(step));
         let scene = PosedScene::new(vec![plate.clone()], vec![place]);
-        let found = tiles(&scene, &refinement(base, 1e-2));
+        let found = tiles(&scene, base, refinement(1e-2));
         // Physical optics of a plate seen at small angles to its normal.
         let [y, z] = [place.translation.y, place.translation.z].map(|offset| sinc(WAVENUMBER * 0.1 * offset / 10.0));
         let level = decibels(transfer(&found.points(), WAVENUMBER).norm() / (facing(0.01, 10.0).norm() * y * z));
@@ -269,7 +268,7 @@ fn plates_at_borders_of_tiles_keep_their_echo() {
 
 #[test]
 fn fences_and_rods_thinner_than_cells_keep_their_echo() {
-    // TileCells of the base grid are 2 cm wide at 2.5 m.
+    // Cells of the base grid are 2 cm wide at 2.5 m.
     let base = ImagePlane::centered(128, 128, 0.5, 0.5);
     let fence: Vec<[f64; 4]> = (0..15)
         .map(|bar| [0.037 * f64::from(bar) - 0.26, 0.0, 0.004, 0.05])
@@ -283,7 +282,7 @@ fn fences_and_rods_thinner_than_cells_keep_their_echo() {
         ),
     ] {
         let scene = PosedScene::new(vec![plates(&boxes)], vec![at(2.5, 0.0, 0.0)]);
-        let found = tiles(&scene, &refinement(base, 1e-2));
+        let found = tiles(&scene, base, refinement(1e-2));
         // Far-field sum over the plates, each at its distance.
         let expected: Complex64 = boxes
             .iter()
@@ -310,8 +309,10 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
     let base = ImagePlane::centered(128, 128, 0.5, 0.5);
     for (radius, bound) in [(0.2, 0.5), (0.1, 0.5), (0.05, 0.5)] {
         let scene = PosedScene::new(vec![sphere(radius)], vec![at(1.0, 0.03, 0.02)]);
-        let mut settings = refinement(base, 1e-4);
-        let apart = tiles(&scene, &settings);
+        let antennas = array();
+        let apart = sector(&scene, &antennas, base, refinement(1e-4));
+        let sectors = |join| [Sector { join, ..apart }];
+        let apart = of_sectors(&[apart]);
         // Reflection at the nearest point of a sphere seen from a distance d of its centre.
         let distance = DVec3::new(1.0, 0.03, 0.02).length();
         let expected = radius / (2.0 * WAVENUMBER) / (2.0 * (distance - radius) * distance);
@@ -324,8 +325,7 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
             (2.5, 0.024, 5e-2),
             (2.5, 0.005, 1e-2),
         ] {
-            settings.join = join;
-            let joined = tiles(&scene, &settings);
+            let joined = of_sectors(&sectors(join));
             assert!(joined.points().points.len() < 9 * apart.points().points.len() / 10);
             let at_center = if join > 2.0 { 1e-2 } else { 5e-3 };
             for (detuned, change) in [(0.0, at_center), (-detuned, change), (detuned, change)] {
@@ -360,19 +360,22 @@ fn points_depend_neither_on_threads_nor_on_the_frame_before() {
     let posed = |y: f64| PosedScene::new(surfaces.clone(), vec![at(1.0, y, 0.0), at(1.6, -0.3, 0.1)]);
     let (before, now) = (posed(0.1), posed(0.12));
     for end_points in [false, true] {
+        let array = array();
         let settings = Refinement {
-            join: 1.5,
             end_points,
-            ..refinement(base, 1e-3)
+            ..refinement(1e-3)
         };
-        let fresh = tiles(&now, &settings);
+        let joining = |scene| Sector {
+            join: 1.5,
+            ..sector(scene, &array, base, settings)
+        };
+        let fresh = of_sectors(&[joining(&now)]);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert!(same(&fresh, &pool.install(|| tiles(&now, &settings))));
+        assert!(same(&fresh, &pool.install(|| of_sectors(&[joining(&now)]))));
 
-        let known = tiles(&before, &settings);
-        let (moved, array) = (now.moved(&before).unwrap(), array());
-        let one = [sector(&now, &array, &settings)];
-        let again = Tiles::new(&one, &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
+        let known = of_sectors(&[joining(&before)]);
+        let moved = now.moved(&before).unwrap();
+        let again = Tiles::new(&[joining(&now)], &[CONDUCTOR; 2], Some((&known, &[moved]))).unwrap();
         assert!(same(&fresh, &again));
         assert!(again.counts.tiles_reused > 30 && again.counts.rays < fresh.counts.rays);
         assert!(!same(&fresh, &known));
@@ -389,12 +392,11 @@ fn parts_that_are_left_out_return_next_to_nothing() {
     };
     let scene = PosedScene::new(surfaces, vec![at(1.2, 0.2, 0.1), at(0.8, -0.2, 0.0), oblique]);
     for rcs_floor in [1e-2, 1e-4] {
-        let with = tiles(&scene, &refinement(base, rcs_floor));
-        let without = Refinement {
-            skip_dark: false,
-            ..refinement(base, rcs_floor)
-        };
-        let without = tiles(&scene, &without);
+        let with = tiles(&scene, base, refinement(rcs_floor));
+        let without = of_sectors(&[Sector {
+            skip_aliased: false,
+            ..sector(&scene, &array(), base, refinement(rcs_floor))
+        }]);
         assert!(with.counts.rays < 9 * without.counts.rays / 10);
         for detuned in [-0.05, -0.02, 0.0, 0.03, 0.05] {
             let wavenumber = WAVENUMBER * (1.0 + detuned);
@@ -410,13 +412,13 @@ fn parts_that_are_left_out_return_next_to_nothing() {
 fn budget_is_kept_by_a_larger_residual_error_everywhere() {
     let base = ImagePlane::centered(64, 64, 0.5, 0.5);
     let scene = PosedScene::new(vec![sphere(0.2)], vec![at(1.0, 0.0, 0.0)]);
-    let free = tiles(&scene, &refinement(base, 1e-5));
+    let free = tiles(&scene, base, refinement(1e-5));
     let budget = 8000;
     let settings = Refinement {
         budget: Some(budget),
-        ..refinement(base, 1e-5)
+        ..refinement(1e-5)
     };
-    let limited = tiles(&scene, &settings);
+    let limited = tiles(&scene, base, settings);
     assert!(free.counts.rays > budget && free.num_coarse == Some(0));
     assert!(limited.rcs_floor > 1e-5 && limited.num_coarse > Some(0));
     let [free, limited] = [free, limited].map(|tiles| transfer(&tiles.points(), WAVENUMBER));
@@ -432,9 +434,9 @@ fn budget_is_kept_where_small_parts_alone_exceed_it() {
     for budget in [fewest, 2 * fewest, 20 * fewest] {
         let settings = Refinement {
             budget: Some(budget),
-            ..refinement(base, 1e-2)
+            ..refinement(1e-2)
         };
-        let found = tiles(&scene, &settings);
+        let found = tiles(&scene, base, settings);
         assert!(found.num_rays() <= budget, "{} of {budget}", found.num_rays());
         assert!(found.num_coarse > Some(0));
     }
@@ -446,9 +448,9 @@ fn weak_echoes_alone_in_view_lower_the_floor() {
     let scene = PosedScene::new(vec![sphere(0.02)], vec![at(1.0, 0.0, 0.0)]);
     let settings = Refinement {
         follows_echo: true,
-        ..refinement(base, 1e-2)
+        ..refinement(1e-2)
     };
-    let found = tiles(&scene, &settings);
+    let found = tiles(&scene, base, settings);
     // pi r^2 is 1.3e-3 m^2.
     assert!((1e-3..1e-2).contains(&found.rcs_floor), "{}", found.rcs_floor);
 }
@@ -463,11 +465,8 @@ fn wide_arrays_have_a_weight_per_channel() {
         rx_patterns: vec![array().rx_patterns[0].clone(); 2],
         ..array()
     };
-    let settings = refinement(base, 1e-2);
     for (offset, number) in [(0.003, 1), (0.3, 2)] {
-        let materials: [Material; 1] = [CONDUCTOR];
-        let antennas = antennas(offset);
-        let found = Tiles::new(&[sector(&scene, &antennas, &settings)], &materials, None).unwrap();
+        let found = of_sectors(&[sector(&scene, &antennas(offset), base, refinement(1e-2))]);
         assert_eq!(found.num_weights, number);
         assert_eq!(found.points().weights.len(), number * found.points().points.len());
     }
@@ -489,7 +488,7 @@ fn between(low: f64, high: f64, half_height: f64, size: f64) -> ImagePlane {
 
 #[test]
 fn body_on_the_seam_of_two_sectors_echoes_as_in_the_middle_of_one() {
-    let (materials, array) = ([CONDUCTOR], array());
+    let array = array();
     let sight = DMat3::from_rotation_z(45.0_f64.to_radians());
     let to_left = DMat3::from_rotation_z(-90.0_f64.to_radians());
     let turned = array.turned(&to_left);
@@ -497,8 +496,8 @@ fn body_on_the_seam_of_two_sectors_echoes_as_in_the_middle_of_one() {
     let floor = 1e-5;
     for (surface, most) in [(sphere(0.1), 0.3), (plates(&[[0.0, 0.0, 0.1, 0.1]]), 0.1)] {
         let ahead = PosedScene::new(vec![surface.clone()], vec![at(1.0, 0.0, 0.0)]);
-        let front = refinement(ImagePlane::centered(64, 64, 0.5, 0.5), floor);
-        let middle = transfer(&tiles(&ahead, &front).points(), WAVENUMBER);
+        let front = ImagePlane::centered(64, 64, 0.5, 0.5);
+        let middle = transfer(&tiles(&ahead, front, refinement(floor)).points(), WAVENUMBER);
 
         let aside = ahead.turned(&sight);
         let left = aside.turned(&to_left);
@@ -506,12 +505,11 @@ fn body_on_the_seam_of_two_sectors_echoes_as_in_the_middle_of_one() {
             between(-1.0, 1.0, 0.5, 1.0 / 64.0),
             between(-1.0, -0.3, 0.5, 1.0 / 32.0),
         ];
-        let settings = bases.map(|base| refinement(base, floor));
         let sectors = [
-            sector(&aside, &array, &settings[0]),
-            sector(&left, &turned, &settings[1]),
+            sector(&aside, &array, bases[0], refinement(floor)),
+            sector(&left, &turned, bases[1], refinement(floor)),
         ];
-        let found = Tiles::new(&sectors, &materials, None).unwrap();
+        let found = of_sectors(&sectors);
         // The points of both are in axes of their own, about one origin.
         let on_seam = transfer(&found.points(), WAVENUMBER);
         let halves = [0, 1].map(|number| found.pieces.iter().filter(|piece| piece.sector == number).count());

@@ -33,12 +33,12 @@ pub(super) struct SampledTile {
     border: Border,
     /// False if no ray was cast, as nothing is seen there.
     pub(super) is_seen: bool,
-    /// TileCells, for edge terms; none without a hit.
+    /// Cells, for edge terms; none without a hit.
     pub(super) cells: Option<Box<TileCells>>,
     /// Points of all quarters, if there are any, and the end of every quarter.
     pub(super) points: Option<Arc<TilePoints>>,
     ends: [usize; 4],
-    /// TileCells of every quarter that hit a body, and of those the ones without a point.
+    /// Cells of every quarter that hit a body, and of those the ones without a point.
     pub(super) hits: [usize; 4],
     pub(super) silent: [usize; 4],
     pub(super) nearest: Vec<NearestHit>,
@@ -46,7 +46,7 @@ pub(super) struct SampledTile {
     pub(super) echo: f64,
 }
 
-/// NearestHit hit of a body.
+/// Nearest hit of a body.
 #[derive(Clone, Copy, Debug)]
 pub struct NearestHit {
     /// Number of the body.
@@ -162,23 +162,22 @@ impl Kernel for EvaluateTile<'_> {
         }
         let mut tile = SampledTile::without_hits(place, packets, Border::OUTSIDE, rays);
         find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
-        let refinement = &sector.refinement;
-        if refinement.is_adaptive {
+        if sector.refinement.is_some() {
             let features = CellFeatures::new::<I>(cells);
             tile.border = Border::new(&features, cells, rows, columns);
             tile.blocks = Blocks::new::<I>(&features);
         }
         let untapered = cells.weight;
-        if refinement.sampling == Sampling::Footprint {
+        if sector.sampling == Sampling::Footprint {
             cells.weigh::<I>();
         }
         if context.has_diffuse_cells {
             context.add_diffuse(cells, &untapered);
         }
-        if place.level == 0 && refinement.is_adaptive {
+        if place.level == 0 && sector.refinement.is_some() {
             tile.echo = cells.echo();
         }
-        if refinement.end_points {
+        if sector.refinement.is_some_and(|refinement| refinement.end_points) {
             tile.cells = Some(Box::new(cells.clone()));
             return tile;
         }
@@ -232,7 +231,7 @@ impl SampledTile {
         }
     }
 
-    /// SampledTile without rays.
+    /// Tile without rays.
     pub(super) fn not_cast(place: TileIndex, packets: u8) -> Self {
         Self::without_hits(place, packets, Border::OUTSIDE, 0)
     }

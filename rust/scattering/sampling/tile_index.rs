@@ -22,7 +22,7 @@ pub(super) fn base_tiles<'a>(bases: impl Iterator<Item = &'a ImagePlane>) -> Vec
     (0..).zip(places).collect()
 }
 
-/// TileIndex of a tile: sector, level, and row and column among the tiles of the level.
+/// Place of a tile: sector, level, and row and column among the tiles of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct TileIndex {
     pub(super) sector: usize,

@@ -8,10 +8,10 @@ use crate::rays::packet::{PACKET, TileRays};
 
 const BASE: ImagePlane = ImagePlane::centered(33, 40, 0.5, 0.6);
 
-fn ends(rcs_floor: f64) -> Refinement<'static> {
+fn ends(rcs_floor: f64) -> Refinement {
     Refinement {
         end_points: true,
-        ..refinement(BASE, rcs_floor)
+        ..refinement(rcs_floor)
     }
 }
 
@@ -31,7 +31,7 @@ fn scene() -> PosedScene {
     PosedScene::new(surfaces.to_vec(), poses)
 }
 
-/// TileCells that were cast and not split, with those of their tile and their number in it, if any hit a body.
+/// Cells that were cast and not split, with those of their tile and their number in it, if any hit a body.
 fn leaves(tiles: &Tiles) -> Vec<(CellIndex, Option<(&TileCells, usize)>)> {
     let mut leaves = Vec::new();
     for (depth, level) in tiles.levels.iter().enumerate() {
@@ -58,7 +58,7 @@ fn leaves(tiles: &Tiles) -> Vec<(CellIndex, Option<(&TileCells, usize)>)> {
 
 #[test]
 fn cells_that_were_not_split_cover_the_image_once() {
-    let found = tiles(&scene(), &ends(1e-5));
+    let found = tiles(&scene(), BASE, ends(1e-5));
     assert!(found.levels.len() > 4);
     let finest = 1_usize << MAX_LEVEL;
     let (rows, columns) = (BASE.rows * finest, BASE.columns * finest);
@@ -82,7 +82,7 @@ fn inside_of_an_oblique_wall_is_neither_split_nor_summed() {
         ..at(3.0, 0.0, 0.0)
     };
     let wall = PosedScene::new(vec![plates(&[[0.0, 0.0, 18.0, 18.0]])], vec![pose]);
-    let found = tiles(&wall, &ends(1e-6));
+    let found = tiles(&wall, BASE, ends(1e-6));
     assert_eq!(found.num_rays(), BASE.num_pixels());
     assert_eq!((found.num_hit, found.num_lit), (BASE.num_pixels(), 0));
     assert!(found.pieces.is_empty());
@@ -91,7 +91,7 @@ fn inside_of_an_oblique_wall_is_neither_split_nor_summed() {
 #[test]
 fn terms_of_all_cells_add_up_to_those_that_are_kept() {
     let (scene, array, settings) = (scene(), array(), ends(1e-5));
-    let (found, sector) = (tiles(&scene, &settings), sector(&scene, &array, &settings));
+    let (found, sector) = (tiles(&scene, BASE, settings), sector(&scene, &array, BASE, settings));
     let context = Context::new(&sector, &[CONDUCTOR; 3], BASE.du);
     let mut all = TilePoints::default();
     for (place, cells) in leaves(&found) {
