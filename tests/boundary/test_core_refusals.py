@@ -210,9 +210,7 @@ def test_what_does_not_fit_together_is_a_value_error(call: Call, message: str) -
 
 
 @pytest.mark.parametrize("threads", [0, 1025, 2**32, HUGE])
-@pytest.mark.parametrize(
-    "call", [beat, cast, deform, frame, surfels, paths, reflectance]
-)
+@pytest.mark.parametrize("call", [beat, cast, deform, frame, surfels, paths, reflectance])
 def test_pool_has_one_to_1024_threads(call: Any, threads: int) -> None:
     refuses(lambda: call(threads=threads), ValueError, f"threads: expected 1 to 1024, got {threads}")
 

@@ -140,7 +140,9 @@ def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, ph
     )
     rigid = rc.Body(mesh, material=HALF_MATT, motion=rc.Attached(place, turning), name="ball")
     radar = rc.Radar(waveform(num_chirps=32), tx=TX, rx=RX)  # 10 ms: 2 degrees
-    here, there = (simulator([body], radar, radar_motion=radar_motion) for body in (deformed, rigid))
+    # Random points at the limb would turn out of sight within the frame.
+    options: dict[str, Any] = {"radar_motion": radar_motion, "sampling": "point"}
+    here, there = (simulator([body], radar, **options) for body in (deformed, rigid))
     time = 0.05
     assert relative_error(here.frame(time).cube, there.frame(time).cube) <= phase
     got, expected = here.paths(time), there.paths(time)
@@ -179,11 +181,9 @@ def test_speckle_stays_on_a_surface_that_swells() -> None:
         deformation=lambda _: 1.1 * mesh.vertices,
     )
     plain = rc.Body(mesh, material=rc.Material.lambertian(1.0), motion=rc.Pose([1.0, 0.0, 0.0]))
-    # At 1.1 of the distance the same rays meet the same places.
-    here, there = (
-        simulator([body], instant(), resolution=96, field_of_view_deg=(6.0, 6.0)).paths() for body in (plain, grown)
-    )
-    assert here.amplitude.shape[1] > 5000
+    # At 1.1 of the distance the same points are in view.
+    here, there = (simulator([body], instant(), field_of_view_deg=(6.0, 6.0)).paths() for body in (plain, grown))
+    assert here.amplitude.shape[1] > 700
     np.testing.assert_allclose(np.angle(there.amplitude / here.amplitude), 0.0, atol=1e-6)
     # A patch has 1.1^2 of the area, and its power falls with 1.1^4.
     np.testing.assert_allclose(np.abs(there.amplitude / here.amplitude), 1.0 / 1.1, rtol=1e-9)
@@ -208,7 +208,7 @@ def test_nearest_point_of_a_breathing_chest_is_where_and_as_fast_as_on_paper(tim
 
 
 def test_every_point_of_a_breathing_chest_moves_along_its_radius() -> None:
-    # Point mode, flat facets: every hit is a path and a point of its facet, in the order of the image.
+    # Point mode, flat facets: every hit is a path and a point of its facet, in any order.
     body = chest(subdivisions=4)
     flat = rc.Mesh(body.mesh.vertices, body.mesh.triangles, shading="flat")
     body = rc.Body(flat, motion=body.motion, deformation=lambda t: radius_at(t) / RADIUS * flat.vertices)
@@ -219,7 +219,8 @@ def test_every_point_of_a_breathing_chest_moves_along_its_radius() -> None:
     velocity = swelling * (points - [DISTANCE, 0.0, 0.0])
     expected = np.sum(velocity * points, axis=1) / np.linalg.norm(points, axis=1)
     assert len(points) > 100
-    np.testing.assert_allclose(0.5 * C * sim.paths(time).delay_rate[0], expected, rtol=0, atol=1e-12)
+    rates = np.sort(0.5 * C * sim.paths(time).delay_rate[0])
+    np.testing.assert_allclose(rates, np.sort(expected), rtol=0, atol=1e-12)
 
 
 def test_phase_over_slow_time_is_the_breath() -> None:
@@ -270,7 +271,7 @@ def test_frame_follows_vertices_through_its_chirps() -> None:
 
     body = rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=swing)
     # One ray straight ahead, one antenna where it begins: one path.
-    sim = simulator([body], rc.Radar(wf), resolution=1, field_of_view_deg=(1.0, 1.0))
+    sim = simulator([body], rc.Radar(wf), resolution=1, field_of_view_deg=(1.0, 1.0), sampling="point")
     (samples,) = sim.frame().cube[..., 0]
     distance = 1.0 + 0.01 * np.sin(60.0 * np.pi * wf.chirp_times)
     delay = 2.0 * distance / C

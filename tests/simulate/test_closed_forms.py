@@ -280,7 +280,7 @@ def some_pairs() -> list[tuple[str, str]]:
     ]
 
 
-@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
+@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees", "ignore:distance. quantised")
 @pytest.mark.parametrize(("name", "fineness"), some_pairs())
 def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str, fineness: str) -> None:
     num_seeds = 100
@@ -291,7 +291,7 @@ def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str
     assert np.std(powers) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / num_seeds))
 
 
-@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
+@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees", "ignore:distance. quantised")
 @pytest.mark.parametrize("name", LAMBERTIAN)
 def test_speckle_is_another_for_pixels_of_another_size(name: str) -> None:
     # Or the test above would look at the same samples again and again.

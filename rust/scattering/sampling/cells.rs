@@ -306,6 +306,16 @@ impl TileCells {
         (self.hit >> (packet * PACKET)) as u32 & 0xffff
     }
 
+    /// A bit per cell of a packet whose weight is not zero, once cells are weighed.
+    #[cfg_attr(optimised, inline(always))]
+    pub(super) fn with_weight<I: Isa>(&self, packet: usize) -> u32 {
+        let first = packet * PACKET;
+        let weight = I::F32::load(&self.weight[first..]);
+        let [re, im] = &self.reflection;
+        let reflection = magnitude(I::F32::load(&re[first..])).max(magnitude(I::F32::load(&im[first..])));
+        self.hits(packet) & !weight.mul(reflection).at_most(<I::F32 as Vector>::splat(0.0))
+    }
+
     /// A bit per cell with a hit of a body.
     #[cfg_attr(optimised, inline(always))]
     pub(super) fn hits_of<I: Isa>(&self, body: u32) -> u64 {

@@ -3,7 +3,7 @@
 use super::cells::TileCells;
 use super::context::{Context, weight_of};
 use super::join::joined;
-use crate::numeric::simd::{Isa, Vector};
+use crate::numeric::simd::Isa;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::PACKET;
 use crate::scattering::tile_point::{TilePoint, TilePoints};
@@ -94,9 +94,7 @@ impl TilePoints {
     /// Append the points of a quarter, joined where phases allow: all cells, or halves of those that cannot be joined.
     #[cfg_attr(optimised, inline(always))]
     fn add_joined<I: Isa>(&mut self, context: &Context, cells: &TileCells, first: usize, plane: &ImagePlane) {
-        let weight = I::F32::load(&cells.weight[first..]);
-        let is_lit = !weight.at_most(<I::F32 as Vector>::splat(0.0));
-        let lit = is_lit & cells.hits(first / PACKET);
+        let lit = cells.with_weight::<I>(first / PACKET);
         if lit == 0 {
             return;
         }

@@ -11,7 +11,7 @@ use super::tile_index::TileIndex;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
 use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
 use crate::rays::facets::HALF;
-use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::packet::{MOST_RAYS, PACKETS};
 use crate::rays::search::{Scratch, Touch};
 use crate::rays::tree::Tree;
 use crate::scattering::refinement::Sampling;
@@ -186,10 +186,8 @@ impl Kernel for EvaluateTile<'_> {
             let hit = cells.hits(quarter);
             if hit != 0 {
                 points.add_quarter::<I>(context, cells, quarter, plane);
-                let weight = I::F32::load(&cells.weight[quarter * PACKET..]);
-                let silent = hit & weight.at_most(<I::F32 as Vector>::splat(0.0));
                 tile.hits[quarter] = hit.count_ones() as usize;
-                tile.silent[quarter] = silent.count_ones() as usize;
+                tile.silent[quarter] = (hit & !cells.with_weight::<I>(quarter)).count_ones() as usize;
             }
             tile.ends[quarter] = points.points.len();
         }
