@@ -407,6 +407,9 @@ class IdealFrame:
     def series_errors(self) -> tuple[float, float]:
         """Errors of phases [rad] and of amplitudes by the series over the frame, relative to l2(amplitudes)."""
     @property
+    def bounce_error(self) -> float:
+        """Error of the paths of several reflections where ray tubes ran out, relative to their field (rms)."""
+    @property
     def fast_varying(self) -> list[int]:
         """Numbers, in the scene, of the bodies and points whose motion varies too fast for few times of the frame."""
     @property

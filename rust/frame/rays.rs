@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::model::{Model, RaySampling, Source};
 use crate::antennas::beam::Beam;
-use crate::bounces::{self, Bounces, Launch, TubeImage};
+use crate::bounces::{self, Bounces, TubeImage};
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
@@ -245,30 +245,37 @@ impl Rays {
             return Ok(none());
         }
         // The first sector has the axes of the sensor.
-        let shoot = |images: &[Image], sampling: Sampling| {
+        let shoot = |images: &[Image], sampling: Sampling, field: f64| {
             let each = images.iter().zip(&model.sectors);
-            let launches: Vec<Launch> = each
-                .flat_map(|(image, facing)| Launch::of_image(&image.hits, facing.rotation.transpose()))
+            let tube_images: Vec<TubeImage> = each
+                .map(|(image, facing)| TubeImage {
+                    rotation: facing.rotation.transpose(),
+                    hits: &image.hits,
+                    parts: if field.is_finite() {
+                        MeshPart::small(&image.scene, &image.hits.plane, field, bounces::CELLS_ACROSS)
+                    } else {
+                        Vec::new()
+                    },
+                })
                 .collect();
-            let (array, limits) = (&model.array, model.settings.limits);
-            Bounces::new(&images[0].scene, &launches, &model.materials, array, limits, sampling)
+            let (scene, limits) = (&images[0].scene, model.settings.limits);
+            Bounces::new(
+                scene,
+                &tube_images,
+                &model.materials,
+                &model.array,
+                limits,
+                sampling,
+                field,
+            )
         };
         match (self, &model.settings.rays) {
-            (Self::Pixels(images), RaySampling::Pixels(_, sampling)) => Ok(shoot(images, *sampling)),
+            (Self::Pixels(images), RaySampling::Pixels(_, sampling)) => Ok(shoot(images, *sampling, f64::INFINITY)),
             (Self::Cells(scenes, _), RaySampling::Adaptive { rcs_floor, .. }) => {
                 let before = if model.settings.reuse_tiles { &**tubes } else { &[] };
                 let images = model.cast_images(&scenes[0], &model.settings.tubes, before, cancel)?;
                 let field = field_of(*rcs_floor, SPEED_OF_LIGHT / model.array.frequency);
-                let each = images.iter().zip(scenes).zip(&model.sectors);
-                let tube_images: Vec<TubeImage> = each
-                    .map(|((image, scene), facing)| TubeImage {
-                        rotation: facing.rotation.transpose(),
-                        hits: &image.hits,
-                        parts: MeshPart::small(scene, &image.hits.plane, field, bounces::CELLS_ACROSS),
-                    })
-                    .collect();
-                let (materials, limits) = (&model.materials, model.settings.limits);
-                let found = Bounces::refined(&scenes[0], &tube_images, materials, &model.array, limits, field);
+                let found = shoot(&images, Sampling::Footprint, field);
                 *tubes = images;
                 Ok(found)
             }

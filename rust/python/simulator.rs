@@ -177,6 +177,7 @@ pub(super) struct IdealFrame {
     truth: Option<Py<PyArray2<f64>>>,
     farthest: f64,
     series_errors: (f64, f64),
+    bounce_error: f64,
     fast_varying: Vec<usize>,
     counts: Py<PyDict>,
     stage_times: Vec<(&'static str, f64)>,
@@ -298,12 +299,14 @@ impl Simulator {
             truth: truth.transpose()?,
             farthest: counts.farthest,
             series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
+            bounce_error: counts.bounce_error(),
             counts: dict_of_counts(py, &counts)?.unbind(),
             fast_varying: counts.fast_varying,
             stage_times: counts.times,
-            plan: match counts.plan.is_empty() {
-                true => "no paths".to_owned(),
-                false => counts.plan.join("\n"),
+            plan: if counts.plan.is_empty() {
+                "no paths".to_owned()
+            } else {
+                counts.plan.join("\n")
             },
         }))
     }
