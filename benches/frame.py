@@ -60,7 +60,7 @@ class Stopwatch:
     @property
     def stages(self) -> dict[str, float]:
         """Run times of the stages of the last frame [s]."""
-        return {} if self.ideal is None else dict(self.ideal.stage_times())
+        return {} if self.ideal is None else dict(self.ideal.stage_times)
 
     def frame(self, motion: _core.Placement, rates: _core.Placement | None = None) -> _core.IdealFrame | None:
         """The engine's frame."""

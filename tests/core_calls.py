@@ -48,14 +48,13 @@ SETTINGS: dict[str, Any] = {
     "ray_budget": 2000,
     "end_points": True,
     "gain_floor": 1e-8,
-    "skip_empty": True,
-    "reuse_tiles": True,
     "max_bounces": 1,
     "bounce_floor": 1e-8,
     "retrace": 0.2,
     "seed": 0,
     "tolerance": 1e-4,
     "method": "direct",
+    "debug": {"skip_empty": True, "reuse_tiles": True},
 }
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
 MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)
@@ -97,7 +96,7 @@ def plane(given: Any) -> Any:
 
 def settings(*, rays: Any = IMAGE_PLANE, tubes: Any = IMAGE_PLANE, image: Any = IMAGE_PLANE, **changes: Any) -> Any:
     planes = {"rays": [plane(rays)], "tubes": [plane(tubes)], "image": plane(image)}
-    return _core.Settings(**(SETTINGS | planes | changes))
+    return SETTINGS | planes | changes
 
 
 def surface(vertices: Any = VERTICES, triangles: Any = TRIANGLES, **changes: Any) -> Any:

@@ -1,6 +1,6 @@
 """The compiled core. Arrays are C-contiguous and of the exact dtype; Python checks and casts before calling."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -15,7 +15,6 @@ __all__ = [
     "Placement",
     "Report",
     "Scene",
-    "Settings",
     "Simulator",
     "Surface",
     "Waveform",
@@ -92,15 +91,15 @@ def receive(ideal: NDArray[Any], *, output: str, deviation: float, seed: int, st
     `deviation`: of every real number. The noise belongs to the seed and to the start of the frame [s].
     """
 
-def local_maxima(power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
+def local_maxima(power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
     """True for cells (cell, 2) of a map (row, column) with power that none of their eight neighbours exceeds.
 
-    Powers are float32 or float64. Rows are cyclic, columns too with `is_cyclic`; without, the map is even about both
-    its ends, as the spectrum of real samples is.
+    Rows are cyclic, columns too with `is_cyclic`; without, the map is even about both its ends, as the spectrum of real
+    samples is.
     """
 
 def between_cells(
-    power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool
+    power: NDArray[np.float64], cells: NDArray[np.int64], *, is_cyclic: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Offsets of local maxima from the middle of their cells (cell, 2), and their heights (cell,).
 
@@ -108,7 +107,7 @@ def between_cells(
     """
 
 def training_medians(
-    power: NDArray[Any], cells: NDArray[np.int64], *, guards: tuple[int, int], trainings: tuple[int, int]
+    power: NDArray[np.float64], cells: NDArray[np.int64], *, guards: tuple[int, int], trainings: tuple[int, int]
 ) -> NDArray[np.float64]:
     """Medians (cell,) of the cells at most `guards + trainings` rows and columns away, but those within `guards`.
 
@@ -358,41 +357,6 @@ class DepthScene:
         """
 
 @final
-class Settings:
-    """Settings of a simulation."""
-
-    def __new__(
-        cls,
-        *,
-        sampling: str,
-        rotations: Sequence[Sequence[Sequence[float]]],
-        rays: Sequence[tuple[int, int, float, float, float, float]],
-        tubes: Sequence[tuple[int, int, float, float, float, float]],
-        image: tuple[int, int, float, float, float, float],
-        rcs_floor: float,
-        follows_echo: bool,
-        ray_budget: int | None,
-        end_points: bool,
-        gain_floor: float | None,
-        skip_empty: bool,
-        reuse_tiles: bool,
-        max_bounces: int,
-        bounce_floor: float,
-        retrace: float,
-        seed: int,
-        tolerance: float,
-        method: str,
-    ) -> Settings:
-        """Of rays, ray tubes and images through planes (rows, columns, du, dv, axis column, axis row) at distance 1.
-
-        `rotations`: rows of the rotations from sensor axes to those of the sectors of the field of view, the identity
-        first; rays and tubes have a plane per sector. In adaptive sampling the planes of the rays are the base grid.
-        `gain_floor`: least gain of interest of a pair of
-        antennas relative to their peaks, there and back; `bounce_floor`: power relative to that of the launch;
-        `retrace` [rad].
-        """
-
-@final
 class Placement:
     """Places in the world at the Chebyshev times of a frame, or their time derivatives at one time."""
 
@@ -430,13 +394,18 @@ class IdealFrame:
     def series_errors(self) -> tuple[float, float]:
         """Errors of phases [rad] and of amplitudes by the series over the frame, relative to l2(amplitudes)."""
     @property
+    def bounce_error(self) -> float:
+        """Error of the paths of several reflections where ray tubes ran out, relative to their field (rms)."""
+    @property
     def fast_varying(self) -> list[int]:
         """Numbers, in the scene, of the bodies and points whose motion varies too fast for few times of the frame."""
     @property
     def plan(self) -> str:
         """A line per sum over a group of paths."""
+    @property
     def counts(self) -> dict[str, int]:
         """Numbers of rays, hits, tiles, paths, node times and so on, by name."""
+    @property
     def stage_times(self) -> list[tuple[str, float]]:
         """Run time of every stage [s], by name."""
 
@@ -452,14 +421,14 @@ class Simulator:
         antennas: Antennas,
         waveform: Waveform,
         center: Sequence[float],
-        settings: Settings,
+        settings: Mapping[str, Any],
         threads: int | None = None,
         own_threads: bool = False,
     ) -> Simulator:
         """Of a scene with one material per surface, or of a depth image.
 
-        `center`: middle of the array in sensor axes (x, y, z) [m]; `own_threads`: the number of threads is given, and
-        other simulators have none of them.
+        `center`: middle of the array in sensor axes (x, y, z) [m]; `settings`: those of `core_settings`; `own_threads`:
+        the number of threads is given, and other simulators have none of them.
         """
     def frame(self, motion: Placement, rates: Placement | None = None) -> IdealFrame | None:
         """The frame of a motion at Chebyshev times of the frame; `rates`: its derivatives if all times are the same.

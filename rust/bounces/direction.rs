@@ -32,6 +32,27 @@ impl<'a> Antennas<'a> {
     }
 }
 
+/// Largest distance of an antenna from the middle of an array [m] whose tubes start and end in the middle: lengths of
+/// paths over points of reflection are stationary, so that phases differ to second order, 0.01 rad at arm's length.
+const SMALL_ARRAY: f64 = 0.01;
+
+/// Antennas where ray tubes start and end: those of an array, or one in the middle of its transmitters and one in the
+/// middle of its receivers if it is small.
+pub fn tube_antennas(array: &Array) -> Array {
+    let all = || array.tx.iter().chain(&array.rx);
+    if all().next().is_none() || all().any(|antenna| antenna.length() > SMALL_ARRAY) {
+        return array.clone();
+    }
+    let middle = |antennas: &[DVec3]| vec![antennas.iter().sum::<DVec3>() / antennas.len() as f64];
+    Array {
+        tx: middle(&array.tx),
+        rx: middle(&array.rx),
+        tx_patterns: array.tx_patterns[..1].to_vec(),
+        rx_patterns: array.rx_patterns[..1].to_vec(),
+        ..array.clone()
+    }
+}
+
 impl Direction {
     /// Directions that tubes are traced in: both, but only forward for a single antenna that transmits and receives,
     /// where both give the same paths.

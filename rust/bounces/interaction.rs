@@ -3,13 +3,13 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::geometry::curved_triangle::{bend, shade};
+use crate::geometry::curved_triangle::{shade, shape_operator};
 use crate::numeric::random::mix;
 use crate::rays::scene::PosedScene;
 
 /// Distance before a surface at which rays start, relative to their largest coordinate, which counts as a metre at
 /// least.
-const LEAVING: f64 = 1e-7;
+const RAY_EPSILON: f64 = 1e-7;
 
 /// Smallest cosine between a ray and the normal of a triangle that it hits.
 const MIN_COSINE: f64 = 1e-6;
@@ -25,13 +25,13 @@ pub struct Interaction {
     pub point: DVec3,
     /// Point on the incident ray a little before the triangle [m]. Reflected rays start here: they do not hit the
     /// triangle again, but do hit surfaces that touch it on the incident side, like the other wall of a corner.
-    pub before: DVec3,
+    pub offset_origin: DVec3,
     /// Unit normal of the curved surface towards the incident side.
     pub normal: DVec3,
     /// Unit normal of the triangle towards the incident side.
     pub face: DVec3,
-    /// Derivative of the normal along the surface [1/m]; zero where it is flat.
-    pub bend: DMat3,
+    /// Shape operator (Weingarten map): derivative of the normal along the surface [1/m]; zero where it is flat.
+    pub shape_operator: DMat3,
 }
 
 impl Interaction {
@@ -60,23 +60,23 @@ impl Interaction {
         let normals = surface.corner_normals(triangle);
         let lit = -slope.signum() * face;
         let (mut normal, mut correction) = shade(corners, normals, weights, face, d);
-        let mut bend = bend(corners, normals, weights, face, d);
+        let mut curvature = shape_operator(corners, normals, weights, face, d);
         if (d - 2.0 * normal.dot(d) * normal).dot(lit) <= 0.0 {
-            (normal, correction, bend) = (lit, 0.0, DMat3::ZERO);
+            (normal, correction, curvature) = (lit, 0.0, DMat3::ZERO);
         }
 
         let length = distance + correction;
         let on_facet = origin + distance * direction;
-        let step = leaving(on_facet);
-        let turn = pose.rotation;
+        let step = ray_epsilon(on_facet);
+        let rotation = pose.rotation;
         let interaction = Self {
             body,
             triangle,
             point: origin + length * direction,
-            before: on_facet - step * direction,
-            normal: turn * normal,
-            face: turn * lit,
-            bend: turn * bend * turn.transpose(),
+            offset_origin: on_facet - step * direction,
+            normal: rotation * normal,
+            face: rotation * lit,
+            shape_operator: rotation * curvature * rotation.transpose(),
         };
         (length > -step).then_some((interaction, length))
     }
@@ -87,7 +87,7 @@ impl Interaction {
     /// tenth of a millimetre.
     pub fn surface(&self) -> u64 {
         let mut hash = mix(u64::from(self.body) + 1);
-        if self.bend == DMat3::ZERO {
+        if self.shape_operator == DMat3::ZERO {
             let rounded = (1e3 * self.face).round();
             // The sum with zero has no negative zeros.
             for number in [
@@ -104,6 +104,6 @@ impl Interaction {
 }
 
 /// Distance before a point of a surface at which rays start [m].
-pub fn leaving(point: DVec3) -> f64 {
-    LEAVING * point.abs().max_element().max(1.0)
+pub fn ray_epsilon(point: DVec3) -> f64 {
+    RAY_EPSILON * point.abs().max_element().max(1.0)
 }

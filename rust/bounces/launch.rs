@@ -38,13 +38,6 @@ impl Launch {
         })
     }
 
-    /// Launches of all pixels that hit a body, row by row; `rotation` from the axes of the image to those of the sensor.
-    pub fn of_image(hits: &Hits, rotation: DMat3) -> Vec<Self> {
-        (0..hits.plane.num_pixels())
-            .filter_map(|pixel| Self::of_pixel(hits, rotation, pixel))
-            .collect()
-    }
-
     /// Launch of a pixel; none for one that hits nothing.
     pub(super) fn of_pixel(hits: &Hits, rotation: DMat3, pixel: usize) -> Option<Self> {
         let plane = &hits.plane;

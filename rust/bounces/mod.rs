@@ -21,7 +21,6 @@ mod tube;
 
 pub use aspect::Aspect;
 pub use cross_section::cross_sections;
-pub use launch::Launch;
 pub use path::Bounces;
 pub use refine::{CELLS_ACROSS, TubeImage};
 pub use shooting::{Counts, Limits};

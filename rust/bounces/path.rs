@@ -20,6 +20,8 @@ use crate::synthesis::source::Request;
 /// reflections.
 pub struct Bounces {
     array: Array,
+    /// Antennas where tubes start and end, see [`tube_antennas`].
+    tube_antennas: Array,
     /// Index of the first point of every path, and the number of all points.
     first: Vec<usize>,
     /// Material points of every path, one block per antenna where tubes start; an antenna without the path has the
@@ -27,7 +29,7 @@ pub struct Bounces {
     points: Vec<Point>,
     /// Direction of the tubes of every path.
     directions: Vec<Direction>,
-    /// `(path, channel)`: amplitude without the gains of the antennas and the lengths to and from the last point.
+    /// `(path, pair of antennas of tubes)`: amplitude without the gains of the antennas and the lengths to and from the last point.
     weights: Vec<Complex64>,
 }
 
@@ -46,7 +48,7 @@ pub struct BouncePath {
     direction: Direction,
     order: usize,
     points: Vec<Point>,
-    /// Weight per channel, see [`Bounces`].
+    /// Weight per pair of antennas, see [`Bounces`].
     weights: Vec<Complex64>,
 }
 
@@ -110,8 +112,11 @@ impl BouncePath {
 }
 
 impl Bounces {
-    pub(super) fn of_paths(array: Array, paths: impl Iterator<Item = BouncePath>) -> Self {
-        let mut bounces = Self::empty(array);
+    pub(super) fn of_paths(array: Array, tube_antennas: Array, paths: Vec<BouncePath>) -> Self {
+        let mut bounces = Self {
+            tube_antennas,
+            ..Self::empty(array)
+        };
         for path in paths {
             bounces.push(path.direction, &path.points, &path.weights);
         }
@@ -121,6 +126,7 @@ impl Bounces {
     /// An empty list of paths.
     pub fn empty(array: Array) -> Self {
         Self {
+            tube_antennas: array.clone(),
             array,
             first: vec![0],
             points: Vec::new(),
@@ -138,12 +144,16 @@ impl Bounces {
 
     /// Split into the paths over wanted bodies alone and all others, both in the same order.
     pub fn split(&self, is_wanted: impl Fn(u32) -> bool) -> [Self; 2] {
-        let mut parts = [Self::empty(self.array.clone()), Self::empty(self.array.clone())];
+        let empty = || Self {
+            tube_antennas: self.tube_antennas.clone(),
+            ..Self::empty(self.array.clone())
+        };
+        let mut parts = [empty(), empty()];
         for path in 0..self.len() {
             let points = &self.points[self.first[path]..self.first[path + 1]];
             let are_wanted = points.iter().all(|point| is_wanted(point.body));
-            let channels = self.num_channels();
-            let weights = &self.weights[channels * path..channels * (path + 1)];
+            let number = self.tube_antennas.num_channels();
+            let weights = &self.weights[number * path..number * (path + 1)];
             parts[usize::from(!are_wanted)].push(self.directions[path], points, weights);
         }
         parts
@@ -159,10 +169,15 @@ impl Bounces {
         self.array.num_channels()
     }
 
+    /// Pair of antennas of tubes for a channel: the only one of a small array.
+    fn tube_channel(&self, channel: usize) -> usize {
+        channel.min(self.tube_antennas.num_channels() - 1)
+    }
+
     /// Number of reflections of every path.
     pub fn orders(&self) -> impl Iterator<Item = usize> {
         let paths = self.first.windows(2).zip(&self.directions);
-        paths.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.array)[0].len())
+        paths.map(|(ends, direction)| (ends[1] - ends[0]) / direction.antennas(&self.tube_antennas)[0].len())
     }
 
     /// Body of every path that is the last before a receiver, for the first antenna where tubes start.
@@ -211,8 +226,8 @@ impl Bounces {
     fn points(&self, path: usize, channel: usize) -> &[Point] {
         let points = &self.points[self.first[path]..self.first[path + 1]];
         let direction = self.directions[path];
-        let order = points.len() / direction.antennas(&self.array)[0].len();
-        let [start, _] = direction.numbers(&self.array, channel);
+        let order = points.len() / direction.antennas(&self.tube_antennas)[0].len();
+        let [start, _] = direction.numbers(&self.tube_antennas, self.tube_channel(channel));
         &points[start * order..(start + 1) * order]
     }
 
@@ -237,7 +252,7 @@ impl Bounces {
         let arrival = last - end.0;
         let distance = arrival.length();
         let gains = start.1.gain(departure) * end.1.gain(arrival);
-        let weight = self.weights[path * self.num_channels() + channel];
+        let weight = self.weights[path * self.tube_antennas.num_channels() + self.tube_channel(channel)];
         let amplitude = weight * ((self.array.power * gains).sqrt() / (length * distance));
         let length = length + distance;
         (length / SPEED_OF_LIGHT, self.array.received(channel, amplitude, length))

@@ -6,6 +6,7 @@ use glam::DMat3;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::direction::tube_antennas;
 use super::launch::{Launch, quarter_centers};
 use super::path::{BouncePath, Bounces};
 use super::shooting::{CellPaths, Counts, Launcher, Limits, View};
@@ -54,24 +55,26 @@ struct Cell {
 }
 
 impl Bounces {
-    /// Paths of two and more reflections of all pixels of images and of their quarters, and counts. `field`: that of the
-    /// smallest cross-section of interest [m^2].
-    pub fn refined(
+    /// Paths of two and more reflections of all pixels of images and of their quarters, and counts; one material per
+    /// body. `field`: that of the smallest cross-section of interest [m^2]; no pixel is quartered for an infinite one.
+    pub fn new(
         scene: &PosedScene,
         images: &[TubeImage],
         materials: &[Material],
         array: &Array,
         limits: Limits,
+        sampling: Sampling,
         field: f64,
     ) -> (Self, Counts) {
-        let view = View::of_planes(images.iter().map(|image| (image.rotation, &image.hits.plane)));
+        let view = View::new(images.iter().map(|image| (image.rotation, &image.hits.plane)));
         let num_pixels: usize = images.iter().map(|image| image.hits.plane.num_pixels()).sum();
-        let launcher = Launcher::new(scene, view, materials, array, limits, Sampling::Footprint);
+        let antennas = tube_antennas(array);
+        let launcher = Launcher::new(scene, view, materials, &antennas, limits, sampling);
         let mut refine = Refine {
             scene,
             images,
             launcher,
-            array,
+            num_channels: antennas.num_channels(),
             error: ERROR * field / (4.0 * std::f64::consts::PI),
             tubes: LEAST_TUBES.max((MOST_TUBES * num_pixels as f64) as usize),
             paths: Vec::new(),
@@ -82,10 +85,10 @@ impl Bounces {
             cells = refine.quartered(cells);
         }
         for cell in cells {
-            refine.counts.coarse += 1;
-            refine.keep(cell.paths);
+            refine.keep_coarse(cell);
         }
-        (Self::of_paths(array.clone(), refine.paths.into_iter()), refine.counts)
+        let Refine { paths, counts, .. } = refine;
+        (Self::of_paths(array.clone(), antennas, paths), counts)
     }
 }
 
@@ -93,7 +96,8 @@ struct Refine<'a> {
     scene: &'a PosedScene,
     images: &'a [TubeImage<'a>],
     launcher: Launcher<'a>,
-    array: &'a Array,
+    /// Number of pairs of antennas of tubes.
+    num_channels: usize,
     /// Largest error of a cell [m^2].
     error: f64,
     /// Number of tubes that may still be launched.
@@ -106,7 +110,15 @@ struct Refine<'a> {
 impl Refine<'_> {
     /// Keep the paths of a cell that is not quartered.
     fn keep(&mut self, cell: CellPaths) {
+        self.counts.power += largest(&cell.fields).powi(2);
         self.paths.extend(cell.paths);
+    }
+
+    /// Keep the paths of a cell for whose quarters there are no tubes.
+    fn keep_coarse(&mut self, cell: Cell) {
+        self.counts.coarse += 1;
+        self.counts.error_power += cell.residual.powi(2);
+        self.keep(cell.paths);
     }
 
     /// Pixels of an image that may be quartered; the paths of all others are kept.
@@ -115,7 +127,10 @@ impl Refine<'_> {
         let plane = &hits.plane;
         let shoot = |pixel: usize| {
             let launch = Launch::of_pixel(hits, *rotation, pixel);
-            launch.map_or_else(|| CellPaths::empty(self.array), |launch| self.launcher.shoot(&launch))
+            launch.map_or_else(
+                || CellPaths::empty(self.num_channels),
+                |launch| self.launcher.shoot(&launch),
+            )
         };
         let found: Vec<CellPaths> = (0..plane.num_pixels()).into_par_iter().map(shoot).collect();
         let strengths: Vec<f64> = found.iter().map(|paths| largest(&paths.fields)).collect();
@@ -154,8 +169,7 @@ impl Refine<'_> {
         if cells.len() > most {
             cells.sort_by(|a, b| b.residual.total_cmp(&a.residual));
             for cell in cells.split_off(most) {
-                self.counts.coarse += 1;
-                self.keep(cell.paths);
+                self.keep_coarse(cell);
             }
         }
         self.tubes -= 4 * cells.len();
@@ -195,7 +209,10 @@ impl Refine<'_> {
                 center,
                 size,
                 parts: cell.parts.iter().filter(is_small).copied().collect(),
-                paths: launch.map_or_else(|| CellPaths::empty(self.array), |launch| self.launcher.shoot(&launch)),
+                paths: launch.map_or_else(
+                    || CellPaths::empty(self.num_channels),
+                    |launch| self.launcher.shoot(&launch),
+                ),
                 residual: 0.0,
             }
         })

@@ -1,10 +1,9 @@
-//! Shooting and bouncing of ray tubes from the antennas through a scene.
+//! Shooting and bouncing of ray tubes through a scene, from the transmitters and from the receivers (bidirectional).
 
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 use num_complex::Complex64;
-use rayon::prelude::*;
 
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
@@ -20,7 +19,7 @@ use crate::scattering::taper::taper;
 use super::direction::Direction;
 use super::interaction::Interaction;
 use super::launch::Launch;
-use super::path::{BouncePath, Bounces};
+use super::path::BouncePath;
 use super::tube::Tube;
 use crate::antennas::polarization::transverse;
 
@@ -31,24 +30,8 @@ pub(super) struct View {
 }
 
 impl View {
-    /// View of cells that are launched.
-    fn of(launches: &[Launch]) -> Self {
-        let mut planes: Vec<(DMat3, [DVec2; 2])> = Vec::new();
-        for launch in launches {
-            let (center, half) = (DVec2::from(launch.center), 0.5 * DVec2::from(launch.size));
-            // Launches come plane by plane.
-            if planes.last().is_none_or(|(rotation, _)| *rotation != launch.rotation) {
-                planes.push((launch.rotation, [DVec2::INFINITY, DVec2::NEG_INFINITY]));
-            }
-            if let Some((_, [low, high])) = planes.last_mut() {
-                (*low, *high) = (low.min(center - half), high.max(center + half));
-            }
-        }
-        Self { planes }
-    }
-
     /// View of whole image planes, each with the rotation from its axes to those of the sensor.
-    pub(super) fn of_planes<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
+    pub(super) fn new<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
         let of = |(rotation, plane): (DMat3, &ImagePlane)| {
             let [u, v] = plane.ranges();
             (rotation, [0, 1].map(|end| DVec2::new(u[end], v[end])))
@@ -58,16 +41,19 @@ impl View {
         }
     }
 
-    /// Share of a tube over these interactions to an antenna, between 0 and 1. The same path is found by a tube in the
-    /// other direction; the one that widens less counts more, and both shares add up to one. One where no such tube
-    /// starts.
-    fn share(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
-        let back = self
+    /// Weight of a tube over these interactions to an antenna by the balance heuristic, between 0 and 1.
+    ///
+    /// A tube in the other direction finds the same path. As in multiple importance sampling (Veach and Guibas,
+    /// "Optimally combining sampling techniques for Monte Carlo rendering", 1995), each counts in proportion to the
+    /// density of its rays at the path, which falls as the tube spreads, and both weights add up to one. One where no
+    /// tube starts in the other direction.
+    fn balance_weight(&self, tube: &Tube, interactions: &[Interaction], antenna: DVec3) -> f64 {
+        let reverse = self
             .shows(tube.interaction.point)
-            .then(|| Tube::widening_back(interactions, antenna));
-        let Some(back) = back.flatten() else { return 1.0 };
-        let share = back / (tube.widening() + back);
-        if share.is_finite() { share } else { 0.5 }
+            .then(|| Tube::reverse_spreading(interactions, antenna));
+        let Some(reverse) = reverse.flatten() else { return 1.0 };
+        let weight = reverse / (tube.spreading() + reverse);
+        if weight.is_finite() { weight } else { 0.5 }
     }
 
     fn shows(&self, point: DVec3) -> bool {
@@ -90,7 +76,7 @@ pub struct Limits {
 }
 
 /// Counts of rays and of tubes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Counts {
     /// Rays from one surface to the next.
     pub rays: usize,
@@ -98,6 +84,9 @@ pub struct Counts {
     pub stopped: usize,
     /// Cells that were not quartered, as the most tubes were reached.
     pub coarse: usize,
+    /// Sums over the cells of their squared fields, and of the squared errors of those not quartered [m^4].
+    pub power: f64,
+    pub error_power: f64,
 }
 
 impl Counts {
@@ -106,6 +95,8 @@ impl Counts {
             rays: self.rays + other.rays,
             stopped: self.stopped + other.stopped,
             coarse: self.coarse + other.coarse,
+            power: self.power + other.power,
+            error_power: self.error_power + other.error_power,
         }
     }
 }
@@ -120,14 +111,14 @@ pub(super) struct Shooter<'a> {
 }
 
 impl Shooter<'_> {
-    /// Trace a tube that was launched with a share of the largest gain; `arrive` receives the tube at every surface
+    /// Trace a tube that was launched with a gain relative to the largest; `arrive` receives the tube at every surface
     /// from the second on, with all interactions so far.
-    pub(super) fn trace(&self, mut tube: Tube, share: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
+    pub(super) fn trace(&self, mut tube: Tube, gain: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
         let mut counts = Counts::default();
         let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
             tube.reflect(self.reflection_coefficients(&tube));
-            if tube.field.power() * share < self.limits.floor {
+            if tube.field.power() * gain < self.limits.floor {
                 counts.stopped += 1;
                 break;
             }
@@ -196,14 +187,14 @@ impl Shooter<'_> {
             return None;
         }
         let radiated = self.radiate(tube, size, offset / distance, polarization, sampling)?;
-        let is_occluded = self.is_occluded(&tube.interaction, antenna - tube.interaction.before, 1.0 - 1e-9);
+        let is_occluded = self.is_occluded(&tube.interaction, antenna - tube.interaction.offset_origin, 1.0 - 1e-9);
         (!is_occluded).then_some((radiated, distance))
     }
 
     /// True if a surface occludes the ray from an interaction up to `far` lengths of the direction.
     pub(super) fn is_occluded(&self, interaction: &Interaction, direction: DVec3, far: f64) -> bool {
         let ray = Ray {
-            origin: interaction.before,
+            origin: interaction.offset_origin,
             direction,
             start: 0.0,
         };
@@ -247,8 +238,8 @@ impl<'a> Sensor<'a> {
         let Some(tube) = Tube::launch(self.shooter.scene, launch, antenna, self.array.polarization) else {
             return Counts::default();
         };
-        let share = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
-        self.shooter.trace(tube, share, arrive)
+        let gain = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
+        self.shooter.trace(tube, gain, arrive)
     }
 
     /// Field that arrives at an antenna from a footprint, and the distance [m].
@@ -297,8 +288,8 @@ impl<'a> Launcher<'a> {
     /// Paths over a cell by tubes of all antennas, there and back.
     pub(super) fn shoot(&self, launch: &Launch) -> CellPaths {
         let Sensor { shooter, array } = &self.sensor;
-        let twice = 2.0 / self.directions.len() as f64; // of shares that add up to one
-        let mut cell = CellPaths::empty(array);
+        let twice = 2.0 / self.directions.len() as f64; // of weights that add up to one
+        let mut cell = CellPaths::empty(array.num_channels());
         for direction in self.directions {
             let [starts, ends] = direction.antennas(array);
             for start in 0..starts.len() {
@@ -310,8 +301,8 @@ impl<'a> Launcher<'a> {
                         let antenna = ends.get(end).0;
                         let radiated = self.sensor.receive(tube, launch, antenna, self.sampling);
                         radiated.map_or((Complex64::ZERO, 0.0), |(radiated, distance)| {
-                            let share = twice * self.view.share(tube, interactions, antenna);
-                            let magnitude = share * radiated.weight * tube.length;
+                            let balance = twice * self.view.balance_weight(tube, interactions, antenna);
+                            let magnitude = balance * radiated.weight * tube.length;
                             let weight = Complex64::I / (2.0 * TAU) * radiated.amplitude * magnitude;
                             (weight, tube.length + distance)
                         })
@@ -344,33 +335,13 @@ impl<'a> Launcher<'a> {
 }
 
 impl CellPaths {
-    pub(super) fn empty(array: &Array) -> Self {
+    pub(super) fn empty(num_channels: usize) -> Self {
         Self {
             paths: Vec::new(),
-            fields: vec![Complex64::ZERO; array.num_channels()],
+            fields: vec![Complex64::ZERO; num_channels],
             surfaces: 0,
             counts: Counts::default(),
         }
-    }
-}
-
-impl Bounces {
-    /// Paths of two and more reflections of all cells, in the order of the cells, and counts; one material per body.
-    pub fn new(
-        scene: &PosedScene,
-        launches: &[Launch],
-        materials: &[Material],
-        array: &Array,
-        limits: Limits,
-        sampling: Sampling,
-    ) -> (Self, Counts) {
-        let launcher = Launcher::new(scene, View::of(launches), materials, array, limits, sampling);
-        let cells: Vec<CellPaths> = launches.par_iter().map(|launch| launcher.shoot(launch)).collect();
-        let counts = cells
-            .iter()
-            .fold(Counts::default(), |counts, cell| counts.plus(cell.counts));
-        let paths = cells.into_iter().flat_map(|cell| cell.paths);
-        (Self::of_paths(array.clone(), paths), counts)
     }
 }
 

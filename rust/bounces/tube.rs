@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::field::{Field, Incidence};
-use super::interaction::{Interaction, leaving};
+use super::interaction::{Interaction, ray_epsilon};
 use super::launch::Launch;
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::tree::Ray;
@@ -21,7 +21,7 @@ pub struct Tube {
     /// Derivatives of the position by the plane coordinates of the cell, along the surface [m].
     pub edges: [DVec3; 2],
     /// Derivatives of the direction by the plane coordinates of the cell.
-    pub turns: [DVec3; 2],
+    pub direction_slopes: [DVec3; 2],
     /// Field relative to the launched field, without spreading.
     pub field: Field,
     /// Size at launch per unit of both plane coordinates: solid angle [sr], or section of a plane wave [m^2].
@@ -37,8 +37,8 @@ impl Tube {
         let ray = launch.rotation * (DVec3::new(1.0, u, v) / w);
         let (interaction, distance) = Interaction::new(scene, launch.body, launch.triangle, DVec3::ZERO, ray)?;
         let edges = [(launch.rotation.y_axis, u), (launch.rotation.z_axis, v)].map(|(axis, x)| {
-            let turn = (axis - ray * (x / w)) / w; // of (1, u, v) / w
-            land(distance * turn, ray, interaction.normal)
+            let slope = (axis - ray * (x / w)) / w; // of (1, u, v) / w
+            project(distance * slope, ray, interaction.normal)
         });
 
         Self::onto(interaction, edges, antenna, polarization)
@@ -55,7 +55,7 @@ impl Tube {
             interaction,
             length,
             edges,
-            turns: edges.map(|edge| (edge - direction * direction.dot(edge)) / length),
+            direction_slopes: edges.map(|edge| (edge - direction * direction.dot(edge)) / length),
             field: Field::launch(polarization, direction),
             spread: direction.dot(edges[0].cross(edges[1])).abs() / (length * length),
         })
@@ -84,8 +84,8 @@ impl Tube {
             direction,
             interaction,
             length: direction.dot(interaction.point),
-            edges: axes.map(|axis| land(axis, direction, interaction.normal)),
-            turns: [DVec3::ZERO; 2],
+            edges: axes.map(|axis| project(axis, direction, interaction.normal)),
+            direction_slopes: [DVec3::ZERO; 2],
             field: Field::launch(polarization, direction),
             spread: axes[0].cross(axes[1]).length(),
         })
@@ -101,20 +101,20 @@ impl Tube {
         self.direction.dot(self.edges[0].cross(self.edges[1])).abs()
     }
 
-    /// Ratio of the section on arrival to the section between plane mirrors, for a tube from an antenna.
-    pub fn widening(&self) -> f64 {
+    /// Spreading factor: ratio of the section on arrival to the section between plane mirrors, for a tube from an antenna.
+    pub fn spreading(&self) -> f64 {
         self.section() / (self.spread * self.length * self.length)
     }
 
-    /// Widening of a tube from an antenna in the opposite direction, to the first of the interactions.
-    pub fn widening_back(interactions: &[Interaction], antenna: DVec3) -> Option<f64> {
+    /// Spreading factor of a tube from an antenna in the opposite direction, to the first of the interactions.
+    pub fn reverse_spreading(interactions: &[Interaction], antenna: DVec3) -> Option<f64> {
         let (last, others) = interactions.split_last()?;
         let mut tube = Self::onto(*last, last.normal.any_orthonormal_pair().into(), antenna, None)?;
         for interaction in others.iter().rev() {
             tube.reflect([Complex64::ONE; 2]);
             tube.arrive(*interaction, tube.interaction.point.distance(interaction.point));
         }
-        Some(tube.widening())
+        Some(tube.spreading())
     }
 
     /// Reflect in the specular direction; `coefficients` are `r_TE` and `r_TM`.
@@ -125,8 +125,11 @@ impl Tube {
         self.direction = incidence.reflected();
         for i in 0..2 {
             // Derivatives of k - 2 (n.k) n.
-            let (turn, bend) = (self.turns[i], self.interaction.bend * self.edges[i]);
-            self.turns[i] = turn - 2.0 * ((n.dot(turn) + bend.dot(k)) * n + n.dot(k) * bend);
+            let (dk, dn) = (
+                self.direction_slopes[i],
+                self.interaction.shape_operator * self.edges[i],
+            );
+            self.direction_slopes[i] = dk - 2.0 * ((n.dot(dk) + dn.dot(k)) * n + n.dot(k) * dn);
         }
     }
 
@@ -136,7 +139,7 @@ impl Tube {
             return false;
         }
         // The ray starts before the triangle, the length counts from the curved surface.
-        let origin = self.interaction.before;
+        let origin = self.interaction.offset_origin;
         let hit = scene.cast(&Ray {
             origin,
             direction: self.direction,
@@ -150,8 +153,8 @@ impl Tube {
         else {
             return false;
         };
-        if distance < 2.0 * leaving(origin) {
-            interaction.before = origin; // of both surfaces, which touch
+        if distance < 2.0 * ray_epsilon(origin) {
+            interaction.offset_origin = origin; // of both surfaces, which touch
         }
 
         self.arrive(interaction, distance);
@@ -164,8 +167,8 @@ impl Tube {
         let caustics = self.caustics(distance);
         self.field = self.field.times(Complex64::I.powu(caustics));
         for i in 0..2 {
-            self.edges[i] = land(
-                self.edges[i] + distance * self.turns[i],
+            self.edges[i] = project(
+                self.edges[i] + distance * self.direction_slopes[i],
                 self.direction,
                 interaction.normal,
             );
@@ -189,7 +192,7 @@ impl Tube {
 
     /// Number of focal lines of the reflected tube within a distance [m]: zeros of the section.
     fn caustics(&self, distance: f64) -> u32 {
-        let ([p, q], [d, e]) = (self.edges, self.turns);
+        let ([p, q], [d, e]) = (self.edges, self.direction_slopes);
         let section = |a: DVec3, b: DVec3| self.direction.dot(a.cross(b));
         // a + b t + c t^2; its roots are real but for rounding, and where normals that are interpolated have a curl.
         let (a, b, c) = (section(p, q), section(p, e) + section(d, q), section(d, e));
@@ -207,6 +210,6 @@ impl Tube {
 }
 
 /// Project a displacement along a direction onto a plane with a normal.
-fn land(displacement: DVec3, direction: DVec3, normal: DVec3) -> DVec3 {
+fn project(displacement: DVec3, direction: DVec3, normal: DVec3) -> DVec3 {
     displacement - direction * (normal.dot(displacement) / normal.dot(direction))
 }

@@ -36,6 +36,10 @@ pub struct Counts {
     pub bounces_stopped: usize,
     /// Cells of ray tubes that were not quartered, as there were too many.
     pub bounces_not_split: usize,
+    /// Power of cells of ray tubes, and of the errors of those that were not split, see [`crate::bounces::Counts`].
+    pub bounce_power: f64,
+    /// The second of them.
+    pub bounce_error_power: f64,
     /// Static paths.
     pub static_paths: usize,
     /// The most node times of all groups of paths, and the largest errors of the series through them.
@@ -54,6 +58,15 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Error of the paths of several reflections where tubes ran out, relative to their field (rms).
+    pub fn bounce_error(&self) -> f64 {
+        if self.bounce_power > 0.0 {
+            (self.bounce_error_power / self.bounce_power).sqrt()
+        } else {
+            0.0
+        }
+    }
+
     /// Run a stage and add its run time.
     pub fn timed<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
@@ -86,6 +99,8 @@ impl Counts {
         self.bounce_rays += bounces.rays;
         self.bounces_stopped += bounces.stopped;
         self.bounces_not_split += bounces.coarse;
+        self.bounce_power += bounces.power;
+        self.bounce_error_power += bounces.error_power;
         let shapes = paths.iter().map(PathsAtNodes::shape).filter(Shape::is_static);
         self.static_paths += shapes.map(|shape| shape.paths).sum::<usize>();
         self.farthest = self.farthest.max(0.5 * SPEED_OF_LIGHT * report.longest);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::model::{Model, RaySampling, Source};
-use crate::bounces::{self, Bounces, Launch, TubeImage};
+use crate::bounces::{self, Bounces, TubeImage};
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
@@ -12,7 +12,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
-use crate::scattering::refinement::{Refinement, field_of};
+use crate::scattering::refinement::field_of;
 use crate::scattering::samples::Samples;
 use crate::scattering::sampling::NearestHit;
 use crate::scattering::sector::Sector;
@@ -133,28 +133,28 @@ impl Rays {
         let scenes = &self.scenes;
         let images = model.cast_images(scenes, &model.settings.tubes, cancel)?;
         // The first sector has the axes of the sensor.
-        let each = images.iter().zip(scenes).zip(&model.sectors);
         let (sampling, refinement) = (model.settings.rays.sampling, model.settings.rays.refinement);
-        let Some(Refinement { rcs_floor, .. }) = refinement else {
-            let launches: Vec<Launch> = each
-                .flat_map(|((hits, _), facing)| Launch::of_image(hits, facing.rotation.transpose()))
-                .collect();
-            return Ok(Bounces::new(&scenes[0], &launches, materials, array, limits, sampling));
-        };
-        let field = field_of(rcs_floor, SPEED_OF_LIGHT / array.frequency);
+        let wavelength = SPEED_OF_LIGHT / array.frequency;
+        let field = refinement.map_or(f64::INFINITY, |refinement| field_of(refinement.rcs_floor, wavelength));
+        let each = images.iter().zip(scenes).zip(&model.sectors);
         let tube_images: Vec<TubeImage> = each
             .map(|((hits, scene), facing)| TubeImage {
                 rotation: facing.rotation.transpose(),
                 hits,
-                parts: MeshPart::small(scene, &hits.plane, field, bounces::CELLS_ACROSS),
+                parts: if field.is_finite() {
+                    MeshPart::small(scene, &hits.plane, field, bounces::CELLS_ACROSS)
+                } else {
+                    Vec::new()
+                },
             })
             .collect();
-        Ok(Bounces::refined(
+        Ok(Bounces::new(
             &scenes[0],
             &tube_images,
             materials,
             array,
             limits,
+            sampling,
             field,
         ))
     }

@@ -43,11 +43,11 @@ pub fn shade(
     (normal, height / (2.0 * cosine))
 }
 
-/// Derivative of the normal of [`shade`] along the surface, as a map of displacements on it; zero where the triangle
-/// counts as flat.
+/// Shape operator of the surface of [`shade`]: derivative of its normal, as a map of displacements on the surface; zero
+/// where the triangle counts as flat.
 ///
 /// A displacement on the surface leads along the ray to one on the triangle, which changes the weights of the corners.
-pub fn bend(
+pub fn shape_operator(
     corners: [DVec3; 3],
     corner_normals: Option<[DVec3; 3]>,
     barycentric: [f64; 3],
@@ -72,8 +72,8 @@ pub fn bend(
 
     let onto_facet = DMat3::IDENTITY - outer(direction, face_normal) * face_normal.dot(direction).recip();
     let change = outer(normals[1] - normals[0], gradients[0]) + outer(normals[2] - normals[0], gradients[1]);
-    let turning = DMat3::IDENTITY - outer(normal, normal);
-    turning * change * onto_facet * (side / length)
+    let onto_tangent_plane = DMat3::IDENTITY - outer(normal, normal);
+    onto_tangent_plane * change * onto_facet * (side / length)
 }
 
 /// Outer product: the map `x -> a (b.x)`.

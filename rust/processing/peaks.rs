@@ -1,7 +1,5 @@
 //! Peaks of a map of powers over velocity and range: where they are between the cells, and the noise around them.
 
-use num_traits::{AsPrimitive, Float};
-
 /// Power over that of a peak to which its neighbours are raised, as none has no logarithm.
 const LEAST: f64 = 1e-30;
 
@@ -9,8 +7,8 @@ const LEAST: f64 = 1e-30;
 const FLAT: f64 = 1e-30;
 
 /// Powers `(row, column)`. Rows are cyclic.
-pub struct Map<'a, T> {
-    pub power: &'a [T],
+pub struct Map<'a> {
+    pub power: &'a [f64],
     pub shape: [usize; 2],
     /// Columns are cyclic, too; if not, the map is even about both its ends, as the spectrum of real samples is.
     pub is_cyclic: bool,
@@ -23,12 +21,12 @@ pub struct Top {
     pub height: f64,
 }
 
-impl<T: Float + AsPrimitive<f64>> Map<'_, T> {
+impl Map<'_> {
     /// True for cells with power that none of eight neighbours exceeds.
     pub fn is_local_maximum(&self, cell: [usize; 2]) -> bool {
         let [rows, columns] = self.around(cell);
         let power = self.at(cell);
-        power > T::zero()
+        power > 0.0
             && rows
                 .iter()
                 .all(|row| columns.iter().all(|column| self.at([*row, *column]) <= power))
@@ -37,12 +35,9 @@ impl<T: Float + AsPrimitive<f64>> Map<'_, T> {
     /// Top of the parabolas through the log power of a local maximum and of its four neighbours.
     pub fn top(&self, cell: [usize; 2]) -> Top {
         let [rows, columns] = self.around(cell);
-        let power: f64 = self.at(cell).as_();
+        let power = self.at(cell);
         let level = power.ln();
-        let over = |row, column| {
-            let neighbour: f64 = self.at([row, column]).as_();
-            neighbour.max(LEAST * power).ln() - level
-        };
+        let over = |row, column| self.at([row, column]).max(LEAST * power).ln() - level;
         let along_rows = [over(rows[0], columns[1]), over(rows[2], columns[1])];
         let along_columns = [over(rows[1], columns[0]), over(rows[1], columns[2])];
         let (mut offset, mut above) = ([0.0; 2], 0.0);
@@ -70,7 +65,7 @@ impl<T: Float + AsPrimitive<f64>> Map<'_, T> {
             let of_row = columns
                 .clone()
                 .filter(|column| is_beside || column.abs_diff(cell[1]) > guards[1]);
-            powers.extend(of_row.map(|column| -> f64 { self.at([row, column]).as_() }));
+            powers.extend(of_row.map(|column| self.at([row, column])));
         }
         let number = powers.len();
         if number == 0 {
@@ -86,7 +81,7 @@ impl<T: Float + AsPrimitive<f64>> Map<'_, T> {
         0.5 * lower + 0.5 * upper
     }
 
-    fn at(&self, [row, column]: [usize; 2]) -> T {
+    fn at(&self, [row, column]: [usize; 2]) -> f64 {
         self.power[row * self.shape[1] + column]
     }
 
@@ -110,7 +105,7 @@ mod tests {
     /// Three rows of which the first and the last are neighbours, too.
     const POWER: [f64; 12] = [4.0, 1.0, 2.0, 3.0, 1.0, 1.0, 8.0, 9.0, 2.0, 2.0, 4.0, 1.0];
 
-    fn map(is_cyclic: bool) -> Map<'static, f64> {
+    fn map(is_cyclic: bool) -> Map<'static> {
         Map {
             power: &POWER,
             shape: [3, 4],

@@ -12,7 +12,7 @@ const SMALL_STEP: f64 = 1e-3;
 const LEAST_FORWARD: f64 = 1e-3;
 
 /// Antennas and channels about the centre of an array.
-pub struct Array<'a> {
+pub struct Aperture<'a> {
     /// Transmitters, if they have channels of their own, and receivers [m].
     pub antennas: &'a [[f64; 3]],
     pub num_receivers: usize,
@@ -34,7 +34,7 @@ pub struct Fit {
 /// Direction of a target at a distance [m]; `plane` is the direction of the plane wave that fits its channels best.
 ///
 /// The wave is plane if the distance is not finite, or within twice the size of the array.
-pub fn fit(array: &Array, waves: &[Complex64], plane: [f64; 2], distance: f64) -> Fit {
+pub fn fit(array: &Aperture, waves: &[Complex64], plane: [f64; 2], distance: f64) -> Fit {
     let largest = array
         .antennas
         .iter()
@@ -71,7 +71,7 @@ pub fn fit(array: &Array, waves: &[Complex64], plane: [f64; 2], distance: f64) -
 }
 
 /// Path of every channel less the path of the plane wave [m], and its distances relative to the centre's.
-fn path_excesses(array: &Array, sines: [f64; 2], distance: f64) -> Vec<(f64, f64)> {
+fn path_excesses(array: &Aperture, sines: [f64; 2], distance: f64) -> Vec<(f64, f64)> {
     let toward = direction(sines);
     let of_antenna = |place: &[f64; 3]| {
         // |d u - a| - d + a u without cancellation: distance d, direction u, antenna at a.
@@ -92,7 +92,7 @@ fn path_excesses(array: &Array, sines: [f64; 2], distance: f64) -> Vec<(f64, f64
 }
 
 /// Change of the sines when the phases are subtracted from the channels (least squares).
-fn shift(array: &Array, sines: [f64; 2], phases: &[f64]) -> [f64; 2] {
+fn shift(array: &Aperture, sines: [f64; 2], phases: &[f64]) -> [f64; 2] {
     let forward = direction(sines)[0].max(LEAST_FORWARD);
     let slope = |channel: &[f64; 3]| -> [f64; 2] {
         [0, 1].map(|axis| {

@@ -16,6 +16,7 @@ mod processing;
 mod rays;
 mod receive;
 mod scattering;
+mod settings;
 mod simulator;
 mod synthesis;
 mod threads;
@@ -23,7 +24,7 @@ mod threads;
 use antennas::{Antennas, Pattern};
 use rays::Surface;
 use scattering::Material;
-use simulator::{DepthScene, IdealFrame, Placement, Scene, Settings, Simulator};
+use simulator::{DepthScene, IdealFrame, Placement, Scene, Simulator};
 use synthesis::{Report, Waveform};
 
 /// Memory of tiles and records is allocated and freed by the thousand in every frame, on all threads.
@@ -54,7 +55,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Antennas>()?;
     module.add_class::<Scene>()?;
     module.add_class::<DepthScene>()?;
-    module.add_class::<Settings>()?;
     module.add_class::<Placement>()?;
     module.add_class::<IdealFrame>()?;
     module.add_class::<Simulator>()?;

@@ -10,46 +10,23 @@ use pyo3::prelude::*;
 
 use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
+use crate::processing::peaks::Map;
+use crate::processing::spheres::{self, Aperture};
 use crate::processing::tone_fit::{Axes, Cells, fit};
-use crate::processing::{peaks, spheres};
 
 /// Places (peak, 2) and a number of each.
 type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
-
-/// Powers in single or double precision.
-#[derive(FromPyObject)]
-pub(super) enum Powers<'py> {
-    Single(PyReadonlyArray2<'py, f32>),
-    Double(PyReadonlyArray2<'py, f64>),
-}
-
-/// Evaluate an expression with the map of powers in their precision, and the indices of cells in it.
-macro_rules! in_map {
-    ($power:expr, $is_cyclic:expr, $cells:expr, |$map:ident, $indices:ident| $work:expr) => {
-        match $power {
-            Powers::Single(power) => {
-                let ($map, $indices) = map_and_cells(power, $is_cyclic, $cells)?;
-                $work
-            }
-            Powers::Double(power) => {
-                let ($map, $indices) = map_and_cells(power, $is_cyclic, $cells)?;
-                $work
-            }
-        }
-    };
-}
 
 /// True for cells of a map with power that none of their neighbours exceeds.
 #[pyfunction(signature = (power, cells, *, is_cyclic))]
 pub(super) fn local_maxima<'py>(
     py: Python<'py>,
-    power: Powers<'py>,
+    power: PyReadonlyArray2<'py, f64>,
     cells: PyReadonlyArray2<'py, i64>,
     is_cyclic: bool,
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-    let found: Vec<_> = in_map!(&power, is_cyclic, &cells, |map, indices| {
-        indices.into_iter().map(|cell| map.is_local_maximum(cell)).collect()
-    });
+    let (map, cells) = map_and_cells(&power, is_cyclic, &cells)?;
+    let found: Vec<_> = cells.into_iter().map(|cell| map.is_local_maximum(cell)).collect();
     Ok(found.into_pyarray(py))
 }
 
@@ -57,13 +34,12 @@ pub(super) fn local_maxima<'py>(
 #[pyfunction(signature = (power, cells, *, is_cyclic))]
 pub(super) fn between_cells<'py>(
     py: Python<'py>,
-    power: Powers<'py>,
+    power: PyReadonlyArray2<'py, f64>,
     cells: PyReadonlyArray2<'py, i64>,
     is_cyclic: bool,
 ) -> PyResult<Tops<'py>> {
-    let tops: Vec<_> = in_map!(&power, is_cyclic, &cells, |map, indices| {
-        indices.into_iter().map(|cell| map.top(cell)).collect()
-    });
+    let (map, cells) = map_and_cells(&power, is_cyclic, &cells)?;
+    let tops: Vec<_> = cells.into_iter().map(|cell| map.top(cell)).collect();
     let heights: Vec<_> = tops.iter().map(|top| top.height).collect();
     let offsets = tops.iter().map(|top| top.offset).collect();
     Ok((matrix(py, offsets)?, heights.into_pyarray(py)))
@@ -73,28 +49,27 @@ pub(super) fn between_cells<'py>(
 #[pyfunction(signature = (power, cells, *, guards, trainings))]
 pub(super) fn training_medians<'py>(
     py: Python<'py>,
-    power: Powers<'py>,
+    power: PyReadonlyArray2<'py, f64>,
     cells: PyReadonlyArray2<'py, i64>,
     guards: [usize; 2],
     trainings: [usize; 2],
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let found: Vec<_> = in_map!(&power, false, &cells, |map, indices| {
-        let medians = indices
-            .into_iter()
-            .map(|cell| map.training_median(cell, guards, trainings));
-        py.detach(|| medians.collect())
-    });
+    let (map, cells) = map_and_cells(&power, false, &cells)?;
+    let medians = cells
+        .into_iter()
+        .map(|cell| map.training_median(cell, guards, trainings));
+    let found: Vec<_> = py.detach(|| medians.collect());
     Ok(found.into_pyarray(py))
 }
 
-fn map_and_cells<'a, T: Element>(
-    power: &'a PyReadonlyArray2<'_, T>,
+fn map_and_cells<'a>(
+    power: &'a PyReadonlyArray2<'_, f64>,
     is_cyclic: bool,
     cells: &PyReadonlyArray2<'_, i64>,
-) -> PyResult<(peaks::Map<'a, T>, Vec<[usize; 2]>)> {
+) -> PyResult<(Map<'a>, Vec<[usize; 2]>)> {
     let shape = [power.shape()[0], power.shape()[1]];
     let power = numbers("power", power, [None; 2])?;
-    let map = peaks::Map {
+    let map = Map {
         power,
         shape,
         is_cyclic,
@@ -122,7 +97,7 @@ fn indices(name: &str, cells: &PyReadonlyArray2<'_, i64>, shape: [usize; 2]) -> 
 
 /// Cells of a map in single or double precision.
 #[derive(FromPyObject)]
-pub(super) enum Map<'py> {
+pub(super) enum MapCells<'py> {
     Single(PyReadonlyArray3<'py, Complex<f32>>),
     Double(PyReadonlyArray3<'py, Complex<f64>>),
 }
@@ -139,7 +114,7 @@ type Tones<'py> = (
 #[pyfunction(signature = (cells, peaks, start, series, *, num_cells, is_cyclic))]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
-    cells: Map<'py>,
+    cells: MapCells<'py>,
     peaks: PyReadonlyArray2<'py, i64>,
     start: PyReadonlyArray2<'py, f64>,
     series: PyReadonlyArray4<'py, f64>,
@@ -147,8 +122,8 @@ pub(super) fn fit_tones<'py>(
     is_cyclic: bool,
 ) -> PyResult<Tones<'py>> {
     match cells {
-        Map::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
-        Map::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        MapCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        MapCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
     }
 }
 
@@ -218,7 +193,7 @@ pub(super) fn fit_spheres<'py>(
         let expected = format!("receivers of {num_channels} channels");
         return Err(Error::value("num_receivers", expected, num_receivers.to_string()).into());
     }
-    let array = spheres::Array {
+    let array = Aperture {
         antennas: numbers("antennas", &antennas, [None, Some(3)])?.as_chunks().0,
         num_receivers,
         channels: numbers("channels", &channels, [None, Some(3)])?.as_chunks().0,

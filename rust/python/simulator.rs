@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use num_complex::Complex64;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
@@ -16,15 +16,14 @@ use super::antennas::Antennas;
 use super::arrays::{numbers, points, poses};
 use super::rays::{ImageArrays, Surface, image_arrays};
 use super::scattering::Material;
-use super::synthesis::{Waveform, method, tolerance};
+use super::settings::Settings;
+use super::synthesis::Waveform;
 use super::threads::{check_threads, new_pool, pool, watch};
-use crate::bounces::Limits;
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
-use crate::frame::{self, Answer, Counts, Memory, Model, RaySampling, Source};
+use crate::frame::{self, Answer, Counts, Memory, Model, Source};
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
-use crate::scattering::refinement::{Refinement, Sampling};
 use crate::scattering::surface_image::SurfaceImage;
 use crate::synthesis::report::Samples;
 
@@ -134,103 +133,6 @@ pub(super) enum AnySource<'py> {
     Depth(PyRef<'py, DepthScene>),
 }
 
-/// Image plane: rows, columns, width and height of a pixel at distance 1, and column and row of the axis [pixels].
-type Plane = (usize, usize, f64, f64, f64, f64);
-
-fn plane(&(rows, columns, du, dv, axis_column, axis_row): &Plane) -> ImagePlane {
-    ImagePlane {
-        rows,
-        columns,
-        du,
-        dv,
-        axis_column,
-        axis_row,
-    }
-}
-
-/// Settings of a simulation.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Settings(frame::Settings);
-
-#[pymethods]
-impl Settings {
-    /// Build settings. `rotations`: rows of the rotations from sensor axes to those of the sectors of the field of view,
-    /// the identity first. Image planes are (rows, columns, du, dv, axis column, axis row): of the rays of frames (cells
-    /// of the base grid in adaptive sampling) and of ray tubes, one per sector, and of depth images.
-    #[new]
-    #[pyo3(signature = (
-        *, sampling, rotations, rays, tubes, image, rcs_floor, follows_echo, ray_budget, end_points, gain_floor, skip_empty, reuse_tiles,
-        max_bounces, bounce_floor, retrace, seed, tolerance, method
-    ))]
-    #[allow(clippy::too_many_arguments, clippy::fn_params_excessive_bools)] // as Python hands them over
-    fn new(
-        sampling: &str,
-        rotations: Vec<[[f64; 3]; 3]>,
-        rays: Vec<Plane>,
-        tubes: Vec<Plane>,
-        image: Plane,
-        rcs_floor: f64,
-        follows_echo: bool,
-        ray_budget: Option<usize>,
-        end_points: bool,
-        gain_floor: Option<f64>,
-        skip_empty: bool,
-        reuse_tiles: bool,
-        max_bounces: usize,
-        bounce_floor: f64,
-        retrace: f64,
-        seed: u64,
-        tolerance: f64,
-        method: &str,
-    ) -> PyResult<Self> {
-        let of_rows = |rows: &[[f64; 3]; 3]| DMat3::from_cols_array_2d(rows).transpose();
-        let rotations: Vec<DMat3> = rotations.iter().map(of_rows).collect();
-        let number = rotations.len();
-        if rotations.first() != Some(&DMat3::IDENTITY) || rays.len() != number || tubes.len() != number {
-            let expected = "the identity first, and as many planes of rays and of tubes";
-            let got = format!("{number}, {} and {}", rays.len(), tubes.len());
-            return Err(Error::value("rotations", expected, got).into());
-        }
-        let planes = |planes: &[Plane]| planes.iter().map(plane).collect::<Vec<ImagePlane>>();
-        let (sampling, is_adaptive) = match sampling {
-            "adaptive" => (Sampling::Footprint, true),
-            "footprint" => (Sampling::Footprint, false),
-            "point" => (Sampling::Point, false),
-            _ => {
-                let expected = "'adaptive', 'footprint' or 'point'";
-                return Err(Error::value("sampling", expected, format!("{sampling:?}")).into());
-            }
-        };
-        let rays = RaySampling {
-            planes: planes(&rays),
-            sampling,
-            refinement: is_adaptive.then_some(Refinement {
-                rcs_floor,
-                follows_echo,
-                budget: ray_budget,
-                end_points,
-            }),
-        };
-        Ok(Self(frame::Settings {
-            rotations,
-            rays,
-            tubes: planes(&tubes),
-            image: plane(&image),
-            gain_floor,
-            skip_empty,
-            reuse_tiles,
-            limits: Limits {
-                max_bounces,
-                floor: bounce_floor,
-            },
-            retrace,
-            seed,
-            tolerance: self::tolerance(tolerance)?,
-            method: self::method(method)?,
-        }))
-    }
-}
-
 /// Poses and positions in the world at Chebyshev times of a frame, or their time derivatives at one time.
 #[pyclass(frozen, module = "radarcore._core")]
 pub(super) struct Placement(World);
@@ -265,87 +167,42 @@ impl Placement {
     }
 }
 
-/// Ideal beat signal of a frame, its truth, and counts.
-#[pyclass(frozen, module = "radarcore._core")]
+/// Ideal beat signal of a frame, its truth, and counts; see the stub.
+#[pyclass(frozen, get_all, module = "radarcore._core")]
 pub(super) struct IdealFrame {
     cube: Py<PyAny>,
     truth: Option<Py<PyArray2<f64>>>,
-    counts: Counts,
+    farthest: f64,
+    series_errors: (f64, f64),
+    bounce_error: f64,
+    fast_varying: Vec<usize>,
+    counts: Py<PyDict>,
+    stage_times: Vec<(&'static str, f64)>,
+    plan: String,
 }
 
-#[pymethods]
-impl IdealFrame {
-    /// Beat samples (channel, chirp, sample), complex64, or complex128 for tolerances below 1e-6.
-    #[getter]
-    fn cube<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.cube.bind(py).clone()
-    }
-
-    /// Range [m], range rate [m/s], azimuth and elevation [rad] of every body and point of the scene, (4, body); none
-    /// of images.
-    #[getter]
-    fn truth<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        self.truth.as_ref().map(|truth| truth.bind(py).clone())
-    }
-
-    /// Distance of the farthest echo [m].
-    #[getter]
-    fn farthest(&self) -> f64 {
-        self.counts.farthest
-    }
-
-    /// Errors of phases [rad] and of amplitudes, relative to l2(amplitudes), by the series over the frame.
-    #[getter]
-    fn series_errors(&self) -> (f64, f64) {
-        let nodes = &self.counts.node_times;
-        (nodes.phase.max(self.counts.motion_error), nodes.weight)
-    }
-
-    /// Numbers, in the scene, of the bodies and point targets whose motion varies too fast for few times of the frame.
-    #[getter]
-    fn fast_varying(&self) -> Vec<usize> {
-        self.counts.fast_varying.clone()
-    }
-
-    /// Counts of rays, hits, tiles, paths and velocity rows, by name.
-    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let counts = &self.counts;
-        let mut all = vec![
-            ("casts", counts.casts),
-            ("rays_cast", counts.rays_cast),
-            ("rays_hit", counts.rays_hit),
-            ("tiles_skipped", counts.tiles_skipped),
-            ("tiles_reused", counts.tiles_reused),
-        ];
-        all.extend(counts.cells_not_split.map(|number| ("cells_not_split", number)));
-        all.extend([
-            ("paths", counts.paths),
-            ("paths_skipped", counts.paths_skipped),
-            ("bounce_paths", counts.bounce_paths),
-            ("bounce_rays", counts.bounce_rays),
-            ("bounces_stopped", counts.bounces_stopped),
-            ("bounces_not_split", counts.bounces_not_split),
-            ("delay_nodes", counts.node_times.delays),
-            ("amplitude_nodes", counts.node_times.amplitudes),
-            ("still_paths", counts.static_paths),
-        ]);
-        all.into_py_dict(py)
-    }
-
-    /// Run time of every stage [s], by name.
-    fn stage_times(&self) -> Vec<(&'static str, f64)> {
-        self.counts.times.clone()
-    }
-
-    /// Plan of the sum, a line per span of chirps.
-    #[getter]
-    fn plan(&self) -> String {
-        if self.counts.plan.is_empty() {
-            "no paths".to_owned()
-        } else {
-            self.counts.plan.join("\n")
-        }
-    }
+/// Counts of rays, hits, tiles, paths and velocity rows, by name.
+fn dict_of_counts<'py>(py: Python<'py>, counts: &Counts) -> PyResult<Bound<'py, PyDict>> {
+    let mut all = vec![
+        ("casts", counts.casts),
+        ("rays_cast", counts.rays_cast),
+        ("rays_hit", counts.rays_hit),
+        ("tiles_skipped", counts.tiles_skipped),
+        ("tiles_reused", counts.tiles_reused),
+    ];
+    all.extend(counts.cells_not_split.map(|number| ("cells_not_split", number)));
+    all.extend([
+        ("paths", counts.paths),
+        ("paths_skipped", counts.paths_skipped),
+        ("bounce_paths", counts.bounce_paths),
+        ("bounce_rays", counts.bounce_rays),
+        ("bounces_stopped", counts.bounces_stopped),
+        ("bounces_not_split", counts.bounces_not_split),
+        ("delay_nodes", counts.node_times.delays),
+        ("amplitude_nodes", counts.node_times.amplitudes),
+        ("still_paths", counts.static_paths),
+    ]);
+    all.into_py_dict(py)
 }
 
 type PathArrays<'py> = (
@@ -380,7 +237,7 @@ impl Simulator {
         antennas: PyRef<'_, Antennas>,
         waveform: PyRef<'_, Waveform>,
         center: [f64; 3],
-        settings: PyRef<'_, Settings>,
+        settings: Settings,
         threads: Option<usize>,
         own_threads: bool,
     ) -> PyResult<Self> {
@@ -396,7 +253,7 @@ impl Simulator {
             antennas.0.clone(),
             waveform.0.clone(),
             DVec3::from_array(center),
-            settings.0.clone(),
+            settings.try_into()?,
         )?;
         Ok(Self {
             model,
@@ -432,10 +289,22 @@ impl Simulator {
             let rows: Vec<f64> = (0..4).flat_map(|row| truth.iter().map(move |body| body[row])).collect();
             PyResult::Ok(rows.into_pyarray(py).reshape([4, truth.len()])?.unbind())
         });
+        let counts = frame.counts;
+        let nodes = &counts.node_times;
         Ok(Some(IdealFrame {
             cube: cube.unbind(),
             truth: truth.transpose()?,
-            counts: frame.counts,
+            farthest: counts.farthest,
+            series_errors: (nodes.phase.max(counts.motion_error), nodes.weight),
+            bounce_error: counts.bounce_error(),
+            counts: dict_of_counts(py, &counts)?.unbind(),
+            fast_varying: counts.fast_varying,
+            stage_times: counts.times,
+            plan: if counts.plan.is_empty() {
+                "no paths".to_owned()
+            } else {
+                counts.plan.join("\n")
+            },
         }))
     }
 

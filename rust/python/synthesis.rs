@@ -215,77 +215,40 @@ pub(super) fn beat_signal<'py>(
         Samples::Single(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
         Samples::Double(samples) => samples.into_pyarray(py).reshape(shape).map(Bound::into_any),
     };
-    Ok((array?, Report(report)))
+    Ok((array?, report.into()))
 }
 
-/// Report of a sum.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Report(report::Report);
+/// Report of a sum, see the stub.
+#[pyclass(frozen, get_all, str = "{text}", module = "radarcore._core")]
+pub(super) struct Report {
+    text: String,
+    engine: &'static str,
+    precision: &'static str,
+    width: usize,
+    grids: usize,
+    blocks: usize,
+    static_paths: usize,
+    error: f64,
+    memory: usize,
+    runs: usize,
+    gain: f64,
+}
 
-#[pymethods]
-impl Report {
-    fn __str__(&self) -> String {
-        self.0.to_string()
-    }
-
-    /// Name of the engine: "direct", "chirp-wise NUFFT" or "range-Doppler NUFFT".
-    #[getter]
-    fn engine(&self) -> &'static str {
-        self.0.engine
-    }
-
-    /// Precision of the sum: "single" or "double".
-    #[getter]
-    fn precision(&self) -> &'static str {
-        if self.0.is_single { "single" } else { "double" }
-    }
-
-    /// Width of the spreading kernel [cells]; 0 for none.
-    #[getter]
-    fn width(&self) -> usize {
-        self.0.width
-    }
-
-    /// Number of grids: of powers of time within a chirp, or of strengths.
-    #[getter]
-    fn grids(&self) -> usize {
-        self.0.num_grids
-    }
-
-    /// Largest number of blocks of chirps of a group of paths.
-    #[getter]
-    fn blocks(&self) -> usize {
-        self.0.num_blocks
-    }
-
-    /// Number of paths of all channels that stand still.
-    #[getter]
-    fn static_paths(&self) -> usize {
-        self.0.num_static
-    }
-
-    /// Error relative to l2(amplitudes) that the sum holds.
-    #[getter]
-    fn error(&self) -> f64 {
-        self.0.total_error
-    }
-
-    /// Memory beside input and result [bytes].
-    #[getter]
-    fn memory(&self) -> usize {
-        self.0.memory
-    }
-
-    /// Number of runs: two where paths add up in phase.
-    #[getter]
-    fn runs(&self) -> usize {
-        self.0.num_runs
-    }
-
-    /// Largest rms of the samples of a channel relative to its l2(amplitudes).
-    #[getter]
-    fn gain(&self) -> f64 {
-        self.0.gain
+impl From<report::Report> for Report {
+    fn from(report: report::Report) -> Self {
+        Self {
+            text: report.to_string(),
+            engine: report.engine,
+            precision: if report.is_single { "single" } else { "double" },
+            width: report.width,
+            grids: report.num_grids,
+            blocks: report.num_blocks,
+            static_paths: report.num_static,
+            error: report.total_error,
+            memory: report.memory,
+            runs: report.num_runs,
+            gain: report.gain,
+        }
     }
 }
 

@@ -193,7 +193,7 @@ def frame_from_depth(
     # Statistics and truth.
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
     counts = stats_of(*ideals)
-    num_paths = ideals[0].counts()["paths"]
+    num_paths = ideals[0].counts["paths"]
     stats: dict[str, Any] = {
         **counts,
         **doubts.of_adc(use),

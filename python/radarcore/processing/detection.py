@@ -188,8 +188,8 @@ def detect(
     first, last = search.columns
     searched = power[:, first:last]
     noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
-    trained = _with_noise(searched)
-    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(power, row, column + first, layout))
+    trained, doubles = _with_noise(searched), power.astype(np.float64)
+    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(doubles, row, column + first, layout))
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
     if len(rows) == 0:
         return _none(time)
@@ -197,7 +197,7 @@ def detect(
     # Without sidelobes, and without what rounding of the samples may be.
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
     cell = np.array([rows, columns + first]).T
-    offset, height = _core.between_cells(power, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
+    offset, height = _core.between_cells(doubles, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
     kept = _without_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout, search.least_part)
     if len(kept) == 0:
         return _none(time)
@@ -365,7 +365,7 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
 
 def _local_maxima(
-    power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
+    power: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
 ) -> NDArray[np.bool_]:
     """True for cells that are to be tested and that no neighbour of eight exceeds.
 

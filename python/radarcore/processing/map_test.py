@@ -103,7 +103,7 @@ class MapTest:
     def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells that have any."""
         cells = np.ascontiguousarray(np.array([rows, columns]).T)
-        map_ = np.ascontiguousarray(power)
+        map_ = np.ascontiguousarray(power, np.float64)
         return _core.training_medians(map_, cells, guards=self.guards, trainings=self.trainings)
 
     def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:

@@ -296,7 +296,7 @@ class Doubts:
     def _of_range(self, ideal: _core.IdealFrame) -> None:
         """Warn of echoes from beyond the largest range, and of bodies there without an echo."""
         farthest, effect = ideal.farthest, "echoes from there appear at wrong ranges"
-        if farthest == 0.0 and ideal.counts().get("rays_hit", 0) > 0:
+        if farthest == 0.0 and ideal.counts.get("rays_hit", 0) > 0:
             # Rays met bodies, but no path returns: far bodies are smaller than the finest cells.
             farthest, effect = _nearest(ideal), "bodies there are too small for an echo"
         if farthest > self._radar.max_range and self._is_new("range"):

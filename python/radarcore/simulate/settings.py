@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from radarcore import _core, check
+from radarcore import check
 from radarcore.geometry.camera import checked_field_of_view
 from radarcore.simulate.sectors import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
 from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
@@ -154,30 +154,35 @@ def changed_settings(settings: Settings) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value != getattr(Settings, name)}
 
 
-def core_settings(settings: Settings, *, reuse_tiles: bool = True, skip_empty: bool = True) -> _core.Settings:
-    """Settings of the core; reuse of tiles and skipping of empty ones change no result."""
+def core_settings(settings: Settings, **debug: Any) -> dict[str, Any]:
+    """Settings of the core.
+
+    Rays, ray tubes and images go through planes (rows, columns, width and height of a pixel at distance 1, column and
+    row of the axis); of rays and tubes there is one per sector of the field of view, whose rotations begin with the
+    identity. In adaptive sampling the planes of the rays are the base grid. `debug` has the switches of tests and
+    benches, which change no result.
+    """
     pixels, image = settings._pixels, settings.image_view_deg
     rays = settings._cells if settings.is_adaptive else pixels
-    return _core.Settings(
-        sampling="adaptive" if settings.is_adaptive else settings.sampling,
-        rotations=rays.rotations,
-        rays=rays.planes,
-        tubes=pixels.planes,
-        image=one_plane(image, *(settings._number or (_IMAGE_SIDE, _IMAGE_SIDE))),
-        rcs_floor=_RCS_FLOORS.get(settings.sampling, 1.0) if settings.rcs_floor is None else settings.rcs_floor,
-        follows_echo=settings.rcs_floor is None,
-        ray_budget=settings.most_rays,
-        end_points=settings.end_points,
-        gain_floor=None if settings.gain_floor_db == np.inf else _ratio(settings.gain_floor_db),
-        skip_empty=skip_empty,
-        reuse_tiles=reuse_tiles,
-        max_bounces=settings.max_bounces or 1,
-        bounce_floor=_ratio(settings.bounce_floor_db),
-        retrace=float(np.deg2rad(settings.retrace_deg)),
-        seed=settings.seed,
-        tolerance=settings.tolerance,
-        method=settings.method,
-    )
+    return {
+        "sampling": "adaptive" if settings.is_adaptive else settings.sampling,
+        "rotations": rays.rotations,
+        "rays": rays.planes,
+        "tubes": pixels.planes,
+        "image": one_plane(image, *(settings._number or (_IMAGE_SIDE, _IMAGE_SIDE))),
+        "rcs_floor": _RCS_FLOORS.get(settings.sampling, 1.0) if settings.rcs_floor is None else settings.rcs_floor,
+        "follows_echo": settings.rcs_floor is None,
+        "ray_budget": settings.most_rays,
+        "end_points": settings.end_points,
+        "gain_floor": None if settings.gain_floor_db == np.inf else _ratio(settings.gain_floor_db),
+        "max_bounces": settings.max_bounces or 1,
+        "bounce_floor": _ratio(settings.bounce_floor_db),
+        "retrace": float(np.deg2rad(settings.retrace_deg)),
+        "seed": settings.seed,
+        "tolerance": settings.tolerance,
+        "method": settings.method,
+        "debug": {"skip_empty": True, "reuse_tiles": True, **debug},
+    }
 
 
 def _ratio(floor_db: float) -> float:

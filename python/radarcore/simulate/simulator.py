@@ -544,9 +544,7 @@ class Simulator(Settings):
         """Counterparts of all sub-sequences, with threads that no other has."""
         return [self._new_engine(number, own_threads=own_threads) for number in range(len(self._sequences))]
 
-    def _new_engine(
-        self, sequence: int = 0, *, own_threads: int | None = None, reuse_tiles: bool = True, skip_empty: bool = True
-    ) -> _core.Simulator:
+    def _new_engine(self, sequence: int = 0, *, own_threads: int | None = None, **debug: Any) -> _core.Simulator:
         radar = self._sequences[sequence]
         return _core.Simulator(
             self.scene._core,
@@ -554,7 +552,7 @@ class Simulator(Settings):
             antennas=radar._core,
             waveform=ramps_of(radar)._core,
             center=radar.array_center.tolist(),
-            settings=core_settings(self, reuse_tiles=reuse_tiles, skip_empty=skip_empty),
+            settings=core_settings(self, **debug),
             threads=own_threads or self.threads,
             own_threads=own_threads is not None,
         )
@@ -622,9 +620,9 @@ def sees_anything(frame: Frame) -> bool:
 
 def stats_of(*ideals: _core.IdealFrame) -> dict[str, Any]:
     """Counts of a frame, for `Frame.stats`: sums over its sub-sequences, the worst residual, and the plans of all."""
-    total: dict[str, Any] = ideals[0].counts()
+    total: dict[str, Any] = dict(ideals[0].counts)
     for ideal in ideals[1:]:
-        for name, number in ideal.counts().items():
+        for name, number in ideal.counts.items():
             before = total.get(name, 0)
             total[name] = max(before, number) if name.endswith("_nodes") else before + number
     residual = max(hypot(*ideal.series_errors) for ideal in ideals)

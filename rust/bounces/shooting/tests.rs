@@ -3,64 +3,47 @@ use std::sync::Arc;
 use super::*;
 use crate::antennas::pattern::Pattern;
 use crate::bounces::field::{Field, Incidence};
+use crate::bounces::path::Bounces;
+use crate::bounces::refine::TubeImage;
 use crate::geometry::pose::Pose;
-use crate::numeric::simd::Level;
-use crate::paths::kinematics::{Kinematics, TimeSeries};
 use crate::rays::camera::ImagePlane;
+use crate::rays::hits::Hits;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Response};
-use crate::synthesis::chunk::{CHUNK, Chunk};
-use crate::synthesis::delay::Basis;
-use crate::synthesis::source::{Request, Shape};
 
-/// Return of one cell to the centre of the array by its last reflection of a number of reflections.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Return of one cell to the centre of the array by its last reflection.
+#[derive(Clone, Copy, Debug)]
 struct Echo {
     /// Number of reflections, from 2 on.
     order: usize,
     /// Half the length of the path [m].
     half_path: f64,
-    /// Derivatives of the path by the plane coordinates of the image [m]; times the width of the cell and the wave
-    /// number they are half the change of the phase over the cell.
+    /// Derivatives of `half_path` by the plane coordinates of the image [m].
     slope: [f64; 2],
-    /// Such that the path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega`
-    /// here.
+    /// The path has the amplitude `sqrt(P Gt Gr) j / (4 pi)` times this; one reflection has `Gamma dOmega` here.
     amplitude: Complex64,
-    /// `sqrt(Gt Gr)` of the directions of departure and arrival.
-    gain: f64,
 }
 
-/// Echoes of every cell at the centre of the array by two and more reflections, with the patterns of the first
-/// antennas; one material per body.
-fn echoes(
-    scene: &PosedScene,
-    launches: &[Launch],
-    materials: &[Material],
-    array: &Array,
-    limits: Limits,
-) -> Vec<Vec<Echo>> {
-    let (Some(transmitter), Some(receiver)) = (array.tx_patterns.first(), array.rx_patterns.first()) else {
-        return launches.iter().map(|_| Vec::new()).collect();
-    };
-    let sensor = Sensor::new(scene, materials, array, limits);
-    let of = |launch: &Launch| {
-        let mut echoes = Vec::new();
-        sensor.shoot(launch, (DVec3::ZERO, transmitter), |tube, interactions| {
-            let Some((radiated, distance)) = sensor.receive(tube, launch, DVec3::ZERO, Sampling::Point) else {
-                return;
-            };
+/// Echoes of the cell at plane coordinates by two and more reflections at conductors.
+fn echoes(scene: &PosedScene, u: f64, v: f64, limits: Limits) -> Vec<Echo> {
+    let (array, materials) = (array(vec![DVec3::ZERO], None), vec![CONDUCTOR; scene.num_bodies()]);
+    let (sensor, launch) = (
+        Sensor::new(scene, &materials, &array, limits),
+        cell(scene, u, v).unwrap(),
+    );
+    let mut echoes = Vec::new();
+    sensor.shoot(&launch, (DVec3::ZERO, &array.tx_patterns[0]), |tube, interactions| {
+        if let Some((radiated, distance)) = sensor.receive(tube, &launch, DVec3::ZERO, Sampling::Point) {
             echoes.push(Echo {
                 order: interactions.len(),
                 half_path: 0.5 * (tube.length + distance),
                 slope: tube.slope(-tube.interaction.point.normalize()),
                 amplitude: radiated.amplitude / distance,
-                gain: (transmitter.gain(interactions[0].point) * receiver.gain(tube.interaction.point)).sqrt(),
             });
-        });
-        echoes
-    };
-    launches.par_iter().map(of).collect()
+        }
+    });
+    echoes
 }
 
 const LIMITS: Limits = Limits {
@@ -124,8 +107,15 @@ fn corner() -> PosedScene {
     scene(vec![left, right])
 }
 
-fn launches(scene: &PosedScene, plane: &ImagePlane) -> Vec<Launch> {
-    Launch::of_image(&scene.cast_image(plane).unwrap(), DMat3::IDENTITY)
+/// Paths over the pixels of an image, none of which is quartered.
+fn shoot(scene: &PosedScene, image: &Hits, materials: &[Material], array: &Array, limits: Limits) -> (Bounces, Counts) {
+    let image = TubeImage {
+        rotation: DMat3::IDENTITY,
+        hits: image,
+        parts: Vec::new(),
+    };
+    let sampling = Sampling::Footprint;
+    Bounces::new(scene, &[image], materials, array, limits, sampling, f64::INFINITY)
 }
 
 /// Hit of a cell, if any.
@@ -146,17 +136,16 @@ fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
 
 #[test]
 fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() {
-    let (scene, array) = (corner(), array(vec![DVec3::ZERO], None));
+    let scene = corner();
     // The left wall is x + y = 2, the right one x - y = 2, met in `last`.
     let (image, normal) = (DVec3::new(2.0, 2.0, 0.0), DVec3::new(-0.5, 0.5, 0.0).normalize());
     let last = |u: f64, v: f64| image - 2.0 / (1.0 - u) * DVec3::new(u, 1.0, -v);
     let half_path = |u: f64, v: f64| 0.5 * (last(u, v).distance(image) + last(u, v).length());
     let step = 1e-5;
     for (u, v) in [(0.01, 0.0), (0.05, 0.07), (0.11, -0.1), (0.2, 0.02)] {
-        let launch = cell(&scene, u, v).unwrap();
-        let echoes = echoes(&scene, &[launch], &[CONDUCTOR; 2], &array, LIMITS);
-        let [echo] = echoes[0][..] else { panic!("{echoes:?}") };
-        assert_eq!((echo.order, echo.gain), (2, 1.0));
+        let echoes = echoes(&scene, u, v, LIMITS);
+        let [echo] = echoes[..] else { panic!("{echoes:?}") };
+        assert_eq!(echo.order, 2);
         assert!((echo.half_path - half_path(u, v)).abs() < 1e-13);
         let slopes = [
             half_path(u + step, v) - half_path(u - step, v),
@@ -177,7 +166,6 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
 
 #[test]
 fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
-    let array = array(vec![DVec3::ZERO], None);
     // Two walls; a third below them; the two, each a body of its own.
     let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
     let [left, right] = [1.0, -1.0].map(|side| rectangle(apex, DVec3::new(-0.7, 0.7 * side, 0.0), up));
@@ -188,20 +176,17 @@ fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
         (vec![left, right, floor], 3, -0.25), // onto the apex
     ] {
         let scene = scene(surfaces);
-        let materials = vec![CONDUCTOR; 3];
         let limits = Limits {
             max_bounces: 5,
             floor: 0.0,
         };
         let echo = |u: f64, v: f64| {
-            let launch = cell(&scene, u, v).unwrap();
-            let echoes = echoes(&scene, &[launch], &materials, &array, limits);
-            assert_eq!(
-                echoes[0].iter().filter(|echo| echo.order == order).count(),
-                1,
-                "{echoes:?}"
-            );
-            *echoes[0].iter().find(|echo| echo.order == order).unwrap()
+            let echoes = echoes(&scene, u, v, limits);
+            let mut of_order = echoes.iter().filter(|echo| echo.order == order);
+            let (Some(echo), None) = (of_order.next(), of_order.next()) else {
+                panic!("{echoes:?}")
+            };
+            *echo
         };
         // The third wall is met by what looks down a little more or less.
         let beside = echo(1e-5, slope + 3e-6);
@@ -211,49 +196,6 @@ fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
             assert!((met.amplitude - beside.amplitude).norm() < 1e-4 * beside.amplitude.norm());
         }
     }
-}
-
-#[test]
-fn slopes_are_derivatives_of_half_the_path() {
-    // A ball beside a wall: both reflect obliquely.
-    let ball = patch_of_sphere(
-        DVec3::new(1.5, -0.35, 0.0),
-        0.2,
-        DVec3::new(-0.6, 0.8, 0.1).normalize(),
-        0.5,
-        120,
-    );
-    let wall = rectangle(DVec3::new(0.0, 0.4, -1.0), DVec3::X * 3.0, DVec3::Z * 2.0);
-    let scene = scene(vec![ball, wall]);
-    let array = array(vec![DVec3::ZERO], None);
-    let echo = |u: f64, v: f64| {
-        let echoes = echoes(&scene, &[cell(&scene, u, v)?], &[CONDUCTOR; 2], &array, LIMITS);
-        echoes[0].first().copied()
-    };
-    let (mut count, step) = (0, 1e-6);
-    for i in 0..400 {
-        let (u, v) = (-0.178 + 0.004 * f64::from(i % 20), -0.02 + 0.0033 * f64::from(i / 20));
-        let Some(middle) = echo(u, v) else { continue };
-        let others = [
-            echo(u + step, v),
-            echo(u - step, v),
-            echo(u, v + step),
-            echo(u, v - step),
-        ];
-        let [Some(a), Some(b), Some(c), Some(d)] = others else {
-            continue;
-        };
-        for (slope, (next, last)) in middle.slope.iter().zip([(a, b), (c, d)]) {
-            let difference = (next.half_path - last.half_path) / (2.0 * step);
-            // The interpolated surface is not quite across its normals: errors of third order in the facets.
-            assert!(
-                (slope - difference).abs() < 3e-3 * slope.abs().max(1.0),
-                "{u} {v}: {slope} {difference}"
-            );
-        }
-        count += 1;
-    }
-    assert!(count > 100, "{count}");
 }
 
 #[test]
@@ -280,6 +222,15 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
                 let [Some(next), Some(last)] = [twice(u + du, v + dv), twice(u - du, v - dv)] else {
                     continue;
                 };
+                let antenna = DVec3::new(0.0, 0.3, 0.1);
+                let half_path = |tube: &Tube| 0.5 * (tube.length + tube.interaction.point.distance(antenna));
+                let difference = (half_path(&next) - half_path(&last)) / (2.0 * step);
+                let slope = tube.slope((antenna - tube.interaction.point).normalize())[i];
+                // The interpolated surface is not quite across its normals: errors of third order in the facets.
+                assert!(
+                    (slope - difference).abs() < 3e-3 * slope.abs().max(1.0),
+                    "{slope} {difference}"
+                );
                 let edge = (next.interaction.point - last.interaction.point) / (2.0 * step);
                 let turn = (next.direction - last.direction) / (2.0 * step);
                 assert!(
@@ -288,9 +239,9 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
                     tube.edges[i]
                 );
                 assert!(
-                    tube.turns[i].distance(turn) < 2e-3 * turn.length(),
+                    tube.direction_slopes[i].distance(turn) < 2e-3 * turn.length(),
                     "{turn} {}",
-                    tube.turns[i]
+                    tube.direction_slopes[i]
                 );
                 count += 1;
             }
@@ -399,84 +350,41 @@ fn on_bowl(scene: &PosedScene) -> Launch {
 }
 
 #[test]
-fn results_do_not_depend_on_the_number_of_threads_and_floors_end_tubes() {
+fn floors_end_tubes() {
     let scene = corner();
-    let plane = ImagePlane::centered(40, 40, 0.2, 0.2);
-    let launches = launches(&scene, &plane);
     let wood = Material::Constant(Response {
         reflection: Complex64::new(0.0, -0.1),
         albedo: 0.0,
     });
-    let run = |threads: usize, floor: f64| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let limits = Limits { max_bounces: 3, floor };
-        let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
-        pool.install(|| {
-            Bounces::new(
-                &scene,
-                &launches,
-                &[CONDUCTOR, wood],
-                &antennas,
-                limits,
-                Sampling::Footprint,
-            )
-        })
+    let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
+    let image = scene.cast_image(&ImagePlane::centered(40, 40, 0.2, 0.2)).unwrap();
+    let num_hit = image.body.iter().filter(|body| **body != NO_BODY).count();
+    let run = |floor: f64| {
+        shoot(
+            &scene,
+            &image,
+            &[CONDUCTOR, wood],
+            &antennas,
+            Limits { max_bounces: 3, floor },
+        )
     };
-    let (one, counts) = run(1, 1e-8);
-    let (four, _) = run(4, 1e-8);
-    assert!(one.len() > 100 && one.orders().all(|order| order == 2));
-    let kinematics = Kinematics {
-        poses: TimeSeries::new(1, vec![Pose::IDENTITY; 2]),
-        points: TimeSeries::new(1, Vec::new()),
-        vertices: Vec::new(),
-    };
-    assert_eq!(one.len(), four.len());
-    let numbers: Vec<usize> = (0..one.len()).collect();
-    for numbers in numbers.chunks(CHUNK) {
-        let [a, b] = [&one, &four].map(|bounces| {
-            let shape = Shape {
-                channels: 2,
-                paths: bounces.len(),
-                delay_rows: 1,
-                amplitude_rows: 1,
-                basis: Basis::Chebyshev,
-            };
-            let request = Request {
-                channels: 0..2,
-                paths: 0..0,
-                scale: 1.0,
-                level: Level::best(),
-            };
-            let mut chunk = Chunk::<f64>::new(&shape, 2);
-            bounces.fill([&kinematics; 2], numbers, &request, &mut chunk);
-            chunk
-        });
-        assert_eq!((a.delay, a.re, a.im), (b.delay, b.re, b.im));
-    }
+    let (all, counts) = run(1e-8);
+    assert!(all.len() > 100 && all.orders().all(|order| order == 2));
     assert_eq!(counts.stopped, 0);
     // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
-    let (fewer, counts) = run(2, 0.02);
-    assert!(fewer.len() < one.len() && fewer.len() > one.len() / 3);
-    assert!(counts.stopped > launches.len() / 3, "{counts:?}");
-    let (none, counts) = run(2, 2.0);
-    // From one transmitter, and from two receivers.
-    assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, 3 * launches.len()));
+    let (fewer, counts) = run(0.02);
+    assert!(fewer.len() < all.len() && fewer.len() > all.len() / 3);
+    assert!(counts.stopped > num_hit / 3, "{counts:?}");
+    let (none, counts) = run(2.0);
+    // From the transmitter, and from the middle of the receivers.
+    assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, 2 * num_hit));
 }
 
 #[test]
-fn routes_split_by_their_bodies() {
+fn paths_split_by_their_bodies() {
     let scene = corner();
-    let plane = ImagePlane::centered(20, 20, 0.2, 0.2);
-    let launches = launches(&scene, &plane);
-    let antennas = array(vec![DVec3::ZERO], None);
-    let (all, _) = Bounces::new(
-        &scene,
-        &launches,
-        &[CONDUCTOR; 2],
-        &antennas,
-        LIMITS,
-        Sampling::Footprint,
-    );
+    let image = scene.cast_image(&ImagePlane::centered(20, 20, 0.2, 0.2)).unwrap();
+    let (all, _) = shoot(&scene, &image, &[CONDUCTOR; 2], &array(vec![DVec3::ZERO], None), LIMITS);
     let [inside, others] = all.split(|body| body == 0);
     assert_eq!((inside.len(), others.len()), (0, all.len()));
     let [inside, others] = all.split(|_| true);

@@ -15,12 +15,12 @@ pub(super) struct Fault {
 
 /// Fault of vertex `number` of the file, counted from 0.
 pub(super) fn in_vertex(text: &str, number: usize, expected: &str) -> Fault {
-    of_statement(&nth(text, "v", number), "vertex", expected)
+    of_statement(nth(text, "v", number).as_ref(), "vertex", expected)
 }
 
 /// Fault of face `number` of the file, counted from 0.
 pub(super) fn in_face(text: &str, number: usize, expected: &str) -> Fault {
-    of_statement(&nth(text, "f", number), "face", expected)
+    of_statement(nth(text, "f", number).as_ref(), "face", expected)
 }
 
 /// Fault of a file that ends without something.
@@ -43,7 +43,7 @@ pub(super) fn of_tobj(error: LoadError, text: &str, line: usize) -> Fault {
         }
     };
     let statement = statements(text).find(|statement| statement.line == line);
-    of_statement(&statement.expect("tobj has read it"), kind, expected)
+    of_statement(statement.as_ref(), kind, expected)
 }
 
 /// Fault of the first corner whose vertex is not in the file.
@@ -64,7 +64,7 @@ fn missing_vertex(text: &str) -> Fault {
             _ => {}
         }
     }
-    unreachable!("tobj missed a vertex")
+    at_end(text, "vertex indices of the file")
 }
 
 /// Description of a fault in the vertex index of a corner, if there is one.
@@ -80,18 +80,18 @@ fn missing(corner: &str, num_read: usize, num_vertices: usize) -> Option<String>
     Some(format!("face: expected {expected}, got {}", quoted(word)))
 }
 
-fn nth<'a>(text: &'a str, keyword: &str, number: usize) -> Statement<'a> {
-    let mut alike = statements(text).filter(|statement| statement.split().0 == keyword);
-    alike.nth(number).expect("tobj has read it")
+fn nth<'a>(text: &'a str, keyword: &str, number: usize) -> Option<Statement<'a>> {
+    statements(text)
+        .filter(|statement| statement.split().0 == keyword)
+        .nth(number)
 }
 
-fn of_statement(statement: &Statement, kind: &str, expected: &str) -> Fault {
+/// Fault of a statement; of the first line if tobj and `statements` should count in different ways.
+fn of_statement(statement: Option<&Statement>, kind: &str, expected: &str) -> Fault {
+    let (line, got) = statement.map_or((1, ""), |statement| (statement.line, values(statement.split().1)));
     Fault {
-        line: statement.line,
-        message: format!(
-            "{kind}: expected {expected}, got {}",
-            quoted(values(statement.split().1))
-        ),
+        line,
+        message: format!("{kind}: expected {expected}, got {}", quoted(got)),
     }
 }
 
