@@ -239,8 +239,8 @@ impl Rays {
         model: &Model,
         tubes: &mut Vec<Image>,
         cancel: &Cancel,
-    ) -> Result<(Bounces, bounces::Counts)> {
-        let none = || (Bounces::empty(model.array.clone()), bounces::Counts::default());
+    ) -> Result<(Bounces, bounces::TubeCounts)> {
+        let none = || (Bounces::empty(model.array.clone()), bounces::TubeCounts::default());
         if model.settings.limits.max_bounces <= 1 {
             return Ok(none());
         }
