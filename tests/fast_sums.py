@@ -37,7 +37,7 @@ def steady(num_moving: int, num_static: int = 0, seed: int = 0, speed: float = 2
 
 def check(
     paths: Paths, wf: rc.Waveform, tolerance: float, *, exact: NDArray[np.complex128] | None = None, **options: Any
-) -> _core.Report:
+) -> _core.SumReport:
     """Compare a sum with the exact one, which is computed here if it is not given; returns the report of the sum."""
     got, report = paths.signal(wf, tolerance=tolerance, **options)
     assert np.isfinite(got).all(), f"{options}: {report}"

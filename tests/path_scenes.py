@@ -44,7 +44,7 @@ class Paths:
     rate: Real | None = None
     acceleration: Real | None = None
 
-    def signal(self, waveform: rc.Waveform, **options: Any) -> tuple[NDArray[Any], _core.Report]:
+    def signal(self, waveform: rc.Waveform, **options: Any) -> tuple[NDArray[Any], _core.SumReport]:
         settings = {"tolerance": 1e-4, "method": "auto", "threads": 1} | options
         return _core.beat_signal(
             self.delay, self.amplitude, self.rate, self.acceleration, waveform=waveform._core, **settings

@@ -13,9 +13,9 @@ __all__ = [
     "Material",
     "Pattern",
     "Placement",
-    "Report",
     "Scene",
     "Simulator",
+    "SumReport",
     "Surface",
     "Waveform",
     "__version__",
@@ -56,7 +56,7 @@ def beat_signal(
     threads: int | None = None,
     level: str | None = None,
     report: Callable[[int], object] | None = None,
-) -> tuple[Any, Report]:
+) -> tuple[Any, SumReport]:
     """Samples (channel, chirp, sample) of paths (path,), (channel, path) or (node, channel, path), and the report.
 
     complex64, or complex128 for tolerances below 1e-6. Methods: "auto", "direct", "grid". `report` receives the number
@@ -184,7 +184,7 @@ class Waveform:
     ) -> Waveform: ...
 
 @final
-class Report:
+class SumReport:
     """Report of a sum; `str` is a sentence."""
 
     @property

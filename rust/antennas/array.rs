@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 
 use crate::antennas::pattern::{Pattern, Turned};
-use crate::antennas::response::Response;
+use crate::antennas::response::ReceiverResponse;
 use crate::error::{Error, Result};
 
 /// Transmitters and receivers; channel = tx * `num_rx` + rx.
@@ -27,7 +27,7 @@ pub struct Array {
     /// Unit vector along the field of every element, projected across the ray; none: antennas without a polarisation.
     pub polarization: Option<DVec3>,
     /// Gain of the receiver for what every transmit antenna sent; empty: one.
-    pub responses: Vec<Arc<Response>>,
+    pub responses: Vec<Arc<ReceiverResponse>>,
 }
 
 /// View of a point from one antenna.
@@ -98,7 +98,7 @@ impl Array {
 
     /// Gain of the receiver for what the transmitter of a channel sent; none: one.
     #[inline]
-    pub fn response(&self, channel: usize) -> Option<&Response> {
+    pub fn response(&self, channel: usize) -> Option<&ReceiverResponse> {
         self.responses.get(channel / self.rx.len()).map(Arc::as_ref)
     }
 

@@ -12,7 +12,7 @@ const LARGEST_GAIN_DB: f64 = 1000.0;
 
 /// Gains at angles, bilinear in decibels between them; the gain is zero outside of the table.
 #[derive(Debug, PartialEq)]
-pub struct Table {
+pub struct GainTable {
     /// Increasing angles [rad]; over a whole turn if the table is closed.
     azimuth: Vec<f64>,
     /// Increasing angles [rad].
@@ -23,7 +23,7 @@ pub struct Table {
     pub peak: f64,
 }
 
-impl Table {
+impl GainTable {
     /// Table from angles [rad] and gains [dB] `(azimuth, elevation)`. A table round the whole turn, with no wider a gap
     /// behind the antenna than between its other azimuths, is closed there.
     pub fn new(azimuth: &[f64], elevation: &[f64], gain_db: &[f64]) -> Result<Self> {

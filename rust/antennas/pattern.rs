@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
-use crate::antennas::gain_table::Table;
+use crate::antennas::gain_table::GainTable;
 
 /// Power gain of an antenna over directions of the sensor frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub enum Pattern {
         elevation: f64,
     },
     /// Table of gains over angles.
-    Table(Arc<Table>),
+    Table(Arc<GainTable>),
     /// Another pattern, in axes that are turned against its own.
     Turned(Arc<Turned>),
 }
@@ -140,7 +140,7 @@ mod tests {
         let gains: Vec<f64> = (1..=azimuth_deg.len() * elevation_deg.len())
             .map(|i| i as f64)
             .collect();
-        let table = Table::new(&degrees(azimuth_deg), &degrees(elevation_deg), &gains);
+        let table = GainTable::new(&degrees(azimuth_deg), &degrees(elevation_deg), &gains);
         Pattern::Table(Arc::new(table.unwrap()))
     }
 
@@ -278,7 +278,7 @@ mod tests {
     fn what_is_no_table_is_refused() {
         let two = [0.0, 1.0];
         let refused = |azimuth: &[f64], elevation: &[f64], gain_db: &[f64]| {
-            Table::new(azimuth, elevation, gain_db).unwrap_err().to_string()
+            GainTable::new(azimuth, elevation, gain_db).unwrap_err().to_string()
         };
         assert_eq!(
             refused(&[0.0], &two, &two),

@@ -6,13 +6,13 @@ use crate::error::{Error, Result};
 
 /// Complex field gain over the length of paths, there and back: linear between equal steps from zero, constant beyond.
 #[derive(Clone, Debug)]
-pub struct Response {
+pub struct ReceiverResponse {
     /// Steps per metre.
     rate: f64,
     gains: Vec<Complex64>,
 }
 
-impl Response {
+impl ReceiverResponse {
     /// Response with given gains at lengths from 0 to `longest` [m].
     pub fn new(longest: f64, gains: Vec<Complex64>) -> Result<Self> {
         if !(longest > 0.0 && longest.is_finite()) {
@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn gain_is_linear_between_steps_and_constant_beyond_the_longest_path() {
         let gains = [0.0, 2.0, 4.0].map(|re| Complex64::new(re, -re)).to_vec();
-        let response = Response::new(10.0, gains).unwrap();
+        let response = ReceiverResponse::new(10.0, gains).unwrap();
         for (length, expected) in [(0.0, 0.0), (2.5, 1.0), (5.0, 2.0), (9.0, 3.6), (10.0, 4.0), (1e30, 4.0)] {
             assert!(
                 (response.gain(length) - Complex64::new(expected, -expected)).norm() < 1e-12,
@@ -59,9 +59,9 @@ mod tests {
     fn what_is_no_response_is_refused() {
         let one = Complex64::new(1.0, 0.0);
         for longest in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(Response::new(longest, vec![one; 2]).is_err());
+            assert!(ReceiverResponse::new(longest, vec![one; 2]).is_err());
         }
-        assert!(Response::new(1.0, vec![one]).is_err());
-        assert!(Response::new(1.0, vec![one, Complex64::new(f64::NAN, 0.0)]).is_err());
+        assert!(ReceiverResponse::new(1.0, vec![one]).is_err());
+        assert!(ReceiverResponse::new(1.0, vec![one, Complex64::new(f64::NAN, 0.0)]).is_err());
     }
 }

@@ -93,7 +93,7 @@ impl Shooter<'_> {
 }
 
 /// Cells of a rectangle across a plane wave.
-struct Grid {
+struct CellGrid {
     rows: usize,
     columns: usize,
     /// Size of a cell [m].
@@ -102,7 +102,7 @@ struct Grid {
     first: [f64; 2],
 }
 
-impl Grid {
+impl CellGrid {
     fn center(&self, row: usize, column: usize) -> [f64; 2] {
         let at = |axis: usize, number: usize| self.first[axis] + (number as f64 + 0.5) * self.size[axis];
         [at(0, column), at(1, row)]
@@ -121,7 +121,7 @@ struct PlaneWave<'a> {
 
 impl<'a> PlaneWave<'a> {
     /// Plane wave with a grid of cells that covers the scene; none for a scene that is empty or seen edge-on.
-    fn over(shooter: &'a Shooter<'a>, aspect: &'a Aspect) -> Option<(Self, Grid)> {
+    fn over(shooter: &'a Shooter<'a>, aspect: &'a Aspect) -> Option<(Self, CellGrid)> {
         let (scene, k) = (shooter.scene, -aspect.directions[0]);
         let bodies = (0..scene.num_bodies() as u32).filter(|body| scene.surface(*body).num_triangles() > 0);
         let corners = bodies.flat_map(|body| {
@@ -139,7 +139,7 @@ impl<'a> PlaneWave<'a> {
         }
         let side = extent.x.max(extent.y) / CELLS;
         let [columns, rows] = [extent.x, extent.y].map(|length| (length / side).ceil().max(1.0));
-        let grid = Grid {
+        let grid = CellGrid {
             rows: rows as usize,
             columns: columns as usize,
             size: [extent.x / columns, extent.y / rows],

@@ -16,12 +16,12 @@ pub enum Direction {
 
 /// Antennas of one kind.
 #[derive(Clone, Copy, Debug)]
-pub struct Antennas<'a> {
+pub struct TubeEnds<'a> {
     positions: &'a [DVec3],
     patterns: &'a [Pattern],
 }
 
-impl<'a> Antennas<'a> {
+impl<'a> TubeEnds<'a> {
     pub fn len(&self) -> usize {
         self.positions.len()
     }
@@ -66,12 +66,12 @@ impl Direction {
     }
 
     /// Antennas where tubes start, and antennas where tubes end.
-    pub fn antennas(self, array: &Array) -> [Antennas<'_>; 2] {
-        let transmitters = Antennas {
+    pub fn antennas(self, array: &Array) -> [TubeEnds<'_>; 2] {
+        let transmitters = TubeEnds {
             positions: &array.tx,
             patterns: &array.tx_patterns,
         };
-        let receivers = Antennas {
+        let receivers = TubeEnds {
             positions: &array.rx,
             patterns: &array.rx_patterns,
         };

@@ -23,4 +23,4 @@ pub use aspect::Aspect;
 pub use cross_section::cross_sections;
 pub use path::Bounces;
 pub use refine::{CELLS_ACROSS, TubeImage};
-pub use shooting::{Counts, Limits};
+pub use shooting::{Limits, TubeCounts};

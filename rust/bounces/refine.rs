@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::direction::tube_antennas;
 use super::launch::{Launch, quarter_centers};
 use super::path::{BouncePath, Bounces};
-use super::shooting::{CellPaths, Counts, Launcher, Limits, View};
+use super::shooting::{CellPaths, Launcher, Limits, TubeCounts, TubeView};
 use crate::antennas::array::Array;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Hits;
@@ -43,7 +43,7 @@ pub struct TubeImage<'a> {
 }
 
 /// Cell with its paths that may be quartered.
-struct Cell {
+struct TubeCell {
     image: usize,
     center: [f64; 2],
     size: [f64; 2],
@@ -65,12 +65,12 @@ impl Bounces {
         limits: Limits,
         sampling: Sampling,
         field: f64,
-    ) -> (Self, Counts) {
-        let view = View::new(images.iter().map(|image| (image.rotation, &image.hits.plane)));
+    ) -> (Self, TubeCounts) {
+        let view = TubeView::new(images.iter().map(|image| (image.rotation, &image.hits.plane)));
         let num_pixels: usize = images.iter().map(|image| image.hits.plane.num_pixels()).sum();
         let antennas = tube_antennas(array);
         let launcher = Launcher::new(scene, view, materials, &antennas, limits, sampling);
-        let mut refine = Refine {
+        let mut refine = TubeRefinement {
             scene,
             images,
             launcher,
@@ -78,21 +78,21 @@ impl Bounces {
             error: ERROR * field / (4.0 * std::f64::consts::PI),
             tubes: LEAST_TUBES.max((MOST_TUBES * num_pixels as f64) as usize),
             paths: Vec::new(),
-            counts: Counts::default(),
+            counts: TubeCounts::default(),
         };
-        let mut cells: Vec<Cell> = (0..images.len()).flat_map(|image| refine.pixels(image)).collect();
+        let mut cells: Vec<TubeCell> = (0..images.len()).flat_map(|image| refine.pixels(image)).collect();
         for _ in 0..DEEPEST {
             cells = refine.quartered(cells);
         }
         for cell in cells {
             refine.keep_coarse(cell);
         }
-        let Refine { paths, counts, .. } = refine;
+        let TubeRefinement { paths, counts, .. } = refine;
         (Self::of_paths(array.clone(), antennas, paths), counts)
     }
 }
 
-struct Refine<'a> {
+struct TubeRefinement<'a> {
     scene: &'a PosedScene,
     images: &'a [TubeImage<'a>],
     launcher: Launcher<'a>,
@@ -104,10 +104,10 @@ struct Refine<'a> {
     tubes: usize,
     /// Paths of cells that are not quartered.
     paths: Vec<BouncePath>,
-    counts: Counts,
+    counts: TubeCounts,
 }
 
-impl Refine<'_> {
+impl TubeRefinement<'_> {
     /// Keep the paths of a cell that is not quartered.
     fn keep(&mut self, cell: CellPaths) {
         self.counts.power += largest(&cell.fields).powi(2);
@@ -115,14 +115,14 @@ impl Refine<'_> {
     }
 
     /// Keep the paths of a cell for whose quarters there are no tubes.
-    fn keep_coarse(&mut self, cell: Cell) {
+    fn keep_coarse(&mut self, cell: TubeCell) {
         self.counts.coarse += 1;
         self.counts.error_power += cell.residual.powi(2);
         self.keep(cell.paths);
     }
 
     /// Pixels of an image that may be quartered; the paths of all others are kept.
-    fn pixels(&mut self, number: usize) -> Vec<Cell> {
+    fn pixels(&mut self, number: usize) -> Vec<TubeCell> {
         let TubeImage { rotation, hits, parts } = &self.images[number];
         let plane = &hits.plane;
         let shoot = |pixel: usize| {
@@ -150,7 +150,7 @@ impl Refine<'_> {
                 continue;
             }
             let (u, v) = plane.center(pixel / plane.columns, pixel % plane.columns);
-            cells.push(Cell {
+            cells.push(TubeCell {
                 image: number,
                 center: [u, v],
                 size: [plane.du, plane.dv],
@@ -163,7 +163,7 @@ impl Refine<'_> {
     }
 
     /// Quarters of the cells that have other fields or small parts; the paths of all others are kept.
-    fn quartered(&mut self, mut cells: Vec<Cell>) -> Vec<Cell> {
+    fn quartered(&mut self, mut cells: Vec<TubeCell>) -> Vec<TubeCell> {
         // Those of which most is left first, where tubes run out.
         let most = self.tubes / 4;
         if cells.len() > most {
@@ -173,7 +173,7 @@ impl Refine<'_> {
             }
         }
         self.tubes -= 4 * cells.len();
-        let quarters: Vec<[Cell; 4]> = cells.par_iter().map(|cell| self.quarters(cell)).collect();
+        let quarters: Vec<[TubeCell; 4]> = cells.par_iter().map(|cell| self.quarters(cell)).collect();
         let mut next = Vec::new();
         for (cell, mut quarters) in cells.into_iter().zip(quarters) {
             for quarter in &quarters {
@@ -198,13 +198,13 @@ impl Refine<'_> {
         next
     }
 
-    fn quarters(&self, cell: &Cell) -> [Cell; 4] {
+    fn quarters(&self, cell: &TubeCell) -> [TubeCell; 4] {
         let TubeImage { rotation, parts, .. } = &self.images[cell.image];
         let size = cell.size.map(|size| 0.5 * size);
         quarter_centers(cell.center, cell.size).map(|center| {
             let launch = Launch::at(self.scene, *rotation, center, size);
             let is_small = |part: &&usize| is_small(&parts[**part], center, size);
-            Cell {
+            TubeCell {
                 image: cell.image,
                 center,
                 size,

@@ -24,12 +24,12 @@ use super::tube::Tube;
 use crate::antennas::polarization::transverse;
 
 /// The parts of image planes where tubes start.
-pub(super) struct View {
+pub(super) struct TubeView {
     /// For every plane the rotation from its axes to those of the sensor, and smallest and largest plane coordinates.
     planes: Vec<(DMat3, [DVec2; 2])>,
 }
 
-impl View {
+impl TubeView {
     /// View of whole image planes, each with the rotation from its axes to those of the sensor.
     pub(super) fn new<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
         let of = |(rotation, plane): (DMat3, &ImagePlane)| {
@@ -77,7 +77,7 @@ pub struct Limits {
 
 /// Counts of rays and of tubes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Counts {
+pub struct TubeCounts {
     /// Rays from one surface to the next.
     pub rays: usize,
     /// Tubes that ended at the floor.
@@ -89,7 +89,7 @@ pub struct Counts {
     pub error_power: f64,
 }
 
-impl Counts {
+impl TubeCounts {
     pub(super) fn plus(self, other: Self) -> Self {
         Self {
             rays: self.rays + other.rays,
@@ -113,8 +113,8 @@ pub(super) struct Shooter<'a> {
 impl Shooter<'_> {
     /// Trace a tube that was launched with a gain relative to the largest; `arrive` receives the tube at every surface
     /// from the second on, with all interactions so far.
-    pub(super) fn trace(&self, mut tube: Tube, gain: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> Counts {
-        let mut counts = Counts::default();
+    pub(super) fn trace(&self, mut tube: Tube, gain: f64, mut arrive: impl FnMut(&Tube, &[Interaction])) -> TubeCounts {
+        let mut counts = TubeCounts::default();
         let mut interactions = vec![tube.interaction];
         for _ in 2..=self.limits.max_bounces {
             tube.reflect(self.reflection_coefficients(&tube));
@@ -234,9 +234,9 @@ impl<'a> Sensor<'a> {
         launch: &Launch,
         (antenna, pattern): (DVec3, &Pattern),
         arrive: impl FnMut(&Tube, &[Interaction]),
-    ) -> Counts {
+    ) -> TubeCounts {
         let Some(tube) = Tube::launch(self.shooter.scene, launch, antenna, self.array.polarization) else {
-            return Counts::default();
+            return TubeCounts::default();
         };
         let gain = pattern.gain(tube.interaction.point - antenna) / pattern.peak();
         self.shooter.trace(tube, gain, arrive)
@@ -256,14 +256,14 @@ pub(super) struct CellPaths {
     pub(super) fields: Vec<Complex64>,
     /// Hash of the surfaces that the tubes meet: of their bodies, and planes where they are flat.
     pub(super) surfaces: u64,
-    pub(super) counts: Counts,
+    pub(super) counts: TubeCounts,
 }
 
 /// Ray tubes of all antennas through the cells of a view.
 pub(super) struct Launcher<'a> {
     sensor: Sensor<'a>,
     directions: &'static [Direction],
-    view: View,
+    view: TubeView,
     sampling: Sampling,
 }
 
@@ -271,7 +271,7 @@ impl<'a> Launcher<'a> {
     /// Tubes through cells of a view.
     pub(super) fn new(
         scene: &'a PosedScene,
-        view: View,
+        view: TubeView,
         materials: &'a [Material],
         array: &'a Array,
         limits: Limits,
@@ -340,7 +340,7 @@ impl CellPaths {
             paths: Vec::new(),
             fields: vec![Complex64::ZERO; num_channels],
             surfaces: 0,
-            counts: Counts::default(),
+            counts: TubeCounts::default(),
         }
     }
 }

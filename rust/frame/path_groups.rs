@@ -36,7 +36,7 @@ pub struct PathGroups {
     /// Material points and point targets of all groups.
     scatterers: Scatterers,
     /// Number of paths of several reflections, and counts of their rays.
-    pub bounces: (usize, bounces::Counts),
+    pub bounces: (usize, bounces::TubeCounts),
     /// Numbers, in the scene, of the bodies and point targets in fast-varying motion that have a path, increasing.
     pub fast_varying: Vec<usize>,
 }

@@ -125,10 +125,10 @@ impl Rays {
     }
 
     /// Paths of several reflections, from images of their own.
-    pub fn bounces(&self, model: &Model, cancel: &Cancel) -> Result<(Bounces, bounces::Counts)> {
+    pub fn bounces(&self, model: &Model, cancel: &Cancel) -> Result<(Bounces, bounces::TubeCounts)> {
         let (array, limits, materials) = (&model.array, model.settings.limits, &model.materials);
         if limits.max_bounces <= 1 || matches!(model.source, Source::Depth(_)) {
-            return Ok((Bounces::empty(array.clone()), bounces::Counts::default()));
+            return Ok((Bounces::empty(array.clone()), bounces::TubeCounts::default()));
         }
         let scenes = &self.scenes;
         let images = model.cast_images(scenes, &model.settings.tubes, cancel)?;

@@ -13,7 +13,7 @@ const NUM_STEPS: usize = 2;
 const FARTHEST: f64 = 1.0;
 
 /// Map of all channels, `(look, row, column)`.
-pub struct Cells<'a, T> {
+pub struct MapCells<'a, T> {
     pub values: &'a [Complex<T>],
     pub shape: [usize; 3],
     /// Columns are cyclic, as rows always are.
@@ -49,7 +49,7 @@ pub struct Tone {
 /// With noise of covariance C along an axis, `t^H C^-1 x` is what cells x have of a tone t: all that is needed is
 /// products of this kind, of the tone and of its derivatives. `1 / (2 snr information)` is the variance of the offset
 /// [cells^2], the Cramér-Rao bound for these cells.
-pub fn fit<T: AsPrimitive<f64>>(cells: &Cells<T>, peak: [usize; 2], start: [f64; 2], axes: &Axes) -> Tone {
+pub fn fit<T: AsPrimitive<f64>>(cells: &MapCells<T>, peak: [usize; 2], start: [f64; 2], axes: &Axes) -> Tone {
     let ([num_looks, ..], [num_rows, num_columns]) = (cells.shape, axes.num_cells);
     let (places, patch) = cells.patch(peak, axes.num_cells);
     let mut offset = start;
@@ -98,7 +98,7 @@ pub fn fit<T: AsPrimitive<f64>>(cells: &Cells<T>, peak: [usize; 2], start: [f64;
     }
 }
 
-impl<T: AsPrimitive<f64>> Cells<'_, T> {
+impl<T: AsPrimitive<f64>> MapCells<'_, T> {
     /// Cells about a peak (look, row, column), and how many of its rows and columns are before it.
     fn patch(&self, peak: [usize; 2], num_cells: [usize; 2]) -> ([usize; 2], Vec<Complex64>) {
         let [num_looks, height, width] = self.shape;

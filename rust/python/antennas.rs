@@ -9,17 +9,17 @@ use pyo3::prelude::*;
 
 use super::arrays::{numbers, points};
 use crate::antennas::array::Array;
-use crate::antennas::gain_table::Table;
+use crate::antennas::gain_table::GainTable;
 use crate::antennas::pattern;
-use crate::antennas::response::Response;
+use crate::antennas::response::ReceiverResponse;
 use crate::error::Result;
 
 /// Power gain of an antenna over directions.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Pattern(pub(super) pattern::Pattern);
+#[pyclass(frozen, name = "Pattern", module = "radarcore._core")]
+pub(super) struct PyPattern(pub(super) pattern::Pattern);
 
 #[pymethods]
-impl Pattern {
+impl PyPattern {
     /// `peak exp(-azimuth az^2 - elevation el^2)`, the exponents [1/rad^2]; zero: isotropic.
     #[staticmethod]
     fn gaussian(peak: f64, azimuth: f64, elevation: f64) -> Self {
@@ -40,7 +40,7 @@ impl Pattern {
         let azimuth = numbers("azimuth", &azimuth, [None])?;
         let elevation = numbers("elevation", &elevation, [None])?;
         let gain_db = numbers("gain_db", &gain_db, [Some(azimuth.len()), Some(elevation.len())])?;
-        let table = Table::new(azimuth, elevation, gain_db)?;
+        let table = GainTable::new(azimuth, elevation, gain_db)?;
         Ok(Self(pattern::Pattern::Table(Arc::new(table))))
     }
 
@@ -59,11 +59,11 @@ impl Pattern {
 }
 
 /// Antennas of the sensor.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Antennas(pub(super) Array);
+#[pyclass(frozen, name = "Antennas", module = "radarcore._core")]
+pub(super) struct PyAntennas(pub(super) Array);
 
 #[pymethods]
-impl Antennas {
+impl PyAntennas {
     /// Antennas at rows (x, y, z) of the sensor frame [m], with a pattern each; `polarization`: unit vector along the
     /// field. `responses`: complex gain of the receiver for the echoes of every transmit antenna (tx, step), over lengths
     /// of paths from 0 to `longest_path` [m] in equal steps.
@@ -73,18 +73,18 @@ impl Antennas {
     fn new(
         tx: PyReadonlyArray2<'_, f64>,
         rx: PyReadonlyArray2<'_, f64>,
-        tx_patterns: Vec<PyRef<'_, Pattern>>,
-        rx_patterns: Vec<PyRef<'_, Pattern>>,
+        tx_patterns: Vec<PyRef<'_, PyPattern>>,
+        rx_patterns: Vec<PyRef<'_, PyPattern>>,
         power: f64,
         frequency: f64,
         polarization: Option<[f64; 3]>,
         responses: Option<PyReadonlyArray2<'_, Complex64>>,
         longest_path: f64,
     ) -> PyResult<Self> {
-        let patterns = |given: Vec<PyRef<'_, Pattern>>| given.iter().map(|pattern| pattern.0.clone()).collect();
+        let patterns = |given: Vec<PyRef<'_, PyPattern>>| given.iter().map(|pattern| pattern.0.clone()).collect();
         let responses = responses.map_or(Ok(Vec::new()), |gains| {
             let rows = gains.as_array();
-            let of_row = |row: usize| Response::new(longest_path, rows.row(row).to_vec()).map(Arc::new);
+            let of_row = |row: usize| ReceiverResponse::new(longest_path, rows.row(row).to_vec()).map(Arc::new);
             (0..rows.nrows()).map(of_row).collect::<Result<_>>()
         })?;
         let array = Array {

@@ -21,11 +21,11 @@ mod simulator;
 mod synthesis;
 mod threads;
 
-use antennas::{Antennas, Pattern};
+use antennas::{PyAntennas, PyPattern};
 use rays::Surface;
 use scattering::Material;
-use simulator::{DepthScene, IdealFrame, Placement, Scene, Simulator};
-use synthesis::{Report, Waveform};
+use simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
+use synthesis::{PyWaveform, SumReport};
 
 /// Memory of tiles and records is allocated and freed by the thousand in every frame, on all threads.
 #[global_allocator]
@@ -47,13 +47,13 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(processing::training_medians, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_tones, module)?)?;
     module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;
-    module.add_class::<Waveform>()?;
-    module.add_class::<Report>()?;
+    module.add_class::<PyWaveform>()?;
+    module.add_class::<SumReport>()?;
     module.add_class::<Surface>()?;
     module.add_class::<Material>()?;
-    module.add_class::<Pattern>()?;
-    module.add_class::<Antennas>()?;
-    module.add_class::<Scene>()?;
+    module.add_class::<PyPattern>()?;
+    module.add_class::<PyAntennas>()?;
+    module.add_class::<PyScene>()?;
     module.add_class::<DepthScene>()?;
     module.add_class::<Placement>()?;
     module.add_class::<IdealFrame>()?;

@@ -12,7 +12,7 @@ use super::arrays::{matrix, numbers, shape_text};
 use crate::error::Error;
 use crate::processing::peaks::Map;
 use crate::processing::spheres::{self, Aperture};
-use crate::processing::tone_fit::{Axes, Cells, fit};
+use crate::processing::tone_fit::{Axes, MapCells, fit};
 
 /// Places (peak, 2) and a number of each.
 type Tops<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
@@ -97,13 +97,13 @@ fn indices(name: &str, cells: &PyReadonlyArray2<'_, i64>, shape: [usize; 2]) -> 
 
 /// Cells of a map in single or double precision.
 #[derive(FromPyObject)]
-pub(super) enum MapCells<'py> {
+pub(super) enum AnyCells<'py> {
     Single(PyReadonlyArray3<'py, Complex<f32>>),
     Double(PyReadonlyArray3<'py, Complex<f64>>),
 }
 
 /// Offsets, amplitudes, energy gains and information of the tones about peaks.
-type Tones<'py> = (
+type ToneArrays<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<Complex<f64>>>,
     Bound<'py, PyArray1<f64>>,
@@ -114,16 +114,16 @@ type Tones<'py> = (
 #[pyfunction(signature = (cells, peaks, start, series, *, num_cells, is_cyclic))]
 pub(super) fn fit_tones<'py>(
     py: Python<'py>,
-    cells: MapCells<'py>,
+    cells: AnyCells<'py>,
     peaks: PyReadonlyArray2<'py, i64>,
     start: PyReadonlyArray2<'py, f64>,
     series: PyReadonlyArray4<'py, f64>,
     num_cells: [usize; 2],
     is_cyclic: bool,
-) -> PyResult<Tones<'py>> {
+) -> PyResult<ToneArrays<'py>> {
     match cells {
-        MapCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
-        MapCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        AnyCells::Single(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
+        AnyCells::Double(cells) => tones(py, &cells, &peaks, &start, &series, num_cells, is_cyclic),
     }
 }
 
@@ -135,7 +135,7 @@ fn tones<'py, T: Element + AsPrimitive<f64>>(
     series: &PyReadonlyArray4<'py, f64>,
     num_cells: [usize; 2],
     is_cyclic: bool,
-) -> PyResult<Tones<'py>>
+) -> PyResult<ToneArrays<'py>>
 where
     Complex<T>: Element,
 {
@@ -147,7 +147,7 @@ where
         return Err(Error::value("num_cells", expected, format!("{num_cells:?}")).into());
     }
     let most = num_cells[0].max(num_cells[1]);
-    let map = Cells {
+    let map = MapCells {
         values: numbers("cells", cells, [None; 3])?,
         shape: [num_looks, num_rows, num_columns],
         is_cyclic,

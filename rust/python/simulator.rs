@@ -12,12 +12,12 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use rayon::ThreadPool;
 
-use super::antennas::Antennas;
+use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
 use super::rays::{ImageArrays, Surface, image_arrays};
 use super::scattering::Material;
 use super::settings::Settings;
-use super::synthesis::Waveform;
+use super::synthesis::PyWaveform;
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
@@ -29,10 +29,10 @@ use crate::synthesis::report::Samples;
 
 /// Surfaces of bodies, and point targets.
 #[pyclass(frozen, name = "Scene", module = "radarcore._core")]
-pub(super) struct Scene(frame::Scene);
+pub(super) struct PyScene(frame::Scene);
 
 #[pymethods]
-impl Scene {
+impl PyScene {
     /// Build a scene. `deforming`: rows of the surfaces whose vertices move, increasing; `rcs` [m^2] of the point
     /// targets; numbers in the scene of both.
     #[new]
@@ -129,7 +129,7 @@ impl DepthScene {
 /// Scene or depth image.
 #[derive(FromPyObject)]
 pub(super) enum AnySource<'py> {
-    Scene(PyRef<'py, Scene>),
+    Scene(PyRef<'py, PyScene>),
     Depth(PyRef<'py, DepthScene>),
 }
 
@@ -205,7 +205,7 @@ fn dict_of_counts<'py>(py: Python<'py>, counts: &Counts) -> PyResult<Bound<'py, 
     all.into_py_dict(py)
 }
 
-type PathArrays<'py> = (
+type SimulatedPaths<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<Complex64>>,
@@ -234,8 +234,8 @@ impl Simulator {
     fn new(
         source: AnySource<'_>,
         materials: Vec<PyRef<'_, Material>>,
-        antennas: PyRef<'_, Antennas>,
-        waveform: PyRef<'_, Waveform>,
+        antennas: PyRef<'_, PyAntennas>,
+        waveform: PyRef<'_, PyWaveform>,
         center: [f64; 3],
         settings: Settings,
         threads: Option<usize>,
@@ -324,7 +324,7 @@ impl Simulator {
         motion: PyRef<'_, Placement>,
         at: PyRef<'_, Placement>,
         rates_at: PyRef<'_, Placement>,
-    ) -> PyResult<PathArrays<'py>> {
+    ) -> PyResult<SimulatedPaths<'py>> {
         let (frame, at) = (&motion.0, (&at.0, &rates_at.0));
         let paths = self.run(py, |memory, cancel| {
             frame::paths(&self.model, frame, at, memory, cancel)

@@ -15,11 +15,11 @@ use crate::synthesis::delay::{Basis, PathSeries};
 use crate::synthesis::report::{self, Known, Options, Samples};
 
 /// Times and frequencies of a frame.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Waveform(pub(super) chirp::Waveform);
+#[pyclass(frozen, name = "Waveform", module = "radarcore._core")]
+pub(super) struct PyWaveform(pub(super) chirp::Waveform);
 
 #[pymethods]
-impl Waveform {
+impl PyWaveform {
     #[new]
     #[pyo3(signature = (*, start_frequency, slope, sample_rate, adc_delay, num_samples, chirp_times))]
     fn new(
@@ -44,7 +44,7 @@ impl Waveform {
 }
 
 /// Paths as arrays (path,), (channel, path) or, at nodes, (node, channel, path).
-pub(super) struct PathArrays<'py> {
+pub(super) struct PathRows<'py> {
     pub(super) basis: Basis,
     pub(super) delay: Vec<PyReadonlyArrayDyn<'py, f64>>,
     pub(super) amplitude: PyReadonlyArrayDyn<'py, Complex64>,
@@ -52,7 +52,7 @@ pub(super) struct PathArrays<'py> {
     pub(super) num_paths: usize,
 }
 
-impl<'py> PathArrays<'py> {
+impl<'py> PathRows<'py> {
     /// Borrow the arrays; an error for shapes that do not fit together.
     pub(super) fn new(
         delay: PyReadonlyArrayDyn<'py, f64>,
@@ -178,15 +178,15 @@ pub(super) fn beat_signal<'py>(
     amplitude: PyReadonlyArrayDyn<'py, Complex64>,
     delay_rate: Option<PyReadonlyArrayDyn<'py, f64>>,
     delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
-    waveform: PyRef<'py, Waveform>,
+    waveform: PyRef<'py, PyWaveform>,
     tolerance: f64,
     method: &str,
     threads: Option<usize>,
     level: Option<&str>,
     report: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyAny>, Report)> {
+) -> PyResult<(Bound<'py, PyAny>, SumReport)> {
     check_threads(threads)?;
-    let paths = PathArrays::new(delay, amplitude, delay_rate, delay_acceleration)?;
+    let paths = PathRows::new(delay, amplitude, delay_rate, delay_acceleration)?;
     let waveform = &waveform.0;
     let shape = [paths.num_channels, waveform.chirp_times.len(), waveform.num_samples];
     let is_long = sums::is_worth_threads([paths.num_paths, shape[0], shape[1], shape[2]]);
@@ -220,7 +220,7 @@ pub(super) fn beat_signal<'py>(
 
 /// Report of a sum, see the stub.
 #[pyclass(frozen, get_all, str = "{text}", module = "radarcore._core")]
-pub(super) struct Report {
+pub(super) struct SumReport {
     text: String,
     engine: &'static str,
     precision: &'static str,
@@ -234,7 +234,7 @@ pub(super) struct Report {
     gain: f64,
 }
 
-impl From<report::Report> for Report {
+impl From<report::Report> for SumReport {
     fn from(report: report::Report) -> Self {
         Self {
             text: report.to_string(),

@@ -19,7 +19,7 @@ from path_scenes import Paths, scene_paths, sweep_waveform
 from radarcore import _core
 
 
-def report_of(paths: Paths, wf: rc.Waveform, **options: Any) -> _core.Report:
+def report_of(paths: Paths, wf: rc.Waveform, **options: Any) -> _core.SumReport:
     return paths.signal(wf, **options)[1]
 
 

@@ -136,7 +136,7 @@ def _check_waveform(waveform: Waveform) -> None:
 
 def _sum(
     waveform: Waveform, tolerance: float, method: str, threads: int | None, paths: _Paths, **options: Any
-) -> tuple[Any, _core.Report]:
+) -> tuple[Any, _core.SumReport]:
     """Samples and report of the sum over paths."""
     return _core.beat_signal(
         *paths,

@@ -108,7 +108,13 @@ fn corner() -> PosedScene {
 }
 
 /// Paths over the pixels of an image, none of which is quartered.
-fn shoot(scene: &PosedScene, image: &Hits, materials: &[Material], array: &Array, limits: Limits) -> (Bounces, Counts) {
+fn shoot(
+    scene: &PosedScene,
+    image: &Hits,
+    materials: &[Material],
+    array: &Array,
+    limits: Limits,
+) -> (Bounces, TubeCounts) {
     let image = TubeImage {
         rotation: DMat3::IDENTITY,
         hits: image,

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 
 use super::*;
 use crate::antennas::array::Array;
-use crate::antennas::gain_table::Table;
+use crate::antennas::gain_table::GainTable;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::mix;
@@ -141,7 +141,7 @@ fn check<T: Precision>(
 fn paths_together_are_those_one_by_one_on_every_instruction_set() {
     let angles = [-1.5, 0.0, 1.5];
     let gains = [-20.0, 3.0, -20.0, 0.0, 10.0, 0.0, -20.0, 3.0, -20.0];
-    let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
+    let table = Pattern::Table(Arc::new(GainTable::new(&angles, &angles, &gains).unwrap()));
     let poses = [
         pose(1.0, -0.3, 0.1),
         pose(1.5, 0.4, -0.3),

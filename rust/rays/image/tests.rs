@@ -3,7 +3,7 @@ use glam::{DMat3, DVec3};
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::beam::Beam;
-use crate::antennas::gain_table::Table;
+use crate::antennas::gain_table::GainTable;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::curved_triangle::shade;
 use crate::geometry::pose::Pose;
@@ -143,7 +143,7 @@ fn what_one_pair_of_antennas_sees_from_beside_the_centre_is_cast() {
     let gains: Vec<f64> = (0..169)
         .map(|i| -8.0 * (f64::from(i / 13 - 9).abs() + 0.5 * f64::from(i % 13 - 6).abs()))
         .collect();
-    let table = Pattern::Table(Arc::new(Table::new(&angles, &angles, &gains).unwrap()));
+    let table = Pattern::Table(Arc::new(GainTable::new(&angles, &angles, &gains).unwrap()));
     let places = [
         DVec3::new(0.0, 0.05, 0.0),
         DVec3::new(0.01, -0.05, 0.02),

@@ -3,24 +3,6 @@
 use super::*;
 
 #[test]
-fn blanks_line_ends_and_comments_do_not_matter() {
-    let cube = cube();
-    for text in [
-        cube.replace(' ', "   "),
-        cube.replace(' ', "\t"),
-        cube.replace('\n', " \t \n"),
-        cube.replace('\n', "\n  "),
-        cube.replace('\n', "\r\n"),
-        cube.replace('\n', "\r"),
-        cube.replace('\n', "\n\n# f 1 2 999\n\n"),
-        cube.replace('\n', " # f 1 2 999\n"),
-        cube.trim_end().to_owned(),
-    ] {
-        assert_unit_cube(&read(&text));
-    }
-}
-
-#[test]
 fn crlf_counts_as_one_line() {
     assert_eq!(fault("v 0 0 0\r\n\r\nf 1\r\n").0, 3);
 }
