@@ -71,6 +71,8 @@ def range_rate(distance: Values, previous: Values, noise: Values) -> Values:
         joined.append((in_new & in_old & (np.diff(part, axis=1) == 0.0))[known])
         torn.append(((in_new ^ in_old) & (jump > _STEP + 4.0 * spread[:, 1:]))[known])
     (p, q), is_joined, is_torn = np.concatenate(pairs, axis=1), np.concatenate(joined), np.concatenate(torn)
+    if not is_torn.any():
+        return change
 
     # Regions of pixels that show one surface in both images.
     graph = coo_array((np.ones(is_joined.sum(), np.int8), (p[is_joined], q[is_joined])), shape=(distance.size,) * 2)
