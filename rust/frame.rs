@@ -30,7 +30,7 @@ use crate::synthesis::beat_signal::sum_groups;
 use crate::synthesis::report::Samples;
 
 pub use counts::Counts;
-pub use model::{Model, RaySampling, Scene, Settings, Source};
+pub use model::{Model, RaySampling, Scene, Settings, Source, Switches};
 pub use path_groups::PathArrays;
 
 use path_groups::{PathGroups, PathsAtNodes, motions};

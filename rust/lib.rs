@@ -102,8 +102,7 @@
 //!     tubes: vec![plane],
 //!     image: plane,
 //!     gain_floor: None,
-//!     skip_empty: true,
-//!     reuse_tiles: true,
+//!     debug: Switches::default(),
 //!     limits: Limits { max_bounces: 1, floor: 1e-3 },
 //!     retrace: f64::INFINITY,
 //!     seed: 0,
@@ -158,7 +157,7 @@ pub use antennas::pattern::Pattern;
 pub use bounces::Limits;
 pub use cancel::Cancel;
 pub use error::{Error, Result};
-pub use frame::{Answer, Memory, Model, RaySampling, Scene, Settings, Source, simulate};
+pub use frame::{Answer, Memory, Model, RaySampling, Scene, Settings, Source, Switches, simulate};
 pub use geometry::pose::Pose;
 pub use paths::kinematics::World;
 pub use rays::camera::ImagePlane;

@@ -54,7 +54,7 @@ SETTINGS: dict[str, Any] = {
     "seed": 0,
     "tolerance": 1e-4,
     "method": "direct",
-    "debug": {"skip_empty": True, "reuse_tiles": True},
+    "debug": {"skip_empty": True, "reuse_tiles": True, "level": None},
 }
 SURFACE = _core.Surface(VERTICES, TRIANGLES)
 MATERIAL = _core.Material.constant((-0.5, 0.0), 0.5)

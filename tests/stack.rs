@@ -12,7 +12,7 @@ use radarcore::stages::{
 };
 use radarcore::{
     Answer, Array, CONDUCTOR, Cancel, ImagePlane, Limits, Memory, Method, Model, Pattern, Pose, RaySampling,
-    Refinement, Sampling, Scene, Settings, ShadingMode, Source, Surface, Waveform, World, simulate,
+    Refinement, Sampling, Scene, Settings, ShadingMode, Source, Surface, Switches, Waveform, World, simulate,
 };
 
 const STACK: usize = 512 * 1024;
@@ -214,8 +214,7 @@ fn frames() {
             tubes: vec![plane],
             image: plane,
             gain_floor: Some(1e-8),
-            skip_empty: true,
-            reuse_tiles: true,
+            debug: Switches::default(),
             limits: Limits {
                 max_bounces,
                 floor: 1e-8,

@@ -84,6 +84,27 @@ pub struct RaySampling {
     pub refinement: Option<Refinement>,
 }
 
+/// Switches of tests and benches, which change no result.
+#[derive(Clone, Copy, Debug)]
+pub struct Switches {
+    /// True if tiles without bodies are skipped.
+    pub skip_empty: bool,
+    /// True if static tiles are reused from the frame before.
+    pub reuse_tiles: bool,
+    /// Instruction set of rays and sums.
+    pub level: Level,
+}
+
+impl Default for Switches {
+    fn default() -> Self {
+        Self {
+            skip_empty: true,
+            reuse_tiles: true,
+            level: Level::best(),
+        }
+    }
+}
+
 /// Settings of the simulation.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -99,10 +120,8 @@ pub struct Settings {
     /// Least gain of interest of a pair of antennas relative to their peaks, there and back; none: all directions are
     /// cast.
     pub gain_floor: Option<f64>,
-    /// True if tiles without bodies are skipped.
-    pub skip_empty: bool,
-    /// True if static tiles are reused from the frame before.
-    pub reuse_tiles: bool,
+    /// Switches of tests and benches.
+    pub debug: Switches,
     /// Largest number of reflections, and the power at which ray tubes end.
     pub limits: Limits,
     /// Largest angle by which bodies may turn from a cast on [rad]; may be infinite.
@@ -326,7 +345,7 @@ impl Model {
         ];
         Options {
             tolerance: self.settings.tolerance,
-            level: Level::best(),
+            level: self.settings.debug.level,
             is_parallel: rayon::current_num_threads() > 1 && is_worth_threads(work),
             cancel: Some(cancel),
             known: Known::NOTHING,

@@ -28,7 +28,8 @@ pub struct Rays {
 impl Model {
     fn cast<'a>(&self, cancel: &'a Cancel) -> Cast<'a> {
         Cast {
-            skip_empty: self.settings.skip_empty,
+            skip_empty: self.settings.debug.skip_empty,
+            level: self.settings.debug.level,
             cancel: Some(cancel),
             ..Cast::default()
         }
@@ -106,7 +107,7 @@ impl Rays {
                 seed: settings.seed,
             })
             .collect();
-        let before = before.filter(|_| settings.reuse_tiles && image.is_none());
+        let before = before.filter(|_| settings.debug.reuse_tiles && image.is_none());
         let before = before.map(|before| (&*before.scenes, &before.samples));
         let samples = Samples::new(&sectors, &model.materials, before)?;
         Ok(Self { scenes, samples })

@@ -3,10 +3,10 @@
 use glam::DMat3;
 use pyo3::prelude::*;
 
-use super::synthesis::{method, tolerance};
+use super::synthesis::{level, method, tolerance};
 use crate::bounces::Limits;
 use crate::error::{Error, Result};
-use crate::frame::{self, RaySampling};
+use crate::frame::{self, RaySampling, Switches};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::refinement::{Refinement, Sampling};
 
@@ -16,7 +16,7 @@ type Plane = (usize, usize, f64, f64, f64, f64);
 /// Settings of a simulation, see the stub.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(super) struct Settings {
+pub(super) struct SettingsFields {
     sampling: String,
     rotations: Vec<[[f64; 3]; 3]>,
     rays: Vec<Plane>,
@@ -42,12 +42,13 @@ pub(super) struct Settings {
 struct Debug {
     skip_empty: bool,
     reuse_tiles: bool,
+    level: Option<String>,
 }
 
-impl TryFrom<Settings> for frame::Settings {
+impl TryFrom<SettingsFields> for frame::Settings {
     type Error = Error;
 
-    fn try_from(settings: Settings) -> Result<Self> {
+    fn try_from(settings: SettingsFields) -> Result<Self> {
         let of_rows = |rows: &[[f64; 3]; 3]| DMat3::from_cols_array_2d(rows).transpose();
         let rotations: Vec<DMat3> = settings.rotations.iter().map(of_rows).collect();
         let numbers = [rotations.len(), settings.rays.len(), settings.tubes.len()];
@@ -81,8 +82,11 @@ impl TryFrom<Settings> for frame::Settings {
             tubes: planes(&settings.tubes),
             image: plane(&settings.image),
             gain_floor: settings.gain_floor,
-            skip_empty: settings.debug.skip_empty,
-            reuse_tiles: settings.debug.reuse_tiles,
+            debug: Switches {
+                skip_empty: settings.debug.skip_empty,
+                reuse_tiles: settings.debug.reuse_tiles,
+                level: level(settings.debug.level.as_deref())?,
+            },
             limits: Limits {
                 max_bounces: settings.max_bounces,
                 floor: settings.bounce_floor,

@@ -16,7 +16,7 @@ use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
 use super::rays::{ImageArrays, Surface, image_arrays};
 use super::scattering::Material;
-use super::settings::Settings;
+use super::settings::SettingsFields;
 use super::synthesis::PyWaveform;
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
@@ -237,7 +237,7 @@ impl Simulator {
         antennas: PyRef<'_, PyAntennas>,
         waveform: PyRef<'_, PyWaveform>,
         center: [f64; 3],
-        settings: Settings,
+        settings: SettingsFields,
         threads: Option<usize>,
         own_threads: bool,
     ) -> PyResult<Self> {

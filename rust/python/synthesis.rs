@@ -158,7 +158,7 @@ pub(super) fn tolerance(value: f64) -> Result<f64> {
 }
 
 /// Instruction set, from its name in Python; without one the best.
-fn level(name: Option<&str>) -> Result<Level> {
+pub(super) fn level(name: Option<&str>) -> Result<Level> {
     let Some(name) = name else { return Ok(Level::best()) };
     let index = levels().iter().position(|known| *known == name);
     index

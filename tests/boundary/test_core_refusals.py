@@ -254,7 +254,7 @@ def test_what_memory_cannot_hold_is_a_memory_error(call: Call) -> None:
         (lambda: simulator(rotations=2 * [np.eye(3).tolist()]), ValueError),
         (lambda: simulator(ray_budget=-1), TypeError),
         (lambda: simulator(retrace="10"), TypeError),
-        (lambda: simulator(debug={"skip_empty": 1, "reuse_tiles": True}), TypeError),
+        (lambda: simulator(debug={"skip_empty": 1, "reuse_tiles": True, "level": None}), TypeError),
         (lambda: simulator(threads=0), ValueError),
         (lambda: antennas(rx_patterns=[None, None]), TypeError),
         (lambda: antennas(rx_patterns=None), TypeError),

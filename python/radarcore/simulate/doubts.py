@@ -50,6 +50,9 @@ _FEWEST_CODES = 2
 _EPOCH, _LOST = 1e8, 1e6
 """Times that may count from 1970 [s], and distances that are implausible for a body [m]."""
 
+_UNRESOLVED = 0.1
+"""Error of paths of several reflections relative to their field that is warned of: about 1 dB."""
+
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
 
@@ -290,6 +293,12 @@ class Doubts:
             notice.warn(
                 f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "
                 f"{self._tolerance:.1e}"
+            )
+        if ideal.bounce_error > _UNRESOLVED and self._is_new("bounces"):
+            notice.warn(
+                f"paths of several reflections have not converged: ray tubes ran out with an error of "
+                f"{ideal.bounce_error:.0%} of their field; a narrower field_of_view_deg or a larger resolution "
+                "resolves more, a smaller max_bounces asks for less"
             )
         self._of_range(ideal)
 

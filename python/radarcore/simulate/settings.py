@@ -181,7 +181,7 @@ def core_settings(settings: Settings, **debug: Any) -> dict[str, Any]:
         "seed": settings.seed,
         "tolerance": settings.tolerance,
         "method": settings.method,
-        "debug": {"skip_empty": True, "reuse_tiles": True, **debug},
+        "debug": {"skip_empty": True, "reuse_tiles": True, "level": None, **debug},
     }
 
 
