@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::aspect::Aspect;
 use super::field::{Field, Incidence};
 use super::interaction::Interaction;
-use super::lattice::{Lattice, Seeing};
+use super::lattice::{ShadowLattice, Visibility};
 use super::shooting::Shooter;
 use crate::antennas::polarization::{Seen, transverse};
 use crate::cancel::Cancel;
@@ -179,24 +179,31 @@ impl Wave<'_> {
         // A lattice fine enough for the shadows of other parts of the scene.
         let parts = size / (LATTICE * 0.5 * self.reach);
         let side = 1 << parts.log2().ceil().max(0.0) as i32;
-        let lattice = Lattice::new(side, |weights| self.is_seen(&facet, weights));
-        self.seen_part(&facet, &lattice, [[0, 0], [side, 0], [0, side]], side, &mut sum);
+        let lattice = ShadowLattice::new(side, |weights| self.is_seen(&facet, weights));
+        self.add_visible_part(&facet, &lattice, [[0, 0], [side, 0], [0, side]], side, &mut sum);
         sum
     }
 
     /// Add the illuminated part of a triangle of the lattice, `side` steps long.
-    fn seen_part(&self, facet: &Facet, lattice: &Lattice, corners: [[i32; 2]; 3], side: i32, sum: &mut Reflected) {
+    fn add_visible_part(
+        &self,
+        facet: &Facet,
+        lattice: &ShadowLattice,
+        corners: [[i32; 2]; 3],
+        side: i32,
+        sum: &mut Reflected,
+    ) {
         let weights = corners.map(|corner| lattice.weights(corner));
         match lattice.seen(corners, side) {
-            Seeing::All => self.add(facet, weights.map(|at| self.corner(facet, at)), 1.0, sum),
-            Seeing::Nothing => {}
-            Seeing::Some if side == 1 => {
+            Visibility::Full => self.add(facet, weights.map(|at| self.corner(facet, at)), 1.0, sum),
+            Visibility::None => {}
+            Visibility::Partial if side == 1 => {
                 self.edge_of_shadow(facet, weights, corners.map(|corner| lattice.at(corner)), sum);
             }
-            Seeing::Some => {
+            Visibility::Partial => {
                 let middle = |[a, b]: [[i32; 2]; 2]| [0, 1].map(|axis| i32::midpoint(a[axis], b[axis]));
                 for part in quarters(corners, middle) {
-                    self.seen_part(facet, lattice, part, side / 2, sum);
+                    self.add_visible_part(facet, lattice, part, side / 2, sum);
                 }
             }
         }

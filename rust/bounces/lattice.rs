@@ -1,26 +1,26 @@
-//! Lattices of points of a triangle, and those of them that are illuminated.
+//! Lattices of points of a triangle that are illuminated or in shadow.
 
 use glam::DVec3;
 
 /// Part of a triangle that is illuminated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Seeing {
+pub(super) enum Visibility {
     /// All of it.
-    All,
+    Full,
     /// Some of its points.
-    Some,
+    Partial,
     /// None of its points.
-    Nothing,
+    None,
 }
 
 /// Lattice of points of a triangle, `side` steps along every side.
-pub(super) struct Lattice {
+pub(super) struct ShadowLattice {
     side: i32,
     /// True for points that are illuminated, row by row.
     points: Vec<bool>,
 }
 
-impl Lattice {
+impl ShadowLattice {
     pub(super) fn new(side: i32, is_seen: impl Fn(DVec3) -> bool) -> Self {
         let mut lattice = Self {
             side,
@@ -47,7 +47,7 @@ impl Lattice {
     }
 
     /// Part of the points of a triangle that are illuminated; `side`: its steps.
-    pub(super) fn seen(&self, [a, b, c]: [[i32; 2]; 3], side: i32) -> Seeing {
+    pub(super) fn seen(&self, [a, b, c]: [[i32; 2]; 3], side: i32) -> Visibility {
         let step = |from: i32, to: i32| (to - from) / side;
         let [along, across] = [b, c].map(|end| [step(a[0], end[0]), step(a[1], end[1])]);
         let (mut all, mut any) = (true, false);
@@ -60,9 +60,9 @@ impl Lattice {
             }
         }
         match (all, any) {
-            (true, _) => Seeing::All,
-            (_, true) => Seeing::Some,
-            _ => Seeing::Nothing,
+            (true, _) => Visibility::Full,
+            (_, true) => Visibility::Partial,
+            _ => Visibility::None,
         }
     }
 }
@@ -73,11 +73,11 @@ mod tests {
 
     #[test]
     fn lattice_has_every_point_once() {
-        let lattice = Lattice::new(8, |weights| weights.x > 0.99);
+        let lattice = ShadowLattice::new(8, |weights| weights.x > 0.99);
         assert_eq!(lattice.points.len(), 45);
         assert!(lattice.at([0, 0]) && !lattice.at([1, 0]) && !lattice.at([0, 1]));
-        assert!(lattice.seen([[0, 0], [8, 0], [0, 8]], 8) == Seeing::Some);
-        assert!(lattice.seen([[4, 4], [0, 4], [4, 0]], 4) == Seeing::Nothing);
+        assert!(lattice.seen([[0, 0], [8, 0], [0, 8]], 8) == Visibility::Partial);
+        assert!(lattice.seen([[4, 4], [0, 4], [4, 0]], 4) == Visibility::None);
         assert_eq!(lattice.weights([8, 0]), DVec3::Y);
     }
 }

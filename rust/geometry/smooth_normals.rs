@@ -61,11 +61,11 @@ impl Shading {
     ///
     /// Triangles index into `vertices` and have an area. The result depends on their order by rounding at most.
     pub fn of_groups(vertices: &[DVec3], triangles: &[[u32; 3]], groups: &Groups) -> Self {
-        let stars = Stars::new(vertices, triangles, groups);
+        let rings = OneRings::new(vertices, triangles, groups);
         let groups = &groups.corners;
-        let number = stars.means.len();
-        let normals_of_groups: Vec<DVec3> = (0..number).into_par_iter().map(|group| stars.normal(group)).collect();
-        let smallest: Vec<f64> = (0..number).into_par_iter().map(|group| stars.smallest(group)).collect();
+        let number = rings.means.len();
+        let normals_of_groups: Vec<DVec3> = (0..number).into_par_iter().map(|group| rings.normal(group)).collect();
+        let smallest: Vec<f64> = (0..number).into_par_iter().map(|group| rings.smallest(group)).collect();
 
         // Keep the normals where they describe a curved surface through the three vertices.
         let mut shading = Self {
@@ -73,21 +73,21 @@ impl Shading {
             normals: Vec::new(),
         };
         let mut places = vec![u32::MAX; normals_of_groups.len()];
-        let mut ladders = HashMap::new();
+        let mut by_size = HashMap::new();
         for (index, triangle) in triangles.iter().enumerate() {
             let corners = triangle.map(|vertex| vertices[vertex as usize]);
             let own = [0, 1, 2].map(|i| groups[3 * index + i] as usize);
-            let least = SMALL_FACET * stars.facets.areas[index];
+            let least = SMALL_FACET * rings.facets.areas[index];
             let is_shared = own.map(|group| smallest[group] > least);
             let normals = [0, 1, 2].map(|i| {
                 if is_shared[i] {
                     normals_of_groups[own[i]]
                 } else {
-                    let ladder = ladders.entry(own[i]).or_insert_with(|| stars.ladder(own[i]));
-                    ladder.normal(least)
+                    let by_size = by_size.entry(own[i]).or_insert_with(|| rings.by_size(own[i]));
+                    by_size.normal(least)
                 }
             });
-            let face_normal = stars.area_normals[index].normalize_or_zero();
+            let face_normal = rings.area_normals[index].normalize_or_zero();
             if !(is_curved(normals, face_normal) && is_consistent(corners, normals)) {
                 continue;
             }
@@ -228,17 +228,17 @@ fn area_normals(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
 
 /// Sums over the triangles of a group round its vertex, weighted by area.
 #[derive(Clone, Copy, Default)]
-struct Star {
+struct OneRing {
     /// Sum of the normals, and of the areas.
     normal: DVec3,
     area: f64,
     /// Sum of the offsets of the circumcentres from the vertex.
     offset: DVec3,
-    /// Sums over the edges of the squared turn of the normal, of the turn times the length, and of the squared length.
-    turn: [f64; 3],
+    /// Sums over the edges of the squared change of the normal, of the change times the length, and of the squared length.
+    moments: [f64; 3],
 }
 
-impl Star {
+impl OneRing {
     /// Unit normal at the vertex.
     ///
     /// A facet's normal is that of the surface at its circumcentre. Where these do not lie evenly round the vertex, the
@@ -250,9 +250,9 @@ impl Star {
         if self.normal.length() >= (1.0 - 0.5 * PLANE_ANGLE * PLANE_ANGLE) * self.area {
             return self.normal.normalize_or_zero();
         }
-        let [turned, product, length] = self.turn;
+        let [change, product, length] = self.moments;
         let curvature = product / length;
-        let evenness = 3.0 * (curvature * product / turned) - 2.0;
+        let evenness = 3.0 * (curvature * product / change) - 2.0;
         if evenness > 0.0 {
             (self.normal - evenness * curvature * self.offset).normalize_or_zero()
         } else {
@@ -261,8 +261,8 @@ impl Star {
     }
 }
 
-/// Data from which normals of groups are computed.
-struct Stars<'a> {
+/// One-ring neighbourhoods of the groups, from which their normals are computed.
+struct OneRings<'a> {
     vertices: &'a [DVec3],
     triangles: &'a [[u32; 3]],
     /// Group of every corner, and corners of every group.
@@ -274,7 +274,7 @@ struct Stars<'a> {
     means: Vec<DVec3>,
 }
 
-impl<'a> Stars<'a> {
+impl<'a> OneRings<'a> {
     fn new(vertices: &'a [DVec3], triangles: &'a [[u32; 3]], groups: &'a Groups) -> Self {
         let area_normals = area_normals(vertices, triangles);
         let facets = Facets::new(groups, &area_normals);
@@ -305,31 +305,31 @@ impl<'a> Stars<'a> {
 
     /// Unit normal of a group, in the order of the triangles.
     fn normal(&self, group: usize) -> DVec3 {
-        let mut star = Star::default();
+        let mut ring = OneRing::default();
         for corner in self.members.of(group) {
-            self.add(&mut star, corner);
+            self.add(&mut ring, corner);
         }
-        star.unit_normal()
+        ring.unit_normal()
     }
 
     /// Facets of a group, from the largest to the smallest.
-    fn ladder(&self, group: usize) -> Ladder {
+    fn by_size(&self, group: usize) -> NormalsBySize {
         let area = |corner: &usize| self.facets.areas[corner / 3];
         let mut corners: Vec<usize> = self.members.of(group).collect();
         corners.sort_by(|a, b| area(b).total_cmp(&area(a)));
-        let mut star = Star::default();
-        let mut stars = vec![star];
+        let mut ring = OneRing::default();
+        let mut rings = vec![ring];
         for corner in &corners {
-            self.add(&mut star, *corner);
-            stars.push(star);
+            self.add(&mut ring, *corner);
+            rings.push(ring);
         }
-        Ladder {
+        NormalsBySize {
             areas: corners.iter().map(area).collect(),
-            stars,
+            rings,
         }
     }
 
-    fn add(&self, star: &mut Star, corner: usize) {
+    fn add(&self, ring: &mut OneRing, corner: usize) {
         let (triangle, first) = (corner / 3, corner % 3);
         let weight = self.facets.weights[corner];
         let area_normal = self.area_normals[triangle];
@@ -339,8 +339,8 @@ impl<'a> Stars<'a> {
             return;
         }
         let face_normal = area_normal / area;
-        star.normal += weight * area_normal;
-        star.area += weight * area;
+        ring.normal += weight * area_normal;
+        ring.area += weight * area;
 
         // The edges from this corner and to it.
         let vertex = |i: usize| self.vertices[self.triangles[triangle][i] as usize];
@@ -348,33 +348,33 @@ impl<'a> Stars<'a> {
         let (next, before) = ((first + 1) % 3, (first + 2) % 3);
         let (from, to) = (vertex(next) - vertex(first), vertex(first) - vertex(before));
         let squares = [from, to].map(DVec3::length_squared);
-        star.offset += 0.5 * weight * (squares[1] * face_normal.cross(from) - squares[0] * to.cross(face_normal));
+        ring.offset += 0.5 * weight * (squares[1] * face_normal.cross(from) - squares[0] * to.cross(face_normal));
         // By the length of the edge: angle and length, and not their products.
-        let bends = [
+        let changes = [
             (mean(next) - mean(first)).dot(from),
             (mean(first) - mean(before)).dot(to),
         ];
-        for (bend, square) in bends.into_iter().zip(squares) {
-            let turn = [bend * bend / square, bend, square];
+        for (change, square) in changes.into_iter().zip(squares) {
+            let moments = [change * change / square, change, square];
             for k in 0..3 {
-                star.turn[k] += weight * area * turn[k];
+                ring.moments[k] += weight * area * moments[k];
             }
         }
     }
 }
 
 /// Normals of a group from its largest facets: from none, from the largest, from the two largest, ...
-struct Ladder {
+struct NormalsBySize {
     /// Areas of the facets, decreasing.
     areas: Vec<f64>,
-    stars: Vec<Star>,
+    rings: Vec<OneRing>,
 }
 
-impl Ladder {
+impl NormalsBySize {
     /// Unit normal from the facets larger than an area.
     fn normal(&self, least: f64) -> DVec3 {
         let number = self.areas.partition_point(|area| *area > least);
-        self.stars[number].unit_normal()
+        self.rings[number].unit_normal()
     }
 }
 
@@ -392,15 +392,15 @@ fn is_curved(normals: [DVec3; 3], face_normal: DVec3) -> bool {
 /// end, it has to fall towards the other. Not so where a plane ends in a fillet: one normal is bent, the other not.
 /// The three edges share what they may be off: along the axis of a tube nothing bends, and noise would decide.
 fn is_consistent(corners: [DVec3; 3], normals: [DVec3; 3]) -> bool {
-    let (mut off, mut bend) = (0.0, 0.0);
+    let (mut off, mut curved) = (0.0, 0.0);
     for i in 0..3 {
         let j = (i + 1) % 3;
         let edge = corners[j] - corners[i];
         let (at_start, at_end) = (normals[i].dot(edge), normals[j].dot(edge));
         off += (at_start + at_end).powi(2);
-        bend += (at_end - at_start).powi(2);
+        curved += (at_end - at_start).powi(2);
     }
-    off <= 0.5 * bend + 3.0 * EDGE_TOLERANCE.powi(2)
+    off <= 0.5 * curved + 3.0 * EDGE_TOLERANCE.powi(2)
 }
 
 /// Number of the smooth group of every corner (corner i of triangle t at 3 t + i), counted from 0, and facets.
