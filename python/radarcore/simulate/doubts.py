@@ -50,8 +50,8 @@ _FEWEST_CODES = 2
 _EPOCH, _LOST = 1e8, 1e6
 """Times that may count from 1970 [s], and distances that are implausible for a body [m]."""
 
-_UNRESOLVED = 0.1
-"""Error of paths of several reflections relative to their field that is warned of: about 1 dB."""
+_UNRESOLVED = 0.2
+"""Error of paths of several reflections relative to their field that is warned of: about 1.6 dB."""
 
 _MOST_NAMES = 3
 """Names of bodies in one warning, at most."""
