@@ -203,7 +203,7 @@ impl PathGroups {
                     scale: 1.0,
                     level: Level::best(),
                 };
-                paths.fill(&request, &mut chunk);
+                paths.fill_double(&request, &mut chunk);
                 for (channel, rows) in per_channel.iter_mut().enumerate() {
                     for (lane, path) in request.paths.clone().enumerate() {
                         let amplitude = Complex64::new(chunk.re[channel][lane], chunk.im[channel][lane]);
@@ -296,10 +296,6 @@ impl<'a> PathsAtNodes<'a> {
         chunk
     }
 
-    fn fill<T: Precision>(&self, request: &Request, chunk: &mut Chunk<T>) {
-        self.fill_with(request.paths.clone(), request, chunk);
-    }
-
     /// Fill a chunk with some paths of the group.
     fn fill_with<T: Precision>(&self, paths: impl Iterator<Item = usize>, request: &Request, chunk: &mut Chunk<T>) {
         let nodes = self.nodes.each_ref();
@@ -354,11 +350,11 @@ impl PathSource for PathsAtNodes<'_> {
     }
 
     fn fill_single(&self, request: &Request, chunk: &mut Chunk<f32>) {
-        self.fill(request, chunk);
+        self.fill_with(request.paths.clone(), request, chunk);
     }
 
     fn fill_double(&self, request: &Request, chunk: &mut Chunk<f64>) {
-        self.fill(request, chunk);
+        self.fill_with(request.paths.clone(), request, chunk);
     }
 
     fn not_finite(&self) -> Error {

@@ -116,6 +116,15 @@ pub fn cos_sin_of<T: Precision, I: Isa>(phase: T::In<I>) -> [T::In<I>; 2] {
     trig::cos_sin_turn(phase.sub(trig::round(phase)))
 }
 
+/// Product of two complex numbers.
+#[cfg_attr(optimised, inline(always))]
+pub fn product<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
+    [
+        a[1].neg_mul_add(b[1], a[0].mul(b[0])),
+        a[1].mul_add(b[0], a[0].mul(b[1])),
+    ]
+}
+
 /// Convert to a vector in the precision of `T`.
 #[cfg_attr(optimised, inline(always))]
 pub fn narrow<T: Precision, I: Isa, const P: usize>(wide: Wide<I, P>) -> T::In<I> {

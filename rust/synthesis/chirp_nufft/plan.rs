@@ -122,7 +122,7 @@ impl<'a, T: Number> ChirpPlan<'a, T> {
             },
             error: ErrorBound::default(),
         };
-        for group in groups.iter().filter(|group| group.source.shape().paths > 0) {
+        for group in groups {
             let group = plan.build(group)?;
             plan.groups.push(group);
         }

@@ -10,7 +10,7 @@ use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
 use super::plan::Steps;
 use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, SHARE};
 use crate::numeric::simd::{Isa, Vector, add_window};
-use crate::numeric::wide::{cos_sin_of, number};
+use crate::numeric::wide::{cos_sin_of, number, product};
 use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
 
 /// sin(pi x) / x and cos(pi x) in powers of x^2 up to x = 1/2: polynomials through five Chebyshev nodes, to 1e-8 and
@@ -76,15 +76,6 @@ fn modulated<V: Vector>(z: [V; 2], amplitude: [V; 2], is_real: bool) -> [V; 2] {
     } else {
         product(z, amplitude)
     }
-}
-
-/// `z w`
-#[cfg_attr(optimised, inline(always))]
-fn product<V: Vector>(z: [V; 2], w: [V; 2]) -> [V; 2] {
-    [
-        z[1].neg_mul_add(w[1], z[0].mul(w[0])),
-        z[1].mul_add(w[0], z[0].mul(w[1])),
-    ]
 }
 
 /// Number of nodes by the highest degree of a grid, of few different ones. A single grid has so many that its tones are the

@@ -8,7 +8,7 @@ use super::grid::{Layout, VECTOR};
 use super::plan::{Moving, fast_time, slow_times};
 use crate::numeric::parallel;
 use crate::numeric::simd::{Isa, Kernel, Level, Precision, Vector};
-use crate::numeric::wide::{self, Wide, add, mul, mul_add, sub};
+use crate::numeric::wide::{self, Wide, add, mul, mul_add, product, sub};
 use crate::synthesis::chirp::Waveform;
 use crate::synthesis::chunk::Block;
 use crate::synthesis::kaiser_bessel::monomials;
@@ -296,13 +296,4 @@ fn powers<T: Precision, I: Isa, const P: usize>(turns: Wide<I, P>, len: usize) -
         };
     }
     powers
-}
-
-/// Product of two complex numbers.
-#[cfg_attr(optimised, inline(always))]
-fn product<V: Vector>(a: [V; 2], b: [V; 2]) -> [V; 2] {
-    [
-        a[1].neg_mul_add(b[1], a[0].mul(b[0])),
-        a[1].mul_add(b[0], a[0].mul(b[1])),
-    ]
 }
