@@ -8,7 +8,7 @@ mod common;
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
 use radarcore::stages::{Bounds, Tree, WIDTH};
-use radarcore::{ShadingMode, Surface};
+use radarcore::{Cancel, ShadingMode, Surface};
 
 fn build(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/build");
@@ -33,7 +33,7 @@ fn build(criterion: &mut Criterion) {
             ),
         ] {
             group.bench_function(BenchmarkId::new(name, &room), |bencher| {
-                bencher.iter(|| Surface::new(&vertices, &triangles, mode).unwrap());
+                bencher.iter(|| Surface::new(&vertices, &triangles, mode, &Cancel::default()).unwrap());
             });
         }
     }
@@ -45,7 +45,7 @@ fn deform(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("bvh/deform");
     for size in common::sizes([5000, 100_000, 1_000_000], 100) {
         let (vertices, triangles) = common::room(size);
-        let surface = Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap();
+        let surface = Surface::new(&vertices, &triangles, ShadingMode::Flat, &Cancel::default()).unwrap();
         let bent: Vec<DVec3> = vertices
             .iter()
             .map(|p| *p + 0.01 * DVec3::splat((5.0 * p.x).sin()))
@@ -56,7 +56,7 @@ fn deform(criterion: &mut Criterion) {
             |bencher| {
                 bencher.iter_batched(
                     || bent.clone(),
-                    |bent| surface.deform(bent).unwrap(),
+                    |bent| surface.deform(bent, &Cancel::default()).unwrap(),
                     BatchSize::PerIteration,
                 );
             },

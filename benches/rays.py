@@ -46,14 +46,6 @@ PAIRS = {
         )
         for number in (10, 50, 200)
     },
-    **{
-        f"{side} x {side} pixels of a room of {size}, auto packets": (
-            f"traversals/room_{size}_{side}/chosen",
-            "8 x 8 rays per traversal",
-            f"traversals/room_{size}_{side}/together",
-        )
-        for size, side in (("100k", 512), ("100k", 128), ("1M", 512), ("1M", 128))
-    },
     "new poses of 50 bodies": ("motion/50_bodies", "image of them", "trace/motion/50_bodies/1_thread"),
     "image by a tree refitted after a twist": (
         "trace/twisted/refitted/1_thread",
@@ -67,14 +59,6 @@ PAIRS = {
             f"bvh/build/surface_flat/room_{size}",
         )
         for size in ("5k", "100k", "1M")
-    },
-    **{
-        f"points amid {number} bodies, up to any triangle": (
-            f"occluded/{number}_bodies/first",
-            "up to the nearest",
-            f"occluded/{number}_bodies/nearest",
-        )
-        for number in (10, 200)
     },
 }
 """Method, its bench, the alternative, and its bench."""
@@ -96,10 +80,8 @@ k triangles each and separate poses, their room has 5 k.
 
 {pairs}
 
-"×" is the speedup of the first over the second. "auto packets" chooses at every node between tests of 8 x 8 and
-of 4 x 4 rays. Images and points use one thread, builds use all cores. The 50 bodies have 10 k triangles each. The
-twisted body is a sphere of 100 k, twisted as far as its tree is kept. The points lie 3 m away, one in the direction of
-every pixel.
+"×" is the speedup of the first over the second. Images use one thread, builds use all cores. The 50 bodies have 10 k
+triangles each. The twisted body is a sphere of 100 k, twisted as far as its tree is kept.
 
 Builds of the rooms in ms, on all cores: the tree alone, flat triangles, and smooth normals. "×" is the time relative
 to the previous column.

@@ -1,8 +1,7 @@
 //! Rays of an image against a room: rays per second.
 //!
 //! `room_*`: all triangles in one body; `spheres`: a room and spheres, every one a body with a pose of its own, or all
-//! as one; `traversals`: tests of nodes for tiles or for packets, as chosen and everywhere;
-//! `person`: fine triangles of many bodies;
+//! as one; `fineness`: triangles from larger than pixels to far smaller; `person`: fine triangles of many bodies;
 //! `motion`: what new poses cost; `twisted`: a tree that was refitted far; `occluded`: points behind spheres, per
 //! second.
 
@@ -12,8 +11,8 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::stages::{Cast, Level, PosedScene, Ray, Traversals};
-use radarcore::{ImagePlane, Pose, ShadingMode, Surface};
+use radarcore::stages::{Level, PosedScene, Ray};
+use radarcore::{Cancel, ImagePlane, Pose, ShadingMode, Surface};
 
 /// Square image of 60 degrees.
 fn plane() -> ImagePlane {
@@ -27,7 +26,7 @@ fn square(side: usize) -> ImagePlane {
 }
 
 fn surface((vertices, triangles): &common::Triangles) -> Arc<Surface> {
-    Arc::new(Surface::new(vertices, triangles, ShadingMode::Flat).unwrap())
+    Arc::new(Surface::new(vertices, triangles, ShadingMode::Flat, &Cancel::default()).unwrap())
 }
 
 /// Rays per second through `PosedScene::cast_image` on one thread, at every level and on two; and of rays one by one.
@@ -112,13 +111,13 @@ fn two_levels(criterion: &mut Criterion) {
 }
 
 /// Triangles from larger than tiles to far smaller, in all directions and in some.
-fn traversals(criterion: &mut Criterion) {
+fn fineness(criterion: &mut Criterion) {
     let ahead = Pose {
         translation: DVec3::new(2.0, 0.0, 0.0),
         ..Pose::IDENTITY
     };
     let pool = common::pool(1);
-    let mut group = criterion.benchmark_group("traversals");
+    let mut group = criterion.benchmark_group("fineness");
     for size in common::sizes([100_000, 400_000, 1_000_000], 100) {
         let room = PosedScene::new(vec![surface(&common::room(size))], vec![Pose::IDENTITY]);
         let sphere = PosedScene::new(vec![surface(&common::sphere(1.0, size))], vec![ahead]);
@@ -126,20 +125,10 @@ fn traversals(criterion: &mut Criterion) {
             for side in common::sizes([128, 256, 512], 8) {
                 let plane = square(side);
                 group.throughput(Throughput::Elements(plane.num_pixels() as u64));
-                for (way, traversals) in [
-                    ("chosen", Traversals::Chosen),
-                    ("together", Traversals::Together),
-                    ("apart", Traversals::Apart),
-                ] {
-                    let cast = Cast {
-                        traversals,
-                        ..Cast::default()
-                    };
-                    let id = BenchmarkId::new(format!("{name}_{}_{side}", common::size_id(size)), way);
-                    group.bench_function(id, |bencher| {
-                        bencher.iter(|| pool.install(|| scene.cast_image_with(&plane, &cast).unwrap()));
-                    });
-                }
+                let id = BenchmarkId::new(format!("{name}_{}", common::size_id(size)), side);
+                group.bench_function(id, |bencher| {
+                    bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
+                });
             }
         }
     }
@@ -156,7 +145,7 @@ fn people(criterion: &mut Criterion) {
     let parts = common::person(common::sizes([109_000], 1000)[0]);
     let surfaces: Vec<Arc<Surface>> = parts
         .iter()
-        .map(|(vertices, triangles)| Arc::new(Surface::new(vertices, triangles, mode).unwrap()))
+        .map(|(vertices, triangles)| Arc::new(Surface::new(vertices, triangles, mode, &Cancel::default()).unwrap()))
         .collect();
     let poses = vec![ahead; surfaces.len()];
     let scene = PosedScene::new(surfaces, poses);
@@ -188,7 +177,9 @@ fn twisted(criterion: &mut Criterion) {
     let (vertices, triangles) = common::sphere(1.0, common::sizes([100_000], 100)[0]);
     let twist = |p: &DVec3| DMat3::from_rotation_z(1.8 * p.z) * *p;
     let bent: Vec<DVec3> = vertices.iter().map(twist).collect();
-    let deformed = surface(&(vertices, triangles.clone())).deform(bent.clone()).unwrap();
+    let deformed = surface(&(vertices, triangles.clone()))
+        .deform(bent.clone(), &Cancel::default())
+        .unwrap();
     let ahead = Pose {
         translation: DVec3::new(2.0, 0.0, 0.0),
         ..Pose::IDENTITY
@@ -206,7 +197,7 @@ fn twisted(criterion: &mut Criterion) {
     );
 }
 
-/// Points amid spheres: occlusion of each, by the first triangle in the way and by the nearest.
+/// Occlusion of points amid spheres.
 fn occluded(criterion: &mut Criterion) {
     let room = surface(&common::room(common::sizes([5000], 100)[0]));
     let sphere = surface(&common::sphere(0.1, common::sizes([1000], 100)[0]));
@@ -219,11 +210,9 @@ fn occluded(criterion: &mut Criterion) {
     for num_bodies in common::sizes([10, 200], 3) {
         let (surfaces, poses) = furnished(room.clone(), &sphere, num_bodies);
         let scene = PosedScene::new(surfaces, poses);
-        for (name, ends_early) in [("first", true), ("nearest", false)] {
-            group.bench_function(BenchmarkId::new(format!("{num_bodies}_bodies"), name), |bencher| {
-                bencher.iter(|| pool.install(|| scene.occluded(&points, ends_early)));
-            });
-        }
+        group.bench_function(format!("{num_bodies}_bodies"), |bencher| {
+            bencher.iter(|| pool.install(|| scene.occluded(&points)));
+        });
     }
     group.finish();
 }
@@ -232,7 +221,7 @@ fn main() {
     let mut criterion = common::criterion();
     rooms(&mut criterion);
     two_levels(&mut criterion);
-    traversals(&mut criterion);
+    fineness(&mut criterion);
     people(&mut criterion);
     motion(&mut criterion);
     twisted(&mut criterion);

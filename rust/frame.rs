@@ -24,7 +24,6 @@ use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::paths::kinematics::World;
 use crate::rays::hits::Hits;
-use crate::rays::scene::Occlusion;
 use crate::rays::surface::Surface;
 use crate::synthesis::beat_signal::sum_groups;
 use crate::synthesis::report::Samples;
@@ -153,16 +152,10 @@ pub fn image(model: &Model, at: &World, memory: &mut Memory, cancel: &Cancel) ->
 }
 
 /// Points of the sensor frame (about the middle of the array) that bodies occlude at one time.
-pub fn occluded(
-    model: &Model,
-    at: &World,
-    points: &[DVec3],
-    ends_early: bool,
-    memory: &mut Memory,
-) -> Result<Occlusion> {
+pub fn occluded(model: &Model, at: &World, points: &[DVec3], memory: &mut Memory) -> Result<Vec<bool>> {
     let motion = model.motion(at)?;
     let scene = model.posed(&motion, 0.0, &mut memory.deformed)?;
-    Ok(scene.occluded(points, ends_early))
+    Ok(scene.occluded(points))
 }
 
 /// Put the samples of a span in their place.

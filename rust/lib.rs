@@ -68,7 +68,7 @@
 //!
 //! # fn main() -> Result<()> {
 //! let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| 0.015 * DVec3::new(0.0, y, z));
-//! let plate = Arc::new(Surface::new(&corners, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat)?);
+//! let plate = Arc::new(Surface::new(&corners, &[[0, 2, 1], [0, 3, 2]], ShadingMode::Flat, &Cancel::default())?);
 //! let scene = Scene {
 //!     surfaces: vec![plate],
 //!     deforming: vec![],
@@ -178,9 +178,9 @@ pub mod stages {
     pub use crate::numeric::simd::Level;
     pub use crate::paths::kinematics::TimeSeries;
     pub use crate::rays::hits::Cast;
-    pub use crate::rays::packet_search::Traversals;
     pub use crate::rays::scene::PosedScene;
-    pub use crate::rays::tree::{Ray, Tree, WIDTH};
+    pub use crate::rays::tree::{Tree, WIDTH};
+    pub use crate::rays::watertight::Ray;
     pub use crate::scattering::material::{Material, Response};
     pub use crate::synthesis::beat_signal::beat_signal;
     pub use crate::synthesis::delay::{Basis, PathSeries};

@@ -138,7 +138,7 @@ fn plate(number: usize, mode: ShadingMode) -> Arc<Surface> {
             [[a, b, d], [a, d, c]]
         })
         .collect();
-    Arc::new(Surface::new(&vertices, &triangles, mode).unwrap())
+    Arc::new(Surface::new(&vertices, &triangles, mode, &Cancel::default()).unwrap())
 }
 
 fn at(x: f64, y: f64) -> Pose {
@@ -174,12 +174,13 @@ fn rays() {
     assert!(found[0] > 0.0);
 
     let corners = [DVec3::ZERO, DVec3::Y, DVec3::Z];
-    let equal = Surface::new(&corners, &vec![[0, 1, 2]; 2_000], ShadingMode::Flat).unwrap();
+    let equal = Surface::new(&corners, &vec![[0, 1, 2]; 2_000], ShadingMode::Flat, &Cancel::default()).unwrap();
     let behind = Ray {
         origin: DVec3::new(-1.0, 0.2, 0.2),
         ..ray
     };
-    assert!(equal.nearest(&behind, f64::INFINITY).is_some());
+    let equal = PosedScene::new(vec![Arc::new(equal)], vec![Pose::IDENTITY]);
+    assert!(equal.cast(&behind).distance.is_finite());
 }
 
 /// Frames, paths and images of bodies that stand, move, turn and deform, of every sampling and with several reflections.

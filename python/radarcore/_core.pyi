@@ -451,11 +451,5 @@ class Simulator:
         bodies, -1 there, (rows, columns); distances to the surface that the facets stand for [m], and its unit normals
         towards the sensor, (rows, columns, 3).
         """
-    def occluded(
-        self, at: Placement, points: NDArray[np.float64], *, ends_early: bool = True
-    ) -> tuple[NDArray[np.bool_], int]:
-        """Points (n, 3) in sensor axes about the middle of the array that a body occludes, (n,), and a count.
-
-        The count is that of searches that ended at a triangle in the way while there were boxes in front of it: 0
-        unless `ends_early`.
-        """
+    def occluded(self, at: Placement, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Points (n, 3) in sensor axes about the middle of the array that a body occludes, (n,)."""

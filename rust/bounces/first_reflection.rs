@@ -22,7 +22,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::geometry::aabb::Bounds;
 use crate::numeric::trig::sinc;
-use crate::rays::tree::Ray;
+use crate::rays::watertight::Ray;
 
 /// Largest quadratic part of the phase in the middle of a side of a triangle [rad]. Ten times as much leaves 0.3 dB on a
 /// cylinder whose facets are wider than half a wavelength: what steep facets leave adds up as on a grating.

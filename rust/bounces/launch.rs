@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use crate::rays::hits::Hits;
 use crate::rays::scene::{NEAREST, NO_BODY, PosedScene};
-use crate::rays::tree::Ray;
+use crate::rays::watertight::Ray;
 
 /// Hit of a cell of the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]

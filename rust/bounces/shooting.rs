@@ -11,7 +11,7 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::random::mix;
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::PosedScene;
-use crate::rays::tree::Ray;
+use crate::rays::watertight::Ray;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::Sampling;
 use crate::scattering::taper::taper;

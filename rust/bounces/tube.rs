@@ -7,7 +7,7 @@ use super::field::{Field, Incidence};
 use super::interaction::{Interaction, ray_epsilon};
 use super::launch::Launch;
 use crate::rays::scene::{NO_BODY, PosedScene};
-use crate::rays::tree::Ray;
+use crate::rays::watertight::Ray;
 
 /// A ray tube where it meets a surface.
 #[derive(Clone, Copy, Debug)]

@@ -298,7 +298,7 @@ impl Model {
             Source::Scene(scene) => scene,
             // The pixels are given in the sensor frame.
             Source::Depth(image) => {
-                let empty = Arc::new(Surface::new(&[], &[], ShadingMode::Flat)?);
+                let empty = Arc::new(Surface::new(&[], &[], ShadingMode::Flat, &Cancel::default())?);
                 let surfaces = vec![empty; image.num_bodies];
                 return Ok(Arc::new(PosedScene::new(
                     surfaces,
@@ -311,7 +311,11 @@ impl Model {
             let (vertices, before) = (vertices.at(x), deformed.get(body));
             surfaces[*body] = match before {
                 Some(before) if before.vertices() == vertices => before.clone(),
-                _ => Arc::new(before.unwrap_or(&surfaces[*body]).deform(vertices)?),
+                _ => Arc::new(
+                    before
+                        .unwrap_or(&surfaces[*body])
+                        .deform(vertices, &Cancel::default())?,
+                ),
             };
             deformed.insert(*body, surfaces[*body].clone());
         }

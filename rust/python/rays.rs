@@ -41,7 +41,7 @@ impl Surface {
             .to_vec();
         let mode = crease_angle.map_or(ShadingMode::Flat, |crease_angle| ShadingMode::Smooth { crease_angle });
         let surface = compute_owned(py, report.as_ref(), move |cancel| {
-            surface::Surface::new_until(&vertices, &triangles, mode, cancel)
+            surface::Surface::new(&vertices, &triangles, mode, cancel)
         })?;
         Ok(Self(Arc::new(surface)))
     }
@@ -55,7 +55,7 @@ impl Surface {
     #[pyo3(signature = (vertices, *, threads=None))]
     fn deform(&self, py: Python<'_>, vertices: PyReadonlyArray2<'_, f64>, threads: Option<usize>) -> PyResult<Self> {
         let vertices = points(numbers("vertices", &vertices, [None, Some(3)])?);
-        let surface = compute(py, threads, None, |cancel| self.0.deform_until(vertices, cancel))?;
+        let surface = compute(py, threads, None, |cancel| self.0.deform(vertices, cancel))?;
         Ok(Self(Arc::new(surface)))
     }
 

@@ -348,22 +348,17 @@ impl Simulator {
         )
     }
 
-    /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes, and the number of
-    /// searches that ended at the first occluding triangle with boxes left in front of it: 0 unless `ends_early`.
-    #[pyo3(signature = (at, points, *, ends_early=true))]
+    /// Points (n, 3) of the sensor frame, about the middle of the array, that a body occludes.
     fn occluded<'py>(
         &self,
         py: Python<'py>,
         at: PyRef<'_, Placement>,
         points: PyReadonlyArray2<'_, f64>,
-        ends_early: bool,
-    ) -> PyResult<(Bound<'py, PyArray1<bool>>, usize)> {
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let at = &at.0;
         let points = self::points(numbers("points", &points, [None, Some(3)])?);
-        let occlusion = self.run(py, |memory, _| {
-            frame::occluded(&self.model, at, &points, ends_early, memory)
-        })?;
-        Ok((occlusion.is_occluded.into_pyarray(py), occlusion.ended_early))
+        let is_occluded = self.run(py, |memory, _| frame::occluded(&self.model, at, &points, memory))?;
+        Ok(is_occluded.into_pyarray(py))
     }
 }
 

@@ -27,16 +27,16 @@ const BUILD: BvhBuildParams = BvhBuildParams {
 };
 
 impl Tree {
-    /// Tree over `number` boxes, at most [`MOST_PRIMITIVES`], finite and not empty, and the primitives of its leaves:
-    /// at most `most` each.
-    pub fn build(number: usize, most: usize, bounds: impl Fn(usize) -> Bounds + Sync) -> (Self, Vec<Primitives>) {
+    /// Tree over `number` boxes, at most [`MAX_PRIMITIVES`], finite and not empty, and the primitives of its leaves:
+    /// at most `leaf_size` each.
+    pub fn build(number: usize, leaf_size: usize, bounds: impl Fn(usize) -> Bounds + Sync) -> (Self, Vec<Primitives>) {
         let mut leaves = Vec::new();
         let nodes = match number {
             0 => Vec::new(),
             // Nothing to build.
             1..=WIDTH => {
                 let mut root = Node::EMPTY;
-                if number <= most {
+                if number <= leaf_size {
                     let all = (0..number).fold(Bounds::EMPTY, |all, i| all.union(&bounds(i)));
                     root.set_box(0, &outward(&all));
                     root.child[0] = Child::leaf(0, number);
@@ -55,44 +55,37 @@ impl Tree {
                 let binary = build_bvh2(&boxes, BUILD, &mut std::time::Duration::default());
                 drop(boxes);
                 let nodes;
-                (nodes, leaves) = Collapse::new(&binary, most).run();
+                (nodes, leaves) = Collapse::new(&binary, leaf_size).run();
                 nodes
             }
         };
-        let tree = Self {
-            nodes,
-            num_leaves: leaves.len(),
-        };
-        (tree, leaves)
+        (Self { nodes }, leaves)
     }
 
     /// Refit the tree to moved boxes; `bounds` gives the box of a leaf.
     pub fn refit(&self, bounds: impl Fn(usize) -> Bounds + Sync) -> Self {
         let mut nodes = self.nodes.clone();
         nodes.par_iter_mut().for_each(|node| {
-            for place in 0..WIDTH {
-                if node.child[place].0 != u32::MAX
-                    && let Kind::Leaf(leaf, _) = node.child[place].kind()
+            for slot in 0..WIDTH {
+                if node.child[slot].0 != u32::MAX
+                    && let Kind::Leaf(leaf, _) = node.child[slot].kind()
                 {
-                    node.set_box(place, &outward(&bounds(leaf)));
+                    node.set_box(slot, &outward(&bounds(leaf)));
                 }
             }
         });
         // Children come after their parents.
         for parent in (0..nodes.len()).rev() {
-            for place in 0..WIDTH {
-                if nodes[parent].child[place].0 != u32::MAX
-                    && let Kind::Node(child) = nodes[parent].child[place].kind()
+            for slot in 0..WIDTH {
+                if nodes[parent].child[slot].0 != u32::MAX
+                    && let Kind::Node(child) = nodes[parent].child[slot].kind()
                 {
                     let aabb = nodes[child].bounds();
-                    nodes[parent].set_box(place, &aabb);
+                    nodes[parent].set_box(slot, &aabb);
                 }
             }
         }
-        Self {
-            nodes,
-            num_leaves: self.num_leaves,
-        }
+        Self { nodes }
     }
 
     /// Cost by the surface-area heuristic: expected number of boxes that a ray through the root's box meets.
@@ -103,7 +96,7 @@ impl Tree {
         let whole = f64::from(root.bounds().half_area()).max(f64::MIN_POSITIVE);
         let areas = |node: &Node| -> f64 {
             (0..node.num_children())
-                .map(|place| f64::from(node.child_box(place).half_area()))
+                .map(|slot| f64::from(node.child_box(slot).half_area()))
                 .sum()
         };
         self.nodes.iter().map(areas).sum::<f64>() / whole
@@ -112,24 +105,24 @@ impl Tree {
 
 impl Node {
     /// Set the box of a child.
-    fn set_box(&mut self, place: usize, aabb: &Aabb) {
+    fn set_box(&mut self, slot: usize, aabb: &Aabb) {
         for axis in 0..3 {
-            self.min[axis][place] = aabb.min[axis];
-            self.max[axis][place] = aabb.max[axis];
+            self.min[axis][slot] = aabb.min[axis];
+            self.max[axis][slot] = aabb.max[axis];
         }
     }
 
     /// Box of a child.
-    fn child_box(&self, place: usize) -> Aabb {
+    fn child_box(&self, slot: usize) -> Aabb {
         Aabb {
-            min: Vec3A::from_array(self.min.map(|x| x[place])),
-            max: Vec3A::from_array(self.max.map(|x| x[place])),
+            min: Vec3A::from_array(self.min.map(|x| x[slot])),
+            max: Vec3A::from_array(self.max.map(|x| x[slot])),
         }
     }
 
     /// Box round all children.
     fn bounds(&self) -> Aabb {
-        (0..self.num_children()).fold(Aabb::empty(), |all, place| all.union(&self.child_box(place)))
+        (0..self.num_children()).fold(Aabb::empty(), |all, slot| all.union(&self.child_box(slot)))
     }
 }
 
@@ -148,13 +141,13 @@ fn outward(bounds: &Bounds) -> Aabb {
 struct Collapse<'a> {
     binary: &'a Bvh2,
     /// Largest number of primitives of a subtree that becomes a leaf.
-    most: usize,
+    leaf_size: usize,
     /// Number of primitives below every node.
     counts: Vec<u32>,
 }
 
 impl<'a> Collapse<'a> {
-    fn new(binary: &'a Bvh2, most: usize) -> Self {
+    fn new(binary: &'a Bvh2, leaf_size: usize) -> Self {
         let nodes = &binary.nodes;
         debug_assert!(binary.children_are_ordered_after_parents);
         let mut counts = vec![0; nodes.len()];
@@ -166,32 +159,36 @@ impl<'a> Collapse<'a> {
                 counts[first] + counts[first + 1]
             };
         }
-        Self { binary, most, counts }
+        Self {
+            binary,
+            leaf_size,
+            counts,
+        }
     }
 
-    /// Nodes and leaves of the new tree: the largest nodes first, then whole subtrees, each on its own thread.
+    /// Nodes and leaves of the new tree.
     fn run(&self) -> (Vec<Node>, Vec<Primitives>) {
-        const PARTS: u32 = 256;
-        let is_small = |node: usize| self.counts[node] <= self.counts[0] / PARTS;
-        let mut whole = Part::default();
-        let parts = whole.grow(self, 0, is_small);
-        let grown: Vec<Part> = parts
-            .par_iter()
-            .map(|&(_, _, node)| {
-                let mut part = Part::default();
-                part.grow(self, node, |_| false);
-                part
-            })
-            .collect();
-        for ((parent, place, _), part) in parts.into_iter().zip(grown) {
-            whole.nodes[parent].child[place] = Child(whole.nodes.len() as u32);
-            whole.append(part);
+        let (mut nodes, mut leaves) = (vec![Node::EMPTY], Vec::new());
+        let mut rest = vec![(0, 0)];
+        while let Some((binary, node)) = rest.pop() {
+            let (children, number) = self.open(binary);
+            for (slot, child) in children[..number].iter().copied().enumerate() {
+                nodes[node].set_box(slot, self.binary.nodes[child].aabb());
+                nodes[node].child[slot] = if self.is_leaf(child) {
+                    leaves.push(self.primitives(child));
+                    Child::leaf(leaves.len() - 1, self.counts[child] as usize)
+                } else {
+                    rest.push((child, nodes.len()));
+                    nodes.push(Node::EMPTY);
+                    Child(nodes.len() as u32 - 1)
+                };
+            }
         }
-        (whole.nodes, whole.leaves)
+        (nodes, leaves)
     }
 
     fn is_leaf(&self, node: usize) -> bool {
-        self.counts[node] as usize <= self.most
+        self.counts[node] as usize <= self.leaf_size
     }
 
     /// Children of a node of the new tree, and their number.
@@ -247,59 +244,6 @@ impl<'a> Collapse<'a> {
     }
 }
 
-/// Part of the new tree, grown on one thread.
-#[derive(Default)]
-struct Part {
-    nodes: Vec<Node>,
-    leaves: Vec<Primitives>,
-}
-
-impl Part {
-    /// Grow from a node; returns parent, place and node of the subtrees that are left out.
-    fn grow(
-        &mut self,
-        collapse: &Collapse,
-        root: usize,
-        is_left_out: impl Fn(usize) -> bool,
-    ) -> Vec<(usize, usize, usize)> {
-        let mut left_out = Vec::new();
-        self.nodes.push(Node::EMPTY);
-        let mut rest = vec![(root, 0)];
-        while let Some((node, to)) = rest.pop() {
-            let (children, number) = collapse.open(node);
-            for (place, child) in children[..number].iter().copied().enumerate() {
-                self.nodes[to].set_box(place, collapse.binary.nodes[child].aabb());
-                if collapse.is_leaf(child) {
-                    self.nodes[to].child[place] = Child::leaf(self.leaves.len(), collapse.counts[child] as usize);
-                    self.leaves.push(collapse.primitives(child));
-                } else if is_left_out(child) {
-                    left_out.push((to, place, child));
-                } else {
-                    self.nodes[to].child[place] = Child(self.nodes.len() as u32);
-                    rest.push((child, self.nodes.len()));
-                    self.nodes.push(Node::EMPTY);
-                }
-            }
-        }
-        left_out
-    }
-
-    /// Append another part.
-    fn append(&mut self, mut part: Self) {
-        let (nodes, leaves) = (self.nodes.len(), self.leaves.len());
-        for child in part.nodes.iter_mut().flat_map(|node| &mut node.child) {
-            if child.0 != u32::MAX {
-                *child = match child.kind() {
-                    Kind::Node(node) => Child((node + nodes) as u32),
-                    Kind::Leaf(leaf, count) => Child::leaf(leaf + leaves, count),
-                };
-            }
-        }
-        self.nodes.append(&mut part.nodes);
-        self.leaves.append(&mut part.leaves);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
@@ -321,10 +265,10 @@ mod tests {
         let mut rest: Vec<(usize, Vec<Aabb>)> = vec![(0, Vec::new())];
         while let Some((node, above)) = rest.pop() {
             let node = &tree.nodes[node];
-            for place in 0..node.num_children() {
+            for slot in 0..node.num_children() {
                 let mut above = above.clone();
-                above.push(node.child_box(place));
-                match node.child[place].kind() {
+                above.push(node.child_box(slot));
+                match node.child[slot].kind() {
                     Kind::Node(child) => rest.push((child, above)),
                     Kind::Leaf(leaf, count) => {
                         assert!(count <= most);
@@ -349,7 +293,6 @@ mod tests {
             for most in [1, WIDTH] {
                 let boxes = boxes(number);
                 let (tree, leaves) = Tree::build(number, most, |i| boxes[i]);
-                assert_eq!(leaves.len(), tree.num_leaves);
                 check(&tree, &leaves, &boxes, most);
             }
         }

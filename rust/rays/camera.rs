@@ -68,9 +68,9 @@ impl Cell {
         let w = (1.0 + self.u * self.u + self.v * self.v).sqrt();
         let d = DVec3::new(1.0, self.u, self.v) / w;
         let edge = |axis: DVec3, coordinate: f64, width: f64| {
-            let turn = (axis - d * (coordinate / w)) / w; // dd/du of d = (1, u, v) / w
-            let stretch = -distance * normal.dot(turn) / normal.dot(d); // dR/du on the plane
-            (stretch * d + distance * turn) * width
+            let dd = (axis - d * (coordinate / w)) / w; // dd/du of d = (1, u, v) / w
+            let dr = -distance * normal.dot(dd) / normal.dot(d); // dR/du on the plane
+            (dr * d + distance * dd) * width
         };
         [edge(DVec3::Y, self.u, self.du), edge(DVec3::Z, self.v, self.dv)]
     }
@@ -78,7 +78,7 @@ impl Cell {
 
 /// Rectangle of pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Tile {
+pub struct PixelTile {
     /// First row.
     pub row: usize,
     /// First column.
@@ -198,10 +198,10 @@ impl ImagePlane {
     }
 
     /// Tile of a number from 0 to [`Self::num_tiles`], row by row.
-    pub fn tile(&self, index: usize) -> Tile {
+    pub fn tile(&self, index: usize) -> PixelTile {
         let per_row = self.columns.div_ceil(TILE);
         let (row, column) = (index / per_row * TILE, index % per_row * TILE);
-        Tile {
+        PixelTile {
             row,
             column,
             rows: TILE.min(self.rows - row),

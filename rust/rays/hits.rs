@@ -4,7 +4,6 @@ use crate::cancel::Cancel;
 use crate::numeric::simd::Level;
 use crate::rays::camera::ImagePlane;
 use crate::rays::packet::TileRays;
-use crate::rays::packet_search::Traversals;
 
 /// Hits of all pixels of an image, row by row.
 pub struct Hits {
@@ -60,8 +59,6 @@ pub struct Cast<'a> {
     pub skip_empty: bool,
     /// Predicate of directions that are not cast.
     pub outside: Option<&'a Outside<'a>>,
-    /// Traversal of the tree of a body by the rays of a tile.
-    pub traversals: Traversals,
     /// Request to stop.
     pub cancel: Option<&'a Cancel>,
 }
@@ -80,7 +77,6 @@ impl Default for Cast<'_> {
             level: Level::best(),
             skip_empty: true,
             outside: None,
-            traversals: Traversals::Chosen,
             cancel: None,
         }
     }

@@ -2,10 +2,10 @@
 //!
 //! A tile of 8 x 8 pixels is cast by these steps, on one `Scratch` per thread that is used for tile after tile:
 //!
-//! 1. [`TileRays::aim`] sets the rays, four packets of 4 x 4; `keep` drops packets that are not wanted.
+//! 1. [`TileRays::generate`] sets the rays, four packets of 4 x 4; `mask` drops packets that are not wanted.
 //! 2. [`PosedScene::search`] finds the nearest triangles (`scratch.hits`), or says that no body is in the tile.
-//! 3. [`PosedScene::measure`] computes their distances in double precision (`scratch.distance`).
-//! 4. `Shade::fill` adds distance, cosine and normal of the curved surface (`scratch.shade`).
+//! 3. `Scratch::measure` computes their distances in double precision, and distance, cosine and normal of the curved
+//!    surface if they are wanted (`scratch.measured`).
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
 use crate::numeric::simd::{Isa, Kernel, Level};
-use crate::rays::camera::{ImagePlane, TILE, Tile};
+use crate::rays::camera::{ImagePlane, PixelTile, TILE};
 use crate::rays::hits::{Cast, Counts, Hits};
 use crate::rays::packet::TileRays;
 use crate::rays::scene::{NO_BODY, PosedScene, bounds};
@@ -133,19 +133,14 @@ impl Kernel for CastBand<'_> {
         let mut counts = Counts::default();
         for index in 0..tiles {
             let tile = self.plane.tile(self.index * tiles + index);
-            scratch.rays.aim::<I>(self.plane, &tile);
+            scratch.rays.generate::<I>(self.plane, &tile);
             if self.cast.is_outside(&scratch.rays) || self.scene.search::<I>(&mut scratch, self.cast) {
                 self.clear(&tile);
                 counts.tiles_skipped += 1;
                 continue;
             }
             counts.rays += tile.rows * tile.columns;
-            self.scene
-                .measure::<I>(&scratch.rays, &scratch.hits, &mut scratch.distance);
-            let (hits, distance) = (&scratch.hits, &scratch.distance);
-            scratch
-                .shade
-                .fill::<I, true>(self.scene, &scratch.rays, &hits.body, &hits.triangle, distance);
+            scratch.measure::<I>(self.scene);
             self.write(&tile, &scratch);
         }
         counts
@@ -154,7 +149,7 @@ impl Kernel for CastBand<'_> {
 
 impl CastBand<'_> {
     /// Write a tile without hits.
-    fn clear(&mut self, tile: &Tile) {
+    fn clear(&mut self, tile: &PixelTile) {
         for row in 0..tile.rows {
             let first = row * self.plane.columns + tile.column;
             let pixels = first..first + tile.columns;
@@ -169,21 +164,25 @@ impl CastBand<'_> {
 
     /// Write the hits of a tile.
     #[cfg_attr(optimised, inline(always))]
-    fn write(&mut self, tile: &Tile, scratch: &Scratch) {
-        let (hits, shade) = (&scratch.hits, &scratch.shade);
+    fn write(&mut self, tile: &PixelTile, scratch: &Scratch) {
+        let (hits, measured) = (&scratch.hits, &scratch.measured);
         for row in 0..tile.rows {
             let pixel = row * self.plane.columns + tile.column;
             // A row of a tile is in two packets.
             for first in (0..tile.columns).step_by(TILE / 2) {
                 let (from, to) = (TileRays::ray(row, first), pixel + first);
                 let number = (tile.columns - first).min(TILE / 2);
-                copy(&mut self.distance[to..], &scratch.distance[from..], number);
-                copy(&mut self.cosine[to..], &shade.cosine[from..], number);
+                copy(&mut self.distance[to..], &measured.distance[from..], number);
+                copy(&mut self.cosine[to..], &measured.cosine[from..], number);
                 copy(&mut self.body[to..], &hits.body.as_flattened()[from..], number);
                 copy(&mut self.triangle[to..], &hits.triangle.as_flattened()[from..], number);
-                copy(&mut self.surface_distance[to..], &shade.distance[from..], number);
+                copy(
+                    &mut self.surface_distance[to..],
+                    &measured.surface_distance[from..],
+                    number,
+                );
                 for i in 0..number {
-                    self.normal[to + i] = shade.normal_of(from + i).to_array();
+                    self.normal[to + i] = measured.normal_of(from + i).to_array();
                 }
             }
         }

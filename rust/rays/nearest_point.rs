@@ -15,21 +15,21 @@ pub fn distance_in_front<Triangles: Iterator<Item = [DVec3; 3]>>(
     mut limit: f64,
     corners: impl Fn(usize, usize) -> Triangles,
 ) -> f64 {
-    let is_in_front = |place: DVec3| (place - point).dot(forward) > 0.0;
+    let is_in_front = |corner: DVec3| (corner - point).dot(forward) > 0.0;
     let mut stack = if tree.nodes.is_empty() { vec![] } else { vec![0] };
     while let Some(node) = stack.pop() {
         let node = &tree.nodes[node];
-        for place in 0..WIDTH {
-            let side = |of: &[[f32; WIDTH]; 3]| DVec3::from_array(of.map(|axis| f64::from(axis[place])));
+        for slot in 0..WIDTH {
+            let side = |of: &[[f32; WIDTH]; 3]| DVec3::from_array(of.map(|axis| f64::from(axis[slot])));
             let (min, max) = (side(&node.min), side(&node.max));
-            // Places without a child hold a box that is empty.
+            // Slots without a child hold an empty box.
             if min.cmpgt(max).any() || point.clamp(min, max).distance(point) >= limit {
                 continue;
             }
             if !is_in_front(DVec3::select(forward.cmpgt(DVec3::ZERO), max, min)) {
                 continue;
             }
-            match node.child[place].kind() {
+            match node.child[slot].kind() {
                 Kind::Node(child) => stack.push(child),
                 Kind::Leaf(leaf, count) => {
                     for triangle in corners(leaf, count) {

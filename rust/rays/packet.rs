@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Vector};
-use crate::rays::camera::{ImagePlane, TILE, Tile};
-use crate::rays::traversal::{Slabs, Visit, traverse};
-use crate::rays::tree::{Node, Tree};
+use crate::rays::camera::{ImagePlane, PixelTile, TILE};
+use crate::rays::traversal::Slabs;
+use crate::rays::tree::Node;
 use crate::rays::triangle_block::UNIT;
 
 /// Rays of a packet, tested at once in vectors.
@@ -20,16 +20,16 @@ pub const MOST_RAYS: usize = PACKET * PACKETS;
 pub const SIDE: usize = TILE / 2;
 
 /// Row and column of every ray in the tile, packet by packet.
-const PLACES: [[f64; MOST_RAYS]; 2] = {
-    let mut places = [[0.0; MOST_RAYS]; 2];
+const ROW_AND_COLUMN: [[f64; MOST_RAYS]; 2] = {
+    let mut rows_and_columns = [[0.0; MOST_RAYS]; 2];
     let mut ray = 0;
     while ray < MOST_RAYS {
         let (packet, lane) = (ray / PACKET, ray % PACKET);
-        places[0][ray] = (packet / 2 * SIDE + lane / SIDE) as f64;
-        places[1][ray] = (packet % 2 * SIDE + lane % SIDE) as f64;
+        rows_and_columns[0][ray] = (packet / 2 * SIDE + lane / SIDE) as f64;
+        rows_and_columns[1][ray] = (packet % 2 * SIDE + lane % SIDE) as f64;
         ray += 1;
     }
-    places
+    rows_and_columns
 };
 
 /// Directions `(1, u, v)` of the rays of a tile, in the sensor frame.
@@ -41,9 +41,9 @@ pub struct TileRays {
     pub v: [f64; MOST_RAYS],
     /// A bit per valid ray of every packet; the others repeat rays at the edge of the tile.
     pub valid: [u32; PACKETS],
-    /// Middle, and half of the extent, of `u` and `v` of every packet, and of all rays.
-    middle: [[f64; 2]; PACKETS + 1],
-    half: [[f64; 2]; PACKETS + 1],
+    /// Middle, and half of the extent, of `u` and `v` of every packet.
+    middle: [[f64; 2]; PACKETS],
+    half: [[f64; 2]; PACKETS],
 }
 
 impl TileRays {
@@ -52,13 +52,13 @@ impl TileRays {
         u: [0.0; MOST_RAYS],
         v: [0.0; MOST_RAYS],
         valid: [0; PACKETS],
-        middle: [[0.0; 2]; PACKETS + 1],
-        half: [[0.0; 2]; PACKETS + 1],
+        middle: [[0.0; 2]; PACKETS],
+        half: [[0.0; 2]; PACKETS],
     };
 
     /// Aim rays through the centres of the pixels of a tile, in squares of 4 x 4.
     #[cfg_attr(optimised, inline(always))]
-    pub fn aim<I: Isa>(&mut self, plane: &ImagePlane, tile: &Tile) {
+    pub fn generate<I: Isa>(&mut self, plane: &ImagePlane, tile: &PixelTile) {
         self.valid = [0; PACKETS];
         let splat = <I::F64 as Vector>::splat;
         let last_row = splat((tile.rows - 1) as f64);
@@ -67,8 +67,8 @@ impl TileRays {
         let first_column = splat(tile.column as f64 + 0.5);
         for first in (0..MOST_RAYS).step_by(I::F64::LANES) {
             // The operations of `ImagePlane::center`.
-            let row = I::F64::load(&PLACES[0][first..]);
-            let column = I::F64::load(&PLACES[1][first..]);
+            let row = I::F64::load(&ROW_AND_COLUMN[0][first..]);
+            let column = I::F64::load(&ROW_AND_COLUMN[1][first..]);
             let u = splat(plane.axis_column).sub(column.min(last_column).add(first_column));
             let v = splat(plane.axis_row).sub(row.min(last_row).add(first_row));
             u.mul(splat(plane.du)).store(&mut self.u[first..]);
@@ -76,104 +76,75 @@ impl TileRays {
             let is_valid = row.at_most(last_row) & column.at_most(last_column);
             self.valid[first / PACKET] |= is_valid << (first % PACKET);
         }
-        // Pixels of a packet fill a rectangle from its first to its last, and so do those of the tile.
-        for packet in 0..=PACKETS {
-            let first = packet % PACKETS * PACKET;
-            let last = if packet == PACKETS { MOST_RAYS } else { first + PACKET } - 1;
-            self.middle[packet] = [
-                0.5 * (self.u[first] + self.u[last]),
-                0.5 * (self.v[first] + self.v[last]),
-            ];
-            self.half[packet] = [
-                0.5 * (self.u[first] - self.u[last]),
-                0.5 * (self.v[first] - self.v[last]),
-            ];
+        // Pixels of a packet fill a rectangle from its first to its last.
+        for packet in 0..PACKETS {
+            let (first, last) = (packet * PACKET, packet * PACKET + PACKET - 1);
+            for (axis, coordinates) in [&self.u, &self.v].into_iter().enumerate() {
+                self.middle[packet][axis] = 0.5 * (coordinates[first] + coordinates[last]);
+                self.half[packet][axis] = 0.5 * (coordinates[first] - coordinates[last]);
+            }
         }
     }
 
     /// Keep the packets of a bit mask; the others become invalid, and cost nothing.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn keep(&mut self, packets: u32) {
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    pub fn mask(&mut self, packets: u32) {
         for packet in 0..PACKETS {
             if packets >> packet & 1 == 0 {
                 self.valid[packet] = 0;
             }
-            if self.valid[packet] == 0 {
-                continue;
-            }
-            for axis in 0..2 {
-                let (middle, half) = (self.middle[packet][axis], self.half[packet][axis]);
-                (low[axis], high[axis]) = (low[axis].min(middle - half), high[axis].max(middle + half));
-            }
-        }
-        if self.valid == [0; PACKETS] {
-            return;
-        }
-        for axis in 0..2 {
-            self.middle[PACKETS][axis] = 0.5 * (low[axis] + high[axis]);
-            self.half[PACKETS][axis] = 0.5 * (high[axis] - low[axis]);
         }
     }
 
-    /// Aim rays through at most 64 points of the image plane, in order.
+    /// Bit mask of the packets that have valid rays.
     #[cfg_attr(optimised, inline(always))]
-    pub fn hold(&mut self, points: &[[f64; 2]]) {
-        let last = points.len() - 1;
+    pub fn packets(&self) -> u32 {
+        (0..PACKETS).fold(0, |bits, packet| bits | u32::from(self.valid[packet] != 0) << packet)
+    }
+
+    /// Aim rays through `number` points of the image plane, 1 to 64.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn set_points(&mut self, number: usize, point: impl Fn(usize) -> [f64; 2]) {
         for ray in 0..MOST_RAYS {
-            [self.u[ray], self.v[ray]] = points[ray.min(last)];
+            [self.u[ray], self.v[ray]] = point(ray.min(number - 1));
         }
-        let (mut low, mut high) = ([[0.0; 2]; PACKETS + 1], [[0.0; 2]; PACKETS + 1]);
         for packet in 0..PACKETS {
             let first = packet * PACKET;
-            let number = points.len().saturating_sub(first).min(PACKET);
-            self.valid[packet] = ((1_u64 << number) - 1) as u32;
-            for (axis, places) in [&self.u, &self.v].into_iter().enumerate() {
-                let (mut least, mut most) = (places[first], places[first]);
+            let in_packet = number.saturating_sub(first).min(PACKET);
+            self.valid[packet] = (1 << in_packet) - 1;
+            for (axis, coordinates) in [&self.u, &self.v].into_iter().enumerate() {
+                let (mut low, mut high) = (coordinates[first], coordinates[first]);
                 for ray in first..first + PACKET {
-                    (least, most) = (least.min(places[ray]), most.max(places[ray]));
+                    (low, high) = (low.min(coordinates[ray]), high.max(coordinates[ray]));
                 }
-                (low[packet][axis], high[packet][axis]) = (least, most);
-            }
-        }
-        (low[PACKETS], high[PACKETS]) = (low[0], high[0]);
-        for packet in 1..PACKETS {
-            for axis in 0..2 {
-                low[PACKETS][axis] = low[PACKETS][axis].min(low[packet][axis]);
-                high[PACKETS][axis] = high[PACKETS][axis].max(high[packet][axis]);
-            }
-        }
-        for packet in 0..=PACKETS {
-            for axis in 0..2 {
-                self.middle[packet][axis] = 0.5 * (low[packet][axis] + high[packet][axis]);
-                self.half[packet][axis] = 0.5 * (high[packet][axis] - low[packet][axis]);
+                self.middle[packet][axis] = 0.5 * (low + high);
+                self.half[packet][axis] = 0.5 * (high - low);
             }
         }
     }
 
-    /// Smallest and largest `u`, and `v`.
-    pub fn ranges(&self) -> [[f64; 2]; 2] {
-        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
-        [0, 1].map(|i| [middle[i] - half[i], middle[i] + half[i]])
-    }
-
-    /// Bound of the coordinates of all directions, in any frame.
-    fn length(&self) -> f64 {
-        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
-        1.0 + middle[0].abs() + half[0] + middle[1].abs() + half[1]
-    }
-
-    /// Visit all leaves of a tree in the sensor frame whose boxes any ray may meet, near ones first.
+    /// Smallest and largest `u`, and `v`, of the packets that have valid rays.
     #[cfg_attr(optimised, inline(always))]
-    pub fn traverse<I: Isa>(&self, tree: &Tree, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
-        let (middle, half) = (&self.middle[PACKETS], &self.half[PACKETS]);
-        let (mut low, mut high) = ([1.0; 3], [1.0; 3]);
-        for axis in 0..2 {
-            low[axis + 1] = ((middle[axis] - half[axis]) as f32).next_down();
-            high[axis + 1] = ((middle[axis] + half[axis]) as f32).next_up();
+    pub fn ranges(&self) -> [[f64; 2]; 2] {
+        let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for packet in 0..PACKETS {
+            if self.valid[packet] != 0 {
+                for axis in 0..2 {
+                    let (middle, half) = (self.middle[packet][axis], self.half[packet][axis]);
+                    let [low, high] = ranges[axis];
+                    ranges[axis] = [low.min(middle - half), high.max(middle + half)];
+                }
+            }
         }
-        let slabs = Slabs::new(&[0.0; 3], 0.0, &low, &high);
-        traverse::<I>(&slabs, tree, f32::MAX, stack, visitor);
+        ranges
+    }
+
+    /// Slabs of all directions in the sensor frame.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn slabs(&self) -> Slabs {
+        let [u, v] = self.ranges();
+        let low = [1.0, (u[0] as f32).next_down(), (v[0] as f32).next_down()];
+        let high = [1.0, (u[1] as f32).next_up(), (v[1] as f32).next_up()];
+        Slabs::new(&[0.0; 3], 0.0, &low, &high)
     }
 
     /// Number of the ray of a row and a column of the tile; the next columns follow to the end of the packet.
@@ -195,15 +166,15 @@ impl TileRays {
 }
 
 /// Position and orientation of the sensor in the frame of a body.
-pub struct View {
+pub struct SensorPose {
     /// Position of the sensor [m].
     pub origin: DVec3,
     /// Axes of the sensor frame.
     pub axes: [DVec3; 3],
 }
 
-impl View {
-    /// View from a body's pose in the sensor frame.
+impl SensorPose {
+    /// Pose of the sensor from a body's pose in the sensor frame.
     pub fn new(pose: &Pose) -> Self {
         Self {
             origin: pose.point_to_body(DVec3::ZERO),
@@ -231,21 +202,18 @@ impl View {
 pub struct BodyRays {
     /// Directions, axis by axis.
     pub(super) directions: [[f32; MOST_RAYS]; 3],
-    /// Inverses of directions; see [`Self::part`].
+    /// Inverses of directions.
     inverses: [[f32; MOST_RAYS]; 3],
     pub(super) origin: [f32; 3],
     /// Bound of the coordinates of the origin.
-    pub(super) reach: f32,
+    pub(super) max_coordinate: f32,
     /// Bound of the coordinates of directions.
     pub(super) length: f32,
     pub(super) valid: [u32; PACKETS],
-    /// Centre and half the sides of the box round the directions of every packet, and of all.
-    pub(super) center: [[f32; 3]; PACKETS + 1],
-    pub(super) half: [[f32; 3]; PACKETS + 1],
-    /// Slabs of every packet; see [`Self::part`].
-    slabs: [Slabs; PACKETS],
-    /// True once [`Self::part`] has prepared inverses and slabs.
-    is_parted: bool,
+    /// Centre and half the sides of the box round the directions of every packet, and its slabs.
+    pub(super) center: [[f32; 3]; PACKETS],
+    pub(super) half: [[f32; 3]; PACKETS],
+    pub(super) slabs: [Slabs; PACKETS],
 }
 
 impl BodyRays {
@@ -254,104 +222,74 @@ impl BodyRays {
         directions: [[0.0; MOST_RAYS]; 3],
         inverses: [[0.0; MOST_RAYS]; 3],
         origin: [0.0; 3],
-        reach: 0.0,
+        max_coordinate: 0.0,
         length: 0.0,
         valid: [0; PACKETS],
-        center: [[0.0; 3]; PACKETS + 1],
-        half: [[0.0; 3]; PACKETS + 1],
+        center: [[0.0; 3]; PACKETS],
+        half: [[0.0; 3]; PACKETS],
         slabs: [Slabs::EMPTY; PACKETS],
-        is_parted: false,
     };
 
-    /// Transform rays to the frame of a body, with the origin relative to its point `middle`.
+    /// Transform rays to the frame of a body, with the origin relative to a point of the body.
     #[cfg_attr(optimised, inline(always))]
-    pub fn aim<I: Isa>(&mut self, rays: &TileRays, view: &View, middle: DVec3) {
-        let origin = view.origin - middle;
+    pub fn transform<I: Isa>(&mut self, rays: &TileRays, view: &SensorPose, anchor: DVec3) {
+        let splat = <I::F32 as Vector>::splat;
+        let origin = view.origin - anchor;
         let axes = &view.axes;
         self.origin = [origin.x as f32, origin.y as f32, origin.z as f32];
-        self.reach = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
+        self.max_coordinate = origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT);
         self.valid = rays.valid;
-        self.is_parted = false;
+        let [u, v] = rays.ranges();
+        let length = 1.0 + u[0].abs().max(u[1].abs()) + v[0].abs().max(v[1].abs());
+        self.length = length as f32 * (1.0 + UNIT);
+        // More than the rounding of directions.
+        let pad = 8.0 * f64::from(UNIT) * length;
         for packet in 0..PACKETS {
             let first = packet * PACKET;
-            let middle = first + PACKET / 2;
-            let u = I::narrow(I::F64::load(&rays.u[first..]), I::F64::load(&rays.u[middle..]));
-            let v = I::narrow(I::F64::load(&rays.v[first..]), I::F64::load(&rays.v[middle..]));
-            for axis in 0..3 {
-                let x = <I::F32 as Vector>::splat(axes[0][axis] as f32);
-                let y = <I::F32 as Vector>::splat(axes[1][axis] as f32);
-                let z = <I::F32 as Vector>::splat(axes[2][axis] as f32);
-                let direction = v.mul_add(z, u.mul_add(y, x));
-                direction.store(&mut self.directions[axis][first..]);
-            }
-        }
-        // More than the rounding of directions.
-        let length = rays.length();
-        let pad = 8.0 * f64::from(UNIT) * length;
-        for packet in 0..=PACKETS {
-            let ([u, v], [du, dv]) = (rays.middle[packet], rays.half[packet]);
+            let second = first + PACKET / 2;
+            let u = I::narrow(I::F64::load(&rays.u[first..]), I::F64::load(&rays.u[second..]));
+            let v = I::narrow(I::F64::load(&rays.v[first..]), I::F64::load(&rays.v[second..]));
+            let ([mu, mv], [du, dv]) = (rays.middle[packet], rays.half[packet]);
+            let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
             for axis in 0..3 {
                 let (x, y, z) = (axes[0][axis], axes[1][axis], axes[2][axis]);
-                self.center[packet][axis] = (x + y * u + z * v) as f32;
-                self.half[packet][axis] = (y.abs() * du + z.abs() * dv + pad) as f32;
+                let direction = v.mul_add(splat(z as f32), u.mul_add(splat(y as f32), splat(x as f32)));
+                direction.store(&mut self.directions[axis][first..]);
+                let inverse = splat(1.0).div(direction).max(splat(-1e30)).min(splat(1e30));
+                inverse.store(&mut self.inverses[axis][first..]);
+                let center = (x + y * mu + z * mv) as f32;
+                let half = (y.abs() * du + z.abs() * dv + pad) as f32;
+                (self.center[packet][axis], self.half[packet][axis]) = (center, half);
+                (low[axis], high[axis]) = (center - half, center + half);
             }
-        }
-        self.length = length as f32 * (1.0 + UNIT);
-    }
-
-    /// Prepare what tests of packets and of single rays need, if nothing has so far: few tiles over coarse meshes do.
-    #[cfg_attr(optimised, inline(always))]
-    pub(super) fn part<I: Isa>(&mut self) {
-        if self.is_parted {
-            return;
-        }
-        self.is_parted = true;
-        let (most, least) = (<I::F32 as Vector>::splat(1e30), <I::F32 as Vector>::splat(-1e30));
-        for packet in 0..PACKETS {
-            self.slabs[packet] = self.slabs(packet);
-            for axis in 0..3 {
-                let direction = I::F32::load(&self.directions[axis][packet * PACKET..]);
-                let inverse = <I::F32 as Vector>::splat(1.0).div(direction);
-                let inverse = inverse.max(least).min(most);
-                inverse.store(&mut self.inverses[axis][packet * PACKET..]);
-            }
+            self.slabs[packet] = Slabs::new(&self.origin, self.max_coordinate, &low, &high);
         }
     }
 
-    /// Slabs of a packet, once they are prepared.
+    /// True if any ray of a packet meets the box of a child at most at distances `far`; `max_coordinate` bounds the
+    /// coordinates of the body.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn slabs_of(&self, packet: usize) -> &Slabs {
-        &self.slabs[packet]
-    }
-
-    /// Bit mask of the rays of a packet that meet the box of a child at most at distances `far`, once they are
-    /// prepared.
-    #[cfg_attr(optimised, inline(always))]
-    pub(super) fn meet<I: Isa>(&self, packet: usize, node: &Node, place: usize, pad: f32, far: I::F32) -> u32 {
+    pub(super) fn meets<I: Isa>(
+        &self,
+        packet: usize,
+        node: &Node,
+        slot: usize,
+        max_coordinate: f32,
+        far: I::F32,
+    ) -> bool {
         let splat = <I::F32 as Vector>::splat;
         let first = packet * PACKET;
+        // More than the rounding of directions moves a ray.
+        let pad = 32.0 * UNIT * (max_coordinate + self.max_coordinate);
         let (mut entry, mut exit) = (splat(0.0), far);
         for axis in 0..3 {
             let inverse = I::F32::load(&self.inverses[axis][first..]);
-            let low = splat(node.min[axis][place] - self.origin[axis] - pad);
-            let high = splat(node.max[axis][place] - self.origin[axis] + pad);
+            let low = splat(node.min[axis][slot] - self.origin[axis] - pad);
+            let high = splat(node.max[axis][slot] - self.origin[axis] + pad);
             let (a, b) = (low.mul(inverse), high.mul(inverse));
             (entry, exit) = (entry.max(a.min(b)), exit.min(a.max(b)));
         }
-        let is_met = entry
-            .mul(splat(1.0 - 16.0 * UNIT))
-            .at_most(exit.mul(splat(1.0 + 16.0 * UNIT)));
-        is_met & self.valid[packet]
-    }
-
-    /// Box of the directions of a packet, or of all rays.
-    #[cfg_attr(optimised, inline(always))]
-    pub(super) fn slabs(&self, packet: usize) -> Slabs {
-        let (center, half) = (&self.center[packet], &self.half[packet]);
-        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
-        for axis in 0..3 {
-            (low[axis], high[axis]) = (center[axis] - half[axis], center[axis] + half[axis]);
-        }
-        Slabs::new(&self.origin, self.reach, &low, &high)
+        let entry = entry.mul(splat(1.0 - 16.0 * UNIT));
+        entry.at_most(exit.mul(splat(1.0 + 16.0 * UNIT))) & self.valid[packet] != 0
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::numeric::simd::{Isa, Vector};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
+use crate::rays::watertight::Crossing;
 
 /// Nearest triangles of the rays of a tile, over all bodies.
 ///
@@ -34,23 +35,19 @@ impl PacketHits {
         edge_on: [0; PACKETS],
     };
 
-    /// Clear all hits of the valid rays.
+    /// Clear all hits of the valid rays, which end at distances `limit`.
     #[cfg_attr(optimised, inline(always))]
-    pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS]) {
+    pub fn clear<I: Isa>(&mut self, valid: &[u32; PACKETS], limit: &[f32; MOST_RAYS]) {
         for packet in 0..PACKETS {
             let all = packet * PACKET..(packet + 1) * PACKET;
-            let everywhere = <I::F32 as Vector>::splat(f32::INFINITY);
             let nowhere = <I::F32 as Vector>::splat(f32::NEG_INFINITY);
-            everywhere.store(&mut self.near[all.clone()]);
-            everywhere.select(valid[packet], nowhere).store(&mut self.far[all]);
-            I::put(&mut self.body[packet], u32::MAX, u32::MAX);
-            I::put(&mut self.triangle[packet], u32::MAX, u32::MAX);
+            let far = I::F32::load(&limit[all.clone()]).select(valid[packet], nowhere);
+            <I::F32 as Vector>::splat(f32::INFINITY).store(&mut self.near[all.clone()]);
+            far.store(&mut self.far[all]);
+            self.farthest[packet] = far.largest();
+            self.body[packet] = [u32::MAX; PACKET];
+            self.triangle[packet] = [u32::MAX; PACKET];
             self.edge_on[packet] = 0;
-            self.farthest[packet] = if valid[packet] == 0 {
-                f32::NEG_INFINITY
-            } else {
-                f32::INFINITY
-            };
         }
     }
 
@@ -64,9 +61,15 @@ impl PacketHits {
     /// Decide by the exact test whether a triangle is the nearest of a ray so far; of several at one distance the
     /// first.
     #[inline(never)]
-    pub(super) fn decide(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &impl Exact) -> bool {
+    pub(super) fn decide<Exact>(&mut self, packet: usize, lane: usize, body: u32, triangle: u32, exact: &Exact) -> bool
+    where
+        Exact: Fn(usize, u32, u32) -> Option<Crossing>,
+    {
         let ray = packet * PACKET + lane;
-        let Some((distance, is_edge_on)) = exact.distance(ray, body, triangle) else {
+        let Some(Crossing {
+            distance, is_edge_on, ..
+        }) = exact(ray, body, triangle)
+        else {
             return false;
         };
         if distance > f64::from(self.far[ray]) {
@@ -74,8 +77,7 @@ impl PacketHits {
         }
         if distance >= f64::from(self.near[ray]) {
             let before = (self.body[packet][lane], self.triangle[packet][lane]);
-            let other = exact.distance(ray, before.0, before.1);
-            let other = other.map_or(f64::INFINITY, |(distance, _)| distance);
+            let other = exact(ray, before.0, before.1).map_or(f64::INFINITY, |crossing| crossing.distance);
             if distance > other || (distance == other && before <= (body, triangle)) {
                 return false;
             }
@@ -86,11 +88,4 @@ impl PacketHits {
         self.edge_on[packet] = self.edge_on[packet] & !(1 << lane) | u32::from(is_edge_on) << lane;
         true
     }
-}
-
-/// Exact test of a ray and a triangle.
-pub trait Exact {
-    /// Distance of a triangle of a body in lengths of the direction, and whether the ray lies in the triangle's plane;
-    /// none if the ray misses.
-    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)>;
 }

@@ -3,28 +3,27 @@
 use crate::numeric::simd::Isa;
 use crate::rays::hits::Cast;
 use crate::rays::packet::{BodyRays, MOST_RAYS, PACKETS, TileRays};
-use crate::rays::packet_hits::{Exact, PacketHits};
-use crate::rays::packet_search::{Traversals, Waiting};
-use crate::rays::scene::{NEAREST, PosedScene};
-use crate::rays::shade::Shade;
-use crate::rays::traversal::Visit;
-use crate::rays::tree::Node;
-use crate::rays::triangle_block::Table;
+use crate::rays::packet_hits::PacketHits;
+use crate::rays::packet_search::PacketSearch;
+use crate::rays::scene::PosedScene;
+use crate::rays::tile_hits::TileHits;
+use crate::rays::traversal::{Search, Slabs, StackEntry, traverse};
+use crate::rays::tree::{Node, Tree, WIDTH};
+use crate::rays::triangle_block::Planes;
 
 /// Rays of a tile and their hits; memory kept from tile to tile.
 pub(crate) struct Scratch {
-    /// Rays of the tile; aim them, and keep the packets that are wanted.
+    /// Rays of the tile.
     pub rays: TileRays,
     body_rays: BodyRays,
+    /// Distances at which the search ends, in lengths of the directions.
+    pub limit: [f32; MOST_RAYS],
     /// Nearest triangles, from [`PosedScene::search`].
     pub hits: PacketHits,
-    table: Table,
-    pub(crate) top: Vec<u64>,
-    stack: Vec<Waiting>,
-    /// Distances [m], from [`PosedScene::measure`].
-    pub distance: [f64; MOST_RAYS],
-    /// Smooth hits, from [`Shade::fill`].
-    pub shade: Shade,
+    planes: Planes,
+    stacks: [Vec<StackEntry>; 2],
+    /// Measured hits, from [`Self::measure`].
+    pub measured: TileHits,
 }
 
 impl Scratch {
@@ -33,119 +32,127 @@ impl Scratch {
         Self {
             rays: TileRays::EMPTY,
             body_rays: BodyRays::EMPTY,
+            limit: [f32::INFINITY; MOST_RAYS],
             hits: PacketHits::EMPTY,
-            table: Table::EMPTY,
-            top: Vec::with_capacity(64),
-            stack: Vec::with_capacity(256),
-            distance: [0.0; MOST_RAYS],
-            shade: Shade::NOTHING,
+            planes: Planes::EMPTY,
+            stacks: [64, 256].map(Vec::with_capacity),
+            measured: TileHits::NOTHING,
         }
+    }
+
+    /// Measure the hits of the tile; see [`TileHits::measure`].
+    #[cfg_attr(optimised, inline(always))]
+    pub fn measure<I: Isa>(&mut self, scene: &PosedScene) {
+        self.measured.measure::<I>(scene, &self.rays, &self.hits);
+    }
+
+    /// True if the rays of the tile may meet any box of a tree in the sensor frame.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn overlaps<I: Isa>(&mut self, boxes: &Tree) -> bool {
+        let mut overlap = Overlap {
+            slabs: self.rays.slabs(),
+            is_met: false,
+        };
+        traverse::<I, 1>(boxes, 1, &mut self.stacks[0], &mut overlap);
+        overlap.is_met
     }
 }
 
 impl PosedScene {
-    /// Search for the nearest triangles of the rays of a tile. Returns true if no body is in the tile: then hits are
-    /// those of the tile before.
+    /// Search for the nearest triangles of the rays of a tile. Returns true if no body is in the tile.
     #[cfg_attr(optimised, inline(always))]
     pub(crate) fn search<I: Isa>(&self, scratch: &mut Scratch, cast: &Cast) -> bool {
         let rays = &scratch.rays;
-        if rays.valid == [0; PACKETS] {
+        scratch.hits.clear::<I>(&rays.valid, &scratch.limit);
+        if rays.packets() == 0 {
             return true;
         }
+        let [top, stack] = &mut scratch.stacks;
         let mut bodies = Bodies {
             scene: self,
+            slabs: rays.slabs(),
             rays,
             body_rays: &mut scratch.body_rays,
             hits: &mut scratch.hits,
-            table: &mut scratch.table,
-            stack: &mut scratch.stack,
-            traversals: cast.traversals,
-            num_leaves: 0,
+            planes: &mut scratch.planes,
+            stack,
             is_empty: true,
         };
         if cast.skip_empty {
-            rays.traverse::<I>(&self.top, &mut scratch.top, &mut bodies);
+            traverse::<I, 1>(&self.top, 1, top, &mut bodies);
             return bodies.is_empty;
         }
-        bodies.hits.clear::<I>(&rays.valid);
-        bodies.is_empty = false;
         for leaf in 0..self.bodies.len() {
-            bodies.visit::<I>(leaf, 1, 0.0);
+            bodies.visit::<I>(1, leaf, 1, 0.0);
         }
         false
     }
 }
 
-/// Visitor of the bodies that the rays of a tile may hit.
+/// Search of the bodies that the rays of a tile may hit.
 struct Bodies<'a> {
     scene: &'a PosedScene,
+    slabs: Slabs,
     rays: &'a TileRays,
     body_rays: &'a mut BodyRays,
     hits: &'a mut PacketHits,
-    table: &'a mut Table,
-    stack: &'a mut Vec<Waiting>,
-    traversals: Traversals,
-    /// Number of leaves visited.
-    num_leaves: usize,
+    planes: &'a mut Planes,
+    stack: &'a mut Vec<StackEntry>,
     /// True if no body was visited.
     is_empty: bool,
 }
 
-impl Visit for Bodies<'_> {
+impl Search<1> for Bodies<'_> {
     #[cfg_attr(optimised, inline(always))]
-    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
-        true
-    }
-
-    #[cfg_attr(optimised, inline(always))] // part of a kernel
-    fn visit<I: Isa>(&mut self, leaf: usize, _count: usize, _near: f32) -> f32 {
-        if self.is_empty {
-            self.hits.clear::<I>(&self.rays.valid);
-            self.is_empty = false;
-        }
-        let body = self.scene.bodies[leaf];
-        let surface = self.scene.surface(body);
-        let view = &self.scene.views[body as usize];
-        self.body_rays.aim::<I>(self.rays, view, surface.middle());
-        let exact = ExactRays {
-            scene: self.scene,
-            rays: self.rays,
-        };
-        let traversal = (self.traversals, NEAREST as f32);
-        let memory = (&mut *self.table, &mut *self.stack, &mut self.num_leaves);
-        surface.search::<I, _>(body, self.body_rays, traversal, self.hits, &exact, memory);
+    fn far(&self) -> f32 {
         self.hits.farthest()
     }
-}
 
-/// Exact tests for the rays of a tile.
-struct ExactRays<'a> {
-    scene: &'a PosedScene,
-    rays: &'a TileRays,
-}
-
-impl Exact for ExactRays<'_> {
-    fn distance(&self, ray: usize, body: u32, triangle: u32) -> Option<(f64, bool)> {
-        let crossing = self.scene.cross(self.rays.direction(ray), body, triangle)?;
-        Some((crossing.distance, crossing.is_edge_on))
-    }
-}
-
-/// Visitor that tests whether rays may meet any box of a tree.
-pub(crate) struct Touch(pub bool);
-
-impl Visit for Touch {
     #[cfg_attr(optimised, inline(always))]
-    fn expects<I: Isa>(&self, _: usize, _: &Node, _: usize) -> bool {
-        true
+    fn enter<I: Isa>(&self, _: usize, node: &Node, near: &mut [f32; WIDTH]) -> u32 {
+        self.slabs.enter::<I>(node, self.far(), near)
     }
 
-    #[cfg_attr(optimised, inline(always))] // part of a kernel
-    fn visit<I: Isa>(&mut self, _leaf: usize, _count: usize, _near: f32) -> f32 {
-        self.0 = true;
-        -1.0
+    #[cfg_attr(optimised, inline(always))]
+    fn visit<I: Isa>(&mut self, _: u32, leaf: usize, _: usize, _: f32) {
+        self.is_empty = false;
+        let (scene, rays) = (self.scene, self.rays);
+        let body = scene.bodies[leaf];
+        let surface = scene.surface(body);
+        let view = &scene.sensor_poses[body as usize];
+        self.body_rays.transform::<I>(rays, view, surface.anchor);
+        let mut search = PacketSearch {
+            rays: self.body_rays,
+            blocks: &surface.blocks,
+            max_coordinate: surface.max_coordinate,
+            body,
+            hits: self.hits,
+            exact: &|ray: usize, body: u32, triangle: u32| scene.cross(rays.direction(ray), body, triangle),
+            planes: self.planes,
+        };
+        traverse::<I, PACKETS>(&surface.tree, rays.packets(), self.stack, &mut search);
     }
 }
 
-#[cfg(test)]
-mod tests;
+/// Search for any box of a tree that directions may meet.
+struct Overlap {
+    slabs: Slabs,
+    is_met: bool,
+}
+
+impl Search<1> for Overlap {
+    #[cfg_attr(optimised, inline(always))]
+    fn far(&self) -> f32 {
+        if self.is_met { -1.0 } else { f32::MAX }
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn enter<I: Isa>(&self, _: usize, node: &Node, near: &mut [f32; WIDTH]) -> u32 {
+        self.slabs.enter::<I>(node, f32::MAX, near)
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn visit<I: Isa>(&mut self, _: u32, _: usize, _: usize, _: f32) {
+        self.is_met = true;
+    }
+}

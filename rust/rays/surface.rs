@@ -14,15 +14,9 @@ use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::topology::Topology;
 use crate::geometry::triangle::{MIN_AREA, area};
 use crate::numeric::random::mix;
-use crate::numeric::simd::{Isa, Kernel, Level, prefetch};
 use crate::rays::nearest_point;
-use crate::rays::packet::BodyRays;
-use crate::rays::packet_hits::{Exact, PacketHits};
-use crate::rays::packet_search::{Search, Traversals, Waiting};
-use crate::rays::traversal::{Single, Visit};
-use crate::rays::tree::{MOST_PRIMITIVES, Node, Primitives, Ray, Tree, WIDTH};
-use crate::rays::triangle_block::{Table, TriangleBlock};
-use crate::rays::watertight::{Crossing, WatertightTest};
+use crate::rays::tree::{MAX_PRIMITIVES, Primitives, Tree, WIDTH};
+use crate::rays::triangle_block::TriangleBlock;
 
 /// Largest coordinate that is accepted [m]: squares of lengths must stay finite.
 const LARGEST: f64 = 1e15;
@@ -44,16 +38,18 @@ pub struct Surface {
     mesh: Arc<Mesh>,
     /// Positions of the vertices of the mesh.
     vertices: Arc<Vec<DVec3>>,
-    /// Tree over boxes relative to `middle`.
-    tree: Tree,
-    blocks: Vec<TriangleBlock>,
+    /// Tree over boxes relative to `anchor`.
+    pub(super) tree: Tree,
+    /// Triangles of every leaf, relative to `anchor`.
+    pub(super) blocks: Vec<TriangleBlock>,
     /// Cost of the tree when it was built.
     built_cost: f64,
-    /// Largest coordinate relative to the middle.
-    reach: f32,
+    /// Largest coordinate relative to `anchor`.
+    pub(super) max_coordinate: f32,
     shading: Shading,
     bounds: Bounds,
-    middle: DVec3,
+    /// Point of the body that coordinates in single precision are relative to.
+    pub(super) anchor: DVec3,
     /// Boxes of the connected components; if asked for.
     part_bounds: OnceLock<Vec<Bounds>>,
 }
@@ -78,28 +74,13 @@ struct Mesh {
 /// new tree (`cargo bench --bench trace -- twisted`, a little below it).
 const DECAY: f64 = 2.0;
 
-/// Intersection of a ray with a triangle.
-#[derive(Clone, Copy, Debug)]
-pub struct TriangleHit {
-    /// Parameter along the ray.
-    pub distance: f64,
-    /// Number of the triangle in the surface.
-    pub triangle: u32,
-    /// Barycentric weights of the three corners; their sum is one.
-    pub barycentric: [f64; 3],
-}
-
 impl Surface {
-    /// Check a mesh, drop its degenerate triangles (area below 1e-18 m^2) and build its tree.
-    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode) -> Result<Self> {
-        Self::new_until(vertices, triangles, mode, &Cancel::default())
-    }
-
-    /// [`Self::new`] until a request to stop, in steps of a thousandth of the work.
-    pub fn new_until(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode, cancel: &Cancel) -> Result<Self> {
+    /// Check a mesh, drop its degenerate triangles (area below 1e-18 m^2) and build its tree, until a request to stop, in
+    /// steps of a thousandth of the work.
+    pub fn new(vertices: &[DVec3], triangles: &[[u32; 3]], mode: ShadingMode, cancel: &Cancel) -> Result<Self> {
         check_vertices(vertices)?;
-        if triangles.len() > MOST_PRIMITIVES {
-            let expected = format!("at most {MOST_PRIMITIVES}");
+        if triangles.len() > MAX_PRIMITIVES {
+            let expected = format!("at most {MAX_PRIMITIVES}");
             return Err(Error::value("triangles", expected, triangles.len()));
         }
         if let Some(bad) = triangles
@@ -150,20 +131,20 @@ impl Surface {
 
     /// Surface with a new tree.
     fn build(mesh: Arc<Mesh>, vertices: Arc<Vec<DVec3>>, shading: Shading, cancel: &Cancel) -> Result<Self> {
-        let middle = mesh.bounds(&vertices).middle();
-        let relative = |triangle: usize| mesh.relative(&vertices, triangle, middle);
+        let anchor = mesh.bounds(&vertices).middle();
+        let relative = |triangle: usize| mesh.relative(&vertices, triangle, anchor);
         let (tree, primitives) = Tree::build(mesh.triangles.len(), WIDTH, |i| Bounds::of_triangle(&relative(i)));
         finished(cancel, 350)?;
-        let fitted = Fitted::new(&mesh, &vertices, middle, primitives.into_par_iter());
+        let fitted = Fitted::new(&mesh, &vertices, anchor, primitives.into_par_iter());
         finished(cancel, 150)?;
         Ok(Self {
             blocks: fitted.blocks,
             built_cost: tree.cost(),
             tree,
-            reach: reach(&fitted.bounds),
+            max_coordinate: max_coordinate(&fitted.bounds),
             shading,
-            bounds: fitted.bounds.moved(middle),
-            middle,
+            bounds: fitted.bounds.moved(anchor),
+            anchor,
             part_bounds: OnceLock::new(),
             vertices,
             mesh,
@@ -171,13 +152,8 @@ impl Surface {
     }
 
     /// Surface with the same triangles and moved vertices [m]. The tree keeps its topology and gets new boxes, unless
-    /// its cost has grown too much since it was built; then a new one is built.
-    pub fn deform(&self, vertices: Vec<DVec3>) -> Result<Self> {
-        self.deform_until(vertices, &Cancel::default())
-    }
-
-    /// [`Self::deform`] until a request to stop.
-    pub fn deform_until(&self, vertices: Vec<DVec3>, cancel: &Cancel) -> Result<Self> {
+    /// its cost has grown too much since it was built; then a new one is built, until a request to stop.
+    pub fn deform(&self, vertices: Vec<DVec3>, cancel: &Cancel) -> Result<Self> {
         if vertices.len() != self.vertices.len() {
             let expected = format!("{} as the mesh has", self.vertices.len());
             return Err(Error::value("vertices", expected, vertices.len()));
@@ -195,16 +171,16 @@ impl Surface {
             }
         };
         cancel.check()?;
-        let fit = |middle: DVec3| {
+        let fit = |anchor: DVec3| {
             let primitives = self.blocks.par_iter().map(|block| block.triangles);
-            Fitted::new(&mesh, &vertices, middle, primitives)
+            Fitted::new(&mesh, &vertices, anchor, primitives)
         };
-        let (mut middle, mut fitted) = (self.middle, fit(self.middle));
+        let (mut anchor, mut fitted) = (self.anchor, fit(self.anchor));
         // Coordinates relative to a point far away are inexact in single precision.
         let half = 0.5 * (fitted.bounds.max - fitted.bounds.min).max_element();
-        if f64::from(reach(&fitted.bounds)) > 4.0 * half {
-            middle += fitted.bounds.middle();
-            fitted = fit(middle);
+        if f64::from(max_coordinate(&fitted.bounds)) > 4.0 * half {
+            anchor += fitted.bounds.middle();
+            fitted = fit(anchor);
         }
         cancel.check()?;
         let tree = self.tree.refit(|leaf| fitted.boxes[leaf]);
@@ -215,10 +191,10 @@ impl Surface {
             blocks: fitted.blocks,
             tree,
             built_cost: self.built_cost,
-            reach: reach(&fitted.bounds),
+            max_coordinate: max_coordinate(&fitted.bounds),
             shading,
-            bounds: fitted.bounds.moved(middle),
-            middle,
+            bounds: fitted.bounds.moved(anchor),
+            anchor,
             part_bounds: OnceLock::new(),
             vertices,
             mesh,
@@ -241,7 +217,7 @@ impl Surface {
                 .part_bounds
                 .get()
                 .map_or(0, |bounds| size_of_val(bounds.as_slice()))
-            + self.tree.memory()
+            + size_of_val(self.tree.nodes.as_slice())
             + size_of_val(self.blocks.as_slice())
             + self.shading.memory()
     }
@@ -313,73 +289,14 @@ impl Surface {
         self.shading.corner_normals(triangle as usize)
     }
 
-    /// Nearest triangle that the ray meets before `far`; of several at the same distance the first.
-    pub fn nearest(&self, ray: &Ray, far: f64) -> Option<TriangleHit> {
-        self.nearest_at(ray, far, Level::best())
-    }
-
-    /// [`Self::nearest`] with a given instruction set.
-    pub fn nearest_at(&self, ray: &Ray, far: f64, level: Level) -> Option<TriangleHit> {
-        level
-            .run(Nearest {
-                surface: self,
-                ray,
-                far,
-                is_any_enough: false,
-            })
-            .hit
-    }
-
     /// Distance [m] of a point from the nearest triangle that is not all behind the plane through the point with normal
     /// `forward`; at most `limit`.
     pub fn distance_in_front(&self, point: DVec3, forward: DVec3, limit: f64) -> f64 {
         let corners = |leaf: usize, count: usize| {
             let triangles = self.blocks[leaf].triangles[..count].iter();
-            triangles.map(|triangle| self.mesh.relative(&self.vertices, *triangle as usize, self.middle))
+            triangles.map(|triangle| self.mesh.relative(&self.vertices, *triangle as usize, self.anchor))
         };
-        nearest_point::distance_in_front(&self.tree, point - self.middle, forward, limit, corners)
-    }
-
-    /// True if a ray meets any triangle before `far`. The search ends at the first triangle that it finds.
-    pub fn blocks(&self, ray: &Ray, far: f64) -> bool {
-        let nearest = Nearest {
-            surface: self,
-            ray,
-            far,
-            is_any_enough: true,
-        };
-        Level::best().run(nearest).hit.is_some()
-    }
-
-    /// Point that the tree's coordinates are relative to.
-    pub fn middle(&self) -> DVec3 {
-        self.middle
-    }
-
-    /// Search for triangles beyond `start` and nearer than the hits so far of the rays of a tile; see [`Search`].
-    #[cfg_attr(optimised, inline(always))]
-    pub fn search<I: Isa, E: Exact>(
-        &self,
-        body: u32,
-        rays: &mut BodyRays,
-        (traversals, start): (Traversals, f32),
-        hits: &mut PacketHits,
-        exact: &E,
-        (table, stack, num_leaves): (&mut Table, &mut Vec<Waiting>, &mut usize),
-    ) {
-        let mut search = Search {
-            rays,
-            blocks: &self.blocks,
-            reach: self.reach,
-            body,
-            traversals,
-            start,
-            hits,
-            exact,
-            table,
-            num_leaves,
-        };
-        search.traverse::<I>(&self.tree, stack);
+        nearest_point::distance_in_front(&self.tree, point - self.anchor, forward, limit, corners)
     }
 }
 
@@ -440,13 +357,13 @@ impl Fitted {
     fn new(
         mesh: &Mesh,
         vertices: &[DVec3],
-        middle: DVec3,
+        anchor: DVec3,
         primitives: impl IndexedParallelIterator<Item = Primitives>,
     ) -> Self {
         let fit = |triangles: Primitives| {
             let mut bounds = Bounds::EMPTY;
             let block = TriangleBlock::new(triangles, |triangle| {
-                let corners = mesh.relative(vertices, triangle as usize, middle);
+                let corners = mesh.relative(vertices, triangle as usize, anchor);
                 bounds = bounds.union(&Bounds::of_triangle(&corners));
                 corners
             });
@@ -459,7 +376,7 @@ impl Fitted {
 }
 
 /// Largest coordinate of a box.
-fn reach(bounds: &Bounds) -> f32 {
+fn max_coordinate(bounds: &Bounds) -> f32 {
     let largest = bounds.max.max(-bounds.min).max_element();
     (largest.max(0.0) as f32).next_up()
 }
@@ -474,116 +391,6 @@ fn content_hash(vertices: &[DVec3], triangles: &[[u32; 3]]) -> u64 {
     };
     let parts: Vec<u64> = triangles.par_chunks(4096).map(of).collect();
     parts.into_iter().fold(0, |state, part| mix(state ^ part))
-}
-
-/// Search for the nearest triangle of a ray.
-pub struct Nearest<'a> {
-    /// Surface to search.
-    pub surface: &'a Surface,
-    /// Ray in body coordinates.
-    pub ray: &'a Ray,
-    /// Distance at which the search ends.
-    pub far: f64,
-    /// True if the first triangle found is enough, nearest or not.
-    pub is_any_enough: bool,
-}
-
-/// Result of a search.
-pub struct Found {
-    /// Triangle that was hit.
-    pub hit: Option<TriangleHit>,
-    /// True if boxes that the ray enters before the triangle were left out because any triangle is enough.
-    pub ended_early: bool,
-}
-
-impl Kernel for Nearest<'_> {
-    type Output = Found;
-
-    #[cfg_attr(optimised, inline(always))] // see `Kernel`
-    fn run<I: Isa>(self) -> Found {
-        let surface = self.surface;
-        let single = Single::new(self.ray.origin - surface.middle(), self.ray.direction);
-        let mut visitor = NearestVisitor {
-            surface,
-            single: &single,
-            test: WatertightTest::new(self.ray),
-            nearest: None,
-            far: self.far,
-            is_any_enough: self.is_any_enough,
-            ended_early: false,
-        };
-        single.traverse::<I>(
-            &surface.tree,
-            above(self.far),
-            &mut Vec::with_capacity(64),
-            &mut visitor,
-        );
-        Found {
-            hit: visitor.nearest,
-            ended_early: visitor.ended_early,
-        }
-    }
-}
-
-/// Upper bound of a distance in single precision.
-pub fn above(distance: f64) -> f32 {
-    let distance = distance.min(f64::from(f32::MAX)) as f32;
-    distance.next_up()
-}
-
-/// Visitor of the leaves that one ray may hit.
-struct NearestVisitor<'a> {
-    surface: &'a Surface,
-    single: &'a Single,
-    test: WatertightTest,
-    nearest: Option<TriangleHit>,
-    far: f64,
-    is_any_enough: bool,
-    ended_early: bool,
-}
-
-impl Visit for NearestVisitor<'_> {
-    #[cfg_attr(optimised, inline(always))]
-    fn expects<I: Isa>(&self, leaf: usize, _: &Node, _: usize) -> bool {
-        prefetch(&self.surface.blocks[leaf]);
-        true
-    }
-
-    #[cfg_attr(optimised, inline(always))] // part of a kernel
-    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, _near: f32) -> f32 {
-        let block = &self.surface.blocks[leaf];
-        let mut met = self.single.may_meet::<I>(block, count, self.surface.reach);
-        while met != 0 {
-            let triangle = block.triangles[met.trailing_zeros() as usize];
-            met &= met - 1;
-            let Some(crossing) = self.test.intersect(&self.surface.corners(triangle)) else {
-                continue;
-            };
-            let Crossing {
-                distance, barycentric, ..
-            } = crossing;
-            let is_first = self
-                .nearest
-                .is_none_or(|hit| distance < hit.distance || triangle < hit.triangle);
-            if distance < self.far || (distance <= self.far && is_first) {
-                self.far = distance;
-                self.nearest = Some(TriangleHit {
-                    distance,
-                    triangle,
-                    barycentric,
-                });
-            }
-        }
-        if self.is_any_enough && self.nearest.is_some() {
-            return -1.0;
-        }
-        above(self.far)
-    }
-
-    #[cfg_attr(optimised, inline(always))]
-    fn leave_out(&mut self, near: f32) {
-        self.ended_early |= near <= above(self.far);
-    }
 }
 
 #[cfg(test)]

@@ -2,110 +2,99 @@
 //!
 //! Boxes are in single precision with bounds on every rounding: no box that a ray meets is missed.
 
-use glam::DVec3;
-
 use crate::numeric::simd::{Isa, Vector, prefetch};
 use crate::rays::tree::{Child, Kind, Node, Tree, WIDTH};
-use crate::rays::triangle_block::{TriangleBlock, UNIT};
+use crate::rays::triangle_block::UNIT;
 
-/// Visitor of the leaves of a tree.
-pub trait Visit {
-    /// True if a leaf, child of a node, is to be visited.
-    fn expects<I: Isa>(&self, leaf: usize, node: &Node, place: usize) -> bool;
-
-    /// Visit a leaf of `count` primitives that rays enter at `near`. Returns the distance at which the search
-    /// ends.
-    fn visit<I: Isa>(&mut self, leaf: usize, count: usize, near: f32) -> f32;
-
-    /// Note a box that rays enter at `near` and that is left out, as the search ends before it.
-    #[cfg_attr(optimised, inline(always))]
-    fn leave_out(&mut self, _near: f32) {}
+/// Child that waits to be visited.
+#[derive(Clone, Copy)]
+pub struct StackEntry {
+    /// Distance of entry above, child below: distances are not negative, and ordered as their bits.
+    key: u64,
+    /// Bit mask of the packets that may meet it.
+    packets: u32,
 }
 
-/// Visit all leaves whose boxes any direction may meet before `far`, near ones first.
-#[cfg_attr(optimised, inline(always))]
-pub fn traverse<I: Isa>(slabs: &Slabs, tree: &Tree, mut far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
-    if tree.nodes.is_empty() {
-        return;
+/// Search of a tree by `N` packets of rays.
+pub trait Search<const N: usize> {
+    /// Distance beyond which nothing is visited.
+    fn far(&self) -> f32;
+
+    /// Bit mask of the children of a node that a packet may meet; lowers `near` to distances of entry.
+    fn enter<I: Isa>(&self, packet: usize, node: &Node, near: &mut [f32; WIDTH]) -> u32;
+
+    /// Bit mask of the packets, of a mask of those that meet its box, that visit a leaf, child of a node.
+    #[cfg_attr(optimised, inline(always))]
+    fn should_visit<I: Isa>(&self, packets: u32, _leaf: usize, _node: &Node, _slot: usize) -> u32 {
+        packets
     }
-    // Distance above, child below: distances are not negative, and ordered as their bits.
-    let bottom = stack.len();
-    stack.push(0);
-    while stack.len() > bottom {
-        let Some(entry) = stack.pop() else { break };
-        let near = f32::from_bits((entry >> 32) as u32);
-        if near > far {
-            visitor.leave_out(near);
+
+    /// Visit a leaf of `count` primitives that packets of a mask enter at `near`.
+    fn visit<I: Isa>(&mut self, packets: u32, leaf: usize, count: usize, near: f32);
+}
+
+/// Visit all leaves whose boxes any packet of a mask may meet, near ones first.
+#[cfg_attr(optimised, inline(always))]
+pub fn traverse<I: Isa, const N: usize>(
+    tree: &Tree,
+    packets: u32,
+    stack: &mut Vec<StackEntry>,
+    search: &mut impl Search<N>,
+) {
+    stack.clear();
+    if !tree.nodes.is_empty() && packets != 0 {
+        stack.push(StackEntry { key: 0, packets });
+    }
+    while let Some(StackEntry { key, packets }) = stack.pop() {
+        let near = f32::from_bits((key >> 32) as u32);
+        if near > search.far() {
             continue;
         }
-        let node = match Child(entry as u32).kind() {
+        let node = match Child(key as u32).kind() {
             Kind::Leaf(leaf, count) => {
-                far = visitor.visit::<I>(leaf, count, near);
+                search.visit::<I>(packets, leaf, count, near);
                 continue;
             }
             Kind::Node(node) => &tree.nodes[node],
         };
-        let mut nears = [0.0; WIDTH];
-        let mut met = slabs.enter::<I>(node, far, &mut nears);
+        let mut nears = [f32::INFINITY; WIDTH];
+        let mut met_by = [0; N];
+        let mut met = 0;
+        for packet in 0..N {
+            if packets >> packet & 1 == 1 {
+                met_by[packet] = search.enter::<I>(packet, node, &mut nears);
+                met |= met_by[packet];
+            }
+        }
         let first = stack.len();
         while met != 0 {
-            let place = met.trailing_zeros() as usize;
+            let slot = met.trailing_zeros() as usize;
             met &= met - 1;
-            let child = node.child[place];
+            let mut packets = 0;
+            for packet in 0..N {
+                packets |= (met_by[packet] >> slot & 1) << packet;
+            }
+            let child = node.child[slot];
             match child.kind() {
                 Kind::Node(node) => prefetch(&tree.nodes[node]),
                 Kind::Leaf(leaf, _) => {
-                    if !visitor.expects::<I>(leaf, node, place) {
+                    packets = search.should_visit::<I>(packets, leaf, node, slot);
+                    if packets == 0 {
                         continue;
                     }
                 }
             }
-            let entry = u64::from(nears[place].to_bits()) << 32 | u64::from(child.0);
+            let key = u64::from(nears[slot].to_bits()) << 32 | u64::from(child.0);
+            let entry = StackEntry { key, packets };
             // The nearest on top.
             let mut at = stack.len();
             stack.push(entry);
-            while at > first && stack[at - 1] < entry {
+            while at > first && stack[at - 1].key < key {
                 stack[at] = stack[at - 1];
                 at -= 1;
             }
             stack[at] = entry;
         }
-    }
-}
-
-/// Single ray in single precision, with bounds of its coordinates.
-pub struct Single {
-    origin: [f32; 3],
-    reach: f32,
-    direction: [f32; 3],
-    length: f32,
-}
-
-impl Single {
-    /// Ray from an origin relative to a point of the body.
-    pub fn new(origin: DVec3, direction: DVec3) -> Self {
-        Self {
-            origin: origin.to_array().map(|x| x as f32),
-            reach: origin.abs().max_element() as f32 * (1.0 + 2.0 * UNIT),
-            direction: direction.to_array().map(|x| x as f32),
-            length: direction.abs().element_sum() as f32 * (1.0 + 2.0 * UNIT),
-        }
-    }
-
-    /// Visit all leaves whose boxes the ray may meet before `far`, near ones first.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn traverse<I: Isa>(&self, tree: &Tree, far: f32, stack: &mut Vec<u64>, visitor: &mut impl Visit) {
-        let low = self.direction.map(f32::next_down);
-        let high = self.direction.map(f32::next_up);
-        let slabs = Slabs::new(&self.origin, self.reach, &low, &high);
-        traverse::<I>(&slabs, tree, far, stack, visitor);
-    }
-
-    /// Bit mask of the triangles of a block that the ray may meet; `reach` bounds the coordinates of the triangles.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn may_meet<I: Isa>(&self, block: &TriangleBlock, count: usize, reach: f32) -> u32 {
-        let planes = block.planes::<I>(&self.origin, reach + self.reach, self.length);
-        planes.may_be_met_by(&self.direction) & ((1 << count) - 1)
     }
 }
 
@@ -134,9 +123,9 @@ impl Slabs {
         sign: [Sign::Both; 3],
     };
 
-    /// Slabs from smallest and largest directions; `reach` bounds the coordinates of the origin.
+    /// Slabs from smallest and largest directions; `max_coordinate` bounds the coordinates of the origin.
     #[cfg_attr(optimised, inline(always))]
-    pub fn new(origin: &[f32; 3], reach: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
+    pub fn new(origin: &[f32; 3], max_coordinate: f32, low: &[f32; 3], high: &[f32; 3]) -> Self {
         let mut slabs = Self::EMPTY;
         for axis in 0..3 {
             let (low, high) = (low[axis], high[axis]);
@@ -148,13 +137,13 @@ impl Slabs {
                 Sign::Both
             };
             slabs.inverse[axis] = [low.recip().clamp(-1e30, 1e30), high.recip().clamp(-1e30, 1e30)];
-            let pad = 8.0 * UNIT * reach;
+            let pad = 8.0 * UNIT * max_coordinate;
             slabs.origin[axis] = [origin[axis] + pad, origin[axis] - pad];
         }
         slabs
     }
 
-    /// Bit mask of the children whose boxes any direction may meet before `far`; `near` gets the distances of entry.
+    /// Bit mask of the children whose boxes any direction may meet before `far`; lowers `near` to distances of entry.
     #[cfg_attr(optimised, inline(always))]
     pub fn enter<I: Isa>(&self, node: &Node, far: f32, near: &mut [f32; WIDTH]) -> u32 {
         let splat = <I::F32 as Vector>::splat;
@@ -173,8 +162,8 @@ impl Slabs {
         }
         // A few roundings per bound.
         let entry = entry.mul(splat(1.0 - 16.0 * UNIT));
-        entry.store(near);
-        // Places without a child lie beyond every distance.
+        entry.min(I::F32::load(near)).store(near);
+        // Slots without a child lie beyond every distance.
         entry.at_most(exit.mul(splat(1.0 + 16.0 * UNIT))) & entry.at_most(splat(f32::MAX))
     }
 }

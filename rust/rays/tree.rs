@@ -1,18 +1,5 @@
 //! Bounding-volume trees of 16 children per node, with boxes in f32.
 
-use glam::DVec3;
-
-/// Half-line of a search: points `origin + t direction` with `t > start`.
-#[derive(Clone, Copy, Debug)]
-pub struct Ray {
-    /// Origin [m].
-    pub origin: DVec3,
-    /// Direction; `t` counts in lengths of it.
-    pub direction: DVec3,
-    /// Largest `t` at which there are no hits yet.
-    pub start: f64,
-}
-
 /// Number of children of a node, and largest number of primitives of a leaf.
 pub const WIDTH: usize = 16;
 
@@ -21,15 +8,13 @@ pub const WIDTH: usize = 16;
 pub struct Tree {
     /// Node 0 is the root; children come after their parents. Empty if there are no boxes.
     pub nodes: Vec<Node>,
-    /// Number of leaves.
-    pub num_leaves: usize,
 }
 
 /// Inner node: boxes of the children, and their kinds.
 #[derive(Clone)]
 #[repr(C, align(64))]
 pub struct Node {
-    /// Smallest coordinates, axis by axis; places without a child hold a box that nothing meets.
+    /// Smallest coordinates, axis by axis; slots without a child hold a box that nothing meets.
     pub min: [[f32; WIDTH]; 3],
     /// Largest coordinates.
     pub max: [[f32; WIDTH]; 3],
@@ -84,14 +69,7 @@ impl Child {
 }
 
 /// Largest number of primitives of a tree: numbers of leaves have 27 bits, and a leaf may hold a single one.
-pub const MOST_PRIMITIVES: usize = 1 << 27;
+pub const MAX_PRIMITIVES: usize = 1 << 27;
 
 /// Primitives of a leaf, the last one repeated.
 pub type Primitives = [u32; WIDTH];
-
-impl Tree {
-    /// Memory [bytes].
-    pub fn memory(&self) -> usize {
-        size_of_val(self.nodes.as_slice())
-    }
-}

@@ -44,7 +44,7 @@ pub struct TriangleBlock {
 }
 
 impl TriangleBlock {
-    /// Block from the corners of [`WIDTH`] triangles, relative to the middle of the surface.
+    /// Block from the corners of [`WIDTH`] triangles, relative to the anchor of the surface.
     pub fn new(triangles: [u32; WIDTH], mut corners: impl FnMut(u32) -> [DVec3; 3]) -> Self {
         let mut block = Self {
             corners: [[[0.0; WIDTH]; 3]; 3],
@@ -59,17 +59,79 @@ impl TriangleBlock {
         }
         block
     }
+}
 
-    /// Planes through the origin and each edge, of all triangles; `reach` bounds the coordinates of origin and corners
-    /// together, `length` those of directions.
+#[cfg_attr(optimised, inline(always))]
+fn abs<V: Vector>(x: V) -> V {
+    x.max(V::splat(V::Scalar::default()).sub(x))
+}
+
+#[cfg_attr(optimised, inline(always))]
+fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
+    [
+        a[2].neg_mul_add(b[1], a[1].mul(b[2])),
+        a[0].neg_mul_add(b[2], a[2].mul(b[0])),
+        a[1].neg_mul_add(b[0], a[0].mul(b[1])),
+    ]
+}
+
+/// Planes of the triangles of a block, with signs such that rays that meet a triangle are above all of its planes.
+#[repr(C, align(64))]
+pub struct Planes {
+    /// Normals of the planes of every edge, axis by axis.
+    edges: [[[f32; WIDTH]; 3]; 3],
+    normal: [[f32; WIDTH]; 3],
+    /// Height of the triangle's plane over the origin, times the length of the normal.
+    height: [f32; WIDTH],
+    /// Error of `D . edges`.
+    tolerance: [f32; WIDTH],
+    /// Error of distances, times `D . normal`.
+    slack: [f32; WIDTH],
+    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: the signs of its
+    /// planes may be wrong.
+    pub unclear: u32,
+}
+
+/// Distances of a packet of rays to a triangle.
+pub struct Distances<V> {
+    /// Bit mask of the rays that certainly meet the triangle.
+    pub certain: u32,
+    /// Bit mask of the rays whose bounds hold if they meet.
+    pub measured: u32,
+    /// Lower bound of the distance.
+    pub near: V,
+    /// Upper bound of the distance.
+    pub far: V,
+}
+
+impl Planes {
+    /// Planes of no triangles.
+    pub const EMPTY: Self = Self {
+        edges: [[[0.0; WIDTH]; 3]; 3],
+        normal: [[0.0; WIDTH]; 3],
+        height: [0.0; WIDTH],
+        tolerance: [0.0; WIDTH],
+        slack: [0.0; WIDTH],
+        unclear: 0,
+    };
+
+    /// Planes through the origin and each edge, of all triangles of a block; `max_coordinate` bounds the coordinates of
+    /// origin and corners together, `length` the coordinates of directions. Without `DISTANCES` only for
+    /// [`Self::may_meet`].
     #[cfg_attr(optimised, inline(always))]
-    pub fn planes<I: Isa>(&self, origin: &[f32; 3], reach: f32, length: f32) -> Planes<I::F32> {
+    pub fn fill<I: Isa, const DISTANCES: bool>(
+        &mut self,
+        block: &TriangleBlock,
+        origin: &[f32; 3],
+        max_coordinate: f32,
+        length: f32,
+    ) {
         let splat = <I::F32 as Vector>::splat;
         let zero = splat(0.0);
         let mut corners = [[zero; 3]; 3];
         for corner in 0..3 {
             for axis in 0..3 {
-                corners[corner][axis] = I::F32::load(&self.corners[corner][axis]).sub(splat(origin[axis]));
+                corners[corner][axis] = I::F32::load(&block.corners[corner][axis]).sub(splat(origin[axis]));
             }
         }
         let mut edges = [[zero; 3]; 3];
@@ -92,180 +154,46 @@ impl TriangleBlock {
         let height = a.mul(x).add(b.mul(y)).add(c.mul(z));
 
         // Planes of triangles seen from behind change sign.
-        let is_behind = height.at_most(zero);
-        let turn = splat(-1.0).select(is_behind, splat(1.0));
+        let sign = splat(-1.0).select(height.at_most(zero), splat(1.0));
+        let height = height.mul(sign);
         for axis in 0..3 {
             for edge in 0..3 {
-                edges[edge][axis] = edges[edge][axis].mul(turn);
+                edges[edge][axis].mul(sign).store(&mut self.edges[edge][axis]);
+            }
+            if DISTANCES {
+                normal[axis].mul(sign).store(&mut self.normal[axis]);
             }
         }
-        let height = height.mul(turn);
-        Planes {
-            edges,
-            normal: [x.mul(turn), y.mul(turn), z.mul(turn)],
-            height,
-            tolerance: longest.mul(splat(SIDE * reach * length)),
-            slack: longest.mul(longest).mul(splat(DISTANCE * reach)),
-            unclear: height.at_most(longest.mul(splat(FACE * reach * reach))),
+        longest
+            .mul(splat(SIDE * max_coordinate * length))
+            .store(&mut self.tolerance);
+        if DISTANCES {
+            height.store(&mut self.height);
+            longest
+                .mul(longest)
+                .mul(splat(DISTANCE * max_coordinate))
+                .store(&mut self.slack);
         }
+        self.unclear = height.at_most(longest.mul(splat(FACE * max_coordinate * max_coordinate)));
     }
-}
 
-#[cfg_attr(optimised, inline(always))]
-fn abs<V: Vector>(x: V) -> V {
-    x.max(V::splat(V::Scalar::default()).sub(x))
-}
-
-#[cfg_attr(optimised, inline(always))]
-fn cross<V: Vector>(a: [V; 3], b: [V; 3]) -> [V; 3] {
-    [
-        a[2].neg_mul_add(b[1], a[1].mul(b[2])),
-        a[0].neg_mul_add(b[2], a[2].mul(b[0])),
-        a[1].neg_mul_add(b[0], a[0].mul(b[1])),
-    ]
-}
-
-/// Planes of the triangles of a block, with signs such that rays that meet a triangle are above all of its planes.
-pub struct Planes<V> {
-    /// Normals of the planes of every edge, axis by axis.
-    edges: [[V; 3]; 3],
-    normal: [V; 3],
-    /// Height of the triangle's plane over the origin, times the length of the normal.
-    height: V,
-    /// Error of `D . edges`.
-    tolerance: V,
-    /// Error of distances, times `D . normal`.
-    slack: V,
-    /// A bit per triangle whose plane goes through the origin, as far as single precision can tell: planes may be
-    /// turned the wrong way.
-    pub unclear: u32,
-}
-
-impl<V: Vector<Scalar = f32>> Planes<V> {
     /// Bit mask of triangles that any direction within `half` of `center` may meet.
     #[cfg_attr(optimised, inline(always))]
-    pub fn may_meet(&self, center: &[f32; 3], half: &[f32; 3]) -> u32 {
-        let zero = V::splat(0.0);
+    pub fn may_meet<I: Isa>(&self, center: &[f32; 3], half: &[f32; 3]) -> u32 {
+        let splat = <I::F32 as Vector>::splat;
+        let tolerance = I::F32::load(&self.tolerance);
         let mut bits = u32::MAX;
         for edge in 0..3 {
-            let mut most = self.tolerance.add(self.tolerance);
+            let mut side = tolerance.add(tolerance);
             for axis in 0..3 {
-                let plane = self.edges[edge][axis];
-                most = plane.mul_add(V::splat(center[axis]), most);
-                most = abs(plane).mul_add(V::splat(half[axis]), most);
+                let plane = I::F32::load(&self.edges[edge][axis]);
+                side = plane.mul_add(splat(center[axis]), side);
+                side = abs(plane).mul_add(splat(half[axis]), side);
             }
-            bits &= zero.at_most(most);
+            bits &= splat(0.0).at_most(side);
         }
         bits | self.unclear
     }
-
-    /// Bit mask of triangles that one direction may meet.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn may_be_met_by(&self, direction: &[f32; 3]) -> u32 {
-        let zero = V::splat(0.0);
-        let mut bits = u32::MAX;
-        for edge in 0..3 {
-            let mut side = self.tolerance;
-            for axis in 0..3 {
-                side = self.edges[edge][axis].mul_add(V::splat(direction[axis]), side);
-            }
-            bits &= zero.at_most(side);
-        }
-        bits | self.unclear
-    }
-
-    /// Bit mask of triangles that a ray may meet, and depth inside; see [`Table::meet`].
-    #[cfg_attr(optimised, inline(always))]
-    pub fn meet(&self, direction: &[V; 3]) -> (u32, V) {
-        let mut sides = [self.tolerance; 3];
-        for edge in 0..3 {
-            for axis in 0..3 {
-                sides[edge] = direction[axis].mul_add(self.edges[edge][axis], sides[edge]);
-            }
-        }
-        let least = sides[0].min(sides[1]).min(sides[2]);
-        (V::splat(0.0).at_most(least), least)
-    }
-
-    /// Bit mask of triangles that a ray may meet, if their planes may be turned the wrong way.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn meet_unclear(&self, direction: &[V; 3]) -> u32 {
-        let mut least = V::splat(f32::INFINITY);
-        let mut most = V::splat(f32::NEG_INFINITY);
-        for edge in 0..3 {
-            let mut side = V::splat(0.0);
-            for axis in 0..3 {
-                side = direction[axis].mul_add(self.edges[edge][axis], side);
-            }
-            (least, most) = (least.min(side), most.max(side));
-        }
-        V::splat(0.0).sub(self.tolerance).at_most(least) | most.at_most(self.tolerance)
-    }
-
-    /// Intersections of a ray with the triangles, from the least distances that [`Self::meet`] returned.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn cross(&self, direction: &[V; 3], least: V) -> Crossing<V> {
-        let mut slope = V::splat(0.0);
-        for axis in 0..3 {
-            slope = direction[axis].mul_add(self.normal[axis], slope);
-        }
-        let inverse = V::splat(1.0).div(slope);
-        let (distance, slack) = (inverse.mul(self.height), inverse.mul(self.slack));
-        let twice = self.tolerance.add(self.tolerance);
-        Crossing {
-            certain: twice.add(self.tolerance).at_most(least),
-            measured: twice.at_most(slope),
-            near: distance.sub(slack),
-            far: distance.add(slack),
-        }
-    }
-
-    /// Store in memory, to be read triangle by triangle.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn store(&self, table: &mut Table) {
-        for axis in 0..3 {
-            for edge in 0..3 {
-                self.edges[edge][axis].store(&mut table.edges[edge][axis]);
-            }
-            self.normal[axis].store(&mut table.normal[axis]);
-        }
-        self.height.store(&mut table.height);
-        self.tolerance.store(&mut table.tolerance);
-        self.slack.store(&mut table.slack);
-    }
-}
-
-/// [`Planes`] in memory.
-#[repr(C, align(64))]
-pub struct Table {
-    edges: [[[f32; WIDTH]; 3]; 3],
-    normal: [[f32; WIDTH]; 3],
-    height: [f32; WIDTH],
-    tolerance: [f32; WIDTH],
-    slack: [f32; WIDTH],
-}
-
-/// Intersections of a packet of rays with one triangle, or of one ray with the triangles of a block.
-pub struct Crossing<V> {
-    /// Bit mask of the lanes that certainly meet.
-    pub certain: u32,
-    /// Bit mask of the lanes whose distances hold if they meet.
-    pub measured: u32,
-    /// Lower bound of the distance.
-    pub near: V,
-    /// Upper bound of the distance.
-    pub far: V,
-}
-
-impl Table {
-    /// Planes of no triangles.
-    pub const EMPTY: Self = Self {
-        edges: [[[0.0; WIDTH]; 3]; 3],
-        normal: [[0.0; WIDTH]; 3],
-        height: [0.0; WIDTH],
-        tolerance: [0.0; WIDTH],
-        slack: [0.0; WIDTH],
-    };
 
     /// Bit mask of rays that may meet a triangle, and depth inside: the least distance from an edge's plane plus
     /// the tolerance.
@@ -279,39 +207,27 @@ impl Table {
             }
         }
         let least = sides[0].min(sides[1]).min(sides[2]);
-        (V::splat(0.0).at_most(least), least)
-    }
-
-    /// Bit mask of rays that may meet a triangle whose planes may be turned the wrong way.
-    #[cfg_attr(optimised, inline(always))]
-    pub fn meet_unclear<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3]) -> u32 {
-        let tolerance = V::splat(self.tolerance[triangle]);
-        let mut least = V::splat(f32::INFINITY);
-        let mut most = V::splat(f32::NEG_INFINITY);
-        for edge in 0..3 {
-            let mut side = V::splat(0.0);
-            for axis in 0..3 {
-                side = directions[axis].mul_add(V::splat(self.edges[edge][axis][triangle]), side);
-            }
-            (least, most) = (least.min(side), most.max(side));
+        let mut met = V::splat(0.0).at_most(least);
+        if self.unclear >> triangle & 1 == 1 {
+            // The ray may also be below all planes.
+            let most = sides[0].max(sides[1]).max(sides[2]);
+            met |= most.at_most(tolerance.add(tolerance));
         }
-        V::splat(0.0).sub(tolerance).at_most(least) | most.at_most(tolerance)
+        (met, least)
     }
 
-    /// Intersections of rays with a triangle, from the least distance that [`Self::meet`] returned.
+    /// Distances of rays to a triangle, from the depth that [`Self::meet`] returned.
     #[cfg_attr(optimised, inline(always))]
-    pub fn cross<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3], least: V) -> Crossing<V> {
+    pub fn distances<V: Vector<Scalar = f32>>(&self, triangle: usize, directions: &[V; 3], depth: V) -> Distances<V> {
         let mut slope = V::splat(0.0);
         for axis in 0..3 {
             slope = directions[axis].mul_add(V::splat(self.normal[axis][triangle]), slope);
         }
         let inverse = V::splat(1.0).div(slope);
-        let (distance, slack) = (
-            inverse.mul(V::splat(self.height[triangle])),
-            inverse.mul(V::splat(self.slack[triangle])),
-        );
-        Crossing {
-            certain: V::splat(3.0 * self.tolerance[triangle]).at_most(least),
+        let distance = inverse.mul(V::splat(self.height[triangle]));
+        let slack = inverse.mul(V::splat(self.slack[triangle]));
+        Distances {
+            certain: V::splat(3.0 * self.tolerance[triangle]).at_most(depth),
             measured: V::splat(2.0 * self.tolerance[triangle]).at_most(slope),
             near: distance.sub(slack),
             far: distance.add(slack),

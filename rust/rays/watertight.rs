@@ -2,9 +2,18 @@
 
 use glam::DVec3;
 
-use crate::rays::tree::Ray;
+/// Half-line of a search: points `origin + t direction` with `t > start`.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Origin [m].
+    pub origin: DVec3,
+    /// Direction; `t` counts in lengths of it.
+    pub direction: DVec3,
+    /// Largest `t` at which there are no hits yet.
+    pub start: f64,
+}
 
-/// Ray prepared for watertight tests: WatertightTest, Benthin, Wald, Watertight Ray/Triangle Intersection, JCGT 2013.
+/// Ray prepared for watertight tests: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013.
 ///
 /// The edge functions of two triangles at a common edge come from the same products and differ in sign only,
 /// so no ray passes between them. That needs products rounded one by one: no fused multiply-add.
@@ -35,8 +44,8 @@ impl WatertightTest {
 
     /// Intersection of the ray with a triangle beyond the ray's start; edges belong to the triangle.
     pub fn intersect(&self, triangle: &[DVec3; 3]) -> Option<Crossing> {
-        let seen = self.look(triangle);
-        let [u, v, w] = seen.sides();
+        let sheared = self.sheared(triangle);
+        let [u, v, w] = sheared.sides();
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
@@ -44,14 +53,14 @@ impl WatertightTest {
         if sum == 0.0 {
             return None; // the ray lies in the triangle's plane
         }
-        let crossing = if seen.is_edge_on(sum) {
-            seen.first_edge(self.ray.start)?
+        let crossing = if sheared.is_edge_on(sum) {
+            sheared.first_edge(self.ray.start)?
         } else {
             // The distance to the plane, from the normal: the interpolated one is less exact on needles.
-            let [a, b, c] = triangle.map(|v| v - self.ray.origin);
+            let [a, b, c] = *triangle;
             let normal = (b - a).cross(c - a);
             Crossing {
-                distance: normal.dot(a) / normal.dot(self.ray.direction),
+                distance: normal.dot(a - self.ray.origin) / normal.dot(self.ray.direction),
                 barycentric: [u / sum, v / sum, w / sum],
                 is_edge_on: false,
             }
@@ -60,17 +69,20 @@ impl WatertightTest {
     }
 
     /// Triangle in the axes of the ray.
-    fn look(&self, triangle: &[DVec3; 3]) -> Seen {
+    fn sheared(&self, triangle: &[DVec3; 3]) -> ShearedTriangle {
         let [x, y, z] = self.axes;
         let corners = triangle.map(|v| {
             let v = v - self.ray.origin;
             let (across, down) = (v[x] - self.shear.x * v[z], v[y] - self.shear.y * v[z]);
             DVec3::new(across, down, self.shear.z * v[z])
         });
-        let reach = triangle.iter().fold(0.0, |reach: f64, v| {
-            reach.max((v - self.ray.origin).abs().max_element())
+        let max_coordinate = triangle.iter().fold(0.0, |largest: f64, v| {
+            largest.max((v - self.ray.origin).abs().max_element())
         });
-        Seen { corners, reach }
+        ShearedTriangle {
+            corners,
+            max_coordinate,
+        }
     }
 }
 
@@ -86,13 +98,13 @@ pub struct Crossing {
 }
 
 /// Triangle in the axes of a ray, which passes (0, 0) along the third axis; the third coordinate is its parameter.
-struct Seen {
+struct ShearedTriangle {
     corners: [DVec3; 3],
     /// Largest coordinate relative to the ray's origin.
-    reach: f64,
+    max_coordinate: f64,
 }
 
-impl Seen {
+impl ShearedTriangle {
     /// Edge functions: twice the signed areas between the ray's point and each edge.
     fn sides(&self) -> [f64; 3] {
         let [a, b, c] = self.corners;
@@ -103,7 +115,7 @@ impl Seen {
     fn is_edge_on(&self, sum: f64) -> bool {
         let width = |v: &DVec3| v.x.abs().max(v.y.abs());
         let widest = self.corners.iter().map(width).fold(0.0, f64::max);
-        sum.abs() <= 64.0 * f64::EPSILON * widest * self.reach
+        sum.abs() <= 64.0 * f64::EPSILON * widest * self.max_coordinate
     }
 
     /// First intersection with an edge beyond the ray's start, for a triangle seen edge-on.

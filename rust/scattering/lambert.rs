@@ -1,6 +1,6 @@
 //! Diffuse scattering: random points on the surface of a body, each with a random phase.
 //!
-//! Points are stratified by area and stand for equal parts of it, so that the expected power of a surface depends
+//! SurfacePoints are stratified by area and stand for equal parts of it, so that the expected power of a surface depends
 //! neither on the number of points nor on the rays (docs/theory.md eq. (3)); phases are uniform and independent, so the
 //! intensity of many points is exponentially distributed. Every frame has the same points.
 
@@ -11,11 +11,10 @@ use rayon::prelude::*;
 
 use crate::geometry::triangle::area;
 use crate::numeric::random::mix;
-use crate::rays::batch::{Found, Known};
 use crate::rays::camera::morton;
 use crate::rays::hits::Counts;
 use crate::rays::surface::Surface;
-use crate::rays::tree::Tree;
+use crate::rays::visibility::Target;
 use crate::scattering::sector::Sector;
 
 /// Least and largest number of points of a body.
@@ -30,12 +29,9 @@ const FLOOR: f64 = 1e-5;
 /// Refinement of the base grid that rays are sorted by.
 const SUBDIVISION: f64 = 256.0;
 
-/// Relative tolerance of the distance at which a hit is the point itself.
-const AT_POINT: f64 = 1e-9;
-
 /// Random points on a surface.
 #[derive(Debug)]
-pub struct Points {
+pub struct SurfacePoints {
     /// Number of the triangle of every point.
     pub triangle: Vec<u32>,
     /// Barycentric coordinates in the triangle.
@@ -51,15 +47,12 @@ pub struct Points {
 /// Random points of a body and their visibility.
 pub struct Speckle {
     /// Random points of the surface.
-    pub points: Arc<Points>,
+    pub points: Arc<SurfacePoints>,
     /// Unit normal of the surface at every point towards the incident side, in the sensor frame; zero where occluded.
     pub normal: Vec<DVec3>,
-    /// Points that rays were cast to, in the order of the rays, and the hits.
-    rays: Vec<u32>,
-    found: Vec<Found>,
 }
 
-impl Points {
+impl SurfacePoints {
     /// Random points of a surface, in a number within [`NUMBERS`] for which no single point matters; `rcs_floor` [m^2].
     /// The seed is that of the body.
     pub fn new(surface: &Surface, rcs_floor: f64, seed: u64) -> Self {
@@ -123,28 +116,9 @@ fn source(surface: &Surface, rcs_floor: f64, seed: u64) -> (u64, u64, u64) {
     (surface.content_hash(), rcs_floor.to_bits(), seed)
 }
 
-/// A ray to a point.
-struct Sight {
-    /// Morton code: near rays have near keys.
-    key: u64,
-    point: u32,
-    /// Coordinates on the image plane.
-    place: [f64; 2],
-    /// Distance to the point [m].
-    distance: f64,
-}
-
 impl Speckle {
-    /// Points of a body and their visibility within a sector. `drawn`: the points, where another sector has drawn them;
-    /// `before`: result at an earlier time; `moved`: boxes where bodies have moved since.
-    pub fn new(
-        sector: &Sector,
-        body: u32,
-        seed: u64,
-        drawn: Option<&Arc<Points>>,
-        before: Option<&Self>,
-        moved: Option<&Tree>,
-    ) -> (Self, Counts) {
+    /// SurfacePoints of a body and their visibility within a sector. `drawn`: points of the body from another sector or frame.
+    pub fn new(sector: &Sector, body: u32, seed: u64, drawn: Option<&Arc<SurfacePoints>>) -> (Self, Counts) {
         let Sector {
             scene,
             cast,
@@ -155,51 +129,34 @@ impl Speckle {
         let surface = scene.surface(body);
         let floor = refinement.map_or(FLOOR, |refinement| refinement.rcs_floor.min(FLOOR));
         let seed = seed ^ scene.content_hash(body);
-        let before = before.filter(|before| before.points.is_of(surface, floor, seed));
-        let drawn = drawn.or(before.map(|before| &before.points)).cloned();
-        let points = drawn.unwrap_or_else(|| Arc::new(Points::new(surface, floor, seed)));
+        let drawn = drawn.filter(|points| points.is_of(surface, floor, seed)).cloned();
+        let points = drawn.unwrap_or_else(|| Arc::new(SurfacePoints::new(surface, floor, seed)));
 
-        // Rays to the points within the image, near ones after each other.
-        let sight = |point: usize| {
+        // Points within the image, near ones after each other: near points have near keys.
+        let target = |point: usize| {
             let position = scene.pose(body).point(points.position(surface, point));
-            let place = [position.y / position.x, position.z / position.x];
-            let (row, column) = plane.pixel(place);
+            let target = Target {
+                point: [position.y / position.x, position.z / position.x],
+                depth: position.x,
+                triangle: points.triangle[point],
+            };
+            let (row, column) = plane.pixel(target.point);
             let (rows, columns) = (plane.rows as f64, plane.columns as f64);
             let is_inside = position.x > 0.0 && (0.0..rows).contains(&row) && (0.0..columns).contains(&column);
-            is_inside.then(|| Sight {
-                key: morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32),
-                point: point as u32,
-                place,
-                distance: position.length(),
-            })
+            let key = morton((SUBDIVISION * row) as u32, (SUBDIVISION * column) as u32);
+            is_inside.then_some((key, point, target))
         };
-        let mut sights: Vec<Sight> = (0..points.turns.len()).into_par_iter().filter_map(sight).collect();
-        sights.par_sort_unstable_by_key(|sight| (sight.key, sight.point));
+        let mut targets: Vec<(u64, usize, Target)> =
+            (0..points.turns.len()).into_par_iter().filter_map(target).collect();
+        targets.par_sort_unstable_by_key(|(key, point, _)| (*key, *point));
 
-        // A point is visible if no surface occludes it.
-        let places: Vec<[f64; 2]> = sights.iter().map(|sight| sight.place).collect();
-        let rays: Vec<u32> = sights.iter().map(|sight| sight.point).collect();
-        let known = before.filter(|before| before.rays == rays).zip(moved);
-        let known = known.map(|(before, moved)| Known {
-            moved,
-            found: |ray: usize| before.found.get(ray).copied(),
-        });
-        let (found, counts) = scene.cast_batch(&places, cast, known.as_ref());
+        let (order, targets): (Vec<usize>, Vec<Target>) = targets.into_iter().map(|(_, i, target)| (i, target)).unzip();
+        let (normals, counts) = scene.visible_normals(body, &targets, cast);
         let mut normal = vec![DVec3::ZERO; points.turns.len()];
-        for (sight, found) in sights.iter().zip(&found) {
-            let point = sight.point as usize;
-            let is_itself = found.body == body && found.triangle == points.triangle[point];
-            if found.is_hit() && (is_itself || found.to_facet >= sight.distance * (1.0 - AT_POINT)) {
-                normal[point] = found.normal;
-            }
+        for (point, visible) in order.into_iter().zip(normals) {
+            normal[point] = visible;
         }
-        let speckle = Self {
-            points,
-            normal,
-            rays,
-            found,
-        };
-        (speckle, counts)
+        (Self { points, normal }, counts)
     }
 }
 
@@ -208,6 +165,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
+    use crate::cancel::Cancel;
     use crate::rays::surface::ShadingMode;
 
     /// Two squares in one plane, one of nine times the other's area.
@@ -217,13 +175,13 @@ mod tests {
         };
         let vertices: Vec<DVec3> = square(0.0, 0.1).into_iter().chain(square(1.0, 0.3)).collect();
         let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-        Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap()
+        Surface::new(&vertices, &triangles, ShadingMode::Flat, &Cancel::default()).unwrap()
     }
 
     #[test]
     fn points_are_spread_by_area_and_stay_where_they_are() {
         let surface = squares();
-        let points = Points::new(&surface, 1e-6, 3);
+        let points = SurfacePoints::new(&surface, 1e-6, 3);
         let number = points.turns.len();
         assert!((40_000..40_002).contains(&number)); // 4 x 0.1 m^2 / (10 x 1e-6 m^2)
         assert!((points.area * number as f64 - 0.1).abs() < 1e-12);
@@ -236,14 +194,14 @@ mod tests {
         let sigma = 0.3 / 12.0_f64.sqrt() / (0.9 * number as f64).sqrt();
         assert!((mean - DVec3::new(1.15, 0.15, 0.0)).length() < 4.0 * sigma, "{mean}");
 
-        let again = Points::new(&surface, 1e-6, 3);
+        let again = SurfacePoints::new(&surface, 1e-6, 3);
         assert_eq!((&again.turns, &again.barycentric), (&points.turns, &points.barycentric));
-        assert_ne!(Points::new(&surface, 1e-6, 4).turns, points.turns);
+        assert_ne!(SurfacePoints::new(&surface, 1e-6, 4).turns, points.turns);
     }
 
     #[test]
     fn phases_are_uniform_and_independent() {
-        let points = Points::new(&squares(), 1e-6, 5);
+        let points = SurfacePoints::new(&squares(), 1e-6, 5);
         let phasors: Vec<(f64, f64)> = points.turns.iter().map(|t| (TAU * t).sin_cos()).collect();
         let number = phasors.len() as f64;
         let bound = 4.0 / number.sqrt();

@@ -70,11 +70,10 @@ impl Samples {
                     of_sector.push(None);
                     continue;
                 }
-                let known = previous.and_then(|samples| samples.speckles[number][body].as_ref());
-                let drawn = speckles.first().and_then(|first| first[body].as_ref());
+                let before = previous.and_then(|samples| samples.speckles[number][body].as_ref());
+                let drawn = speckles.first().map_or(before, |first| first[body].as_ref());
                 let drawn = drawn.map(|speckle| &speckle.points);
-                let moved = moved.as_ref().map(|moved| &moved[number]);
-                let (speckle, more) = Speckle::new(sector, body as u32, sector.seed, drawn, known, moved);
+                let (speckle, more) = Speckle::new(sector, body as u32, sector.seed, drawn);
                 counts = counts.plus(more);
                 of_sector.push(Some(speckle));
             }

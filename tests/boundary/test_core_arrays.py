@@ -78,7 +78,7 @@ def test_results_are_contiguous_arrays_of_their_documented_type() -> None:
         (amplitude, "complex128", (2, NUM_PATHS)),
         (body, "uint32", (NUM_PATHS,)),
         (order, "uint8", (NUM_PATHS,)),
-        (occluded()[0], "bool", (1,)),
+        (occluded(), "bool", (1,)),
     ]:
         assert (array.dtype, array.shape) == (dtype, shape)
         assert array.flags.c_contiguous

@@ -69,7 +69,7 @@ def poses_of_nothing() -> Any:
         (lambda: frame(tx=np.zeros((0, 3)), tx_patterns=[]).cube, (0, 2, 8)),
         (lambda: paths(tx=np.zeros((0, 3)), tx_patterns=[])[0], None),
         (lambda: paths(seed=HUGE)[0], (2, NUM_PATHS)),
-        (lambda: occluded(np.zeros((0, 3)))[0], (0,)),
+        (lambda: occluded(np.zeros((0, 3))), (0,)),
         (lambda: frame(poses_of_nothing(), scene([]), []).cube, (2, 2, 8)),
         (lambda: frame(poses_of_nothing(), scene([]), []).truth, (4, 1)),
     ],

@@ -1,4 +1,4 @@
-"""Rays that are not cast change nothing: those of empty, unmoved and unseen tiles, and searches that end early."""
+"""Rays that are not cast change nothing: rays of empty, unmoved and unseen tiles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.simulate.placement import Placement
 
 RADAR = rc.Radar(
     rc.Waveform(
@@ -247,21 +246,6 @@ def test_points_hide_behind_bodies() -> None:
     assert sim.is_hidden(np.zeros((0, 3))).shape == (0,)
     with pytest.raises(ValueError, match=r"points: expected shape \(n, 3\), got \(3,\)"):
         sim.is_hidden([1.0, 2.0, 3.0])
-
-
-def test_searches_for_what_hides_points_end_early_with_the_same_answer() -> None:
-    sim = simulator()
-    points = np.random.default_rng(2).uniform([1.0, -1.0, -1.0], [6.0, 1.0, 1.0], (5000, 3))
-    at = Placement(sim.scene, rc.Pose(), RADAR.waveform).at(0.0)
-    (first, ended_early), (nearest, none) = (
-        sim._engine.occluded(at, points - RADAR.array_center, ends_early=ends_early) for ends_early in (True, False)
-    )
-    np.testing.assert_array_equal(first, nearest)
-    np.testing.assert_array_equal(sim.is_hidden(points), first)
-    num_hidden = np.count_nonzero(first)
-    assert 0.01 < num_hidden / len(points) < 0.5
-    assert none == 0
-    assert 0.1 * num_hidden < ended_early <= num_hidden
 
 
 def test_a_scene_tells_its_memory() -> None:

@@ -392,7 +392,7 @@ class Simulator(Settings):
         at = self._start(time)
         world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
-        is_hidden, _ = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
+        is_hidden = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
         return is_hidden
 
     def _start(self, time: float | None) -> float:

@@ -5,6 +5,7 @@ use crate::antennas::pattern::Pattern;
 use crate::bounces::field::{Field, Incidence};
 use crate::bounces::path::Bounces;
 use crate::bounces::refine::TubeImage;
+use crate::cancel::Cancel;
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Hits;
@@ -72,7 +73,15 @@ fn array(rx: Vec<DVec3>, polarization: Option<DVec3>) -> Array {
 /// A rectangle from one corner along two edges.
 fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
     let vertices = [corner, corner + first, corner + first + second, corner + second];
-    Arc::new(Surface::new(&vertices, &[[0, 1, 2], [0, 2, 3]], ShadingMode::Flat).unwrap())
+    Arc::new(
+        Surface::new(
+            &vertices,
+            &[[0, 1, 2], [0, 2, 3]],
+            ShadingMode::Flat,
+            &Cancel::default(),
+        )
+        .unwrap(),
+    )
 }
 
 /// A patch of a sphere about a point, `rings` times `rings` cells to both sides of a direction.
@@ -91,7 +100,7 @@ fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, 
         })
         .collect();
     let mode = ShadingMode::Smooth { crease_angle: 0.8 };
-    Arc::new(Surface::new(&vertices, &triangles, mode).unwrap())
+    Arc::new(Surface::new(&vertices, &triangles, mode, &Cancel::default()).unwrap())
 }
 
 fn scene(surfaces: Vec<Arc<Surface>>) -> PosedScene {
@@ -339,13 +348,13 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
 
 /// The cell that looks beside the wall onto the bowl, so that what comes back meets the wall.
 fn on_bowl(scene: &PosedScene) -> Launch {
-    let surface = scene.surface(0);
     let ray = Ray {
         origin: DVec3::ZERO,
         direction: DVec3::new(1.0, -0.02, 0.005),
         start: 0.0,
     };
-    let hit = surface.nearest(&ray, f64::INFINITY).unwrap();
+    let hit = scene.cast(&ray);
+    assert_eq!(hit.body, 0);
     Launch {
         rotation: DMat3::IDENTITY,
         center: [-0.02, 0.005],

@@ -7,54 +7,8 @@ use crate::antennas::gain_table::GainTable;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::curved_triangle::shade;
 use crate::geometry::pose::Pose;
-use crate::rays::packet_search::Traversals;
-use crate::rays::scene::tests::{furnished, square};
 use crate::rays::surface::{ShadingMode, Surface};
-
-#[test]
-fn traversals_change_neither_images_nor_counts() {
-    // Squares of a quarter of a pixel in front of coarse ones: many leaves per tile here, few there.
-    let cells = 120;
-    let place = |i: u32| f64::from(i) / f64::from(cells) - 0.5;
-    let corner = |row: u32, column: u32| row * (cells + 1) + column;
-    let vertices: Vec<DVec3> = (0..=cells)
-        .flat_map(|row| (0..=cells).map(move |column| 2.0 * DVec3::new(0.0, place(column), place(row))))
-        .collect();
-    let mut triangles = Vec::new();
-    for row in 0..cells {
-        for column in 0..cells {
-            let (a, b) = (corner(row, column), corner(row + 1, column));
-            triangles.extend([[a, a + 1, b], [a + 1, b + 1, b]]);
-        }
-    }
-    let (mut surfaces, mut poses) = furnished();
-    surfaces.push(Arc::new(
-        Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap(),
-    ));
-    poses.push(Pose {
-        translation: DVec3::new(2.5, 0.2, 0.1),
-        ..poses[3]
-    });
-    let scene = PosedScene::new(surfaces, poses);
-    let plane = ImagePlane::centered(53, 61, 0.8, 0.8);
-    for level in Level::available() {
-        let [chosen, together, apart] =
-            [Traversals::Chosen, Traversals::Together, Traversals::Apart].map(|traversals| {
-                let cast = Cast {
-                    level,
-                    traversals,
-                    ..Cast::default()
-                };
-                scene.cast_image_with(&plane, &cast).unwrap()
-            });
-        assert!(chosen.body.iter().filter(|body| **body == 11).count() > 600);
-        for other in [together, apart] {
-            assert_eq!(chosen.distance, other.distance);
-            assert_eq!((&chosen.body, &chosen.triangle), (&other.body, &other.triangle));
-            assert_eq!(chosen.counts, other.counts);
-        }
-    }
-}
+use crate::rays::tests::{furnished, square};
 
 #[test]
 fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
@@ -191,7 +145,13 @@ fn sheet() -> Surface {
             triangles.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
         }
     }
-    Surface::new(&vertices, &triangles, ShadingMode::Smooth { crease_angle: 0.16 }).unwrap()
+    Surface::new(
+        &vertices,
+        &triangles,
+        ShadingMode::Smooth { crease_angle: 0.16 },
+        &Cancel::default(),
+    )
+    .unwrap()
 }
 
 #[test]

@@ -7,11 +7,11 @@ use glam::DVec3;
 
 use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::cos_sin_turns;
-use crate::rays::camera::{Cell, ImagePlane, Tile};
-use crate::rays::facets::HALF;
+use crate::rays::camera::{Cell, ImagePlane, PixelTile};
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS, TileRays};
 use crate::rays::scene::NO_BODY;
 use crate::rays::search::Scratch;
+use crate::rays::tile_hits::HALF;
 use crate::scattering::reflection_table::Reflection;
 use crate::scattering::surface_image::SurfaceImage;
 use crate::scattering::taper::{roll_off, tapers};
@@ -26,6 +26,8 @@ pub(super) struct TileCells {
     /// Plane coordinates of the centres.
     pub(super) u: [f64; MOST_RAYS],
     pub(super) v: [f64; MOST_RAYS],
+    /// Lengths of the directions `(1, u, v)`.
+    length: [f64; MOST_RAYS],
     /// Distances to the curved surface [m], and the shortest.
     pub(super) distance: [f64; MOST_RAYS],
     pub(super) shortest: f64,
@@ -59,6 +61,7 @@ impl TileCells {
     pub(super) const EMPTY: Self = Self {
         u: [0.0; MOST_RAYS],
         v: [0.0; MOST_RAYS],
+        length: [1.0; MOST_RAYS],
         distance: [0.0; MOST_RAYS],
         shortest: 0.0,
         normal: [[0.0; MOST_RAYS]; 3],
@@ -83,14 +86,19 @@ impl TileCells {
         self.aim(&scratch.rays);
         self.body.copy_from_slice(scratch.hits.body.as_flattened());
         self.triangle.copy_from_slice(scratch.hits.triangle.as_flattened());
-        self.distance = scratch.shade.distance;
-        self.normal = *scratch.shade.normal();
+        self.length = scratch.measured.length;
+        self.distance = scratch.measured.surface_distance;
+        self.normal = scratch.measured.normal;
+        self.facing = scratch.measured.cosine;
     }
 
     /// Take over the pixels of a tile of an image of another program, whose numbers stand in place of triangles.
-    pub(super) fn read(&mut self, rays: &TileRays, image: &SurfaceImage, tile: &Tile) {
+    pub(super) fn read(&mut self, rays: &TileRays, image: &SurfaceImage, tile: &PixelTile) {
         self.aim(rays);
         self.body = [NO_BODY; MOST_RAYS];
+        for cell in 0..MOST_RAYS {
+            self.length[cell] = rays.direction(cell).length();
+        }
         for row in 0..tile.rows {
             for column in 0..tile.columns {
                 let cell = TileRays::ray(row, column);
@@ -100,9 +108,11 @@ impl TileCells {
                 self.distance[cell] = image.distance[pixel];
                 let reflection = image.reflection[pixel];
                 (self.reflection[0][cell], self.reflection[1][cell]) = (reflection.re as f32, reflection.im as f32);
+                let normal = image.normal[pixel];
                 for axis in 0..3 {
-                    self.normal[axis][cell] = image.normal[pixel][axis];
+                    self.normal[axis][cell] = normal[axis];
                 }
+                self.facing[cell] = -normal.dot(rays.direction(cell)) / self.length[cell];
             }
         }
     }
@@ -124,12 +134,11 @@ impl TileCells {
         gain: f64,
         (reflections, turns): (&[Reflection], &[f32]),
     ) {
-        let mut inverse = [0.0; MOST_RAYS];
-        self.face::<I>(&mut inverse);
+        self.face::<I>();
         if self.hit == 0 {
             return;
         }
-        self.measure::<I>(plane, wavenumber, gain, &inverse);
+        self.measure::<I>(plane, wavenumber, gain);
         self.follow::<I>(plane, wavenumber, reflections, turns);
         for first in (0..MOST_RAYS).step_by(PACKET) {
             let field = I::F32::load(&self.field[first..]);
@@ -140,10 +149,10 @@ impl TileCells {
         }
     }
 
-    /// Find the cells that return power, and the inverse lengths of all directions `(1, u, v)` beside them.
+    /// Find the cells that return power.
     #[cfg_attr(optimised, inline(always))]
-    fn face<I: Isa>(&mut self, inverse: &mut [f64; MOST_RAYS]) {
-        let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
+    fn face<I: Isa>(&mut self) {
+        let zero = <I::F64 as Vector>::splat(0.0);
         let far = <I::F64 as Vector>::splat(f64::INFINITY);
         let mut shortest = far;
         (self.hit, self.turning) = (0, 0);
@@ -154,16 +163,7 @@ impl TileCells {
                 continue;
             }
             for first in [packet * PACKET, packet * PACKET + HALF] {
-                let (u, v) = (I::F64::load(&self.u[first..]), I::F64::load(&self.v[first..]));
-                let [x, y, z] = &self.normal;
-                let (x, y, z) = (
-                    I::F64::load(&x[first..]),
-                    I::F64::load(&y[first..]),
-                    I::F64::load(&z[first..]),
-                );
-                let length = one.add(u.mul(u)).add(v.mul(v)).sqrt();
-                let turned = one.div(length);
-                let facing = zero.sub(x.add(u.mul(y)).add(v.mul(z)).mul(turned));
+                let facing = I::F64::load(&self.facing[first..]);
                 let distance = I::F64::load(&self.distance[first..]);
                 let is_lit = found >> (first % PACKET)
                     & <I::F64 as Vector>::splat(MIN_COSINE).at_most(facing)
@@ -171,8 +171,6 @@ impl TileCells {
                     & 0xff;
                 self.hit |= u64::from(is_lit) << first;
                 shortest = shortest.min(distance.select(is_lit, far));
-                turned.store(&mut inverse[first..]);
-                facing.store(&mut self.facing[first..]);
             }
         }
         self.shortest = -zero.sub(shortest).largest();
@@ -180,7 +178,7 @@ impl TileCells {
 
     /// Slopes, phases, fields and weights of the hits without reflection and tapers.
     #[cfg_attr(optimised, inline(always))]
-    fn measure<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, gain: f64, inverse: &[f64; MOST_RAYS]) {
+    fn measure<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, gain: f64) {
         let (zero, one) = (<I::F64 as Vector>::splat(0.0), <I::F64 as Vector>::splat(1.0));
         for packet in 0..PACKETS {
             let first = packet * PACKET;
@@ -195,7 +193,7 @@ impl TileCells {
                 let is_hit = (self.hit >> at) as u32 & 0xff;
                 let splat = <I::F64 as Vector>::splat;
                 let (u, v) = (I::F64::load(&self.u[at..]), I::F64::load(&self.v[at..]));
-                let w = I::F64::load(&inverse[at..]);
+                let w = one.div(I::F64::load(&self.length[at..]));
                 let nearest = splat(self.shortest);
                 let distance = I::F64::load(&self.distance[at..]).select(is_hit, nearest);
                 let c = I::F64::load(&self.facing[at..]).select(is_hit, one);

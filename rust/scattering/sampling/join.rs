@@ -6,8 +6,8 @@ use num_complex::Complex64;
 use super::cells::TileCells;
 use crate::numeric::simd::{Isa, Vector};
 use crate::numeric::trig::cos_sin_quarter;
-use crate::rays::facets::HALF;
 use crate::rays::packet::{MOST_RAYS, PACKET};
+use crate::rays::tile_hits::HALF;
 use crate::scattering::tile_point::TilePoint;
 
 /// Phase by which the cells of a joined point may turn against each other while their body turns [rad], from the first to

@@ -9,6 +9,7 @@ use num_complex::Complex64;
 use super::*;
 use crate::antennas::array::Array;
 use crate::antennas::pattern::Pattern;
+use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::pose::Pose;
 use crate::numeric::trig::sinc;
@@ -56,7 +57,7 @@ fn plates(boxes: &[[f64; 4]]) -> Arc<Surface> {
         }
         triangles.extend([[first, first + 2, first + 1], [first, first + 3, first + 2]]);
     }
-    Arc::new(Surface::new(&vertices, &triangles, ShadingMode::Flat).unwrap())
+    Arc::new(Surface::new(&vertices, &triangles, ShadingMode::Flat, &Cancel::default()).unwrap())
 }
 
 /// Sphere of triangles between circles of latitude, smooth.
@@ -78,7 +79,15 @@ fn sphere(radius: f64) -> Arc<Surface> {
             }
         }
     }
-    Arc::new(Surface::new(&vertices, &triangles, ShadingMode::Smooth { crease_angle: 0.5 }).unwrap())
+    Arc::new(
+        Surface::new(
+            &vertices,
+            &triangles,
+            ShadingMode::Smooth { crease_angle: 0.5 },
+            &Cancel::default(),
+        )
+        .unwrap(),
+    )
 }
 
 fn at(x: f64, y: f64, z: f64) -> Pose {

@@ -9,10 +9,10 @@ use super::context::Context;
 use super::residual::{BLOCKS, Blocks, CellFeatures};
 use super::tile_index::TileIndex;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::camera::{Cell, ImagePlane, Tile as Pixels};
-use crate::rays::facets::HALF;
+use crate::rays::camera::{Cell, ImagePlane, PixelTile as Pixels};
 use crate::rays::packet::{MOST_RAYS, PACKETS};
-use crate::rays::search::{Scratch, Touch};
+use crate::rays::search::Scratch;
+use crate::rays::tile_hits::HALF;
 use crate::rays::tree::Tree;
 use crate::scattering::refinement::Sampling;
 use crate::scattering::tile_point::TilePoints;
@@ -130,9 +130,9 @@ impl Kernel for EvaluateTile<'_> {
         let Some(pixels) = place.pixels(plane) else {
             return SampledTile::unseen(place, packets);
         };
-        scratch.rays.aim::<I>(plane, &pixels);
+        scratch.rays.generate::<I>(plane, &pixels);
         if packets != ALL {
-            scratch.rays.keep(u32::from(packets));
+            scratch.rays.mask(u32::from(packets));
         }
         if sector.cast.is_outside(&scratch.rays) {
             return SampledTile::unseen(place, packets);
@@ -140,16 +140,11 @@ impl Kernel for EvaluateTile<'_> {
         let (rows, columns) = (pixels.rows, pixels.columns);
         if let Some(image) = sector.image {
             cells.read(&scratch.rays, image, &pixels);
-            scratch.distance = cells.distance;
+            scratch.measured.distance = cells.distance;
         } else if sector.scene.search::<I>(scratch, &sector.cast) {
             return SampledTile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), 0);
         } else {
-            let (rays, hits) = (&scratch.rays, &scratch.hits);
-            sector.scene.measure::<I>(rays, hits, &mut scratch.distance);
-            let distance = &scratch.distance;
-            scratch
-                .shade
-                .fill::<I, true>(sector.scene, rays, &hits.body, &hits.triangle, distance);
+            scratch.measure::<I>(sector.scene);
             cells.take(scratch);
         }
 
@@ -161,7 +156,12 @@ impl Kernel for EvaluateTile<'_> {
             return SampledTile::without_hits(place, packets, Border::empty(&scratch.rays, rows, columns), rays);
         }
         let mut tile = SampledTile::without_hits(place, packets, Border::OUTSIDE, rays);
-        find_nearest::<I>(cells, &scratch.distance, (place.sector, plane), &mut tile.nearest);
+        find_nearest::<I>(
+            cells,
+            &scratch.measured.distance,
+            (place.sector, plane),
+            &mut tile.nearest,
+        );
         if sector.refinement.is_some() {
             let features = CellFeatures::new::<I>(cells);
             tile.border = Border::new(&features, cells, rows, columns);
@@ -214,10 +214,8 @@ impl Kernel for Meets<'_> {
             return true;
         };
         let scratch = &mut self.worker.scratch;
-        scratch.rays.aim::<I>(plane, &pixels);
-        let mut touch = Touch(false);
-        scratch.rays.traverse::<I>(self.moved, &mut scratch.top, &mut touch);
-        !touch.0
+        scratch.rays.generate::<I>(plane, &pixels);
+        !scratch.overlaps::<I>(self.moved)
     }
 }
 

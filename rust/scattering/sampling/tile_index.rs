@@ -1,6 +1,6 @@
 //! Places of tiles on the image planes of all levels.
 
-use crate::rays::camera::{ImagePlane, TILE, Tile};
+use crate::rays::camera::{ImagePlane, PixelTile, TILE};
 use crate::scattering::refinement::MAX_LEVEL;
 
 /// Image planes of all levels.
@@ -55,9 +55,9 @@ impl TileIndex {
     }
 
     /// Pixels of the tile on the image plane of its level; none beyond the plane.
-    pub(super) fn pixels(&self, plane: &ImagePlane) -> Option<Tile> {
+    pub(super) fn pixels(&self, plane: &ImagePlane) -> Option<PixelTile> {
         let (row, column) = (TILE * self.row, TILE * self.column);
-        (row < plane.rows && column < plane.columns).then(|| Tile {
+        (row < plane.rows && column < plane.columns).then(|| PixelTile {
             row,
             column,
             rows: TILE.min(plane.rows - row),
