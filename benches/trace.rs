@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::{DMat3, DVec3};
-use radarcore::stages::{Level, PosedScene, Ray};
+use radarcore::stages::{Cast, Level, PosedScene, Ray};
 use radarcore::{Cancel, ImagePlane, Pose, ShadingMode, Surface};
 
 /// Square image of 60 degrees.
@@ -37,13 +37,25 @@ fn cast(criterion: &mut Criterion, name: &str, scene: &PosedScene) {
     for threads in [1, 2] {
         let pool = common::pool(threads);
         group.bench_function(BenchmarkId::new(name, common::threads_id(threads)), |bencher| {
-            bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
+            bencher.iter(|| pool.install(|| scene.cast_image(&plane, &Cast::default()).unwrap()));
         });
     }
     let pool = common::pool(1);
     for level in Level::available() {
         group.bench_function(BenchmarkId::new(name, level.name()), |bencher| {
-            bencher.iter(|| pool.install(|| scene.cast_image_at(&plane, level).unwrap()));
+            bencher.iter(|| {
+                pool.install(|| {
+                    scene
+                        .cast_image(
+                            &plane,
+                            &Cast {
+                                level,
+                                ..Cast::default()
+                            },
+                        )
+                        .unwrap()
+                })
+            });
         });
     }
     group.bench_function(BenchmarkId::new(name, "one_by_one"), |bencher| {
@@ -127,7 +139,7 @@ fn fineness(criterion: &mut Criterion) {
                 group.throughput(Throughput::Elements(plane.num_pixels() as u64));
                 let id = BenchmarkId::new(format!("{name}_{}", common::size_id(size)), side);
                 group.bench_function(id, |bencher| {
-                    bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
+                    bencher.iter(|| pool.install(|| scene.cast_image(&plane, &Cast::default()).unwrap()));
                 });
             }
         }
@@ -155,7 +167,7 @@ fn people(criterion: &mut Criterion) {
         let plane = square(side);
         group.throughput(Throughput::Elements(plane.num_pixels() as u64));
         group.bench_function(BenchmarkId::new("hits", side), |bencher| {
-            bencher.iter(|| pool.install(|| scene.cast_image(&plane).unwrap()));
+            bencher.iter(|| pool.install(|| scene.cast_image(&plane, &Cast::default()).unwrap()));
         });
     }
     group.finish();

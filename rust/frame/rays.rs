@@ -37,7 +37,7 @@ impl Model {
 
     /// Hits of the whole image.
     pub(super) fn cast_image(&self, scene: &PosedScene, cancel: &Cancel) -> Result<Hits> {
-        scene.cast_image_with(&self.settings.image, &self.cast(cancel))
+        scene.cast_image(&self.settings.image, &self.cast(cancel))
     }
 
     /// Hits of images of all sectors within the beam.
@@ -54,7 +54,7 @@ impl Model {
                     outside: beam.is_some().then_some(&is_outside),
                     ..self.cast(cancel)
                 };
-                scene.cast_image_with(plane, &cast)
+                scene.cast_image(plane, &cast)
             })
             .collect()
     }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::geometry::aabb::Bounds;
-use crate::numeric::simd::{Isa, Kernel, Level};
+use crate::numeric::simd::{Isa, Kernel};
 use crate::rays::camera::{ImagePlane, PixelTile, TILE};
 use crate::rays::hits::{Cast, Counts, Hits};
 use crate::rays::packet::TileRays;
@@ -24,23 +24,7 @@ use crate::rays::tree::Tree;
 
 impl PosedScene {
     /// Hits of all pixels, tile by tile in parallel; bit for bit those of [`Self::cast`], ray by ray.
-    pub fn cast_image(&self, plane: &ImagePlane) -> Result<Hits> {
-        self.cast_image_at(plane, Level::best())
-    }
-
-    /// [`Self::cast_image`] with a given instruction set.
-    pub fn cast_image_at(&self, plane: &ImagePlane, level: Level) -> Result<Hits> {
-        self.cast_image_with(
-            plane,
-            &Cast {
-                level,
-                ..Cast::default()
-            },
-        )
-    }
-
-    /// [`Self::cast_image`] with options.
-    pub fn cast_image_with(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
+    pub fn cast_image(&self, plane: &ImagePlane, cast: &Cast) -> Result<Hits> {
         plane.check()?;
         fits_memory("hits", &[plane.rows, plane.columns], PIXEL_SIZE)?;
         let num_pixels = plane.num_pixels();

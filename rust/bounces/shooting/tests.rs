@@ -8,7 +8,7 @@ use crate::bounces::refine::TubeImage;
 use crate::cancel::Cancel;
 use crate::geometry::pose::Pose;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::Hits;
+use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::scattering::material::{CONDUCTOR, Response};
@@ -372,7 +372,9 @@ fn floors_end_tubes() {
         albedo: 0.0,
     });
     let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
-    let image = scene.cast_image(&ImagePlane::centered(40, 40, 0.2, 0.2)).unwrap();
+    let image = scene
+        .cast_image(&ImagePlane::centered(40, 40, 0.2, 0.2), &Cast::default())
+        .unwrap();
     let num_hit = image.body.iter().filter(|body| **body != NO_BODY).count();
     let run = |floor: f64| {
         shoot(
@@ -398,7 +400,9 @@ fn floors_end_tubes() {
 #[test]
 fn paths_split_by_their_bodies() {
     let scene = corner();
-    let image = scene.cast_image(&ImagePlane::centered(20, 20, 0.2, 0.2)).unwrap();
+    let image = scene
+        .cast_image(&ImagePlane::centered(20, 20, 0.2, 0.2), &Cast::default())
+        .unwrap();
     let (all, _) = shoot(&scene, &image, &[CONDUCTOR; 2], &array(vec![DVec3::ZERO], None), LIMITS);
     let [inside, others] = all.split(|body| body == 0);
     assert_eq!((inside.len(), others.len()), (0, all.len()));

@@ -7,7 +7,9 @@ use crate::antennas::gain_table::GainTable;
 use crate::antennas::pattern::Pattern;
 use crate::geometry::curved_triangle::shade;
 use crate::geometry::pose::Pose;
+use crate::numeric::simd::Level;
 use crate::rays::surface::{ShadingMode, Surface};
+use crate::rays::tests::scenes::grid;
 use crate::rays::tests::{furnished, square};
 
 #[test]
@@ -15,12 +17,12 @@ fn tiles_without_bodies_are_skipped_and_the_image_is_the_same() {
     let plane = ImagePlane::centered(64, 64, 0.5, 0.5);
     let (surfaces, poses) = furnished();
     let scene = PosedScene::new(surfaces[1..].to_vec(), poses[1..].to_vec());
-    let skipping = scene.cast_image(&plane).unwrap();
+    let skipping = scene.cast_image(&plane, &Cast::default()).unwrap();
     let cast = Cast {
         skip_empty: false,
         ..Cast::default()
     };
-    let whole = scene.cast_image_with(&plane, &cast).unwrap();
+    let whole = scene.cast_image(&plane, &cast).unwrap();
     assert_eq!(skipping.distance, whole.distance);
     assert_eq!(skipping.body, whole.body);
     assert_eq!((whole.counts.tiles_skipped, whole.counts.rays), (0, 64 * 64));
@@ -55,7 +57,7 @@ fn array(places: &[DVec3], patterns: &[Pattern]) -> Array {
 
 /// Number of pixels whose hits change with a beam; at none of them has any pair of antennas a gain above the floor.
 fn num_out_of_beam(scene: &PosedScene, plane: &ImagePlane, array: &Array, peaks: &[f64], floor: f64) -> usize {
-    let whole = scene.cast_image(plane).unwrap();
+    let whole = scene.cast_image(plane, &Cast::default()).unwrap();
     let [u, v] = plane.ranges();
     let beam = Beam::new(array, floor)
         .in_front(|| scene.nearest_in_front(), u, v)
@@ -64,7 +66,7 @@ fn num_out_of_beam(scene: &PosedScene, plane: &ImagePlane, array: &Array, peaks:
         outside: Some(&|u, v| beam.misses(u, v)),
         ..Cast::default()
     };
-    let within = scene.cast_image_with(plane, &cast).unwrap();
+    let within = scene.cast_image(plane, &cast).unwrap();
     let pixels = 0..plane.num_pixels();
     let changed: Vec<usize> = pixels.filter(|i| within.distance[*i] != whole.distance[*i]).collect();
     for pixel in &changed {
@@ -129,22 +131,8 @@ fn what_is_behind_the_sensor_does_not_widen_the_beam() {
 
 /// Bumpy sheet, curved where its triangles meet at small angles, seen from both sides.
 fn sheet() -> Surface {
-    let side = 24;
-    let mut vertices = Vec::new();
-    for i in 0..=side {
-        for j in 0..=side {
-            let (y, z) = (f64::from(i) / 12.0 - 1.0, f64::from(j) / 12.0 - 1.0);
-            vertices.push(DVec3::new(0.4 * (3.0 * y).sin() * (2.0 * z).cos(), y, z));
-        }
-    }
-    let mut triangles = Vec::new();
-    for i in 0..side as u32 {
-        for j in 0..side as u32 {
-            let a = i * (side as u32 + 1) + j;
-            let b = a + side as u32 + 1;
-            triangles.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
-        }
-    }
+    let bump = |z: f64, y: f64| DVec3::new(0.4 * (3.0 * y).sin() * (2.0 * z).cos(), y, z);
+    let (vertices, triangles) = grid(24, bump);
     Surface::new(
         &vertices,
         &triangles,
@@ -165,7 +153,15 @@ fn smooth_hits_are_those_of_shading_one_hit_after_the_other() {
     let scene = PosedScene::new(vec![surface.clone(), surface], poses);
     let plane = ImagePlane::centered(61, 83, 0.7, 0.6);
     for level in Level::available() {
-        let hits = scene.cast_image_at(&plane, level).unwrap();
+        let hits = scene
+            .cast_image(
+                &plane,
+                &Cast {
+                    level,
+                    ..Cast::default()
+                },
+            )
+            .unwrap();
         let (mut num_curved, mut num_flat) = (0, 0);
         for pixel in 0..plane.num_pixels() {
             let (body, triangle) = (hits.body[pixel], hits.triangle[pixel]);

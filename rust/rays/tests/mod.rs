@@ -78,7 +78,7 @@ fn check(case: &Case) -> usize {
                 level,
                 ..Cast::default()
             };
-            let hits = scene.cast_image_with(plane, &options).unwrap();
+            let hits = scene.cast_image(plane, &options).unwrap();
             for (pixel, ray) in rays[first..].iter().enumerate() {
                 let hit = cast(&scene, ray, f64::INFINITY, level);
                 let distance = hit.distance * ray.direction.length();

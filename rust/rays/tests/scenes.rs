@@ -137,7 +137,7 @@ fn rotated(rotation: DMat3, pose: &Pose) -> Pose {
 }
 
 /// Grid of `cells` x `cells` squares, two triangles each, at the places that rows and columns from -1 to 1 have.
-fn grid(cells: usize, mut place: impl FnMut(f64, f64) -> DVec3) -> Mesh {
+pub fn grid(cells: usize, mut place: impl FnMut(f64, f64) -> DVec3) -> Mesh {
     let at = |i: usize| (2 * i) as f64 / cells as f64 - 1.0;
     let all = |end: usize| (0..end).flat_map(move |row| (0..end).map(move |column| (row, column)));
     let vertices = all(cells + 1).map(|(row, column)| place(at(row), at(column))).collect();

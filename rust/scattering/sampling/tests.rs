@@ -168,7 +168,7 @@ fn decibels(ratio: f64) -> f64 {
 
 /// Transfer function of the pixels of an image, tapered.
 fn of_pixels(scene: &PosedScene, plane: &ImagePlane) -> Complex64 {
-    let hits = scene.cast_image(plane).unwrap();
+    let hits = scene.cast_image(plane, &Cast::default()).unwrap();
     let is_hit = |pixel: &usize| hits.surface_distance[*pixel].is_finite();
     let of_pixel = |pixel: usize| {
         let cell = plane.cell(pixel / plane.columns, pixel % plane.columns);
@@ -221,7 +221,7 @@ fn image_of_the_hits_of_rays_has_their_points() {
         vec![sphere(0.1), plates(&[[0.0, 0.0, 0.3, 0.3]])],
         vec![at(1.0, 0.1, 0.0), at(1.6, -0.3, 0.1)],
     );
-    let hits = scene.cast_image(&plane).unwrap();
+    let hits = scene.cast_image(&plane, &Cast::default()).unwrap();
     let number = plane.num_pixels();
     let image = SurfaceImage {
         plane,
