@@ -4,8 +4,8 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntyped
 use pyo3::prelude::*;
 
 use super::arrays::{numbers, points, poses};
-use super::rays::Surface;
-use super::scattering::{Material, materials};
+use super::rays::PySurface;
+use super::scattering::{PyMaterial, materials};
 use super::threads::compute;
 use crate::bounces::{self, Aspect};
 use crate::rays::scene::PosedScene;
@@ -20,9 +20,9 @@ use crate::rays::scene::PosedScene;
 #[allow(clippy::too_many_arguments)] // as Python hands them over
 pub(super) fn cross_sections<'py>(
     py: Python<'py>,
-    surfaces: Vec<PyRef<'py, Surface>>,
+    surfaces: Vec<PyRef<'py, PySurface>>,
     body_poses: PyReadonlyArray3<'py, f64>,
-    body_materials: Vec<PyRef<'py, Material>>,
+    body_materials: Vec<PyRef<'py, PyMaterial>>,
     transmitter: PyReadonlyArray2<'py, f64>,
     receiver: PyReadonlyArray2<'py, f64>,
     frequency: f64,

@@ -22,8 +22,8 @@ mod synthesis;
 mod threads;
 
 use antennas::{PyAntennas, PyPattern};
-use rays::Surface;
-use scattering::Material;
+use rays::PySurface;
+use scattering::PyMaterial;
 use simulator::{DepthScene, IdealFrame, Placement, PyScene, Simulator};
 use synthesis::{PyWaveform, SumReport};
 
@@ -49,8 +49,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(processing::fit_spheres, module)?)?;
     module.add_class::<PyWaveform>()?;
     module.add_class::<SumReport>()?;
-    module.add_class::<Surface>()?;
-    module.add_class::<Material>()?;
+    module.add_class::<PySurface>()?;
+    module.add_class::<PyMaterial>()?;
     module.add_class::<PyPattern>()?;
     module.add_class::<PyAntennas>()?;
     module.add_class::<PyScene>()?;

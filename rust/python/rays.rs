@@ -10,7 +10,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use super::arrays::{numbers, points};
-use super::scattering::Material;
+use super::scattering::PyMaterial;
 use super::threads::{compute, compute_owned};
 use crate::error::Error;
 use crate::rays::hits::Hits;
@@ -19,11 +19,11 @@ use crate::rays::surface::{self, ShadingMode};
 use crate::scattering::reflectance::pixel_reflectance;
 
 /// Triangles, tree and shading of one body.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Surface(pub(super) Arc<surface::Surface>);
+#[pyclass(frozen, name = "Surface", module = "radarcore._core")]
+pub(super) struct PySurface(pub(super) Arc<surface::Surface>);
 
 #[pymethods]
-impl Surface {
+impl PySurface {
     /// `report` receives the thousandths of the build that are done, from time to time.
     #[new]
     #[pyo3(signature = (vertices, triangles, *, crease_angle=None, report=None))]
@@ -109,7 +109,7 @@ pub(super) fn image_arrays(py: Python<'_>, hits: Hits) -> PyResult<ImageArrays<'
 #[pyo3(signature = (materials, body, cos_incidence, normals, directions, *, frequency, polarization=None, threads=None))]
 pub(super) fn reflectance<'py>(
     py: Python<'py>,
-    materials: Vec<PyRef<'_, Material>>,
+    materials: Vec<PyRef<'_, PyMaterial>>,
     body: PyReadonlyArray2<'_, i32>,
     cos_incidence: PyReadonlyArray2<'_, f64>,
     normals: PyReadonlyArray3<'_, f64>,

@@ -10,11 +10,11 @@ use crate::error::{Error, Result};
 use crate::scattering::material::{self, Dielectric, Response, Roughness};
 
 /// Material of a surface at one frequency.
-#[pyclass(frozen, module = "radarcore._core")]
-pub(super) struct Material(pub(super) material::Material);
+#[pyclass(frozen, name = "Material", module = "radarcore._core")]
+pub(super) struct PyMaterial(pub(super) material::Material);
 
 #[pymethods]
-impl Material {
+impl PyMaterial {
     /// Constant response at every angle; the field reflection coefficient as (real, imaginary).
     #[staticmethod]
     fn constant(reflection: (f64, f64), albedo: f64) -> Self {
@@ -68,7 +68,7 @@ impl Material {
 pub(super) type ResponseArrays<'py> = (Bound<'py, PyArray1<Complex64>>, Bound<'py, PyArray1<f64>>);
 
 /// One material per body.
-pub(super) fn materials(materials: &[PyRef<'_, Material>], num_bodies: usize) -> Result<Vec<material::Material>> {
+pub(super) fn materials(materials: &[PyRef<'_, PyMaterial>], num_bodies: usize) -> Result<Vec<material::Material>> {
     if materials.len() != num_bodies {
         let expected = format!("{num_bodies}, one per body");
         return Err(Error::value("materials", expected, materials.len()));

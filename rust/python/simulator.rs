@@ -14,8 +14,8 @@ use rayon::ThreadPool;
 
 use super::antennas::PyAntennas;
 use super::arrays::{numbers, points, poses};
-use super::rays::{ImageArrays, Surface, image_arrays};
-use super::scattering::Material;
+use super::rays::{ImageArrays, PySurface, image_arrays};
+use super::scattering::PyMaterial;
 use super::settings::SettingsFields;
 use super::synthesis::PyWaveform;
 use super::threads::{check_threads, new_pool, pool, watch};
@@ -38,7 +38,7 @@ impl PyScene {
     #[new]
     #[pyo3(signature = (surfaces, *, deforming, rcs, body_numbers, point_numbers))]
     fn new(
-        surfaces: Vec<PyRef<'_, Surface>>,
+        surfaces: Vec<PyRef<'_, PySurface>>,
         deforming: Vec<usize>,
         rcs: PyReadonlyArray1<'_, f64>,
         body_numbers: Vec<usize>,
@@ -233,7 +233,7 @@ impl Simulator {
     #[pyo3(signature = (source, materials, *, antennas, waveform, center, settings, threads=None, own_threads=false))]
     fn new(
         source: AnySource<'_>,
-        materials: Vec<PyRef<'_, Material>>,
+        materials: Vec<PyRef<'_, PyMaterial>>,
         antennas: PyRef<'_, PyAntennas>,
         waveform: PyRef<'_, PyWaveform>,
         center: [f64; 3],

@@ -61,46 +61,39 @@ impl<'py> PathRows<'py> {
         delay_acceleration: Option<PyReadonlyArrayDyn<'py, f64>>,
     ) -> Result<Self> {
         let shape = delay.shape().to_vec();
-        let (num_channels, num_paths) = match shape[..] {
-            [paths] => (1, paths),
-            [channels, paths] | [_, channels, paths] => (channels, paths),
-            _ => return Err(Error::value("delay", "one to three axes", format!("{shape:?}"))),
-        };
         let is_nodal = shape.len() == 3;
+        if shape.is_empty() || shape.len() > 3 {
+            return Err(Error::value("delay", "one to three axes", format!("{shape:?}")));
+        }
         if is_nodal && shape[0] == 0 {
             return Err(Error::value("delay", "1 to 4096 nodes", 0));
         }
-        let of_amplitudes = amplitude.shape();
-        let expected = if is_nodal { &shape[1..] } else { &shape[..] };
-        let fits = match of_amplitudes {
-            [nodes, rest @ ..] if is_nodal && rest.len() == 2 => *nodes > 0 && rest == expected,
-            _ => of_amplitudes == expected,
-        };
-        if !fits {
+        let expected = &shape[usize::from(is_nodal)..];
+        let got = amplitude.shape();
+        let has_nodes = is_nodal && got.len() == 3 && got[0] > 0;
+        if got[usize::from(has_nodes)..] != *expected {
             let nodes = if is_nodal { ", or those with nodes in front" } else { "" };
-            let got = format!("{of_amplitudes:?}");
-            return Err(Error::value("amplitude", format!("shape {expected:?}{nodes}"), got));
+            return Err(Error::value(
+                "amplitude",
+                format!("shape {expected:?}{nodes}"),
+                format!("{got:?}"),
+            ));
         }
-        let mut rows = vec![delay];
         for (name, row) in [("delay_rate", &delay_rate), ("delay_acceleration", &delay_acceleration)] {
-            if let Some(row) = row
-                && (is_nodal || row.shape() != shape)
-            {
-                let got = format!("{:?}", row.shape());
-                return Err(Error::value(
-                    name,
-                    format!("shape {shape:?} of delays without nodes"),
-                    got,
-                ));
+            if let Some(row) = row.as_ref().filter(|row| is_nodal || row.shape() != shape) {
+                let expected = format!("shape {shape:?} of delays without nodes");
+                return Err(Error::value(name, expected, format!("{:?}", row.shape())));
             }
         }
         if delay_acceleration.is_some() && delay_rate.is_none() {
-            return Err(Error::value(
-                "delay_rate",
-                "one together with delay_acceleration",
-                "none",
-            ));
+            let expected = "one together with delay_acceleration";
+            return Err(Error::value("delay_rate", expected, "none"));
         }
+        let (num_channels, num_paths) = match *expected {
+            [channels, paths] => (channels, paths),
+            _ => (1, expected[0]),
+        };
+        let mut rows = vec![delay];
         rows.extend(delay_rate);
         rows.extend(delay_acceleration);
         Ok(Self {
