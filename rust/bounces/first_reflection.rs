@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::aspect::Aspect;
 use super::field::{Field, Incidence};
 use super::interaction::Interaction;
-use super::lattice::{ShadowLattice, Visibility};
+use super::lattice::{Illumination, ShadowLattice};
 use super::shooting::Shooter;
 use crate::antennas::polarization::{Seen, transverse};
 use crate::cancel::Cancel;
@@ -195,12 +195,12 @@ impl Wave<'_> {
     ) {
         let weights = corners.map(|corner| lattice.weights(corner));
         match lattice.seen(corners, side) {
-            Visibility::Full => self.add(facet, weights.map(|at| self.corner(facet, at)), 1.0, sum),
-            Visibility::None => {}
-            Visibility::Partial if side == 1 => {
+            Illumination::Full => self.add(facet, weights.map(|at| self.corner(facet, at)), 1.0, sum),
+            Illumination::None => {}
+            Illumination::Partial if side == 1 => {
                 self.edge_of_shadow(facet, weights, corners.map(|corner| lattice.at(corner)), sum);
             }
-            Visibility::Partial => {
+            Illumination::Partial => {
                 let middle = |[a, b]: [[i32; 2]; 2]| [0, 1].map(|axis| i32::midpoint(a[axis], b[axis]));
                 for part in quarters(corners, middle) {
                     self.add_visible_part(facet, lattice, part, side / 2, sum);

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// Part of a triangle that is illuminated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Visibility {
+pub(super) enum Illumination {
     /// All of it.
     Full,
     /// Some of its points.
@@ -47,7 +47,7 @@ impl ShadowLattice {
     }
 
     /// Part of the points of a triangle that are illuminated; `side`: its steps.
-    pub(super) fn seen(&self, [a, b, c]: [[i32; 2]; 3], side: i32) -> Visibility {
+    pub(super) fn seen(&self, [a, b, c]: [[i32; 2]; 3], side: i32) -> Illumination {
         let step = |from: i32, to: i32| (to - from) / side;
         let [along, across] = [b, c].map(|end| [step(a[0], end[0]), step(a[1], end[1])]);
         let (mut all, mut any) = (true, false);
@@ -60,9 +60,9 @@ impl ShadowLattice {
             }
         }
         match (all, any) {
-            (true, _) => Visibility::Full,
-            (_, true) => Visibility::Partial,
-            _ => Visibility::None,
+            (true, _) => Illumination::Full,
+            (_, true) => Illumination::Partial,
+            _ => Illumination::None,
         }
     }
 }
@@ -76,8 +76,8 @@ mod tests {
         let lattice = ShadowLattice::new(8, |weights| weights.x > 0.99);
         assert_eq!(lattice.points.len(), 45);
         assert!(lattice.at([0, 0]) && !lattice.at([1, 0]) && !lattice.at([0, 1]));
-        assert!(lattice.seen([[0, 0], [8, 0], [0, 8]], 8) == Visibility::Partial);
-        assert!(lattice.seen([[4, 4], [0, 4], [4, 0]], 4) == Visibility::None);
+        assert!(lattice.seen([[0, 0], [8, 0], [0, 8]], 8) == Illumination::Partial);
+        assert!(lattice.seen([[4, 4], [0, 4], [4, 0]], 4) == Illumination::None);
         assert_eq!(lattice.weights([8, 0]), DVec3::Y);
     }
 }
