@@ -212,8 +212,7 @@ class FirstBounce:
         # In front of the side that we see: a thin plate is between it and a transmitter behind.
         to_center = -(place + away)
         before = away + _BEFORE * to_center / np.linalg.norm(to_center, axis=1, keepdims=True)
-        is_hidden = engine.occluded(self._placement.seen_from(moved, middle), np.ascontiguousarray(before))
-        return is_hidden
+        return engine.occluded(self._placement.seen_from(moved, middle), np.ascontiguousarray(before))
 
     def _merged(
         self, delay: Floats, rate: Floats, amplitude: NDArray[np.complex128], body: NDArray[np.int64]

@@ -199,8 +199,7 @@ class Interference:
             return np.zeros(len(interferer.radar.tx), dtype=np.bool_)
         sensor, sender = (poses_at(motion, [middle])[0] for motion in (self._motion, interferer.motion))
         seen = (_in_world(sender, interferer.radar.tx) - sensor[:, 3]) @ sensor[:, :3] - self._radar.array_center
-        is_hidden = engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
-        return is_hidden
+        return engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
 
 
 def counted(parts: list[Counts]) -> Counts:

@@ -392,8 +392,7 @@ class Simulator(Settings):
         at = self._start(time)
         world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
-        is_hidden = self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
-        return is_hidden
+        return self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
 
     def _start(self, time: float | None) -> float:
         """A time [s] that was given, or that of the newest update of what is live, or 0."""
