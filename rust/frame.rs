@@ -28,7 +28,7 @@ use crate::rays::surface::Surface;
 use crate::synthesis::beat_signal::sum_groups;
 use crate::synthesis::report::Samples;
 
-pub use counts::Counts;
+pub use counts::FrameCounts;
 pub use model::{Model, RaySampling, Scene, Settings, Source, Switches};
 pub use path_groups::PathArrays;
 
@@ -50,7 +50,7 @@ pub struct Frame {
     /// target, in the order of the scene; NaN where no ray hit. None for images.
     pub truth: Option<Vec<[f64; 4]>>,
     /// Counts of rays and paths, errors and run times.
-    pub counts: Counts,
+    pub counts: FrameCounts,
 }
 
 /// Rays and surfaces kept from frame to frame: static tiles are not cast again. Results do not depend on the memory.
@@ -79,7 +79,7 @@ pub fn simulate(
     memory: &mut Memory,
     cancel: &Cancel,
 ) -> Result<Answer> {
-    let mut counts = Counts::default();
+    let mut counts = FrameCounts::default();
     let motion = counts.timed("motion", || model.motion(world))?;
     counts.motion_error = model.phase_error(&motion);
     if counts.motion_error > MOTION_SHARE * model.settings.tolerance && motion.num_times() < MOST_TIMES {

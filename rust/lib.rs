@@ -181,7 +181,7 @@ pub mod stages {
     pub use crate::rays::scene::PosedScene;
     pub use crate::rays::tree::{Tree, WIDTH};
     pub use crate::rays::watertight::Ray;
-    pub use crate::scattering::material::{Material, Response};
+    pub use crate::scattering::material::{Material, SurfaceResponse};
     pub use crate::synthesis::beat_signal::beat_signal;
     pub use crate::synthesis::delay::{Basis, PathSeries};
     pub use crate::synthesis::report::{Known, Options};

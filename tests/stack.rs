@@ -7,8 +7,8 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use num_complex::Complex64;
 use radarcore::stages::{
-    Aspect, Basis, Known, Level, Material, Options, PathSeries, PosedScene, Ray, Response, TimeSeries, add_normal,
-    beat_signal, cross_sections, image, paths as frame_paths,
+    Aspect, Basis, Known, Level, Material, Options, PathSeries, PosedScene, Ray, SurfaceResponse, TimeSeries,
+    add_normal, beat_signal, cross_sections, image, paths as frame_paths,
 };
 use radarcore::{
     Answer, Array, CONDUCTOR, Cancel, ImagePlane, Limits, Memory, Method, Model, Pattern, Pose, RaySampling,
@@ -199,7 +199,7 @@ fn frames() {
             end_points,
         }))
     };
-    let rough = Material::Constant(Response {
+    let rough = Material::Constant(SurfaceResponse {
         reflection: Complex64::new(-0.5, 0.0),
         albedo: 0.5,
     });

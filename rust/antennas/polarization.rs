@@ -12,14 +12,14 @@ pub(crate) fn transverse(e: DVec3, direction: DVec3) -> DVec3 {
 
 /// Weights of the two polarisations in the reflection coefficient between antennas: `Gamma = te r_TE - tm r_TM`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct PolarizationWeights {
     /// Weight of the field across the plane of incidence.
     pub te: f64,
     /// Weight of the field in the plane of incidence.
     pub tm: f64,
 }
 
-impl Seen {
+impl PolarizationWeights {
     /// Weights of the field across the plane of incidence alone.
     pub const TE: Self = Self { te: 1.0, tm: 0.0 };
 
@@ -67,7 +67,7 @@ mod tests {
         for (x, y, z) in [(1.0, 0.0, 0.0), (1.0, 1e-11, 0.0), (1.0, 1e-9, 1e-9), (1.0, 0.7, -0.4)] {
             let d = DVec3::new(x, y, z).normalize();
             for e in [DVec3::Z, DVec3::Y, DVec3::new(0.0, 0.6, 0.8)] {
-                let seen = Seen::by(e, NORMAL_TO_WALL, d, d);
+                let seen = PolarizationWeights::by(e, NORMAL_TO_WALL, d, d);
                 assert!((seen.te + seen.tm - 1.0).abs() < 1e-12, "{d} {e} {seen:?}");
             }
         }
@@ -80,8 +80,8 @@ mod tests {
             DVec3::new(1.0, -1.0, 0.0).normalize(),
         );
         for (t, r) in [(t, r), (t, t)] {
-            let vertical = Seen::by(DVec3::Z, NORMAL_TO_WALL, t, r);
-            let horizontal = Seen::by(DVec3::Y, NORMAL_TO_WALL, t, r);
+            let vertical = PolarizationWeights::by(DVec3::Z, NORMAL_TO_WALL, t, r);
+            let horizontal = PolarizationWeights::by(DVec3::Y, NORMAL_TO_WALL, t, r);
             assert!((vertical.te - 1.0).abs() < 1e-15 && vertical.tm.abs() < 1e-15);
             assert!(horizontal.te.abs() < 1e-15 && (horizontal.tm - 1.0).abs() < 1e-15);
         }
@@ -97,7 +97,7 @@ mod tests {
         for _ in 0..1000 {
             let mut unit = || DVec3::new(number(), number(), number()).normalize();
             let (e, n, t, r) = (unit(), unit(), unit(), unit());
-            let (there, back) = (Seen::by(e, n, t, r), Seen::by(e, n, r, t));
+            let (there, back) = (PolarizationWeights::by(e, n, t, r), PolarizationWeights::by(e, n, r, t));
             assert!((there.te - back.te).abs() < 1e-12 && (there.tm - back.tm).abs() < 1e-12);
             assert!(there.te.abs() + there.tm.abs() < 1.0 + 1e-12);
         }
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn nothing_is_seen_along_the_antenna() {
-        let seen = Seen::by(DVec3::X, NORMAL_TO_WALL, DVec3::X, DVec3::X);
-        assert_eq!(seen, Seen { te: 0.0, tm: 0.0 });
+        let seen = PolarizationWeights::by(DVec3::X, NORMAL_TO_WALL, DVec3::X, DVec3::X);
+        assert_eq!(seen, PolarizationWeights { te: 0.0, tm: 0.0 });
     }
 }

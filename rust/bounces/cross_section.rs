@@ -124,10 +124,7 @@ impl<'a> PlaneWave<'a> {
     fn over(shooter: &'a Shooter<'a>, aspect: &'a Aspect) -> Option<(Self, CellGrid)> {
         let (scene, k) = (shooter.scene, -aspect.directions[0]);
         let bodies = (0..scene.num_bodies() as u32).filter(|body| scene.surface(*body).num_triangles() > 0);
-        let corners = bodies.flat_map(|body| {
-            let corners = scene.surface(body).bounds().corners();
-            corners.map(|corner| scene.pose(body).point(corner))
-        });
+        let corners = bodies.flat_map(|body| scene.corners(body));
 
         // One side of the rectangle is horizontal where there is one.
         let across = DVec3::Z.cross(k).try_normalize().unwrap_or(DVec3::Y);

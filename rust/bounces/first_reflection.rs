@@ -17,7 +17,7 @@ use super::field::{Field, Incidence};
 use super::interaction::Interaction;
 use super::lattice::{Illumination, ShadowLattice};
 use super::shooting::Shooter;
-use crate::antennas::polarization::{Seen, transverse};
+use crate::antennas::polarization::{PolarizationWeights, transverse};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::geometry::aabb::Bounds;
@@ -72,9 +72,7 @@ pub(super) fn first_reflection(shooter: &Shooter, aspect: &Aspect, cancel: &Canc
     let scene = shooter.scene;
     let mut bounds = Bounds::EMPTY;
     for body in 0..scene.num_bodies() as u32 {
-        let surface = scene.surface(body);
-        let vertices = surface.bounds().corners();
-        bounds = bounds.union(&Bounds::of(vertices.map(|corner| scene.pose(body).point(corner))));
+        bounds = bounds.union(&Bounds::of(scene.corners(body)));
     }
     let wave = Wave {
         shooter,
@@ -284,7 +282,7 @@ impl Wave<'_> {
         let phasor = mean_phasor(corners.map(|corner| wavenumber * corner.path)) * Complex64::cis(-mean);
         sum.field += radiated * phasor * (section / cosine);
         if material.is_diffuse() {
-            let seen = polarizations.map(|e| Seen::by(e[0], interaction.normal, -from, -to));
+            let seen = polarizations.map(|e| PolarizationWeights::by(e[0], interaction.normal, -from, -to));
             let albedo = material.response(cosine, wavelength, seen).albedo;
             sum.diffuse += 4.0 * albedo * section * interaction.normal.dot(to);
         }

@@ -11,7 +11,7 @@ use crate::synthesis::source::{PathSource, Shape};
 
 /// Counts of rays and paths of a frame, summed over its spans, and the worst errors.
 #[derive(Clone, Debug, Default)]
-pub struct Counts {
+pub struct FrameCounts {
     /// Times at which rays were cast.
     pub casts: usize,
     /// Rays that were cast.
@@ -57,7 +57,7 @@ pub struct Counts {
     pub times: Vec<(&'static str, f64)>,
 }
 
-impl Counts {
+impl FrameCounts {
     /// Error of the paths of several reflections where tubes ran out, relative to their field (rms).
     pub fn bounce_error(&self) -> f64 {
         if self.bounce_power > 0.0 {

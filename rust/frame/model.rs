@@ -164,6 +164,13 @@ impl Facing {
         }
     }
 
+    /// Directions in front of the sensor that the antennas see of a scene in the axes of the sector; none: all.
+    pub fn beam_over(&self, scene: &PosedScene, plane: &ImagePlane) -> Option<Beam> {
+        let [u, v] = plane.ranges();
+        let beam = self.beam.as_ref()?;
+        beam.in_front(|| scene.nearest_in_front(), u, v)
+    }
+
     /// A scene in the axes of the sector.
     pub fn scene(&self, scene: &Arc<PosedScene>) -> Arc<PosedScene> {
         if self.rotation == DMat3::IDENTITY {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::model::{Model, RaySampling, Source};
+use crate::antennas::beam::Beam;
 use crate::bounces::{self, Bounces, TubeImage};
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
@@ -13,7 +14,7 @@ use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::refinement::field_of;
-use crate::scattering::samples::Samples;
+use crate::scattering::samples::SceneSamples;
 use crate::scattering::sampling::NearestHit;
 use crate::scattering::sector::Sector;
 
@@ -22,7 +23,7 @@ pub struct Rays {
     /// The bodies in the axes of every sector.
     scenes: Vec<Arc<PosedScene>>,
     /// The samples.
-    pub samples: Samples,
+    pub samples: SceneSamples,
 }
 
 impl Model {
@@ -46,9 +47,7 @@ impl Model {
         sectors
             .map(|((facing, scene), plane)| {
                 plane.check()?;
-                let [u, v] = plane.ranges();
-                let beam = facing.beam.as_ref();
-                let beam = beam.and_then(|beam| beam.in_front(|| scene.nearest_in_front(), u, v));
+                let beam = facing.beam_over(scene, plane);
                 let is_outside = |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v));
                 let cast = Cast {
                     outside: beam.is_some().then_some(&is_outside),
@@ -87,18 +86,31 @@ impl Rays {
             &model.sectors
         };
         let scenes: Vec<Arc<PosedScene>> = facing.iter().map(|sector| sector.scene(scene)).collect();
-        let sectors: Vec<Sector> = scenes
+        let planes: Vec<ImagePlane> = match image {
+            Some(image) => vec![image.plane],
+            None => planes.clone(),
+        };
+        planes.iter().try_for_each(ImagePlane::check)?;
+        let beams = facing.iter().zip(&scenes).zip(&planes);
+        let beams: Vec<Option<Beam>> = beams
+            .map(|((facing, scene), plane)| facing.beam_over(scene, plane).filter(|_| image.is_none()))
+            .collect();
+        let misses = beams
             .iter()
-            .zip(facing)
-            .zip(planes)
-            .map(|((scene, facing), plane)| Sector {
-                scene,
+            .map(|beam| move |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v)));
+        let misses: Vec<_> = misses.collect();
+        let sectors: Vec<Sector> = (0..scenes.len())
+            .map(|number| Sector {
+                scene: &scenes[number],
                 image,
-                array: &facing.array,
-                reflections: &facing.reflections,
-                cast: model.cast(cancel),
-                plane: image.map_or(*plane, |image| image.plane),
-                beam: facing.beam.as_ref().filter(|_| image.is_none()),
+                array: &facing[number].array,
+                reflections: &facing[number].reflections,
+                cast: Cast {
+                    outside: beams[number].is_some().then_some(&misses[number]),
+                    ..model.cast(cancel)
+                },
+                plane: planes[number],
+                beam: beams[number].as_ref(),
                 sampling: *sampling,
                 refinement: *refinement,
                 join: if refinement.is_some() { model.join() } else { 0.0 },
@@ -109,7 +121,7 @@ impl Rays {
             .collect();
         let before = before.filter(|_| settings.debug.reuse_tiles && image.is_none());
         let before = before.map(|before| (&*before.scenes, &before.samples));
-        let samples = Samples::new(&sectors, &model.materials, before)?;
+        let samples = SceneSamples::new(&sectors, &model.materials, before)?;
         Ok(Self { scenes, samples })
     }
 

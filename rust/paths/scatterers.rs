@@ -27,7 +27,7 @@ pub struct Scatterers {
     pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels: amplitudes without gains
     /// and distances over the sum of both cosines of incidence. Specular parts are `(j / 4 pi) Gamma dA / 2` times the
-    /// factors of cells and of edge terms; diffuse ones see [`crate::scattering::material::Response::diffuse`].
+    /// factors of cells and of edge terms; diffuse ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
     pub(crate) weights: Vec<Complex64>,
     /// Range rate beside the motion of the body [m/s]; empty: zero.
     pub(crate) range_rate: Vec<f64>,

@@ -5,9 +5,9 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::arrays::numbers;
-use crate::antennas::polarization::Seen;
+use crate::antennas::polarization::PolarizationWeights;
 use crate::error::{Error, Result};
-use crate::scattering::material::{self, Dielectric, Response, Roughness};
+use crate::scattering::material::{self, Dielectric, Roughness, SurfaceResponse};
 
 /// Material of a surface at one frequency.
 #[pyclass(frozen, name = "Material", module = "radarcore._core")]
@@ -18,7 +18,7 @@ impl PyMaterial {
     /// Constant response at every angle; the field reflection coefficient as (real, imaginary).
     #[staticmethod]
     fn constant(reflection: (f64, f64), albedo: f64) -> Self {
-        Self(material::Material::Constant(Response {
+        Self(material::Material::Constant(SurfaceResponse {
             reflection: Complex64::new(reflection.0, reflection.1),
             albedo,
         }))
@@ -58,7 +58,7 @@ impl PyMaterial {
         seen: Option<(f64, f64)>,
     ) -> PyResult<ResponseArrays<'py>> {
         let cosines = numbers("cosine", &cosine, [None])?.iter();
-        let seen = seen.map(|(te, tm)| Seen { te, tm });
+        let seen = seen.map(|(te, tm)| PolarizationWeights { te, tm });
         let of = |cosine: &f64| self.0.response(*cosine, wavelength, seen);
         let (reflection, albedo): (Vec<_>, Vec<_>) = cosines.map(of).map(|r| (r.reflection, r.albedo)).unzip();
         Ok((reflection.into_pyarray(py), albedo.into_pyarray(py)))

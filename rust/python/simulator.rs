@@ -21,7 +21,7 @@ use super::synthesis::PyWaveform;
 use super::threads::{check_threads, new_pool, pool, watch};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
-use crate::frame::{self, Answer, Counts, Memory, Model, Source};
+use crate::frame::{self, Answer, FrameCounts, Memory, Model, Source};
 use crate::paths::kinematics::{TimeSeries, World};
 use crate::rays::camera::ImagePlane;
 use crate::scattering::surface_image::SurfaceImage;
@@ -182,7 +182,7 @@ pub(super) struct IdealFrame {
 }
 
 /// Counts of rays, hits, tiles, paths and velocity rows, by name.
-fn dict_of_counts<'py>(py: Python<'py>, counts: &Counts) -> PyResult<Bound<'py, PyDict>> {
+fn dict_of_counts<'py>(py: Python<'py>, counts: &FrameCounts) -> PyResult<Bound<'py, PyDict>> {
     let mut all = vec![
         ("casts", counts.casts),
         ("rays_cast", counts.rays_cast),

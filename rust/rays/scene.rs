@@ -78,6 +78,12 @@ impl PosedScene {
         &self.poses[body as usize]
     }
 
+    /// Corners of the box of a body, in the sensor frame.
+    pub fn corners(&self, body: u32) -> [DVec3; 8] {
+        let pose = self.pose(body);
+        self.surface(body).bounds().corners().map(|corner| pose.point(corner))
+    }
+
     /// Number of bodies, with triangles or without.
     pub fn num_bodies(&self) -> usize {
         self.surfaces.len()

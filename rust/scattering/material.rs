@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use crate::antennas::array::Array;
-use crate::antennas::polarization::Seen;
+use crate::antennas::polarization::PolarizationWeights;
 use crate::constants::SPEED_OF_LIGHT;
 
 /// Smallest cosine of incidence; smaller ones are clamped, as coefficients have their limits there.
@@ -16,20 +16,20 @@ const GRAZING: f64 = 1e-12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
     /// Constant response at every angle.
-    Constant(Response),
+    Constant(SurfaceResponse),
     /// Fresnel coefficients of a permittivity.
     Dielectric(Dielectric),
 }
 
 /// A perfect conductor.
-pub const CONDUCTOR: Material = Material::Constant(Response {
+pub const CONDUCTOR: Material = Material::Constant(SurfaceResponse {
     reflection: Complex64::new(-1.0, 0.0),
     albedo: 0.0,
 });
 
 /// Response of a surface at one angle of incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Response {
+pub struct SurfaceResponse {
     /// Field reflection coefficient of the specular part; -1 for a perfect conductor.
     pub reflection: Complex64,
     /// Diffuse albedo: power scattered by Lambert's law over incident power.
@@ -58,7 +58,7 @@ pub enum Roughness {
     Scattering(f64),
 }
 
-impl Response {
+impl SurfaceResponse {
     /// Specular and diffuse power over incident power.
     pub fn power(&self) -> f64 {
         self.reflection.norm_sqr() + self.albedo
@@ -83,17 +83,17 @@ impl Response {
 impl Material {
     /// Response of a surface with a unit normal to antennas in unit directions. The cosine of incidence is the mean of
     /// both cosines, which is exact in the specular direction.
-    pub fn response_to(&self, array: &Array, normal: DVec3, [t, r]: [DVec3; 2]) -> Response {
+    pub fn response_to(&self, array: &Array, normal: DVec3, [t, r]: [DVec3; 2]) -> SurfaceResponse {
         let cosine = 0.5 * ((-normal.dot(t)).max(0.0) + (-normal.dot(r)).max(0.0));
-        let seen = array.polarization.map(|e| Seen::by(e, normal, t, r));
+        let seen = array.polarization.map(|e| PolarizationWeights::by(e, normal, t, r));
         self.response(cosine, SPEED_OF_LIGHT / array.frequency, seen)
     }
 
     /// Response at a cosine of incidence and a wavelength [m], as received by antennas; none: without a polarisation.
-    pub fn response(&self, cosine: f64, wavelength: f64, seen: Option<Seen>) -> Response {
+    pub fn response(&self, cosine: f64, wavelength: f64, seen: Option<PolarizationWeights>) -> SurfaceResponse {
         match self {
             // r_TE = -r_TM = reflection.
-            Self::Constant(constant) => Response {
+            Self::Constant(constant) => SurfaceResponse {
                 reflection: constant.reflection * seen.map_or(1.0, |seen| seen.te + seen.tm),
                 ..*constant
             },
@@ -142,14 +142,14 @@ pub(crate) fn mean_reflection([te, tm]: [Complex64; 2]) -> Complex64 {
 
 impl Dielectric {
     /// Response by docs/theory.md eqs. (4) to (6).
-    fn response(&self, cosine: f64, wavelength: f64, seen: Option<Seen>) -> Response {
+    fn response(&self, cosine: f64, wavelength: f64, seen: Option<PolarizationWeights>) -> SurfaceResponse {
         let (cosine, k) = (cosine.max(GRAZING), TAU / wavelength);
 
         // The polarisations of the antennas, and the part that is scattered.
         let [te, tm] = self.fresnel(cosine, k);
         let gamma = seen.map_or_else(|| mean_reflection([te, tm]), |seen| te * seen.te - tm * seen.tm);
         let (kept, scattered) = self.roughness.parts(cosine, k);
-        Response {
+        SurfaceResponse {
             reflection: gamma * kept,
             albedo: gamma.norm_sqr() * scattered,
         }
@@ -217,7 +217,7 @@ mod tests {
         }
     }
 
-    fn gamma(dielectric: Dielectric, cosine: f64, seen: Option<Seen>) -> Complex64 {
+    fn gamma(dielectric: Dielectric, cosine: f64, seen: Option<PolarizationWeights>) -> Complex64 {
         Material::Dielectric(dielectric)
             .response(cosine, WAVELENGTH, seen)
             .reflection
@@ -244,25 +244,25 @@ mod tests {
     #[test]
     fn glass_of_index_three_halves_reflects_a_fifth_of_the_field_and_nothing_at_brewsters_angle() {
         let glass = half_space(Complex64::new(2.25, 0.0));
-        for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
+        for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
             assert!((gamma(glass, 1.0, seen) + 0.2).norm() < 1e-15);
         }
         let brewster = 1.5_f64.atan().cos();
-        assert!(gamma(glass, brewster, Some(Seen::TM)).norm() < 1e-15);
+        assert!(gamma(glass, brewster, Some(PolarizationWeights::TM)).norm() < 1e-15);
         // At Brewster's angle r_TE = cos 2 theta.
-        assert!((gamma(glass, brewster, Some(Seen::TE)) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
+        assert!((gamma(glass, brewster, Some(PolarizationWeights::TE)) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
     }
 
     #[test]
     fn what_is_no_denser_than_air_reflects_nothing_and_what_conducts_everything() {
         let (air, metal) = (half_space(Complex64::ONE), half_space(Complex64::new(1.0, -1e24)));
         for cosine in [1.0, 0.5, 1e-3, 0.0, -1.0] {
-            for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
+            for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
                 assert_eq!(gamma(air, cosine, seen), Complex64::ZERO);
             }
         }
         for cosine in [1.0, 0.5, 1e-3] {
-            for seen in [None, Some(Seen::TE), Some(Seen::TM)] {
+            for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
                 assert!((gamma(metal, cosine, seen) + 1.0).norm() < 1e-8, "{cosine}");
             }
         }
@@ -271,9 +271,9 @@ mod tests {
     #[test]
     fn waves_reflect_whole_beyond_the_critical_angle() {
         let thin = half_space(Complex64::new(0.25, 0.0)); // critical angle 30 degrees
-        assert!((gamma(thin, 0.5, Some(Seen::TE)).norm() - 1.0).abs() < 1e-15);
-        assert!((gamma(thin, 0.5, Some(Seen::TM)).norm() - 1.0).abs() < 1e-15);
-        assert!(gamma(thin, 0.9, Some(Seen::TE)).norm() < 0.9);
+        assert!((gamma(thin, 0.5, Some(PolarizationWeights::TE)).norm() - 1.0).abs() < 1e-15);
+        assert!((gamma(thin, 0.5, Some(PolarizationWeights::TM)).norm() - 1.0).abs() < 1e-15);
+        assert!(gamma(thin, 0.9, Some(PolarizationWeights::TE)).norm() < 0.9);
     }
 
     #[test]
@@ -284,15 +284,19 @@ mod tests {
             thickness: Some(0.5 * WAVELENGTH / inside),
             ..half_space(Complex64::new(index * index, 0.0))
         };
-        assert!(gamma(slab, cosine, Some(Seen::TE)).norm() < 1e-15);
-        assert!(gamma(slab, cosine, Some(Seen::TM)).norm() < 1e-15);
+        assert!(gamma(slab, cosine, Some(PolarizationWeights::TE)).norm() < 1e-15);
+        assert!(gamma(slab, cosine, Some(PolarizationWeights::TM)).norm() < 1e-15);
         assert!(gamma(slab, 1.0, None).norm() > 0.1);
         let skin = half_space(Complex64::new(7.975, -10.904));
         let thick = Dielectric {
             thickness: Some(0.02),
             ..skin
         };
-        assert!((gamma(thick, cosine, Some(Seen::TE)) - gamma(skin, cosine, Some(Seen::TE))).norm() < 1e-15);
+        assert!(
+            (gamma(thick, cosine, Some(PolarizationWeights::TE)) - gamma(skin, cosine, Some(PolarizationWeights::TE)))
+                .norm()
+                < 1e-15
+        );
     }
 
     #[test]
@@ -302,7 +306,7 @@ mod tests {
             roughness: Roughness::Height(0.3e-3),
             ..skin
         };
-        let constant = Response {
+        let constant = SurfaceResponse {
             reflection: Complex64::new(0.3, -0.2),
             albedo: 0.1,
         };
@@ -313,8 +317,18 @@ mod tests {
         ] {
             for cosine in [1.0, 0.6, 0.1] {
                 let [te, tm] = material.reflection_coefficients(cosine, WAVELENGTH);
-                assert_eq!(te, material.response(cosine, WAVELENGTH, Some(Seen::TE)).reflection);
-                assert_eq!(-tm, material.response(cosine, WAVELENGTH, Some(Seen::TM)).reflection);
+                assert_eq!(
+                    te,
+                    material
+                        .response(cosine, WAVELENGTH, Some(PolarizationWeights::TE))
+                        .reflection
+                );
+                assert_eq!(
+                    -tm,
+                    material
+                        .response(cosine, WAVELENGTH, Some(PolarizationWeights::TM))
+                        .reflection
+                );
             }
         }
     }

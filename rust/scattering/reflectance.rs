@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::antennas::polarization::Seen;
+use crate::antennas::polarization::PolarizationWeights;
 use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::Result;
@@ -28,7 +28,8 @@ pub fn pixel_reflectance(
             return Ok(0.0);
         };
         let direction = DVec3::from_array(directions[pixel]);
-        let seen = polarization.map(|e| Seen::by(e, DVec3::from_array(normals[pixel]), direction, direction));
+        let seen =
+            polarization.map(|e| PolarizationWeights::by(e, DVec3::from_array(normals[pixel]), direction, direction));
         Ok(material.response(cosines[pixel], wavelength, seen).power())
     };
     (0..bodies.len()).into_par_iter().map(of_pixel).collect()

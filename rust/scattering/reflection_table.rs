@@ -3,7 +3,7 @@
 use glam::DVec3;
 use num_complex::Complex64;
 
-use crate::antennas::polarization::Seen;
+use crate::antennas::polarization::PolarizationWeights;
 use crate::scattering::material::Material;
 
 /// Number of intervals of the table over the cosine. Linear interpolation is then exact to 1e-4 for slabs of a few
@@ -54,7 +54,7 @@ impl Reflection {
             Self::Scalar(table) => between(table[index], table[index + 1], share),
             Self::Polarized(table, polarization) => {
                 let (normal, direction) = place();
-                let seen = Seen::by(*polarization, normal, direction, direction);
+                let seen = PolarizationWeights::by(*polarization, normal, direction, direction);
                 let (low, high) = (&table[index], &table[index + 1]);
                 let (te, tm) = (between(low[0], high[0], share), between(low[1], high[1], share));
                 let (a, b) = (seen.te as f32, seen.tm as f32);
@@ -74,7 +74,7 @@ fn between(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
 mod tests {
     use super::*;
     use crate::constants::SPEED_OF_LIGHT;
-    use crate::scattering::material::{Dielectric, Response, Roughness};
+    use crate::scattering::material::{Dielectric, Roughness, SurfaceResponse};
 
     const WAVELENGTH: f64 = SPEED_OF_LIGHT / 60e9;
 
@@ -90,7 +90,7 @@ mod tests {
             thickness: Some(6e-3),
             roughness: Roughness::Smooth,
         };
-        let constant = Material::Constant(Response {
+        let constant = Material::Constant(SurfaceResponse {
             reflection: Complex64::new(-0.6, 0.2),
             albedo: 0.1,
         });
@@ -106,7 +106,7 @@ mod tests {
                 );
                 for (table, seen) in tables
                     .iter()
-                    .zip([None, Some(Seen::by(up, normal, DVec3::X, DVec3::X))])
+                    .zip([None, Some(PolarizationWeights::by(up, normal, DVec3::X, DVec3::X))])
                 {
                     let exact = material.response(cosine, WAVELENGTH, seen).reflection;
                     let [re, im] = table.at(cosine as f32, || (normal, DVec3::X)).map(f64::from);

@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::antennas::beam::Beam;
 use crate::error::Result;
-use crate::rays::hits::{Cast, Counts};
+use crate::rays::hits::Counts;
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::lambert::Speckle;
@@ -14,7 +13,7 @@ use crate::scattering::sampling::Tiles;
 use crate::scattering::sector::Sector;
 
 /// Samples of the specular part, and random points.
-pub struct Samples {
+pub struct SceneSamples {
     /// Refined tiles, with the material points of the specular part.
     pub tiles: Tiles,
     /// For every sector, random points of the bodies whose materials are diffuse.
@@ -23,7 +22,7 @@ pub struct Samples {
     pub counts: Counts,
 }
 
-impl Samples {
+impl SceneSamples {
     /// Cast rays through cells and to random points. Samples of the frame `before` are reused where no body has moved
     /// since.
     pub fn new(
@@ -31,28 +30,6 @@ impl Samples {
         materials: &[Material],
         before: Option<(&[Arc<PosedScene>], &Self)>,
     ) -> Result<Self> {
-        let mut beams = Vec::with_capacity(sectors.len());
-        for sector in sectors {
-            sector.check()?;
-            let [u, v] = sector.plane.ranges();
-            let in_front = |beam: &Beam| beam.in_front(|| sector.scene.nearest_in_front(), u, v);
-            beams.push(sector.beam.and_then(in_front));
-        }
-        let outside: Vec<_> = beams
-            .iter()
-            .map(|beam: &Option<Beam>| move |u, v| beam.as_ref().is_some_and(|beam| beam.misses(u, v)))
-            .collect();
-        let in_beam = sectors.iter().zip(&beams).zip(&outside);
-        let sectors: Vec<Sector> = in_beam
-            .map(|((sector, beam), outside)| Sector {
-                cast: Cast {
-                    outside: beam.is_some().then_some(outside),
-                    ..sector.cast
-                },
-                beam: beam.as_ref(),
-                ..*sector
-            })
-            .collect();
         let before = before.filter(|(scenes, _)| scenes.len() == sectors.len());
         let moved: Option<Vec<Tree>> = before.and_then(|(scenes, _)| {
             let both = sectors.iter().zip(scenes);
@@ -60,7 +37,7 @@ impl Samples {
         });
         let previous = before.map(|(_, samples)| samples);
         let known = previous.map(|samples| &samples.tiles);
-        let tiles = Tiles::new(&sectors, materials, known.zip(moved.as_deref()))?;
+        let tiles = Tiles::new(sectors, materials, known.zip(moved.as_deref()))?;
         let mut counts = tiles.counts;
         let mut speckles: Vec<Vec<Option<Speckle>>> = Vec::with_capacity(sectors.len());
         for (number, sector) in sectors.iter().enumerate() {

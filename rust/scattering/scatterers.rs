@@ -18,7 +18,7 @@ use crate::rays::scene::PosedScene;
 use crate::scattering::lambert::Speckle;
 use crate::scattering::material::Material;
 use crate::scattering::material_frame::MaterialFrame;
-use crate::scattering::samples::Samples;
+use crate::scattering::samples::SceneSamples;
 use crate::scattering::sampling::PointRange;
 use crate::scattering::tile_point::{TilePoint, TilePoints};
 
@@ -30,7 +30,7 @@ impl Scatterers {
     /// the frequency, and by body. `range_rates`: of the pixels that the points come from [m/s].
     pub fn of_samples(
         sectors: &[(&PosedScene, &Array)],
-        samples: &Samples,
+        samples: &SceneSamples,
         materials: &[Material],
         array: Array,
         rank: impl Fn(u32) -> u8,

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 use crate::error::{Error, Result};
 use crate::rays::camera::ImagePlane;
 use crate::rays::scene::NO_BODY;
-use crate::scattering::material::Response;
+use crate::scattering::material::SurfaceResponse;
 
 /// Surface elements of an image of another program, one per pixel, row by row. The frames of the bodies are the sensor
 /// frame at the time of the image.
@@ -53,8 +53,8 @@ impl SurfaceImage {
     }
 
     /// Response of the surface in a pixel, at every angle.
-    pub fn response_of(&self, pixel: usize) -> Response {
-        Response {
+    pub fn response_of(&self, pixel: usize) -> SurfaceResponse {
+        SurfaceResponse {
             reflection: self.reflection[pixel],
             albedo: self.albedo[pixel],
         }

@@ -11,7 +11,7 @@ use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
-use crate::scattering::material::{CONDUCTOR, Response};
+use crate::scattering::material::{CONDUCTOR, SurfaceResponse};
 
 /// Return of one cell to the centre of the array by its last reflection.
 #[derive(Clone, Copy, Debug)]
@@ -294,7 +294,7 @@ fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
             coefficients: [te, tm],
             ..conductor
         };
-        let seen = crate::antennas::polarization::Seen::by(e, n, k, k);
+        let seen = crate::antennas::polarization::PolarizationWeights::by(e, n, k, k);
         let gamma = te * seen.te - tm * seen.tm;
         let radiated = field.radiate(&any, -k, Some(transverse(e, -k)));
         assert!((radiated - gamma * any.cosine()).norm() < 1e-12, "{radiated} {gamma}");
@@ -367,7 +367,7 @@ fn on_bowl(scene: &PosedScene) -> Launch {
 #[test]
 fn floors_end_tubes() {
     let scene = corner();
-    let wood = Material::Constant(Response {
+    let wood = Material::Constant(SurfaceResponse {
         reflection: Complex64::new(0.0, -0.1),
         albedo: 0.0,
     });

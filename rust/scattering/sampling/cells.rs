@@ -332,9 +332,9 @@ impl TileCells {
         bodies
     }
 
-    /// Echo of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
+    /// Scattering length of all cells together, `sum Gamma cos dA T T exp(-j phi)`, magnitude [m^2].
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn echo(&self) -> f64 {
+    pub(super) fn scattering_length(&self) -> f64 {
         let mut turns = [0.0; MOST_RAYS];
         for i in 0..MOST_RAYS {
             turns[i] = f64::from(self.phase[i]) / TAU;

@@ -42,9 +42,6 @@ const OF_STRONGEST: f64 = 0.1;
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
-/// Tiles that one task gathers.
-const CHUNK: usize = 64;
-
 /// Memory of a tile of which every cell is a point.
 const MOST_BYTES: usize = size_of::<(SampledTile, TileCells)>() + MOST_RAYS * size_of::<(TilePoint, Complex64)>();
 
@@ -213,28 +210,13 @@ impl Tiles {
     /// Pieces of all quarters that were not split, base tile by base tile and level by level.
     fn gather(levels: Vec<TileLevel>, refine: &RefineTiles) -> Self {
         let (first, sectors) = (&refine.contexts[0], refine.sectors);
-
-        let mut of_base: Vec<Vec<(u32, u32)>> = vec![Vec::new(); levels[0].tiles.len()];
-        for (number, level) in levels.iter().enumerate() {
-            for (index, base) in level.base.iter().enumerate() {
-                if !level.tiles[index].nearest.is_empty() {
-                    of_base[*base as usize].push((number as u32, index as u32));
-                }
-            }
-        }
-        let order: Vec<(u32, u32)> = of_base.into_iter().flatten().collect();
-        let gathered = if refine.has_edge_terms() {
-            Gathered::edge_terms(refine, &levels, &order)
-        } else {
-            Gathered::quarters(&levels, &order)
-        };
         let mut counts = refine.counts;
         counts.tiles_skipped = levels[0].tiles.iter().filter(|tile| tile.rays == 0).count();
         if let Some(known) = refine.known {
             counts.tiles_reused = known.is_static.iter().filter(|is_static| **is_static).count();
         }
-        Self {
-            pieces: gathered.pieces,
+        let mut tiles = Self {
+            pieces: Vec::new(),
             num_weights: first.num_weights(),
             has_common_weight: first.has_common_weight,
             sectors: sectors
@@ -250,78 +232,70 @@ impl Tiles {
             num_coarse: refine
                 .refinement
                 .map(|refinement| refine.num_coarse(&levels, &refinement)),
-            num_hit: gathered.num_hit,
-            num_lit: gathered.num_lit,
-            farthest: gathered.farthest,
-            nearest: nearest_of(levels.iter().flat_map(nearest_of_level)),
+            num_hit: 0,
+            num_lit: 0,
+            farthest: 0.0,
+            nearest: nearest_of(&levels),
             counts,
-            levels,
-        }
-    }
-}
+            levels: Vec::new(),
+        };
 
-/// Material points of all tiles, and counts; see [`Tiles`].
-#[derive(Default)]
-struct Gathered {
-    pieces: Vec<PointRange>,
-    num_hit: usize,
-    num_lit: usize,
-    farthest: f64,
-}
-
-impl Gathered {
-    /// Points of the quarters that were not split; `order`: level and number of all tiles with a hit.
-    fn quarters(levels: &[TileLevel], order: &[(u32, u32)]) -> Self {
-        let some = |order: &[(u32, u32)]| {
-            let mut some = Self::default();
-            for (level, index) in order {
-                let (level, index) = (&levels[*level as usize], *index as usize);
-                let tile = &level.tiles[index];
-                for quarter in (0..PACKETS).filter(|quarter| level.keeps(index, *quarter)) {
-                    if let Some(points) = &tile.points {
-                        some.add(tile.place.sector, points.clone(), tile.quarter(quarter));
-                    }
-                    some.num_hit += tile.hits[quarter];
-                    some.num_lit += tile.hits[quarter] - tile.silent[quarter];
+        // Level and number of all tiles with a hit.
+        let mut of_base: Vec<Vec<(usize, usize)>> = vec![Vec::new(); levels[0].tiles.len()];
+        for (number, level) in levels.iter().enumerate() {
+            for (index, base) in level.base.iter().enumerate() {
+                if !level.tiles[index].nearest.is_empty() {
+                    of_base[*base as usize].push((number, index));
                 }
             }
-            some
-        };
-        let gathered: Vec<Self> = order.par_chunks(CHUNK).map(some).collect();
-        let mut all = Self::default();
-        all.pieces.reserve(gathered.iter().map(|some| some.pieces.len()).sum());
-        for some in gathered {
-            all.pieces.extend(some.pieces);
-            all.num_hit += some.num_hit;
-            all.num_lit += some.num_lit;
         }
-        all
+        let order: Vec<(usize, usize)> = of_base.into_iter().flatten().collect();
+        if refine.has_edge_terms() {
+            tiles.add_edge_terms(refine, &levels, &order);
+        } else {
+            tiles.add_quarters(&levels, &order);
+        }
+        tiles.levels = levels;
+        tiles
     }
 
-    /// Points of the cells that were not split, with edge terms; none after a request to stop.
-    fn edge_terms(refine: &RefineTiles, levels: &[TileLevel], order: &[(u32, u32)]) -> Self {
+    /// Add the points of the quarters that were not split.
+    fn add_quarters(&mut self, levels: &[TileLevel], order: &[(usize, usize)]) {
+        for (level, index) in order {
+            let (level, index) = (&levels[*level], *index);
+            let tile = &level.tiles[index];
+            for quarter in (0..PACKETS).filter(|quarter| level.keeps(index, *quarter)) {
+                let range = tile.quarter(quarter);
+                if let Some(points) = tile.points.as_ref().filter(|_| !range.is_empty()) {
+                    self.pieces.push(PointRange {
+                        sector: tile.place.sector,
+                        of_tile: points.clone(),
+                        range,
+                    });
+                }
+                self.num_hit += tile.hits[quarter];
+                self.num_lit += tile.hits[quarter] - tile.silent[quarter];
+            }
+        }
+    }
+
+    /// Add the points of the cells that were not split, with edge terms; none after a request to stop.
+    fn add_edge_terms(&mut self, refine: &RefineTiles, levels: &[TileLevel], order: &[(usize, usize)]) {
         let contexts = refine.contexts;
         let leaves = Leaves { contexts, levels };
-        let points = |(level, index): &(u32, u32)| match refine.check() {
-            Ok(()) => leaves.points(*level as usize, *index as usize),
+        let points = |(level, index): &(usize, usize)| match refine.check() {
+            Ok(()) => leaves.points(*level, *index),
             Err(_) => EdgeTermPoints::default(),
         };
         let found: Vec<EdgeTermPoints> = order.par_iter().map(points).collect();
-        let mut all = Self::default();
         for (found, (level, index)) in found.into_iter().zip(order) {
-            let sector = levels[*level as usize].tiles[*index as usize].place.sector;
-            all.pieces
-                .extend((!found.points.points.is_empty()).then(|| PointRange::whole(sector, Arc::new(found.points))));
-            all.num_hit += found.num_hit;
-            all.num_lit += found.num_lit;
-            all.farthest = all.farthest.max(found.farthest);
-        }
-        all
-    }
-
-    fn add(&mut self, sector: usize, of_tile: Arc<TilePoints>, range: Range<usize>) {
-        if !range.is_empty() {
-            self.pieces.push(PointRange { sector, of_tile, range });
+            let sector = levels[*level].tiles[*index].place.sector;
+            if !found.points.points.is_empty() {
+                self.pieces.push(PointRange::whole(sector, Arc::new(found.points)));
+            }
+            self.num_hit += found.num_hit;
+            self.num_lit += found.num_lit;
+            self.farthest = self.farthest.max(found.farthest);
         }
     }
 }
@@ -393,7 +367,7 @@ impl RefineTiles<'_> {
             let context = &self.contexts[wanted.place.sector];
             let mut new = || match self.check() {
                 Ok(()) => context.tile(worker, wanted.place, wanted.packets),
-                Err(_) => SampledTile::not_cast(wanted.place, wanted.packets),
+                Err(_) => SampledTile::unseen(wanted.place, wanted.packets),
             };
             let tile = known.unwrap_or_else(|| Arc::new(new()));
             (tile, is_new)
@@ -475,7 +449,7 @@ impl RefineTiles<'_> {
 
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
     fn chosen_floor(&self, base: &TileLevel, refinement: &Refinement) -> f64 {
-        let strongest = base.tiles.iter().map(|tile| tile.echo).fold(0.0, f64::max);
+        let strongest = base.tiles.iter().map(|tile| tile.scattering_length).fold(0.0, f64::max);
         let floor = refinement.rcs_floor;
         if !refinement.follows_echo {
             return floor;
@@ -533,26 +507,18 @@ impl<'a> PreviousTiles<'a> {
     }
 }
 
-/// Nearest hits of the bodies of the tiles of a level, chunk by chunk.
-fn nearest_of_level(level: &TileLevel) -> Vec<NearestHit> {
-    let chunks = level.tiles.par_chunks(CHUNK);
-    let nearest: Vec<Vec<NearestHit>> = chunks
-        .map(|tiles| nearest_of(tiles.iter().flat_map(|tile| &tile.nearest).copied()))
-        .collect();
-    nearest.into_iter().flatten().collect()
-}
-
 /// Nearest hit of every body, the first of equal ones, by body.
-fn nearest_of(hits: impl Iterator<Item = NearestHit>) -> Vec<NearestHit> {
+fn nearest_of(levels: &[TileLevel]) -> Vec<NearestHit> {
     let mut nearest: Vec<Option<NearestHit>> = Vec::new();
-    for hit in hits {
+    let tiles = levels.iter().flat_map(|level| &level.tiles);
+    for hit in tiles.flat_map(|tile| &tile.nearest) {
         let body = hit.body as usize;
         if nearest.len() <= body {
             nearest.resize_with(body + 1, || None);
         }
         let known = &mut nearest[body];
-        if known.as_ref().is_none_or(|known| hit.distance < known.distance) {
-            *known = Some(hit);
+        if known.is_none_or(|known| hit.distance < known.distance) {
+            *known = Some(*hit);
         }
     }
     nearest.into_iter().flatten().collect()

@@ -42,8 +42,8 @@ pub(super) struct SampledTile {
     pub(super) hits: [usize; 4],
     pub(super) silent: [usize; 4],
     pub(super) nearest: Vec<NearestHit>,
-    /// Echo of all cells together [m^2], of tiles of the base level; see [`TileCells::echo`].
-    pub(super) echo: f64,
+    /// Scattering length of all cells together [m^2], of tiles of the base level; see [`TileCells::scattering_length`].
+    pub(super) scattering_length: f64,
 }
 
 /// Nearest hit of a body.
@@ -175,7 +175,7 @@ impl Kernel for EvaluateTile<'_> {
             context.add_diffuse(cells, &untapered);
         }
         if place.level == 0 && sector.refinement.is_some() {
-            tile.echo = cells.echo();
+            tile.scattering_length = cells.scattering_length();
         }
         if sector.refinement.is_some_and(|refinement| refinement.end_points) {
             tile.cells = Some(Box::new(cells.clone()));
@@ -220,16 +220,12 @@ impl Kernel for Meets<'_> {
 }
 
 impl SampledTile {
-    fn unseen(place: TileIndex, packets: u8) -> Self {
+    /// Tile without rays.
+    pub(super) fn unseen(place: TileIndex, packets: u8) -> Self {
         Self {
             is_seen: false,
             ..Self::without_hits(place, packets, Border::OUTSIDE, 0)
         }
-    }
-
-    /// Tile without rays.
-    pub(super) fn not_cast(place: TileIndex, packets: u8) -> Self {
-        Self::without_hits(place, packets, Border::OUTSIDE, 0)
     }
 
     fn without_hits(place: TileIndex, packets: u8, border: Border, rays: usize) -> Self {
@@ -246,7 +242,7 @@ impl SampledTile {
             hits: [0; 4],
             silent: [0; 4],
             nearest: Vec::new(),
-            echo: 0.0,
+            scattering_length: 0.0,
         }
     }
 
