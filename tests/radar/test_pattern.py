@@ -133,8 +133,10 @@ def test_table_of_a_gaussian_beam_gives_its_frames_within_the_error_of_interpola
     assert 0.9 * error_db < short_db.max() <= error_db
 
     exact, sampled = (simulator(pattern=pattern) for pattern in (beam, table))
-    amplitudes = exact.paths().amplitude
-    ratio = np.abs(sampled.paths().amplitude) / np.abs(amplitudes)
+    amplitudes, of_table = exact.paths().amplitude, sampled.paths().amplitude
+    is_seen = amplitudes != 0.0  # points at the limb face away from some antennas
+    np.testing.assert_array_equal(of_table != 0.0, is_seen)
+    ratio = np.abs(of_table[is_seen]) / np.abs(amplitudes[is_seen])
     assert 10.0 ** (-error_db / 10.0) <= ratio.min()
     assert ratio.max() <= 1.0 + 1e-12
     assert ratio.min() < 0.999

@@ -244,7 +244,7 @@ def frame(method: str, tolerance: float = 1e-4, scene: rc.Scene | None = None, *
     return rc.Simulator(
         scene or room(),
         radar,
-        sampling="footprint",
+        sampling="point",
         resolution=48,
         field_of_view_deg=(50.0, 50.0),
         tolerance=tolerance,
@@ -257,7 +257,7 @@ def exact_frame(output: str) -> tuple[NDArray[np.complex128], NDArray[np.float64
     """Samples, (channel, chirp, sample), and the l2 norm of the amplitudes, (channel,)."""
     exact = frame("direct", 1e-12, receiver=rc.Receiver(output=output)).cube.astype(complex)
     radar = rc.Radar(sweep_waveform(32, 48), rx=[[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]])
-    simulator = rc.Simulator(room(), radar, sampling="footprint", resolution=48, field_of_view_deg=(50.0, 50.0))
+    simulator = rc.Simulator(room(), radar, sampling="point", resolution=48, field_of_view_deg=(50.0, 50.0))
     return exact, np.linalg.norm(simulator.paths(0.1).amplitude, axis=1)
 
 
