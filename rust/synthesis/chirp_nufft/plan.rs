@@ -8,6 +8,7 @@ use super::coherence::SumCells;
 use super::fast_time::{FastTime, LaneTables, Nodes, Orders};
 use super::number::{LaneRow, MAX_ORDERS, Number};
 use super::records::{Batch, Build, Errors, counts};
+use super::spread::Steps;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::numeric::parallel;
@@ -51,17 +52,6 @@ const NUM_PROBES: usize = 2;
 
 /// Parts of the batches of a channel that are measured side by side, a constant.
 const SHARES: usize = 4;
-
-/// Steps of a sum.
-#[derive(Clone, Debug)]
-pub struct Steps {
-    /// Width of the kernel [cells].
-    pub width: usize,
-    /// Degrees of fast time of the grids; 0 is the first.
-    pub degrees: Vec<usize>,
-    /// True if products of small changes within a chirp are left out.
-    pub is_first_order: bool,
-}
 
 /// Records of a group of paths.
 pub struct RecordGroup<T> {

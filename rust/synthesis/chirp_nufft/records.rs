@@ -193,6 +193,40 @@ struct Coefficients<T> {
     im: Vec<Lane<T>>,
 }
 
+/// Sizes of what the paths of a vector do within a block, and of what their records leave out.
+struct Sizes<V> {
+    /// Coefficients of the delay after the constant one, and those beyond records [turns].
+    drift: V,
+    tail: V,
+    /// Orders of the phase and of the amplitude, see [`Orders`].
+    phase: [V; MAX_ORDERS],
+    change: [V; MAX_ORDERS],
+    /// Power, and its part beyond records [W].
+    power: V,
+    beyond: V,
+    /// Coefficients of the amplitude that do not count.
+    small: V,
+    /// See [`SHARE`].
+    share: V,
+}
+
+impl<V: Vector> Sizes<V> {
+    #[cfg_attr(optimised, inline(always))]
+    fn new(share: V) -> Self {
+        let zero = V::splat(V::Scalar::default());
+        Self {
+            drift: zero,
+            tail: zero,
+            phase: [zero; MAX_ORDERS],
+            change: [zero; MAX_ORDERS],
+            power: zero,
+            beyond: zero,
+            small: zero,
+            share,
+        }
+    }
+}
+
 impl<T: Number> Kernel for Build<'_, T> {
     type Output = Vec<Batch<T>>;
 
@@ -301,30 +335,27 @@ impl<T: Number> Build<'_, T> {
         let (received, share) = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
         let (all, mut used) = (u32::MAX >> (32 - T::LANES), [0; 3]);
 
-        // Orders of the phase, per squared turn of the delay.
-        let (mut drift, mut tail) = (zero, zero);
-        let (mut phase, mut change) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
+        let mut sizes = Sizes::new(share);
         for k in 1..paths.delay.len() {
             let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), received));
             let size = absolute(own);
             if k > num_turns {
-                tail = tail.add(size);
+                sizes.tail = sizes.tail.add(size);
                 continue;
             }
             own.store(&mut turns[k - 1][lane..]);
             let is_small = size.at_most(number::<T, I>(TURNS_SHARE * self.tolerance));
-            tail = tail.add(size.select(is_small, zero));
+            sizes.tail = sizes.tail.add(size.select(is_small, zero));
             if is_small != all {
                 used[0] = k;
             }
-            drift = drift.add(size);
+            sizes.drift = sizes.drift.add(size);
             for n in 1..=T::DEGREE + 2 {
-                phase[n] = size.mul_add(number::<T, I>(orders[k].phase[n]), phase[n]);
+                sizes.phase[n] = size.mul_add(number::<T, I>(orders[k].phase[n]), sizes.phase[n]);
             }
         }
 
         // Amplitudes along the direction of the first coefficient, and in quadrature; the conjugates.
-        let (mut power, mut beyond) = (zero, zero);
         for k in 0..paths.re.len() {
             let re = <T::In<I>>::load(&paths.re[k][at..]);
             let im = zero.sub(<T::In<I>>::load(&paths.im[k][at..]));
@@ -332,9 +363,9 @@ impl<T: Number> Build<'_, T> {
             let s = re.neg_mul_add(direction[1], im.mul(direction[0]));
             let weight = number::<T, I>(if k == 0 { 1.0 } else { 0.5 });
             let square = r.mul_add(r, s.mul(s)).mul(weight);
-            power = power.add(square);
+            sizes.power = sizes.power.add(square);
             if k >= num_amplitudes {
-                beyond = beyond.add(square);
+                sizes.beyond = sizes.beyond.add(square);
                 continue;
             }
             r.store(&mut amplitudes[k][lane..]);
@@ -342,11 +373,35 @@ impl<T: Number> Build<'_, T> {
             let size = absolute(r).add(absolute(s));
             if k > 0 {
                 for n in 1..=T::DEGREE + 2 {
-                    change[n] = size.mul_add(number::<T, I>(orders[k].amplitude[n]), change[n]);
+                    let order = number::<T, I>(orders[k].amplitude[n]);
+                    sizes.change[n] = size.mul_add(order, sizes.change[n]);
                 }
             }
         }
+        let least = sizes.power.sqrt().mul(number::<T, I>(AMPLITUDE_SHARE * self.tolerance));
+        for (part, of_part) in amplitudes.chunks_exact(num_amplitudes).enumerate() {
+            let (sum, count) = small_ones::<T, I>(of_part, lane, least);
+            (sizes.small, used[1 + part]) = (sizes.small.add(sum), count);
+        }
+        let constant = narrow::<T, I, P>(wide::load::<I, P>(&paths.delay[0][at..]));
+        self.add_errors::<I>(&sizes, constant, errors);
+        used
+    }
 
+    /// Add the errors of the paths of a vector.
+    #[cfg_attr(optimised, inline(always))]
+    fn add_errors<I: Isa>(&self, sizes: &Sizes<T::In<I>>, constant: T::In<I>, errors: &mut Errors<T::In<I>>) {
+        let zero = number::<T, I>(0.0);
+        let Sizes {
+            drift,
+            tail,
+            mut phase,
+            mut change,
+            power,
+            beyond,
+            small,
+            share,
+        } = *sizes;
         // Orders of the amplitude times exp(j phase): those of the factors, and products, powers of fast time, which also
         // have polynomials of lower degrees.
         let size = power.sqrt();
@@ -369,7 +424,6 @@ impl<T: Number> Build<'_, T> {
             errors.orders[n] = sum.mul_add(sum, errors.orders[n]);
         }
         // Numbers that are not finite show in the sum.
-        let constant = narrow::<T, I, P>(wide::load::<I, P>(&paths.delay[0][at..]));
         errors.power = constant.mul_add(zero, errors.power.add(power));
         errors.strongest = errors.strongest.max(power);
         // Phases within a chirp turn tones by Taylor's series up to the seventh power.
@@ -380,12 +434,6 @@ impl<T: Number> Build<'_, T> {
         turned = turned.min(number::<T, I>(MOST_TURNED));
         for _ in 0..3 {
             turned = turned.mul(turned);
-        }
-        let least = size.mul(number::<T, I>(AMPLITUDE_SHARE * self.tolerance));
-        let mut small = zero;
-        for (part, of_part) in amplitudes.chunks_exact(num_amplitudes).enumerate() {
-            let (sum, count) = small_ones::<T, I>(of_part, lane, least);
-            (small, used[1 + part]) = (small.add(sum), count);
         }
         let series = tail.mul(number::<T, I>(TAU));
         // Far from the carrier, shares have no digits.
@@ -410,7 +458,6 @@ impl<T: Number> Build<'_, T> {
         let per_turn = share.mul(number::<T, I>(self.fast_time.carrier.recip()));
         let longest = drift.mul_add(absolute(per_turn), absolute(constant));
         errors.longest = errors.longest.max(zero.select(power.at_most(zero), longest));
-        used
     }
 
     /// Put the head of a record for constant delays and arguments of the amplitudes [turns]. Returns the frequency received

@@ -7,7 +7,6 @@ use std::f64::consts::TAU;
 
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
-use super::plan::Steps;
 use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, SHARE};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::wide::{cos_sin_of, number, product};
@@ -100,6 +99,17 @@ fn sum<V: Vector, const N: usize>(
         }
     }
     sums
+}
+
+/// Steps of a sum.
+#[derive(Clone, Debug)]
+pub struct Steps {
+    /// Width of the kernel [cells].
+    pub width: usize,
+    /// Degrees of fast time of the grids; 0 is the first.
+    pub degrees: Vec<usize>,
+    /// True if products of small changes within a chirp are left out.
+    pub is_first_order: bool,
 }
 
 /// Spreading of paths by a kernel.
