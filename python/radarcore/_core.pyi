@@ -35,7 +35,7 @@ __all__ = [
 
 __version__: str
 
-ImageArrays = tuple[
+_ImageArrays = tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]
 ]
 
@@ -187,6 +187,9 @@ class Waveform:
 class SumReport:
     """Report of a sum; `str` is a sentence."""
 
+    @property
+    def text(self) -> str:
+        """The sentence."""
     @property
     def engine(self) -> str:
         """Name of the engine: "direct", "chirp-wise NUFFT" or "range-Doppler NUFFT"."""
@@ -444,7 +447,7 @@ class Simulator:
         """
     def stop(self) -> None:
         """Stop the run in progress in another thread, if there is one: it ends between two stages, with an error."""
-    def image(self, at: Placement) -> ImageArrays:
+    def image(self, at: Placement) -> _ImageArrays:
         """Hits of the rays of an image at one time.
 
         Distances along the rays [m], inf where nothing was hit, cosines of incidence, 0 there, and numbers of the

@@ -69,7 +69,9 @@ class DepthImage:
         """Unit directions of the rays, see the attributes."""
         rows, columns, du, dv, axis_column, axis_row = one_plane(self.field_of_view_deg, *self.distance.shape)
         u, v = np.meshgrid((axis_column - np.arange(columns) - 0.5) * du, (axis_row - np.arange(rows) - 0.5) * dv)
-        return np.stack([np.ones_like(u), u, v], axis=-1) / np.sqrt(1.0 + u**2 + v**2)[..., None]
+        towards = np.stack([np.ones_like(u), u, v], axis=-1)
+        unit: NDArray[np.float64] = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+        return unit
 
     @cached_property
     def reflectance(self) -> NDArray[np.float64]:
