@@ -33,8 +33,10 @@ impl TubeView {
     /// View of whole image planes, each with the rotation from its axes to those of the sensor.
     pub(super) fn new<'a>(planes: impl Iterator<Item = (DMat3, &'a ImagePlane)>) -> Self {
         let of = |(rotation, plane): (DMat3, &ImagePlane)| {
-            let [u, v] = plane.ranges();
-            (rotation, [0, 1].map(|end| DVec2::new(u[end], v[end])))
+            // To the outer edges of the pixels.
+            let ([u, v], half) = (plane.ranges(), 0.5 * DVec2::new(plane.du, plane.dv));
+            let [low, high] = [0, 1].map(|end| DVec2::new(u[end], v[end]));
+            (rotation, [low - half, high + half])
         };
         Self {
             planes: planes.map(of).collect(),
