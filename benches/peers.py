@@ -139,7 +139,7 @@ def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
     # A view that is cast again is cast as a whole.
     engine = simulator._new_engine(reuse_tiles=False)
     name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")
-    return Caster(name, lambda view: placement.at(view.time), engine.image, lambda hits: hits.distance(), threads)
+    return Caster(name, lambda view: placement.at(view.time), engine.image, lambda hits: hits[0], threads)
 
 
 def depth_image(scene: rc.Scene, side: int) -> Caster:
