@@ -430,8 +430,8 @@ class Simulator:
     ) -> Simulator:
         """Of a scene with one material per surface, or of a depth image.
 
-        `center`: middle of the array in sensor axes (x, y, z) [m]; `settings`: those of `core_settings`; `own_threads`:
-        the number of threads is given, and other simulators have none of them.
+        `center`: middle of the array in sensor axes (x, y, z) [m]; `settings`: the dict of `core_settings`;
+        `own_threads`: the number of threads is given, and other simulators have none of them.
         """
     def frame(self, motion: Placement, rates: Placement | None = None) -> IdealFrame | None:
         """The frame of a motion at Chebyshev times of the frame; `rates`: its derivatives if all times are the same.

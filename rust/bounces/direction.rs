@@ -36,8 +36,8 @@ impl<'a> TubeEnds<'a> {
 /// paths over points of reflection are stationary, so that phases differ to second order, 0.01 rad at arm's length.
 const SMALL_ARRAY: f64 = 0.01;
 
-/// Antennas where ray tubes start and end: those of an array, or one in the middle of its transmitters and one in the
-/// middle of its receivers if it is small.
+/// Antennas where ray tubes start and end: all antennas of an array, or, of a small one, the middle of its transmitters
+/// and the middle of its receivers.
 pub fn tube_antennas(array: &Array) -> Array {
     let all = || array.tx.iter().chain(&array.rx);
     if all().next().is_none() || all().any(|antenna| antenna.length() > SMALL_ARRAY) {

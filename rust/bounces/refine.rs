@@ -56,7 +56,7 @@ struct TubeCell {
 
 impl Bounces {
     /// Paths of two and more reflections of all pixels of images and of their quarters, and counts; one material per
-    /// body. `field`: that of the smallest cross-section of interest [m^2]; no pixel is quartered for an infinite one.
+    /// body. `field`: field of the smallest cross-section of interest [m^2]; an infinite one quarters no pixel.
     pub fn new(
         scene: &PosedScene,
         images: &[TubeImage],
@@ -164,7 +164,7 @@ impl TubeRefinement<'_> {
 
     /// Quarters of the cells that have other fields or small parts; the paths of all others are kept.
     fn quartered(&mut self, mut cells: Vec<TubeCell>) -> Vec<TubeCell> {
-        // Those of which most is left first, where tubes run out.
+        // Where tubes run out, the largest residuals come first.
         let most = self.tubes / 4;
         if cells.len() > most {
             cells.sort_by(|a, b| b.residual.total_cmp(&a.residual));
@@ -246,7 +246,7 @@ fn parts_by_pixel(plane: &ImagePlane, parts: &[MeshPart]) -> BTreeMap<usize, Vec
     by_pixel
 }
 
-/// A pixel and those round it.
+/// A pixel and its neighbours.
 fn neighbours(plane: &ImagePlane, pixel: usize) -> impl Iterator<Item = usize> {
     let (row, column, columns) = (pixel / plane.columns, pixel % plane.columns, plane.columns);
     let rows = row.saturating_sub(1)..(row + 2).min(plane.rows);

@@ -13,7 +13,7 @@ use crate::cancel::Cancel;
 use crate::constants::SPEED_OF_LIGHT;
 use crate::error::{Error, Result};
 use crate::numeric::parallel;
-use crate::numeric::simd::{Level, Precision};
+use crate::numeric::simd::Precision;
 use crate::paths::kinematics::{Kinematics, Motion};
 use crate::paths::node_times::{self, NodeTimes};
 use crate::paths::scatterers::Scatterers;
@@ -201,7 +201,7 @@ impl PathGroups {
                     channels: 0..num_channels,
                     paths: first..num_paths.min(first + CHUNK),
                     scale: 1.0,
-                    level: Level::best(),
+                    level: model.settings.debug.level,
                 };
                 paths.fill_double(&request, &mut chunk);
                 for (channel, rows) in per_channel.iter_mut().enumerate() {
@@ -288,7 +288,7 @@ impl<'a> PathsAtNodes<'a> {
             channels: 0..shape.channels,
             paths: 0..0,
             scale: SCALE,
-            level: Level::best(),
+            level: self.model.settings.debug.level,
         };
         let mut chunk = Chunk::new(&shape, shape.channels);
         let step = number.div_ceil(CHUNK);

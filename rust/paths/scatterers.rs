@@ -25,7 +25,7 @@ pub struct Scatterers {
     /// Edges of the patch that a point stands for, along u and v, in coordinates of the body [m], or of the triangle.
     /// The phase varies linearly over the patch in any orientation; zero edges stand for a point. Empty: points.
     pub(crate) patch: Vec<[DVec3; 2]>,
-    /// Weights `(scatterer, channel)`, or `(scatterer,)` where they are those of all channels: amplitudes without gains
+    /// Weights `(scatterer, channel)`, or `(scatterer,)` where all channels share them: amplitudes without gains
     /// and distances over the sum of both cosines of incidence. Specular parts are `(j / 4 pi) Gamma dA / 2` times the
     /// factors of cells and of edge terms; diffuse ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
     pub(crate) weights: Vec<Complex64>,

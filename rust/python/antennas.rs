@@ -68,7 +68,6 @@ impl PyAntennas {
     /// field. `responses`: complex gain of the receiver for the echoes of every transmit antenna (tx, step), over lengths
     /// of paths from 0 to `longest_path` [m] in equal steps.
     #[new]
-    #[allow(clippy::too_many_arguments)] // as Python hands them over
     #[pyo3(signature = (*, tx, rx, tx_patterns, rx_patterns, power, frequency, polarization=None, responses=None, longest_path=0.0))]
     fn new(
         tx: PyReadonlyArray2<'_, f64>,

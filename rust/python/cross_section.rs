@@ -17,7 +17,6 @@ use crate::rays::scene::PosedScene;
     surfaces, body_poses, body_materials, transmitter, receiver, *,
     frequency, polarization=None, max_bounces, threads=None, report=None,
 ))]
-#[allow(clippy::too_many_arguments)] // as Python hands them over
 pub(super) fn cross_sections<'py>(
     py: Python<'py>,
     surfaces: Vec<PyRef<'py, PySurface>>,

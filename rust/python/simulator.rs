@@ -86,7 +86,6 @@ impl DepthScene {
     #[pyo3(signature = (
         distance, normals, reflection, albedo, body, *, num_bodies, focal_length, principal_point, range_rate=None, age=0.0
     ))]
-    #[allow(clippy::too_many_arguments)] // as Python hands them over
     fn new(
         distance: PyReadonlyArray2<'_, f64>,
         normals: PyReadonlyArray3<'_, f64>,

@@ -55,7 +55,7 @@ impl Scatterers {
         }
         let pieces: Vec<&PointRange> = diffuse.iter().chain(&samples.tiles.pieces).collect();
 
-        // Points body by body, and those of edge terms after the others.
+        // Points body by body, edge terms after all others.
         let num_bodies = sectors[0].0.num_bodies();
         let mut groups: Vec<Vec<(u32, u32)>> = Vec::new();
         let mut is_turning = false;
@@ -130,7 +130,7 @@ struct DiffuseSurface<'a> {
 }
 
 impl DiffuseSurface<'_> {
-    /// Visible points and their weights, block by block: that of the middle of the array, or one per channel.
+    /// Visible points and their weights, block by block: one weight for the middle of the array, or one per channel.
     fn points(&self) -> Vec<TilePoints> {
         let number = self.speckle.normal.len();
         let blocks = (0..number).into_par_iter().step_by(BLOCK);

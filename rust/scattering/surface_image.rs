@@ -27,7 +27,7 @@ pub struct SurfaceImage {
     pub num_bodies: usize,
     /// Range rate of every pixel beside the motion of its body [m/s]; none: all zero.
     pub range_rate: Option<Vec<f64>>,
-    /// Time of the start of the frame after that of the image [s].
+    /// Start of the frame, since the image was taken [s].
     pub age: f64,
 }
 

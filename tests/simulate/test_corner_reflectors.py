@@ -57,12 +57,19 @@ def test_trihedral_has_its_far_field_cross_section(
 
 @pytest.mark.parametrize("resolution", [3, 8, 9, 32, 33, 128, 129])
 @pytest.mark.parametrize("order", [2, 3])
-def test_pixels_that_look_along_a_fold_or_into_an_apex_return_as_much_as_others(order: int, resolution: int) -> None:
+@pytest.mark.parametrize("sampling", FAR)
+def test_pixels_that_look_along_a_fold_or_into_an_apex_return_as_much_as_others(
+    sampling: str, order: int, resolution: int
+) -> None:
     # An image within the corner: half its width and height are seen of what returns everything, and no rims.
     mesh = rc.shapes.dihedral(0.1) if order == 2 else rc.shapes.trihedral(0.1, shape="square")
     angle, side = np.rad2deg(0.05 / 100.0), 0.05
     sim = simulator(
-        [body(mesh, [100.0, 0.0, 0.0])], field_of_view_deg=(angle, angle), resolution=resolution, max_bounces=3
+        [body(mesh, [100.0, 0.0, 0.0])],
+        field_of_view_deg=(angle, angle),
+        resolution=resolution,
+        max_bounces=3,
+        sampling=sampling,
     )
     got = cross_section_db(complex(phasors(bounce_paths(sim)).sum()), 100.0)
     aperture = 10.0 * np.log10(4.0 * np.pi * side**4 / WAVELENGTH**2)

@@ -137,7 +137,7 @@ def test_directions_below_the_gain_floor_are_left_out_within_the_tolerance() -> 
     wall = rc.Scene([rc.Body(rc.shapes.sphere(1.0), material=rc.Material(-0.5, 0.5), motion=rc.Pose([2.5, 0.0, 0.0]))])
 
     def frame(gain_floor_db: float) -> rc.Frame:
-        options = PIXELS | {"sampling": "point"}  # of which every pixel returns power
+        options = PIXELS | {"sampling": "point"}  # every pixel returns power
         return rc.Simulator(wall, radar, gain_floor_db=gain_floor_db, method="direct", **options).frame()
 
     all_of_it, most = frame(np.inf), frame(80.0)

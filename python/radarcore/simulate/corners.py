@@ -21,7 +21,7 @@ _SAME_PLACE = 1e-6
 """Distance below which vertices are one [m]."""
 
 _MOST_SHARED = 8
-"""Number of triangles at an edge of which each is compared with all others."""
+"""Largest number of triangles at an edge that are compared pair by pair."""
 
 
 def corner_points(vertices: _Floats, triangles: _Triangles, sensor: _Floats, wavelength: float) -> _Floats:

@@ -116,7 +116,7 @@ fn corner() -> PosedScene {
     scene(vec![left, right])
 }
 
-/// Paths over the pixels of an image, none of which is quartered.
+/// Paths over the pixels of an image, without quarters.
 fn shoot(
     scene: &PosedScene,
     image: &Hits,

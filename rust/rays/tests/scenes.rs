@@ -15,10 +15,10 @@ pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 /// Surfaces at their poses.
 pub type Bodies = Vec<(Arc<Surface>, Pose)>;
 
-/// Whether the hit of a ray is as expected.
+/// Check of the hit of a ray.
 type Criterion = dyn Fn(&Ray, &Hit) -> bool + Sync;
 
-/// Scene of the table, with the rays that are cast into it and what is known of their hits.
+/// Scene of the table, with its rays and the expected hits.
 pub struct Case {
     pub name: String,
     pub bodies: Bodies,
@@ -172,7 +172,7 @@ pub fn star(cells: usize, mut radius: impl FnMut(DVec3) -> f64) -> Mesh {
     mesh
 }
 
-/// Closed prism about the z axis, from z = -1 to 1, with 65 corners `width` apart in front, bent by up to `bend` widths:
+/// Closed prism about the z axis, from z = -1 to 1, with 65 corners every `width` in front, bent by up to `bend` widths:
 /// walls of slivers, and fans of needles from points at z = `apex` and its opposite.
 fn needle_prism(width: f64, bend: f64, apex: f64, random: &mut Random) -> Mesh {
     let mut polygon = vec![[1.0, -1.0]];
@@ -386,7 +386,7 @@ fn slender() -> Vec<Case> {
     cases
 }
 
-/// Triangles that coincide, and some a billionth apart: the first is hit, and the nearer.
+/// Triangles that coincide, and others a billionth behind: rays hit the first, and the nearer.
 fn coincident() -> Vec<Case> {
     let mut cases = Vec::new();
     let random = &mut Random(1);
@@ -433,7 +433,8 @@ fn coincident() -> Vec<Case> {
             (bodies, [1, 0]),
             (vec![(surface(&join(back, front)), Pose::IDENTITY)], [0, 2]),
         ] {
-            let case = Case::new(format!("sheets {gap:e} apart"), bodies).seen(ImagePlane::centered(17, 23, 0.8, 0.9));
+            let case =
+                Case::new(format!("sheets with gaps of {gap:e}"), bodies).seen(ImagePlane::centered(17, 23, 0.8, 0.9));
             cases.push(case.expect(move |ray, hit| {
                 [hit.body, hit.triangle] >= first && is_near(hit.distance, distance / ray.direction.x)
             }));
@@ -469,7 +470,7 @@ fn coincident() -> Vec<Case> {
 
 /// Rays in the planes of triangles.
 fn edge_on() -> Vec<Case> {
-    // The middle column looks along the blades; their coordinates and those of the rays are exact.
+    // The middle column looks along the blades; blades and rays have exact coordinates.
     let case = Case::of("blades", &blades(&mut Random(1))).seen(odd([60, 3], [0.025, 0.1], 0));
     let mut cases = vec![case.expect(|ray, hit| hit.triangle < 2 && is_near(hit.distance, 2.0 / ray.direction.x))];
     for seed in 0..60 {

@@ -26,8 +26,8 @@ const MOST_TURN: f32 = 0.05;
 /// polarisation differ by a few degrees at arm's length.
 const SMALL_ARRAY: f64 = 0.025;
 
-/// Largest phase of a cell by which the middle of a pair of antennas may shift its slope for the weights of all
-/// channels to be those of the middle of the array [rad].
+/// Largest change of the slope of a cell from the middle of the array to the middle of a pair of antennas, for all
+/// channels to share one weight [rad].
 const ONE_WEIGHT: f64 = 0.25;
 
 /// Sector, tables and limits that tiles are evaluated with.

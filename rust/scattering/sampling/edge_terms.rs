@@ -54,12 +54,12 @@ struct ComparedCell {
 /// Difference between two adjacent cells.
 #[derive(Clone, Copy, Debug)]
 struct PairResidual {
-    /// Field per solid angle and times distance squared, of which the rest are shares [m^2].
+    /// Field per solid angle and times distance squared [m^2]; the residuals are fractions of it.
     field: f32,
-    /// Share that may be other than one smooth surface.
+    /// Fraction that may be other than one smooth surface.
     jump: f32,
-    /// Share that is left open; and the same if both leave out the edge term between them.
-    apart: f32,
+    /// Residual with the edge term between both cells, and without it.
+    separate: f32,
     together: f32,
     /// True if both are on one surface, where the edge term between them is equal for both.
     is_alike: bool,
@@ -112,11 +112,11 @@ pub(super) fn steep(cells: &TileCells, cell: usize, plane: &ImagePlane, context:
 }
 
 impl PairResidual {
-    /// Between cells of which neither hit a body.
+    /// Residual of two cells without a hit.
     const NOTHING: Self = Self {
         field: 0.0,
         jump: 0.0,
-        apart: 0.0,
+        separate: 0.0,
         together: 0.0,
         is_alike: false,
     };
@@ -180,13 +180,13 @@ impl ComparedCell {
             return PairResidual {
                 field: field as f32,
                 jump: SILHOUETTE,
-                apart: SILHOUETTE,
+                separate: SILHOUETTE,
                 together: SILHOUETTE,
                 is_alike: false,
             };
         }
 
-        // Phase at the other that neither the mean of both slopes nor the planes explain, over a cell of this size.
+        // Phase at the other beyond the mean of both slopes and the planes, over a cell of this size.
         let offset = [0, 1].map(|axis| (other.center[axis] - self.center[axis]) / self.width[axis]);
         let square = offset[0] * offset[0] + offset[1] * offset[1];
         let expected: f64 = (0..2).map(|i| (slopes[0][i] + slopes[1][i]) * offset[i]).sum();
@@ -223,11 +223,11 @@ impl ComparedCell {
             (jump, 0.25 * from_planes / square)
         };
         let together = jump + if is_plane { 0.0 } else { 0.25 * bend(axis) };
-        let apart = explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step;
+        let separate = explained + sag + 0.25 * (bend(0) + bend(1)) / square.sqrt() + step;
         PairResidual {
             field: field as f32,
             jump: jump as f32,
-            apart: apart as f32,
+            separate: separate as f32,
             together: together as f32,
             is_alike,
         }
@@ -248,7 +248,7 @@ fn open(pairs: &[[Option<PairResidual>; 2]; 2], is_hit: bool, steep: [bool; 2]) 
             let share = match (pair.is_alike, is_cancelled[1 - axis]) {
                 (true, _) => pair.together,
                 (false, true) => pair.jump,
-                (false, false) => pair.apart,
+                (false, false) => pair.separate,
             };
             most = most.max(pair.field * share.min(1.0));
         }
@@ -365,7 +365,7 @@ pub(super) struct EdgeTermPoints {
     pub(super) farthest: f64,
 }
 
-/// What cancels the edge term of a cell.
+/// Surface beside a cell that cancels its edge term.
 #[derive(Clone, Copy, PartialEq)]
 enum Partner {
     None,
@@ -462,7 +462,7 @@ impl<'a> Leaves<'a> {
         }
     }
 
-    /// What cancels the edge term of a cell on one side: the lower, 0, or the upper, 1, end of an axis.
+    /// Partner of a cell on one side: the lower, 0, or the upper, 1, end of an axis.
     fn partner(&self, at: CellIndex, axis: usize, side: usize) -> Partner {
         let plane = &self.contexts[at.sector].planes[at.level];
         let beside = at.beside(axis, side);
@@ -659,7 +659,7 @@ impl SampledTile {
         residual
     }
 
-    /// True if the ray of a cell was cast; `plane`: that of the level.
+    /// True if the ray of a cell was cast; `plane`: image plane of the level.
     fn casts(&self, cell: usize, plane: &ImagePlane) -> bool {
         let (row, column) = TileRays::place(cell);
         let is_inside = TILE * self.place.row + row < plane.rows && TILE * self.place.column + column < plane.columns;

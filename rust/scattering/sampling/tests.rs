@@ -319,13 +319,13 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
     for (radius, bound) in [(0.2, 0.5), (0.1, 0.5), (0.05, 0.5)] {
         let scene = PosedScene::new(vec![sphere(radius)], vec![at(1.0, 0.03, 0.02)]);
         let antennas = array();
-        let apart = sector(&scene, &antennas, base, refinement(1e-4));
-        let sectors = |join| [Sector { join, ..apart }];
-        let apart = of_sectors(&[apart]);
+        let unjoined = sector(&scene, &antennas, base, refinement(1e-4));
+        let sectors = |join| [Sector { join, ..unjoined }];
+        let separate = of_sectors(&[unjoined]);
         // Reflection at the nearest point of a sphere seen from a distance d of its centre.
         let distance = DVec3::new(1.0, 0.03, 0.02).length();
         let expected = radius / (2.0 * WAVENUMBER) / (2.0 * (distance - radius) * distance);
-        let level = decibels(transfer(&apart.points(), WAVENUMBER).norm() / expected);
+        let level = decibels(transfer(&separate.points(), WAVENUMBER).norm() / expected);
         assert!(level.abs() < bound, "{radius}: {level} dB");
         // The largest phases of joined points in wide, narrow and very narrow bands, and what changes at their ends.
         for (join, detuned, change) in [
@@ -335,11 +335,11 @@ fn spheres_have_their_cross_section_and_joined_points_change_little() {
             (2.5, 0.005, 1e-2),
         ] {
             let joined = of_sectors(&sectors(join));
-            assert!(joined.points().points.len() < 9 * apart.points().points.len() / 10);
+            assert!(joined.points().points.len() < 9 * separate.points().points.len() / 10);
             let at_center = if join > 2.0 { 1e-2 } else { 5e-3 };
             for (detuned, change) in [(0.0, at_center), (-detuned, change), (detuned, change)] {
                 let wavenumber = WAVENUMBER * (1.0 + detuned);
-                let [a, b] = [&apart, &joined].map(|tiles| transfer(&tiles.points(), wavenumber));
+                let [a, b] = [&separate, &joined].map(|tiles| transfer(&tiles.points(), wavenumber));
                 let got = (a - b).norm() / a.norm();
                 assert!(got < change, "{radius} {join} {detuned}: {got}");
             }

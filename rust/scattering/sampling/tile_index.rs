@@ -48,7 +48,7 @@ impl TileIndex {
         Some(Self { row, column, ..*self })
     }
 
-    /// Number that tells the places of a level apart.
+    /// Number of the tile, unique within its level.
     pub(super) fn key(&self) -> u64 {
         // Rows and columns of tiles have 20 bits, see `Refinement::check`.
         (self.sector as u64) << 56 | (self.row as u64) << 28 | self.column as u64

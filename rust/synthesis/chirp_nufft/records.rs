@@ -17,7 +17,7 @@ const TURNS_SHARE: f64 = 0.004;
 const AMPLITUDE_SHARE: f64 = 0.01;
 
 /// Largest carrier over the frequency received.
-const MAX_SHARE: f64 = 4.0;
+const MAX_CARRIER_RATIO: f64 = 4.0;
 
 /// Phase within a chirp beyond which bounds of errors need not grow [rad].
 const MOST_TURNED: f64 = 4.0;
@@ -35,13 +35,13 @@ pub const PHASE: usize = 0;
 pub const CELL: usize = 1;
 pub const OFFSET: usize = 2;
 /// Carrier over the frequency that is received at the same time.
-pub const SHARE: usize = 3;
+pub const CARRIER_RATIO: usize = 3;
 /// Number of these rows.
 pub const HEAD: usize = 4;
 
 /// Records of some paths of a channel. Each has the rows of [`MAX_LANES`] paths: the head, the coefficients of the delay
-/// after the constant one [turns at the frequency received], and those of the amplitude in phase and in quadrature with
-/// the first one.
+/// after the constant one [turns at the frequency received], and of the amplitude in phase and in quadrature with the
+/// first one.
 #[derive(Clone, Debug)]
 pub struct Batch<T> {
     /// Number of paths; lanes after the last path have no amplitude.
@@ -193,7 +193,7 @@ struct Coefficients<T> {
     im: Vec<Lane<T>>,
 }
 
-/// Sizes of what the paths of a vector do within a block, and of what their records leave out.
+/// Sizes of the coefficients of a vector of paths in a block, with the part that their records leave out.
 struct Sizes<V> {
     /// Coefficients of the delay after the constant one, and those beyond records [turns].
     drift: V,
@@ -206,13 +206,13 @@ struct Sizes<V> {
     beyond: V,
     /// Coefficients of the amplitude that do not count.
     small: V,
-    /// See [`SHARE`].
-    share: V,
+    /// See [`CARRIER_RATIO`].
+    carrier_ratio: V,
 }
 
 impl<V: Vector> Sizes<V> {
     #[cfg_attr(optimised, inline(always))]
-    fn new(share: V) -> Self {
+    fn new(carrier_ratio: V) -> Self {
         let zero = V::splat(V::Scalar::default());
         Self {
             drift: zero,
@@ -222,7 +222,7 @@ impl<V: Vector> Sizes<V> {
             power: zero,
             beyond: zero,
             small: zero,
-            share,
+            carrier_ratio,
         }
     }
 }
@@ -332,10 +332,10 @@ impl<T: Number> Build<'_, T> {
         let (head, rows) = record.split_at_mut(HEAD);
         let (turns, amplitudes) = rows.split_at_mut(num_turns);
         let (direction, argument) = direction::<T, I>(paths, at);
-        let (received, share) = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
+        let (received, carrier_ratio) = self.put_constant::<I, P>(&paths.delay[0][at..], argument, head, lane);
         let (all, mut used) = (u32::MAX >> (32 - T::LANES), [0; 3]);
 
-        let mut sizes = Sizes::new(share);
+        let mut sizes = Sizes::new(carrier_ratio);
         for k in 1..paths.delay.len() {
             let own = narrow::<T, I, P>(mul(wide::load::<I, P>(&paths.delay[k][at..]), received));
             let size = absolute(own);
@@ -400,19 +400,19 @@ impl<T: Number> Build<'_, T> {
             power,
             beyond,
             small,
-            share,
+            carrier_ratio,
         } = *sizes;
         // Orders of the amplitude times exp(j phase): those of the factors, and products, powers of fast time, which also
         // have polynomials of lower degrees.
         let size = power.sqrt();
-        let detuned = absolute(share.sub(number::<T, I>(1.0)));
+        let detuned = absolute(carrier_ratio.sub(number::<T, I>(1.0)));
         phase[1] = phase[1].mul(detuned);
         let (mut sums, mut products) = ([zero; MAX_ORDERS], [zero; MAX_ORDERS]);
         for n in 1..=T::DEGREE + 2 {
             change[n] = size.mul_add(phase[n], change[n]);
             for m in 2..n {
-                let share = number::<T, I>(m as f64 / (n - 1) as f64);
-                products[n] = phase[m].mul(share).mul_add(sums[n - m], products[n]);
+                let part = number::<T, I>(m as f64 / (n - 1) as f64);
+                products[n] = phase[m].mul(part).mul_add(sums[n - m], products[n]);
             }
             sums[n] = change[n].add(products[n]);
         }
@@ -436,16 +436,16 @@ impl<T: Number> Build<'_, T> {
             turned = turned.mul(turned);
         }
         let series = tail.mul(number::<T, I>(TAU));
-        // Far from the carrier, shares have no digits.
-        let far = number::<T, I>(MAX_SHARE).at_most(absolute(share));
+        // Far from the carrier, the ratio has no digits.
+        let far = number::<T, I>(MAX_CARRIER_RATIO).at_most(absolute(carrier_ratio));
         let series = number::<T, I>(1.0).select(far, series);
         let series = turned
             .mul_add(number::<T, I>(1.0 / 40_320.0), series)
             .mul_add(size, small);
         errors.series = series.mul_add(series, errors.series.add(beyond));
         let curved = drift
-            .mul(share)
-            .mul(share)
+            .mul(carrier_ratio)
+            .mul(carrier_ratio)
             .mul(number::<T, I>(self.fast_time.per_square.abs()));
         let ramp = detuned.mul_add(number::<T, I>(self.fast_time.ratio.abs()), curved);
         let mut left = ramp.mul(drift).mul(size).mul(number::<T, I>(TAU));
@@ -455,7 +455,7 @@ impl<T: Number> Build<'_, T> {
         errors.products = left.mul_add(left, errors.products);
         let rounding = drift.mul(number::<T, I>(TAU)).mul(size);
         errors.rounding = rounding.mul_add(rounding, errors.rounding);
-        let per_turn = share.mul(number::<T, I>(self.fast_time.carrier.recip()));
+        let per_turn = carrier_ratio.mul(number::<T, I>(self.fast_time.carrier.recip()));
         let longest = drift.mul_add(absolute(per_turn), absolute(constant));
         errors.longest = errors.longest.max(zero.select(power.at_most(zero), longest));
     }
@@ -479,7 +479,7 @@ impl<T: Number> Build<'_, T> {
         let phase = narrow::<T, I, P>(wide::reduce::<I, P>(phase)).add(argument);
         let carrier = wide::splat::<I, P>(fast_time.carrier);
         let received = neg_mul_add(delay, wide::splat::<I, P>(slope), carrier);
-        let share = narrow::<T, I, P>(carrier).div(narrow::<T, I, P>(received));
+        let carrier_ratio = narrow::<T, I, P>(carrier).div(narrow::<T, I, P>(received));
         let per_delay = fast_time.cells_per_turn * fast_time.ratio * fast_time.carrier;
         let place = mul(delay, wide::splat::<I, P>(per_delay));
         let cell = wide::round::<I, P>(place);
@@ -487,10 +487,15 @@ impl<T: Number> Build<'_, T> {
         let num_cells = fast_time.num_cells as f64;
         let rounds = wide::round::<I, P>(mul(cell, wide::splat::<I, P>(num_cells.recip())));
         let cell = narrow::<T, I, P>(neg_mul_add(rounds, wide::splat::<I, P>(num_cells), cell));
-        for (row, numbers) in [(PHASE, phase), (CELL, cell), (OFFSET, offset), (SHARE, share)] {
+        for (row, numbers) in [
+            (PHASE, phase),
+            (CELL, cell),
+            (OFFSET, offset),
+            (CARRIER_RATIO, carrier_ratio),
+        ] {
             numbers.store(&mut head[row][lane..]);
         }
-        (received, share)
+        (received, carrier_ratio)
     }
 }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::fast_time::{FastTime, LaneTables, Nodes};
 use super::number::{LaneRow, MAX_DEGREE, MAX_LANES, Number};
-use super::records::{Batch, CELL, HEAD, OFFSET, PHASE, SHARE};
+use super::records::{Batch, CARRIER_RATIO, CELL, HEAD, OFFSET, PHASE};
 use crate::numeric::simd::{Isa, Vector, add_window};
 use crate::numeric::wide::{cos_sin_of, number, product};
 use crate::synthesis::kaiser_bessel::{KaiserBessel, Taps};
@@ -258,8 +258,8 @@ impl<'a, T: Number> Spreading<'a, T> {
                 }
             } else {
                 let rows = [delays, in_phase, quadrature];
-                let share = splat(head[SHARE][path]);
-                places[path] = self.expand::<I, N>(rows, path, tables, (middle, share), strengths);
+                let carrier_ratio = splat(head[CARRIER_RATIO][path]);
+                places[path] = self.expand::<I, N>(rows, path, tables, (middle, carrier_ratio), strengths);
             }
         }
     }
@@ -271,12 +271,14 @@ impl<'a, T: Number> Spreading<'a, T> {
         [delays, in_phase, quadrature]: [&[LaneRow<T>]; 3],
         path: usize,
         tables: &LaneTables<T>,
-        ([phase, offset], share): ([T::In<I>; 2], T::In<I>),
+        ([phase, offset], carrier_ratio): ([T::In<I>; 2], T::In<I>),
         strengths: &mut [Strengths<T::In<I>>],
     ) -> T::In<I> {
         let (splat, zero) = (<T::In<I>>::splat, number::<T, I>(0.0));
-        let ratio = share.mul(number::<T, I>(self.fast_time.ratio));
-        let per_square = share.mul(share).mul(number::<T, I>(self.fast_time.per_square));
+        let ratio = carrier_ratio.mul(number::<T, I>(self.fast_time.ratio));
+        let per_square = carrier_ratio
+            .mul(carrier_ratio)
+            .mul(number::<T, I>(self.fast_time.per_square));
         let twice = per_square.add(per_square);
         // Delay [turns] and Doppler in the middle of every chirp, and the tone.
         let [turns, doppler] = sum([zero; 2], delays, path, &tables.turns);
