@@ -1,78 +1,84 @@
 //! Polygons of areas known on paper, and rings that are refused; `properties` has polygons of any shape.
 
+use std::f64::consts::{FRAC_PI_3, PI, TAU};
+
 use super::*;
 
-#[test]
-fn repeated_corner_leaves_the_triangle() {
-    let obj = read(&(CORNERS.to_owned() + "f 5 8 8 1\n"));
-    assert_eq!(obj.triangles, [[4, 7, 0]]);
-    let obj = read(&(CORNERS.to_owned() + "f 1 1 2 4 4 3 1\n"));
-    assert_eq!((obj.triangles.len(), area(&obj)), (2, 1.0));
+const CROSSED: &str = "a polygon whose edges do not cross";
+
+/// Areas times normals of the triangles of a ring.
+fn cut(ring: &[DVec3]) -> Vec<DVec3> {
+    area_vectors(&Obj {
+        vertices: ring.iter().map(DVec3::to_array).collect(),
+        triangles: triangulate(ring).unwrap(),
+        ..Obj::default()
+    })
+}
+
+fn circle(angles: impl Iterator<Item = f64>) -> Vec<[f64; 2]> {
+    angles.map(|angle| [angle.cos(), angle.sin()]).collect()
 }
 
 #[test]
-fn face_without_area_gives_none() {
-    for face in [
-        "f 1 1 1 1",
-        "f 1 2 1 2",
-        "f 1 2 2 1",
-        "f 1 2 4 2",
-        "f 1 2 4 8 4 2",
-        "f 1 1 1 1 1 1",
-        "f 1 1 2",
-    ] {
-        let obj = read(&format!("{CORNERS}{face}\n{FACE}"));
-        assert!((area(&obj) - 0.5).abs() <= f64::EPSILON, "{face}");
-    }
+fn rings_without_area_give_none() {
+    // Corners of a cube: x + 2 y + 4 z.
+    let corner = |digit: u8| DVec3::from([digit & 1, digit >> 1 & 1, digit >> 2 & 1].map(f64::from));
+    let of_cube = ["0000", "0101", "0110", "0131", "013731", "001"].map(|ring| ring.bytes().map(corner).collect());
     let line: Vec<DVec3> = (0..9).map(|i| DVec3::new(0.1, 0.3, -0.7) * f64::from(i)).collect();
-    let there_and_back: Vec<DVec3> = line.iter().chain(line[1..8].iter().rev()).copied().collect();
-    for ring in [line, there_and_back] {
-        let points: Vec<[f64; 3]> = ring.iter().map(DVec3::to_array).collect();
-        assert!((area(&read(&(polygon_file(&points) + FACE))) - 0.5).abs() <= 1e-12);
+    let back = line.iter().chain(line[1..8].iter().rev()).copied().collect();
+    for ring in of_cube.into_iter().chain([line, back]) {
+        let area: f64 = cut(&ring).iter().map(|vector| vector.length()).sum();
+        assert!(area <= 1e-12, "{ring:?}: {area}");
     }
 }
 
 #[test]
-fn quad_that_is_not_flat_is_cut_along_a_diagonal() {
+fn rings_have_the_triangles_and_areas_known_on_paper() {
+    let keyhole = |scale: f64, shift: f64| -> Vec<DVec3> {
+        let corners = [0, 0, 4, 0, 4, 4, 0, 4, 0, 0, 1, 1, 1, 3, 3, 3, 3, 1, 1, 1];
+        let at = |x: i32| scale * (f64::from(x) + shift);
+        let corner = |&[x, z]: &[i32; 2]| DVec3::new(at(x), at(0), at(z));
+        corners.as_chunks().0.iter().map(corner).collect()
+    };
+    let many = (0..4000).map(|i| TAU * f64::from(i) / 4000.0);
     // Alternate corners of a cube span a regular tetrahedron of edge sqrt(2), whose sides measure sqrt(3)/2.
-    let obj = read(&(CORNERS.to_owned() + "f 1 4 6 7\n"));
-    assert_eq!(obj.triangles.len(), 2);
-    assert!((area(&obj) - 3.0_f64.sqrt()).abs() <= 1e-14);
-    // Bent by 90 degrees along one diagonal: the cut follows the crease that has less area.
+    let tetrahedron = [[0, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]].map(|corner| DVec3::from(corner.map(f64::from)));
+    for (ring, number, area, tolerance) in [
+        (keyhole(1e-9, 0.0), 8, 12e-18, 1e-12),
+        (keyhole(1e9, 0.0), 8, 12e18, 1e-12),
+        (keyhole(1e14, 0.0), 8, 12e28, 1e-12),
+        (keyhole(1.0, 1e9), 8, 12.0, 1e-12),
+        (tilted(&circle(many)).0, 3998, PI, 5e-7), // 2 pi^2 / (3 n^2)
+        (tetrahedron.to_vec(), 2, 3.0_f64.sqrt(), 1e-14),
+    ] {
+        let vectors = cut(&ring);
+        assert_eq!(vectors.len(), number);
+        let got: f64 = vectors.iter().map(|vector| vector.length()).sum();
+        assert!((got / area - 1.0).abs() <= tolerance, "{got} {area}");
+    }
+    // Quads that are bent, down to what rounding hides, have two triangles.
     for bend in [1e-9, 1e-6, 1e-3, 0.1, 1.0] {
-        let obj = read(&polygon_file(&[
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, bend],
-            [1.0, 1.0, 0.0],
-            [0.0, 1.0, 0.0],
-        ]));
-        assert_eq!(obj.triangles.len(), 2);
+        assert_eq!(
+            cut(&[
+                DVec3::ZERO,
+                DVec3::new(1.0, 0.0, bend),
+                DVec3::new(1.0, 1.0, 0.0),
+                DVec3::Y
+            ])
+            .len(),
+            2
+        );
     }
-}
-
-#[test]
-fn polygon_has_its_area_at_any_scale_and_far_away() {
-    let keyhole = |at: &dyn Fn(f64) -> f64| {
-        let points = [0, 0, 4, 0, 4, 4, 0, 4, 0, 0, 1, 1, 1, 3, 3, 3, 3, 1, 1, 1].map(|x| at(f64::from(x)));
-        points
-            .chunks_exact(2)
-            .map(|point| [point[0], at(0.0), point[1]])
-            .collect::<Vec<_>>()
-    };
-    let area = |scale: f64, points: &[[f64; 3]]| {
-        let points: Vec<DVec3> = points.iter().map(|&point| point.into()).collect();
-        let corner = |corner: u32| points[corner as usize] / scale;
-        let triangles = triangulate(&points).unwrap().into_iter();
-        triangles
-            .map(|triangle| triangle.map(corner))
-            .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
-            .sum::<f64>()
-    };
-    for scale in [1e-9, 1e9, 1e14] {
-        let area = area(scale, &keyhole(&|x| x * scale));
-        assert!((area / 12.0 - 1.0).abs() <= 1e-12, "{scale}: {area}");
-    }
-    assert!((area(1.0, &keyhole(&|x| x + 1e9)) / 12.0 - 1.0).abs() <= 1e-12);
+    // A hexagon whose corners are lifted in turn, as seen from above.
+    let hexagon = circle((0..6).map(|i| f64::from(i) * FRAC_PI_3))
+        .into_iter()
+        .zip([0.0, 0.2].into_iter().cycle());
+    let lifted = cut(&hexagon.map(|([x, y], z)| DVec3::new(x, y, z)).collect::<Vec<_>>());
+    assert_eq!(lifted.len(), 4);
+    assert!((lifted.iter().sum::<DVec3>().z - 1.5 * 3.0_f64.sqrt()).abs() <= 1e-14);
+    // Edges may cross by less than the digits of the file.
+    let sliver = [[0.0, 0.0], [100.0, 0.0], [100.0, 1e-4], [0.0, -1e-4]];
+    assert!(triangulate(&tilted(&sliver).0).is_ok());
 }
 
 #[test]
@@ -82,116 +88,49 @@ fn corners_on_a_straight_edge_stay() {
     for first in 0..points.len() {
         let mut points = points;
         points.rotate_left(first);
-        let (text, normal) = tilted_file(&points);
-        let obj = read(&text);
-        assert!((area_vector(&obj) - normal * 9.0).length() <= 1e-13);
-        let is_edge = |a: u32, b: u32| {
-            obj.triangles
-                .iter()
-                .any(|&[p, q, r]| [(p, q), (q, r), (r, p)].contains(&(a, b)))
-        };
-        assert!((0..9).all(|corner| is_edge(corner, (corner + 1) % 9)));
+        let (ring, normal) = tilted(&points);
+        assert!((cut(&ring).iter().sum::<DVec3>() - normal * 9.0).length() <= 1e-13);
+        let edges = |[p, q, r]: [u32; 3]| [(p, q), (q, r), (r, p)];
+        let edges: Vec<(u32, u32)> = triangulate(&ring).unwrap().into_iter().flat_map(edges).collect();
+        assert!((0..9).all(|corner| edges.contains(&(corner, (corner + 1) % 9))));
     }
-}
-
-#[test]
-fn warped_polygon_is_cut_as_seen_along_its_normal() {
-    // A hexagon whose corners are lifted in turn; seen from above it has area 3 sqrt(3) / 2.
-    let corner = |i: i32| {
-        let angle = f64::from(i) * std::f64::consts::FRAC_PI_3;
-        [angle.cos(), angle.sin(), 0.2 * f64::from(i % 2)]
-    };
-    let obj = read(&polygon_file(&(0..6).map(corner).collect::<Vec<_>>()));
-    assert_eq!(obj.triangles.len(), 4);
-    assert!((area_vector(&obj).z - 1.5 * 3.0_f64.sqrt()).abs() <= 1e-14);
 }
 
 #[test]
 fn edges_that_cross_are_refused_with_their_line() {
-    let bow_tie = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
-    let unequal = [[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 1.0]];
-    let eight = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-    let star: Vec<[f64; 2]> = (0..5)
-        .map(|i| f64::from(2 * i) * 0.4 * std::f64::consts::PI)
-        .map(|t| [t.cos(), t.sin()])
-        .collect();
-    for points in [&bow_tie[..], &unequal, &eight, &star] {
-        let (text, _) = tilted_file(points);
-        let (line, message) = fault(&text);
-        assert_eq!(line, points.len() + 1);
-        assert!(
-            message.contains("expected a polygon whose edges do not cross"),
-            "{message}"
-        );
+    for ring in [
+        vec![[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]],
+        vec![[0.0, 0.0], [3.0, 3.0], [3.0, 0.0], [0.0, 1.0]],
+        vec![[0.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        circle((0..5).map(|i| f64::from(i) * 0.8 * PI)),
+    ] {
+        let corners = lines((2..=ring.len()).map(|index| format!(" {index}")));
+        let message = format!("face: expected {CROSSED}, got `1{corners}`");
+        assert_refused(polygon_file(&tilted(&ring).0), ring.len() + 1, &message);
     }
-}
-
-#[test]
-fn ears_that_wind_the_other_way_are_refused_though_their_areas_add_up() {
     // Corners on a grid of 5 x 5: six ears of 5 in all, as much as the ring, of which one of 1.5 is turned over.
     let ring = [
         25, 9, 14, 18, 13, 14, 21, 22, 5, 7, 24, 6, 17, 13, 22, 10, 9, 3, 16, 8, 4,
     ];
-    let vertices = lines((0..25).map(|i| format!("v {} {} 0\n", i % 5, i / 5)));
-    let (line, message) = fault(&format!(
-        "{vertices}f {}\n",
-        ring.map(|corner| corner.to_string()).join(" ")
-    ));
-    assert_eq!(line, 26);
-    assert!(
-        message.contains("expected a polygon whose edges do not cross"),
-        "{message}"
-    );
+    let corner = |i: i32| DVec3::new(f64::from((i - 1) % 5), f64::from((i - 1) / 5), 0.0);
+    assert_eq!(triangulate(&ring.map(corner)), Err(CROSSED.to_owned()));
 }
 
 #[test]
-fn edges_that_cross_by_less_than_the_digits_of_the_file_are_accepted() {
-    let sliver = [
-        [0.0, 0.0, 0.0],
-        [100.0, 0.0, 0.0],
-        [100.0, 0.000_1, 0.0],
-        [0.0, -0.000_1, 0.0],
-    ];
-    assert!(area(&read(&polygon_file(&sliver))) < 0.02);
-}
-
-#[test]
-fn large_convex_polygon_is_cut_quickly() {
-    let corner = |i: i32| (std::f64::consts::TAU * f64::from(i) / 4_000.0).sin_cos();
-    let points: Vec<[f64; 2]> = (0..4_000).map(corner).map(|(y, x)| [x, y]).collect();
-    let obj = read(&tilted_file(&points).0);
-    assert!((area(&obj) / std::f64::consts::PI - 1.0).abs() <= 5e-7); // 2 pi^2 / (3 n^2)
-}
-
-/// A curve of `num_corners / 2` corners and the way back along it, `noise` beside it.
-fn there_and_back(num_corners: usize, noise: f64) -> Vec<DVec3> {
-    let corner = |i: usize| {
-        let step = i.min(num_corners - 1 - i);
-        let radius = 1.0 + noise * ((i * 7919) % 1000) as f64 / 1000.0;
-        let angle = std::f64::consts::TAU * step as f64 / (num_corners / 2) as f64;
-        radius * DVec3::new(angle.cos(), angle.sin(), 0.0)
-    };
-    (0..num_corners).map(corner).collect()
-}
-
-#[test]
-fn hopeless_ring_is_given_up_soon() {
-    // What takes cubic time takes several seconds here.
-    for noise in [1e-15, 1e-12, 1e-9, 1e-3] {
-        let _ = triangulate(&there_and_back(2_000, noise));
+fn rings_beyond_hope_are_given_up_soon() {
+    // What takes cubic time takes seconds here: a curve and the way back along it, noise beside it.
+    for noise in [1e-15, 1e-9, 1e-3] {
+        let corner = |i: i32| {
+            let angle = TAU * f64::from(i.min(1499 - i)) / 750.0;
+            (1.0 + noise * f64::from(i * 7919 % 1000) / 1000.0) * DVec3::new(angle.cos(), angle.sin(), 0.0)
+        };
+        let _ = triangulate(&(0..1500).map(corner).collect::<Vec<_>>());
     }
-    let almost_laps = |i: i32| f64::from(i) * (std::f64::consts::TAU / 3.0 + 1e-5);
-    let star: Vec<DVec3> = (0..2_000)
-        .map(almost_laps)
-        .map(|t| DVec3::new(t.cos(), t.sin(), 0.0))
-        .collect();
-    assert!(triangulate(&star).unwrap_err().contains("whose edges do not cross"));
-}
-
-#[test]
-fn polygon_with_too_many_corners_is_refused() {
-    let points: Vec<DVec3> = (0..20_000)
-        .map(|i| DVec3::new(f64::from(i), f64::from(i % 7), 0.0))
-        .collect();
-    assert!(triangulate(&points).unwrap_err().contains("at most 4096 corners"));
+    let almost_laps = circle((0..1500).map(|i| f64::from(i) * (TAU / 3.0 + 1e-5)));
+    assert_eq!(triangulate(&tilted(&almost_laps).0), Err(CROSSED.to_owned()));
+    let many = (0..5000).map(|i| DVec3::new(f64::from(i), f64::from(i % 7), 0.0));
+    assert_eq!(
+        triangulate(&many.collect::<Vec<_>>()),
+        Err("at most 4096 corners".to_owned())
+    );
 }
