@@ -93,11 +93,8 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    const CORNERS: [DVec3; 3] = [
-        DVec3::new(0.3, -0.2, 1.0),
-        DVec3::new(0.5, 0.1, 1.1),
-        DVec3::new(0.2, 0.3, 0.8),
-    ];
+    const AS_COLUMNS: DMat3 = DMat3::from_cols_array(&[0.3, -0.2, 1.0, 0.5, 0.1, 1.1, 0.2, 0.3, 0.8]);
+    const CORNERS: [DVec3; 3] = [AS_COLUMNS.x_axis, AS_COLUMNS.y_axis, AS_COLUMNS.z_axis];
     const POINT: DVec3 = DVec3::new(0.36, 0.1, 1.2);
 
     #[test]
@@ -126,11 +123,8 @@ mod tests {
 
     #[test]
     fn velocity_is_the_derivative_of_the_point() {
-        let rates = [
-            DVec3::new(1.0, -2.0, 0.5),
-            DVec3::new(-0.7, 0.3, 2.0),
-            DVec3::new(0.1, 0.9, -1.5),
-        ];
+        let rates = DMat3::from_cols_array(&[1.0, -2.0, 0.5, -0.7, 0.3, 2.0, 0.1, 0.9, -1.5]);
+        let rates = [0, 1, 2].map(|i| rates.col(i));
         let at = |time: f64| MovingTriangle::new([0, 1, 2].map(|i| CORNERS[i] + time * rates[i]));
         let coordinates = at(0.0).coordinates(POINT);
         let step = 1e-5;

@@ -449,4 +449,4 @@ fn smooth_groups(vertices: &[DVec3], triangles: &[[u32; 3]], area_normals: &[DVe
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

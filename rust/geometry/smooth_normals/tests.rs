@@ -5,10 +5,11 @@ const CREASE: f64 = PI / 4.0;
 /// Rounding of stored normals: half a unit in the last place of every component.
 const STORED: f64 = f32::EPSILON as f64;
 
-pub type Triangles = Vec<[u32; 3]>;
+/// Vertices and triangles.
+type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 
 /// Unit icosahedron, split in four `level` times; 20, 80, 320, 1280 triangles.
-pub fn icosphere(level: usize) -> (Vec<DVec3>, Triangles) {
+fn icosphere(level: usize) -> Mesh {
     let golden = f64::midpoint(1.0, 5.0_f64.sqrt());
     let mut vertices = Vec::new();
     for (a, b) in [(-1.0, -golden), (1.0, -golden), (-1.0, golden), (1.0, golden)] {
@@ -16,18 +17,12 @@ pub fn icosphere(level: usize) -> (Vec<DVec3>, Triangles) {
     }
     // The faces are the triples of neighbours, wound outwards.
     let near = |a: usize, b: usize| vertices[a].dot(vertices[b]) > 0.4;
-    let mut triangles = Triangles::new();
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if near(a, b) && near(b, c) && near(c, a) {
-                    let outwards = vertices[a].dot(vertices[b].cross(vertices[c])) > 0.0;
-                    let (b, c) = if outwards { (b, c) } else { (c, b) };
-                    triangles.push([a as u32, b as u32, c as u32]);
-                }
-            }
-        }
-    }
+    let is_face = |&[a, b, c]: &[usize; 3]| {
+        let is_outward = vertices[a].dot(vertices[b].cross(vertices[c])) > 0.1;
+        a < b.min(c) && near(a, b) && near(b, c) && near(c, a) && is_outward
+    };
+    let triples = (0..12 * 12 * 12).map(|i| [i / 144, i / 12 % 12, i % 12]);
+    let mut triangles: Vec<[u32; 3]> = triples.filter(is_face).map(|face| face.map(|i| i as u32)).collect();
     for _ in 0..level {
         let mut middles = HashMap::new();
         let mut middle = |a: u32, b: u32| {
@@ -36,19 +31,53 @@ pub fn icosphere(level: usize) -> (Vec<DVec3>, Triangles) {
                 vertices.len() as u32 - 1
             })
         };
-        triangles = triangles
-            .iter()
-            .flat_map(|&[a, b, c]| {
-                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            })
-            .collect();
+        let split = |&[a, b, c]: &[u32; 3]| {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        triangles = triangles.iter().flat_map(split).collect();
     }
     (vertices, triangles)
 }
 
-fn corners_of(vertices: &[DVec3], triangle: [u32; 3]) -> [DVec3; 3] {
-    triangle.map(|vertex| vertices[vertex as usize])
+/// Rings of points one above the other, joined by quads of two triangles; the rings may be closed.
+fn swept(rings: &[Vec<DVec3>], is_closed: bool) -> Mesh {
+    let num = rings[0].len() as u32;
+    let strips = if is_closed { num } else { num - 1 };
+    let quads = (1..rings.len() as u32).flat_map(|ring| (0..strips).map(move |i| (ring * num, i)));
+    let triangles = quads.flat_map(|(above, i)| {
+        let (a, b) = (above - num + i, above - num + (i + 1) % num);
+        [[a, b, b + num], [a, b + num, a + num]]
+    });
+    let triangles = triangles.collect();
+    (rings.concat(), triangles)
+}
+
+/// Profile in the x-y plane swept along z, with normals to the right of the way along it.
+fn extruded(profile: &[(f64, f64)], length: f64, is_closed: bool) -> Mesh {
+    let ring = |z: f64| profile.iter().map(|&(x, y)| DVec3::new(x, y, z)).collect();
+    swept(&[ring(0.0), ring(length)], is_closed)
+}
+
+/// Points of an arc about (x, y), `num` steps of `step` from the x axis counter-clockwise.
+fn arc((x, y): (f64, f64), radius: f64, step: f64, num: u32) -> Vec<(f64, f64)> {
+    let angles = (0..num).map(|i| step * f64::from(i));
+    angles
+        .map(|angle| (x + radius * angle.cos(), y + radius * angle.sin()))
+        .collect()
+}
+
+/// Prism about the z axis with corners at radius 1: two triangles for each of its sides first, then two caps.
+fn prism(sides: u32) -> Mesh {
+    let (vertices, mut triangles) = extruded(&arc((0.0, 0.0), 1.0, 2.0 * PI / f64::from(sides), sides), 3.0, true);
+    for i in 1..sides - 1 {
+        triangles.extend([[0, i + 1, i], [sides, sides + i, sides + i + 1]]);
+    }
+    (vertices, triangles)
+}
+
+fn corners_of((vertices, triangles): &Mesh, triangle: usize) -> [DVec3; 3] {
+    triangles[triangle].map(|vertex| vertices[vertex as usize])
 }
 
 fn face_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
@@ -64,86 +93,85 @@ fn mean(values: [DVec3; 3], barycentric: [f64; 3]) -> DVec3 {
     (0..3).map(|i| barycentric[i] * values[i]).sum()
 }
 
-/// Every triangle with vertices of its own, as an STL file has it.
-fn soup(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<DVec3>, Triangles) {
-    let vertices = triangles
-        .iter()
-        .flat_map(|&triangle| corners_of(vertices, triangle))
-        .collect();
-    (
-        vertices,
-        (0..triangles.len() as u32)
-            .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
-            .collect(),
-    )
-}
-
-/// A profile in the x-y plane swept along z by `length`, normals to the right of the way along the profile.
-fn swept(profile: &[(f64, f64)], length: f64, closed: bool) -> (Vec<DVec3>, Triangles) {
-    let vertices = profile
-        .iter()
-        .flat_map(|&(x, y)| [0.0, length].map(|z| DVec3::new(x, y, z)))
-        .collect();
-    let n = profile.len() as u32;
-    let strips = if closed { n } else { n - 1 };
-    let triangles = (0..strips)
-        .flat_map(|i| {
-            let (a, b) = (2 * i, 2 * ((i + 1) % n));
-            [[a, b, b + 1], [a, b + 1, a + 1]]
-        })
-        .collect();
-    (vertices, triangles)
-}
-
-fn smooth(vertices: &[DVec3], triangles: &[[u32; 3]], crease_angle: f64) -> Shading {
+fn smooth((vertices, triangles): &Mesh, crease_angle: f64) -> Shading {
     Shading::of_groups(vertices, triangles, &Groups::new(vertices, triangles, crease_angle))
 }
 
-fn all_flat(shading: &Shading, num_triangles: usize) -> bool {
-    (0..num_triangles).all(|t| shading.corner_normals(t).is_none())
+/// Assert that triangles are curved, with normals away from the z axis, or from the origin.
+#[track_caller]
+fn assert_radial(mesh: &Mesh, shading: &Shading, triangles: std::ops::Range<usize>, weight: DVec3, bound: f64) {
+    for t in triangles {
+        let normals = shading.corner_normals(t).expect("curved");
+        for (normal, vertex) in normals.into_iter().zip(corners_of(mesh, t)) {
+            let off = normal.distance((weight * vertex).normalize());
+            assert!(off <= bound, "{t}: {off} > {bound}");
+            assert!((normal.length() - 1.0).abs() <= 2.0 * STORED);
+        }
+    }
+}
+
+#[track_caller]
+fn assert_flat(shading: &Shading, triangles: impl IntoIterator<Item = usize>) {
+    for t in triangles {
+        assert_eq!(shading.corner_normals(t), None, "{t}");
+    }
+}
+
+/// Assert that two meshes have the same normals at some triangles.
+#[track_caller]
+fn assert_same(a: &Shading, b: &Shading, triangles: impl IntoIterator<Item = usize>) {
+    for t in triangles {
+        assert_eq!(a.corner_normals(t), b.corner_normals(t), "{t}");
+    }
 }
 
 #[test]
-fn normals_of_a_sphere_are_radial() {
+fn normals_of_spheres_and_tubes_are_radial() {
     for level in 1..=4 {
-        let (vertices, triangles) = icosphere(level);
-        let shading = smooth(&vertices, &triangles, CREASE);
+        let mesh = icosphere(level);
         // One facet's normal is 0.58 edges off at its corners. A ring of equal facets has none of that left; these
         // differ in area by up to a fifth between neighbours, and of what that leaves the correction leaves less than a
         // tenth.
-        let edge = triangles
-            .iter()
-            .map(|&t| (vertices[t[0] as usize] - vertices[t[1] as usize]).length());
-        let bound = 0.58 / 100.0 * edge.fold(0.0, f64::max) + STORED;
-        for (t, &triangle) in triangles.iter().enumerate() {
-            let normals = shading.corner_normals(t).expect("a sphere is smooth everywhere");
-            for (normal, vertex) in normals.into_iter().zip(corners_of(&vertices, triangle)) {
-                assert!(
-                    normal.distance(vertex) <= bound,
-                    "{level}: {} > {bound}",
-                    normal.distance(vertex)
-                );
-                assert!((normal.length() - 1.0).abs() <= 2.0 * STORED);
-            }
-        }
+        let edge = |t: usize| corners_of(&mesh, t)[0].distance(corners_of(&mesh, t)[1]);
+        let num = mesh.1.len();
+        let bound = 0.58 / 100.0 * (0..num).map(edge).fold(0.0, f64::max) + STORED;
+        assert_radial(&mesh, &smooth(&mesh, CREASE), 0..num, DVec3::ONE, bound);
     }
+    // A vertex has two triangles of one neighbour and one of the other, which count alike; caps do not reach into sides.
+    let across = DVec3::new(1.0, 1.0, 0.0);
+    let mesh = prism(24);
+    let shading = smooth(&mesh, CREASE);
+    assert_radial(&mesh, &shading, 0..48, across, 2.0 * STORED);
+    assert_flat(&shading, 48..mesh.1.len());
+    // 72 sides of 430 mm x 4.7 mm, and chamfers of 3 mm at 30 degrees, within the crease angle.
+    let (reach, drop) = (3e-3 * (PI / 6.0).cos(), 3e-3 * (PI / 6.0).sin());
+    let rings = [
+        (54e-3 - drop, -reach),
+        (54e-3, 0.0),
+        (54e-3, 0.43),
+        (54e-3 - drop, 0.43 + reach),
+    ];
+    let ring = |(radius, z): (f64, f64)| {
+        let arc = arc((0.0, 0.0), radius, 2.0 * PI / 72.0, 72);
+        arc.into_iter().map(|(x, y)| DVec3::new(x, y, z)).collect()
+    };
+    let mesh = swept(&rings.map(ring), true);
+    assert_radial(&mesh, &smooth(&mesh, CREASE), 144..288, across, 2.0 * STORED);
 }
 
 #[test]
 fn hits_on_a_mesh_of_a_sphere_lie_on_the_sphere_to_second_order() {
     // From outside and inside, at up to 60 degrees to every facet.
-    let (vertices, triangles) = icosphere(3);
-    let shading = smooth(&vertices, &triangles, CREASE);
-    let depth = |&t: &[u32; 3]| 1.0 - corners_of(&vertices, t)[0].dot(face_normal(corners_of(&vertices, t)));
-    let sagitta = triangles.iter().map(depth).fold(0.0, f64::max);
+    let mesh = icosphere(3);
+    let shading = smooth(&mesh, CREASE);
+    let all = || (0..mesh.1.len()).map(|t| (t, corners_of(&mesh, t), face_normal(corners_of(&mesh, t))));
+    let sagitta = all().map(|(_, corners, n)| 1.0 - corners[0].dot(n)).fold(0.0, f64::max);
     let (mut sum, mut number) = (0.0, 0.0);
-    for (t, &triangle) in triangles.iter().enumerate() {
-        let corners = corners_of(&vertices, triangle);
-        let n = face_normal(corners);
-        for (b, side, angle) in barycentric_grid()
-            .flat_map(|b| [-1.0, 1.0].map(|side| (b, side)))
-            .flat_map(|(b, side)| [0.0, 0.5, -1.05].map(|angle| (b, side, angle)))
-        {
+    for (t, corners, n) in all() {
+        let views = [-1.0, 1.0]
+            .into_iter()
+            .flat_map(|side| [0.0, 0.5, -1.05].map(|angle| (side, angle)));
+        for ((side, angle), b) in views.flat_map(|view| barycentric_grid().map(move |b| (view, b))) {
             let (sin, cos) = f64::sin_cos(angle);
             let d = side * cos * n + sin * n.any_orthonormal_vector();
             let (normal, correction) = shade(corners, shading.corner_normals(t), b, n, d);
@@ -156,12 +184,9 @@ fn hits_on_a_mesh_of_a_sphere_lie_on_the_sphere_to_second_order() {
             );
             sum += error * error;
             number += 1.0;
-            assert!(normal.dot(d) < 0.0, "the normal points to the incident side");
+            // The normal points to the incident side. Facets lean by sqrt(2 sagitta).
             let lean = (-side * normal).distance(x.normalize());
-            assert!(
-                lean <= (2.0 * sagitta).sqrt() / 100.0,
-                "{lean} at {b:?} of {t}: facets lean by sqrt(2 sagitta)"
-            );
+            assert!(lean <= (2.0 * sagitta).sqrt() / 100.0, "{lean} at {b:?} of {t}");
         }
     }
     let rms = f64::sqrt(sum / number);
@@ -169,115 +194,39 @@ fn hits_on_a_mesh_of_a_sphere_lie_on_the_sphere_to_second_order() {
 }
 
 #[test]
-fn a_facet_seen_from_behind_is_the_same_surface() {
-    let (vertices, triangles) = icosphere(2);
-    let shading = smooth(&vertices, &triangles, CREASE);
-    let corners = corners_of(&vertices, triangles[7]);
-    let (n, b) = (face_normal(corners), [0.2, 0.3, 0.5]);
+fn facets_seen_from_behind_are_the_same_surface_and_grazing_hits_keep_theirs() {
+    let mesh = icosphere(2);
+    let (corners, normals) = (corners_of(&mesh, 7), smooth(&mesh, CREASE).corner_normals(7));
+    let n = face_normal(corners);
+    let seen = |b: [f64; 3], d: DVec3| shade(corners, normals, b, n, d);
     let d = (-n + 0.3 * n.any_orthonormal_vector()).normalize();
-    let (front, nearer) = shade(corners, shading.corner_normals(7), b, n, d);
-    let (back, farther) = shade(corners, shading.corner_normals(7), b, n, -d);
+    let [(front, nearer), (back, farther)] = [d, -d].map(|d| seen([0.2, 0.3, 0.5], d));
     assert_eq!((front, nearer), (-back, -farther));
     assert!(nearer < 0.0, "from outside, a sphere comes before its chord");
-}
-
-#[test]
-fn grazing_hits_keep_the_facet() {
-    let (vertices, triangles) = icosphere(2);
-    let shading = smooth(&vertices, &triangles, CREASE);
-    let corners = corners_of(&vertices, triangles[0]);
-    let n = face_normal(corners);
     for cosine in [-0.02, -1e-9, 1e-9, 0.02] {
         let d = (n * cosine + n.any_orthonormal_vector()).normalize();
-        let (normal, correction) = shade(corners, shading.corner_normals(0), [1.0 / 3.0; 3], n, d);
-        assert_eq!((normal, correction), (if cosine > 0.0 { -n } else { n }, 0.0));
+        assert_eq!(seen([1.0 / 3.0; 3], d), (if cosine > 0.0 { -n } else { n }, 0.0));
     }
 }
 
 #[test]
-fn cubes_stay_flat_below_their_crease() {
-    let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
-    let (vertices, mut triangles) = swept(&square, 1.0, true);
-    triangles.extend([[0, 6, 4], [0, 4, 2], [1, 3, 5], [1, 5, 7]]);
-    assert!(all_flat(&smooth(&vertices, &triangles, CREASE), 12));
-    assert!(
-        all_flat(&smooth(&vertices, &triangles, PI / 2.0), 12),
-        "90 degrees is not below 90 degrees"
-    );
-    assert!(!all_flat(&smooth(&vertices, &triangles, 1.6), 12));
-    assert!(all_flat(&smooth(&vertices, &triangles, 0.0), 12));
-    assert!(all_flat(&smooth(&vertices, &triangles, f64::NAN), 12));
-    // Prisms of 8 and 9 sides meet at 45 and 40 degrees.
-    for (sides, is_flat) in [(8, true), (9, false)] {
-        let (vertices, triangles) = cylinder(sides);
-        assert_eq!(
-            all_flat(&smooth(&vertices, &triangles, CREASE), triangles.len()),
-            is_flat
-        );
-    }
-}
-
-/// Cylinder of radius 1 along z: the sides (two triangles each) first, then two caps.
-fn cylinder(segments: u32) -> (Vec<DVec3>, Triangles) {
-    let angles = (0..segments).map(|i| 2.0 * PI * f64::from(i) / f64::from(segments));
-    let profile: Vec<_> = angles.map(|angle| (angle.cos(), angle.sin())).collect();
-    let (vertices, mut triangles) = swept(&profile, 3.0, true);
-    for i in 1..segments - 1 {
-        triangles.extend([[0, 2 * i + 2, 2 * i], [1, 2 * i + 1, 2 * i + 3]]);
-    }
-    (vertices, triangles)
-}
-
-#[test]
-fn cylinders_have_smooth_sides_and_flat_caps() {
-    let (vertices, triangles) = cylinder(24);
-    let shading = smooth(&vertices, &triangles, CREASE);
-    for (t, &triangle) in triangles.iter().enumerate() {
-        let normals = shading.corner_normals(t);
-        if t >= 48 {
-            assert!(normals.is_none(), "cap {t}");
-            continue;
-        }
-        for (normal, vertex) in normals.expect("side").into_iter().zip(corners_of(&vertices, triangle)) {
-            let radial = vertex.with_z(0.0);
-            assert!(normal.z.abs() <= STORED, "caps do not reach into the side");
-            // A vertex has two triangles of one neighbour and one of the other, which count alike.
-            assert!(normal.distance(radial) <= 2.0 * STORED);
-        }
-    }
-}
-
-#[test]
-fn the_sides_of_a_tube_are_round_up_to_the_chamfers_at_its_ends() {
-    // 72 sides of 430 mm x 4.7 mm, and chamfers of 3 mm at 30 degrees, within the crease angle.
-    let angles: Vec<f64> = (0..72).map(|i| 2.0 * PI * f64::from(i) / 72.0).collect();
-    let (reach, drop) = (3e-3 * (PI / 6.0).cos(), 3e-3 * (PI / 6.0).sin());
-    let rings = [
-        (54e-3 - drop, -reach),
-        (54e-3, 0.0),
-        (54e-3, 0.43),
-        (54e-3 - drop, 0.43 + reach),
-    ];
-    let ring = |(radius, z): (f64, f64)| {
-        angles
-            .iter()
-            .map(move |angle| DVec3::new(radius * angle.cos(), radius * angle.sin(), z))
-    };
-    let vertices: Vec<DVec3> = rings.into_iter().flat_map(ring).collect();
-    let quad = |ring: u32, i: u32| {
-        let (a, b) = (72 * ring + i, 72 * ring + (i + 1) % 72);
-        [[a, b, b + 72], [a, b + 72, a + 72]]
-    };
-    let triangles: Triangles = [1, 0, 2]
-        .iter()
-        .flat_map(|r| (0..72).flat_map(|i| quad(*r, i)))
-        .collect();
-    let shading = smooth(&vertices, &triangles, CREASE);
-    for (t, &triangle) in triangles.iter().enumerate().take(144) {
-        let normals = shading.corner_normals(t).expect("side");
-        for (normal, vertex) in normals.into_iter().zip(corners_of(&vertices, triangle)) {
-            assert!(normal.distance(vertex.with_z(0.0).normalize()) <= 2.0 * STORED);
-        }
+fn edges_from_the_crease_angle_on_are_sharp() {
+    // The same triangle from both sides: one shared contour, wound consistently, but at 180 degrees.
+    let sheet = (vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2], [0, 2, 1]]);
+    for (mesh, crease_angle, is_flat) in [
+        (&prism(4), CREASE, true),
+        (&prism(4), PI / 2.0, true),
+        (&prism(4), 1.6, false),
+        (&prism(4), 0.0, true),
+        (&prism(4), f64::NAN, true),
+        // 45 and 40 degrees.
+        (&prism(8), CREASE, true),
+        (&prism(9), CREASE, false),
+        (&sheet, PI, true),
+    ] {
+        let shading = smooth(mesh, crease_angle);
+        let are_flat = (0..mesh.1.len()).all(|t| shading.corner_normals(t).is_none());
+        assert_eq!(are_flat, is_flat, "{} {crease_angle}", mesh.1.len());
     }
 }
 
@@ -296,47 +245,30 @@ fn triangles_without_area_say_nothing() {
         // As with an area of next to nothing.
         let (without, nearly) = (folded(place), folded(place - 1e-7));
         for t in (0..triangles.len()).filter(|t| *t != 37) {
-            match (without.corner_normals(t), nearly.corner_normals(t)) {
-                (Some(without), Some(nearly)) => {
-                    for (without, nearly) in without.into_iter().zip(nearly) {
-                        assert!(without.distance(nearly) < 1e-4, "{t}: {without} {nearly}");
-                    }
-                }
-                (without, nearly) => assert_eq!(without, nearly, "{t}"),
+            let [without, nearly] = [&without, &nearly].map(|shading| shading.corner_normals(t));
+            assert_eq!(without.is_some(), nearly.is_some(), "{t}");
+            for (without, nearly) in without.into_iter().flatten().zip(nearly.into_iter().flatten()) {
+                assert!(without.distance(nearly) < 1e-4, "{t}: {without} {nearly}");
             }
         }
     }
 }
 
-/// Points of a quarter circle about (x, y), from angle `start` counter-clockwise.
-fn fillet((x, y): (f64, f64), radius: f64, start: f64) -> impl Iterator<Item = (f64, f64)> {
-    (0..=8).map(move |i| {
-        let angle = start + PI / 16.0 * f64::from(i);
-        (x + radius * angle.cos(), y + radius * angle.sin())
-    })
-}
-
 #[test]
 fn planes_beside_a_fillet_stay_planes_and_the_fillet_is_round() {
     // A wall of 0.2 m, a fillet of 5 mm in 8 strips, another wall: the rounded edge of a box.
-    let profile: Vec<_> = [(0.105, -0.2)]
-        .into_iter()
-        .chain(fillet((0.1, 0.0), 0.005, 0.0))
-        .chain([(-0.1, 0.005)])
-        .collect();
-    let (vertices, triangles) = swept(&profile, 0.1, false);
-    let shading = smooth(&vertices, &triangles, CREASE);
-    let last = triangles.len() - 2;
-    for t in [0, 1, last, last + 1] {
-        assert!(shading.corner_normals(t).is_none(), "wall {t}");
-    }
+    let fillet = arc((0.1, 0.0), 0.005, PI / 16.0, 9);
+    let mesh = extruded(&[&[(0.105, -0.2)], &fillet[..], &[(-0.1, 0.005)]].concat(), 0.1, false);
+    let shading = smooth(&mesh, CREASE);
+    let last = mesh.1.len() - 2;
+    assert_flat(&shading, [0, 1, last, last + 1]);
     let sagitta = 0.005 * (1.0 - (PI / 32.0).cos());
-    for (t, &triangle) in triangles.iter().enumerate().take(last).skip(2) {
-        let corners = corners_of(&vertices, triangle);
-        let normals = shading.corner_normals(t).expect("fillet");
+    for t in 2..last {
+        let (corners, normals) = (corners_of(&mesh, t), shading.corner_normals(t));
+        assert!(normals.is_some());
         let n = face_normal(corners);
         for b in barycentric_grid() {
-            let surface = mean(corners, b) - shade(corners, Some(normals), b, n, -n).1 * n;
+            let surface = mean(corners, b) - shade(corners, normals, b, n, -n).1 * n;
             let off = (surface - DVec3::new(0.1, 0.0, surface.z)).length() - 0.005;
             // To second order; at its seams the normals are a hundredth of a strip's angle off.
             assert!(off.abs() <= 0.02 * sagitta, "{off} of {sagitta} in {t}");
@@ -349,92 +281,52 @@ fn planes_beside_a_fillet_stay_planes_and_the_fillet_is_round() {
 }
 
 #[test]
-fn neighbours_wound_the_other_way_are_not_smoothed() {
-    let (vertices, triangles) = cylinder(24);
-    let mut turned = triangles.clone();
-    turned[10].swap(0, 1);
-    let shading = smooth(&vertices, &turned, CREASE);
-    assert!(
-        shading.corner_normals(10).is_none(),
-        "all its edges are sharp: its normals are its own"
-    );
-    let whole = smooth(&vertices, &triangles, CREASE);
-    for t in [30, 31] {
-        assert_eq!(
-            shading.corner_normals(t),
-            whole.corner_normals(t),
-            "far away nothing changes"
-        );
-    }
+fn flipped_neighbours_and_fins_have_sharp_edges() {
+    // A neighbour wound the other way has normals of its own; far away nothing changes.
+    let mesh = prism(24);
+    let mut turned = mesh.clone();
+    turned.1[10].swap(0, 1);
+    let (whole, turned) = (smooth(&mesh, CREASE), smooth(&turned, CREASE));
+    assert_flat(&turned, [10]);
+    assert_same(&turned, &whole, [30, 31]);
+    // An arc of eight strips, and a fin along the edge between strips 3 and 4. The surface ends at the fin, and half a
+    // bend fits no smooth surface.
+    let mut mesh = extruded(&arc((0.0, 0.0), 1.0, PI / 16.0, 9), 1.0, false);
+    let without = smooth(&mesh, CREASE);
+    mesh.0.push(DVec3::ZERO);
+    mesh.1.push([4, 13, 18]);
+    let finned = smooth(&mesh, CREASE);
+    assert!((6..10).all(|t| without.corner_normals(t).is_some()));
+    assert_flat(&finned, 6..10);
+    assert_same(&finned, &without, [2, 3, 12, 13]);
 }
 
 #[test]
-fn an_edge_of_three_faces_is_sharp() {
-    // An arc of eight strips, and a fin along the edge between strips 3 and 4.
-    let profile: Vec<_> = fillet((0.0, 0.0), 1.0, 0.0).collect();
-    let (mut vertices, mut triangles) = swept(&profile, 1.0, false);
-    let without = smooth(&vertices, &triangles, CREASE);
-    vertices.push(DVec3::ZERO);
-    triangles.push([8, 9, 18]);
-    let finned = smooth(&vertices, &triangles, CREASE);
-    for t in 6..10 {
-        assert!(without.corner_normals(t).is_some());
-        // The surface ends at the fin, and half a bend fits no smooth surface.
-        assert!(finned.corner_normals(t).is_none());
-    }
-    for t in [2, 3, 12, 13] {
-        assert_eq!(
-            without.corner_normals(t),
-            finned.corner_normals(t),
-            "far away nothing changes"
-        );
-    }
-}
-
-#[test]
-fn both_sides_of_a_sheet_stay_apart() {
-    // The same triangle from both sides: one shared contour, wound consistently, but at 180 degrees.
-    let vertices = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    assert!(all_flat(&smooth(&vertices, &[[0, 1, 2], [0, 2, 1]], PI), 2));
-}
-
-#[test]
-fn triangles_without_shared_vertices_have_the_same_normals() {
-    let (vertices, triangles) = icosphere(3);
-    let indexed = smooth(&vertices, &triangles, CREASE);
-    let (vertices, triangles) = soup(&vertices, &triangles);
-    // Zeros of either sign are one position.
-    let mixed: Vec<_> = vertices
+fn triangles_without_shared_vertices_have_the_same_normals_and_turned_over_the_opposite_ones() {
+    let mesh = icosphere(3);
+    let (num, indexed) = (mesh.1.len(), smooth(&mesh, CREASE));
+    // Every triangle with vertices of its own, as an STL file has it. Zeros of either sign are one position.
+    let vertices: Vec<DVec3> = (0..num).flat_map(|t| corners_of(&mesh, t)).collect();
+    let negative = |v: DVec3| v.map(|x| if x == 0.0 { -0.0 } else { x });
+    let mixed: Vec<DVec3> = vertices
         .iter()
         .enumerate()
-        .map(|(i, v)| {
-            if i % 2 == 0 {
-                *v
-            } else {
-                v.map(|x| if x == 0.0 { -0.0 } else { x })
-            }
-        })
+        .map(|(i, v)| if i % 2 == 0 { *v } else { negative(*v) })
         .collect();
     assert!(
         mixed
             .iter()
-            .any(|v| v.to_array().iter().any(|x| *x == 0.0 && x.is_sign_negative()))
+            .flat_map(DVec3::to_array)
+            .any(|x| x == 0.0 && x.is_sign_negative())
     );
     for vertices in [vertices, mixed] {
-        let shading = smooth(&vertices, &triangles, CREASE);
-        for t in 0..triangles.len() {
-            assert_eq!(shading.corner_normals(t), indexed.corner_normals(t));
-        }
+        let triangles = (0..num as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        assert_same(&smooth(&(vertices, triangles), CREASE), &indexed, 0..num);
     }
-}
-
-#[test]
-fn turning_every_triangle_over_turns_every_normal() {
-    let (vertices, triangles) = icosphere(2);
-    let over: Triangles = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let (front, back) = (smooth(&vertices, &triangles, CREASE), smooth(&vertices, &over, CREASE));
-    for t in 0..triangles.len() {
-        let [a, b, c] = front.corner_normals(t).expect("smooth");
-        assert_eq!(back.corner_normals(t).expect("smooth"), [-a, -c, -b]);
+    let over = mesh.1.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let over = smooth(&(mesh.0, over), CREASE);
+    for t in 0..num {
+        let [a, b, c] = indexed.corner_normals(t).expect("smooth");
+        assert_eq!(over.corner_normals(t).expect("smooth"), [-a, -c, -b]);
     }
 }
