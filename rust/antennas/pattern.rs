@@ -124,24 +124,22 @@ impl Turned {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numeric::random::mix;
-
-    fn random(state: &mut u64) -> f64 {
-        *state = mix(*state);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn degrees(values: &[f64]) -> Vec<f64> {
-        values.iter().map(|degrees| degrees.to_radians()).collect()
-    }
+    use crate::numeric::random::Random;
 
     /// Gains 1 to n dB, `(azimuth, elevation)`.
     fn counting(azimuth_deg: &[f64], elevation_deg: &[f64]) -> Pattern {
-        let gains: Vec<f64> = (1..=azimuth_deg.len() * elevation_deg.len())
-            .map(|i| i as f64)
-            .collect();
-        let table = GainTable::new(&degrees(azimuth_deg), &degrees(elevation_deg), &gains);
+        let [azimuth, elevation] = [azimuth_deg, elevation_deg].map(|angles| angles.iter().map(|x| x.to_radians()));
+        let gains: Vec<f64> = (1..=azimuth.len() * elevation.len()).map(|i| i as f64).collect();
+        let table = GainTable::new(&azimuth.collect::<Vec<_>>(), &elevation.collect::<Vec<_>>(), &gains);
         Pattern::Table(Arc::new(table.unwrap()))
+    }
+
+    fn gaussian(azimuth: f64, elevation: f64) -> Pattern {
+        Pattern::Gaussian {
+            peak: 2.0,
+            azimuth,
+            elevation,
+        }
     }
 
     /// A pattern in axes turned by 30 degrees to the left and a little up.
@@ -157,13 +155,10 @@ mod tests {
         let Pattern::Turned(axes) = &there else { unreachable!() };
         let d = DVec3::new(0.3, -0.5, 0.4);
         assert!((there.gain(axes.rotation.transpose() * d) / pattern.gain(d) - 1.0).abs() < 1e-12);
-        assert!((there.gain_at(0.3, -0.4) / there.gain(direction(0.3, -0.4)) - 1.0).abs() < 1e-12);
+        let (azimuth, elevation) = (0.3_f64, -0.4_f64);
+        let direction = DVec3::new(azimuth.cos(), azimuth.sin(), elevation.tan());
+        assert!((there.gain_at(azimuth, elevation) / there.gain(direction) - 1.0).abs() < 1e-12);
         assert!(there.is_same(&turned(pattern.clone())) && !there.is_same(&pattern));
-    }
-
-    fn direction(azimuth: f64, elevation: f64) -> DVec3 {
-        let along = elevation.cos();
-        DVec3::new(along * azimuth.cos(), along * azimuth.sin(), elevation.sin())
     }
 
     fn gain_db(pattern: &Pattern, azimuth_deg: f64, elevation_deg: f64) -> f64 {
@@ -173,74 +168,60 @@ mod tests {
     }
 
     #[test]
-    fn table_has_its_gains_at_its_angles_and_the_middle_of_four_between() {
-        let pattern = counting(&[-40.0, 0.0, 10.0], &[-20.0, 30.0]);
-        let expected = [
-            (-40.0, -20.0, 1.0),
-            (-40.0, 30.0, 2.0),
-            (0.0, -20.0, 3.0),
-            (10.0, 30.0, 6.0),
-            (5.0, 5.0, 4.5),
-            (-30.0, -20.0, 1.5),
-        ];
-        for (azimuth, elevation, gain) in expected {
+    fn tables_are_bilinear_between_their_angles_and_closed_behind_the_antenna() {
+        let part = counting(&[-40.0, 0.0, 10.0], &[-20.0, 30.0]);
+        // 1, 2, 3, ... dB behind, right, ahead and left, the first elevation first: the seam is at -180 or at 180 degrees.
+        let round = counting(&[-180.0, -90.0, 0.0, 90.0], &[-90.0, 90.0]);
+        let late = counting(&[-90.0, 0.0, 90.0, 180.0], &[-90.0, 90.0]);
+        // A table that ends at 175 degrees left and right in steps of 10 has no larger a gap behind than elsewhere.
+        let fine: Vec<f64> = (0..36).map(|i| 10.0 * f64::from(i) - 175.0).collect();
+        let fine = counting(&fine, &[-90.0, 90.0]);
+        let none = f64::NEG_INFINITY;
+        for (pattern, azimuth, elevation, expected) in [
+            (&part, -40.0, -20.0, 1.0),
+            (&part, -40.0, 30.0, 2.0),
+            (&part, 0.0, -20.0, 3.0),
+            (&part, 10.0, 30.0, 6.0),
+            (&part, 5.0, 5.0, 4.5),
+            (&part, -30.0, -20.0, 1.5),
+            (&part, -40.1, 0.0, none),
+            (&part, 10.1, 0.0, none),
+            (&part, 0.0, -20.1, none),
+            (&part, 0.0, 30.1, none),
+            (&part, 180.0, 0.0, none),
+            (&round, 135.0, -90.0, 4.0),
+            (&round, 180.0, -90.0, 1.0),
+            (&round, -180.0, -90.0, 1.0),
+            (&fine, 180.0, -90.0, 36.0),
+            (&late, -180.0, -90.0, 7.0),
+            (&late, -135.0, -90.0, 4.0),
+        ] {
+            let got = gain_db(pattern, azimuth, elevation);
             assert!(
-                (gain_db(&pattern, azimuth, elevation) - gain).abs() < 1e-12,
-                "{azimuth} {elevation}"
+                got == expected || (got - expected).abs() < 1e-12,
+                "{azimuth} {elevation}: {got} {expected}"
             );
         }
-        for (azimuth, elevation) in [(-40.1, 0.0), (10.1, 0.0), (0.0, -20.1), (0.0, 30.1), (180.0, 0.0)] {
-            assert_eq!(gain_db(&pattern, azimuth, elevation), f64::NEG_INFINITY);
+        let beside = [1e-9, 0.0, -1e-9].map(|y| round.gain(DVec3::new(-1.0, y, 0.0)));
+        assert!((beside[0] - beside[1]).abs() < 1e-8 && (beside[2] - beside[1]).abs() < 1e-8);
+        // Straight up and down are at azimuth zero, of zeros of either sign.
+        let ahead = counting(&[-180.0, 0.0, 180.0], &[-90.0, 90.0]);
+        for (direction, expected) in [(DVec3::Z, 4.0), (DVec3::new(-0.0, -0.0, 2.0), 4.0), (-DVec3::Z, 3.0)] {
+            assert!((10.0 * ahead.gain(direction).log10() - expected).abs() < 1e-12);
         }
-    }
-
-    #[test]
-    fn table_round_the_turn_is_closed_behind_the_antenna() {
-        // 1, 2, 3, 4 dB ahead, left, behind, right; behind only at -180 degrees.
-        let pattern = counting(&[-180.0, -90.0, 0.0, 90.0], &[-90.0, 90.0]);
-        assert!((gain_db(&pattern, 135.0, -90.0) - 0.5 * (7.0 + 1.0)).abs() < 1e-12);
-        assert!((gain_db(&pattern, 180.0, -90.0) - gain_db(&pattern, -180.0, -90.0)).abs() < 1e-12);
-        let back = DVec3::new(-1.0, 0.0, 0.0);
-        let beside = [1e-9, -1e-9].map(|y| pattern.gain(back + y * DVec3::Y));
-        assert!((beside[0] - beside[1]).abs() < 1e-8 && (beside[0] - pattern.gain(back)).abs() < 1e-8);
-        // A table that ends at 170 degrees left and right in steps of 10 has no larger a gap behind than elsewhere.
-        let fine: Vec<f64> = (0..36).map(|i| 10.0 * f64::from(i) - 175.0).collect();
-        assert!(gain_db(&counting(&fine, &[-90.0, 90.0]), 180.0, 0.0).is_finite());
-        // Nor is the seam elsewhere but behind: -170 and 180 are neighbours.
-        let late = counting(&[-90.0, 0.0, 90.0, 180.0], &[-90.0, 90.0]);
-        assert!((gain_db(&late, -180.0, -90.0) - 7.0).abs() < 1e-12);
-        assert!((gain_db(&late, -135.0, -90.0) - 4.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn straight_up_and_down_are_seen_at_azimuth_zero() {
-        let pattern = counting(&[-180.0, 0.0, 180.0], &[-90.0, 90.0]);
-        for sign in [0.0, -0.0] {
-            let up = pattern.gain(DVec3::new(sign, sign, 2.0));
-            assert!((10.0 * up.log10() - 4.0).abs() < 1e-12);
-        }
-        assert!((10.0 * pattern.gain(-DVec3::Z).log10() - 3.0).abs() < 1e-12);
     }
 
     #[test]
     fn decay_bounds_what_directions_within_ranges_have() {
-        let mut state = 3;
+        let random = &mut Random(3);
         let around: Vec<f64> = (0..24).map(|i| 15.0 * f64::from(i) - 172.0).collect();
         let seam: Vec<f64> = vec![-170.0, -120.0, -60.0, 5.0, 60.0, 120.0, 170.0];
         let patterns = [
-            Pattern::Gaussian {
-                peak: 2.0,
-                azimuth: 3.0,
-                elevation: 7.0,
-            },
+            gaussian(3.0, 7.0),
             counting(&around, &[-90.0, -30.0, -10.0, 0.0, 10.0, 50.0, 90.0]),
             counting(&seam, &[-40.0, -5.0, 5.0, 20.0]),
             counting(&[-10.0, 30.0], &[0.0, 1.0]),
-            turned(Pattern::Gaussian {
-                peak: 2.0,
-                azimuth: 1.0,
-                elevation: 2.0,
-            }),
+            turned(gaussian(1.0, 2.0)),
             turned(counting(&around, &[-90.0, -30.0, 0.0, 30.0, 90.0])),
         ];
         for (number, pattern) in patterns.iter().enumerate() {
@@ -248,19 +229,16 @@ mod tests {
             let (mut num_out, mut num_within) = (0, 0);
             for _ in 0..300 {
                 let mut range = |most: f64| {
-                    let (middle, half) = (most * (2.0 * random(&mut state) - 1.0), 0.3 * random(&mut state));
+                    let (middle, half) = (random.between(-most, most), random.between(0.0, 0.3));
                     [middle - half, middle + half]
                 };
                 let (u, v) = (range(2.0), range(1.5));
                 let [least, most] = pattern.decay(u, v);
                 let (mut nearest, mut farthest) = (f64::INFINITY, 0.0_f64);
-                for i in 0..=20 {
-                    for j in 0..=20 {
-                        let at = |[low, high]: [f64; 2], i: i32| low + (high - low) * f64::from(i) / 20.0;
-                        let decay = peak - pattern.gain(DVec3::new(1.0, at(u, i), at(v, j))).ln();
-                        nearest = nearest.min(decay);
-                        farthest = farthest.max(decay);
-                    }
+                let at = |[low, high]: [f64; 2], i: i32| low + (high - low) * f64::from(i) / 15.0;
+                for (i, j) in (0..=15).flat_map(|i| (0..=15).map(move |j| (i, j))) {
+                    let decay = peak - pattern.gain(DVec3::new(1.0, at(u, i), at(v, j))).ln();
+                    (nearest, farthest) = (nearest.min(decay), farthest.max(decay));
                 }
                 assert!(
                     least <= nearest + 1e-9 && farthest <= most + 1e-9,
@@ -285,21 +263,16 @@ mod tests {
             "azimuth: expected at least two angles, got 1"
         );
         assert_eq!(refused(&two, &two, &two), "gain_db: expected 4 gains, got 2");
+        let limits = "angles from -1.570796 to 1.570796 [rad]";
         for (angles, message) in [
-            (
-                [1.0, 1.0],
-                "elevation: expected increasing angles [rad], got 1 and then 1",
-            ),
-            (
-                [0.0, 1.6],
-                "elevation: expected angles from -1.570796 to 1.570796 [rad], got 1.6",
-            ),
-            (
-                [f64::NAN, 1.0],
-                "elevation: expected angles from -1.570796 to 1.570796 [rad], got NaN",
-            ),
+            ([1.0, 1.0], "increasing angles [rad], got 1 and then 1"),
+            ([0.0, 1.6], &format!("{limits}, got 1.6")),
+            ([f64::NAN, 1.0], &format!("{limits}, got NaN")),
         ] {
-            assert_eq!(refused(&two, &angles, &[0.0; 4]), message);
+            assert_eq!(
+                refused(&two, &angles, &[0.0; 4]),
+                format!("elevation: expected {message}")
+            );
         }
         for gain in [f64::NAN, f64::NEG_INFINITY, 1e9] {
             assert!(refused(&two, &two, &[0.0, gain, 0.0, 0.0]).starts_with("gain_db: expected -1000 to 1000 dB"));

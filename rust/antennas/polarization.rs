@@ -59,6 +59,7 @@ impl PolarizationWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::random::Random;
 
     const NORMAL_TO_WALL: DVec3 = DVec3::NEG_X;
 
@@ -75,10 +76,7 @@ mod tests {
 
     #[test]
     fn vertical_antennas_see_across_a_horizontal_plane_and_horizontal_ones_in_it() {
-        let (t, r) = (
-            DVec3::new(1.0, 1.0, 0.0).normalize(),
-            DVec3::new(1.0, -1.0, 0.0).normalize(),
-        );
+        let [t, r] = [1.0, -1.0].map(|y| DVec3::new(1.0, y, 0.0).normalize());
         for (t, r) in [(t, r), (t, t)] {
             let vertical = PolarizationWeights::by(DVec3::Z, NORMAL_TO_WALL, t, r);
             let horizontal = PolarizationWeights::by(DVec3::Y, NORMAL_TO_WALL, t, r);
@@ -89,14 +87,9 @@ mod tests {
 
     #[test]
     fn transmitter_and_receiver_may_change_places_and_no_more_than_all_is_seen() {
-        let mut state = 1_u64;
-        let mut number = || {
-            state = crate::numeric::random::mix(state);
-            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-        };
+        let random = &mut Random(1);
         for _ in 0..1000 {
-            let mut unit = || DVec3::new(number(), number(), number()).normalize();
-            let (e, n, t, r) = (unit(), unit(), unit(), unit());
+            let [e, n, t, r] = [0; 4].map(|_| random.direction());
             let (there, back) = (PolarizationWeights::by(e, n, t, r), PolarizationWeights::by(e, n, r, t));
             assert!((there.te - back.te).abs() < 1e-12 && (there.tm - back.tm).abs() < 1e-12);
             assert!(there.te.abs() + there.tm.abs() < 1.0 + 1e-12);
