@@ -242,14 +242,10 @@ mod tests {
     const PLANE: ImagePlane = ImagePlane::centered(20, 30, 0.6, 0.4);
 
     #[test]
-    fn first_pixel_looks_up_and_to_the_left() {
+    fn pixels_look_from_the_upper_left_on_in_the_whole_and_in_a_cut_out() {
         let d = PLANE.direction(0, 0);
         assert!(d.x > 0.0 && d.y > 0.0 && d.z > 0.0);
         assert!((d.y / d.x - (0.6 - 0.02)).abs() < 1e-15 && (d.z / d.x - (0.4 - 0.02)).abs() < 1e-15);
-    }
-
-    #[test]
-    fn a_cut_out_of_an_image_looks_where_the_whole_does() {
         let cut = ImagePlane {
             rows: 7,
             columns: 5,
@@ -263,9 +259,7 @@ mod tests {
 
     #[test]
     fn mortons_order_visits_squares_one_after_the_other() {
-        let order: Vec<u64> = [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2)]
-            .map(|(row, column)| morton(row, column))
-            .to_vec();
+        let order = [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2)].map(|(row, column)| morton(row, column));
         assert_eq!(order, [0, 1, 2, 3, 4]);
         assert_eq!(morton(u32::MAX, u32::MAX), u64::MAX);
     }
@@ -275,9 +269,8 @@ mod tests {
         let mut seen = vec![0; PLANE.num_pixels()];
         for tile in (0..PLANE.num_tiles()).map(|i| PLANE.tile(i)) {
             for row in tile.row..tile.row + tile.rows {
-                for column in tile.column..tile.column + tile.columns {
-                    seen[row * PLANE.columns + column] += 1;
-                }
+                let first = row * PLANE.columns + tile.column;
+                seen[first..first + tile.columns].iter_mut().for_each(|n| *n += 1);
             }
         }
         assert!(seen.iter().all(|n| *n == 1));

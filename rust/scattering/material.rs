@@ -208,6 +208,9 @@ mod tests {
     use crate::constants::SPEED_OF_LIGHT;
 
     const WAVELENGTH: f64 = SPEED_OF_LIGHT / 60e9;
+    const TE: Option<PolarizationWeights> = Some(PolarizationWeights::TE);
+    const TM: Option<PolarizationWeights> = Some(PolarizationWeights::TM);
+    const SKIN: Complex64 = Complex64::new(7.975, -10.904);
 
     fn half_space(permittivity: Complex64) -> Dielectric {
         Dielectric {
@@ -225,15 +228,15 @@ mod tests {
 
     #[test]
     fn roots_square_to_what_they_are_of_and_fade() {
-        for (re, im) in [
-            (2.0, -0.0),
-            (-2.0, -0.0),
-            (-2.0, 0.0),
-            (0.0, -3e6),
-            (-4.0, -1e-9),
-            (5.2, -0.3),
+        let z = |re: f64, im: f64| Complex64::new(re, im);
+        for z in [
+            z(2.0, -0.0),
+            z(-2.0, -0.0),
+            z(-2.0, 0.0),
+            z(0.0, -3e6),
+            z(-4.0, -1e-9),
+            z(5.2, -0.3),
         ] {
-            let z = Complex64::new(re, im);
             let root = root(z);
             assert!((root * root - z).norm() <= 1e-15 * z.norm(), "{z}");
             assert!(root.re >= 0.0 && root.im <= 0.0, "{z}");
@@ -244,25 +247,23 @@ mod tests {
     #[test]
     fn glass_of_index_three_halves_reflects_a_fifth_of_the_field_and_nothing_at_brewsters_angle() {
         let glass = half_space(Complex64::new(2.25, 0.0));
-        for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
+        for seen in [None, TE, TM] {
             assert!((gamma(glass, 1.0, seen) + 0.2).norm() < 1e-15);
         }
         let brewster = 1.5_f64.atan().cos();
-        assert!(gamma(glass, brewster, Some(PolarizationWeights::TM)).norm() < 1e-15);
+        assert!(gamma(glass, brewster, TM).norm() < 1e-15);
         // At Brewster's angle r_TE = cos 2 theta.
-        assert!((gamma(glass, brewster, Some(PolarizationWeights::TE)) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
+        assert!((gamma(glass, brewster, TE) - (2.0 * 1.5_f64.atan()).cos()).norm() < 1e-15);
     }
 
     #[test]
     fn what_is_no_denser_than_air_reflects_nothing_and_what_conducts_everything() {
         let (air, metal) = (half_space(Complex64::ONE), half_space(Complex64::new(1.0, -1e24)));
-        for cosine in [1.0, 0.5, 1e-3, 0.0, -1.0] {
-            for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
+        for seen in [None, TE, TM] {
+            for cosine in [1.0, 0.5, 1e-3, 0.0, -1.0] {
                 assert_eq!(gamma(air, cosine, seen), Complex64::ZERO);
             }
-        }
-        for cosine in [1.0, 0.5, 1e-3] {
-            for seen in [None, Some(PolarizationWeights::TE), Some(PolarizationWeights::TM)] {
+            for cosine in [1.0, 0.5, 1e-3] {
                 assert!((gamma(metal, cosine, seen) + 1.0).norm() < 1e-8, "{cosine}");
             }
         }
@@ -271,9 +272,9 @@ mod tests {
     #[test]
     fn waves_reflect_whole_beyond_the_critical_angle() {
         let thin = half_space(Complex64::new(0.25, 0.0)); // critical angle 30 degrees
-        assert!((gamma(thin, 0.5, Some(PolarizationWeights::TE)).norm() - 1.0).abs() < 1e-15);
-        assert!((gamma(thin, 0.5, Some(PolarizationWeights::TM)).norm() - 1.0).abs() < 1e-15);
-        assert!(gamma(thin, 0.9, Some(PolarizationWeights::TE)).norm() < 0.9);
+        assert!((gamma(thin, 0.5, TE).norm() - 1.0).abs() < 1e-15);
+        assert!((gamma(thin, 0.5, TM).norm() - 1.0).abs() < 1e-15);
+        assert!(gamma(thin, 0.9, TE).norm() < 0.9);
     }
 
     #[test]
@@ -284,24 +285,20 @@ mod tests {
             thickness: Some(0.5 * WAVELENGTH / inside),
             ..half_space(Complex64::new(index * index, 0.0))
         };
-        assert!(gamma(slab, cosine, Some(PolarizationWeights::TE)).norm() < 1e-15);
-        assert!(gamma(slab, cosine, Some(PolarizationWeights::TM)).norm() < 1e-15);
+        assert!(gamma(slab, cosine, TE).norm() < 1e-15);
+        assert!(gamma(slab, cosine, TM).norm() < 1e-15);
         assert!(gamma(slab, 1.0, None).norm() > 0.1);
-        let skin = half_space(Complex64::new(7.975, -10.904));
+        let skin = half_space(SKIN);
         let thick = Dielectric {
             thickness: Some(0.02),
             ..skin
         };
-        assert!(
-            (gamma(thick, cosine, Some(PolarizationWeights::TE)) - gamma(skin, cosine, Some(PolarizationWeights::TE)))
-                .norm()
-                < 1e-15
-        );
+        assert!((gamma(thick, cosine, TE) - gamma(skin, cosine, TE)).norm() < 1e-15);
     }
 
     #[test]
     fn reflection_coefficients_are_what_antennas_of_one_polarisation_see() {
-        let skin = half_space(Complex64::new(7.975, -10.904));
+        let skin = half_space(SKIN);
         let rough = Dielectric {
             roughness: Roughness::Height(0.3e-3),
             ..skin
@@ -316,26 +313,16 @@ mod tests {
             Material::Constant(constant),
         ] {
             for cosine in [1.0, 0.6, 0.1] {
-                let [te, tm] = material.reflection_coefficients(cosine, WAVELENGTH);
-                assert_eq!(
-                    te,
-                    material
-                        .response(cosine, WAVELENGTH, Some(PolarizationWeights::TE))
-                        .reflection
-                );
-                assert_eq!(
-                    -tm,
-                    material
-                        .response(cosine, WAVELENGTH, Some(PolarizationWeights::TM))
-                        .reflection
-                );
+                let coefficients = material.reflection_coefficients(cosine, WAVELENGTH);
+                let [te, tm] = [TE, TM].map(|seen| material.response(cosine, WAVELENGTH, seen).reflection);
+                assert_eq!(coefficients, [te, -tm]);
             }
         }
     }
 
     #[test]
     fn specular_and_scattered_parts_are_what_is_reflected() {
-        let skin = half_space(Complex64::new(7.975, -10.904));
+        let skin = half_space(SKIN);
         for roughness in [Roughness::Height(0.3e-3), Roughness::Scattering(0.6)] {
             for cosine in [1.0, 0.5, 0.1] {
                 let rough = Material::Dielectric(Dielectric { roughness, ..skin });

@@ -85,24 +85,9 @@ mod tests {
                     }
                 }
             }
-            let ends = level.run(Tapers([
-                0.0,
-                std::f32::consts::PI,
-                9.0,
-                0.5,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-            ]));
+            let mut ends = [0.0; 16];
+            (ends[1], ends[2]) = (std::f32::consts::PI, 9.0);
+            let ends = level.run(Tapers(ends));
             assert_eq!(ends[0][..3], [1.0, 0.0, 0.0]);
         }
     }
