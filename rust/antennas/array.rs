@@ -142,3 +142,25 @@ impl Array {
         )
     }
 }
+
+#[cfg(test)]
+impl Array {
+    /// Isotropic antennas of 1 W at 60 GHz, without a polarisation.
+    pub fn isotropic(tx: &[DVec3], rx: &[DVec3]) -> Self {
+        let isotropic = Pattern::Gaussian {
+            peak: 1.0,
+            azimuth: 0.0,
+            elevation: 0.0,
+        };
+        Self {
+            tx: tx.to_vec(),
+            rx: rx.to_vec(),
+            tx_patterns: vec![isotropic.clone(); tx.len()],
+            rx_patterns: vec![isotropic; rx.len()],
+            power: 1.0,
+            frequency: 60e9,
+            polarization: None,
+            responses: Vec::new(),
+        }
+    }
+}

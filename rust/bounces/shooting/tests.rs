@@ -1,16 +1,16 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::antennas::pattern::Pattern;
 use crate::bounces::field::{Field, Incidence};
 use crate::bounces::path::Bounces;
 use crate::bounces::refine::TubeImage;
-use crate::cancel::Cancel;
 use crate::geometry::pose::Pose;
+use crate::numeric::random::Random;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::{Cast, Hits};
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
+use crate::rays::tests::scenes::{grid, half_line, shaded, surface};
 use crate::scattering::material::{CONDUCTOR, SurfaceResponse};
 
 /// Return of one cell to the centre of the array by its last reflection.
@@ -28,7 +28,7 @@ struct Echo {
 
 /// Echoes of the cell at plane coordinates by two and more reflections at conductors.
 fn echoes(scene: &PosedScene, u: f64, v: f64, limits: Limits) -> Vec<Echo> {
-    let (array, materials) = (array(vec![DVec3::ZERO], None), vec![CONDUCTOR; scene.num_bodies()]);
+    let (array, materials) = (array(&[DVec3::ZERO], None), vec![CONDUCTOR; scene.num_bodies()]);
     let (sensor, launch) = (
         Sensor::new(scene, &materials, &array, limits),
         cell(scene, u, v).unwrap(),
@@ -52,55 +52,25 @@ const LIMITS: Limits = Limits {
     floor: 1e-8,
 };
 
-fn array(rx: Vec<DVec3>, polarization: Option<DVec3>) -> Array {
-    let isotropic = Pattern::Gaussian {
-        peak: 1.0,
-        azimuth: 0.0,
-        elevation: 0.0,
-    };
+fn array(rx: &[DVec3], polarization: Option<DVec3>) -> Array {
     Array {
-        tx: vec![DVec3::ZERO],
-        tx_patterns: vec![isotropic.clone()],
-        rx_patterns: vec![isotropic; rx.len()],
-        rx,
-        power: 1.0,
-        frequency: 60e9,
         polarization,
-        responses: Vec::new(),
+        ..Array::isotropic(&[DVec3::ZERO], rx)
     }
 }
 
 /// A rectangle from one corner along two edges.
 fn rectangle(corner: DVec3, first: DVec3, second: DVec3) -> Arc<Surface> {
-    let vertices = [corner, corner + first, corner + first + second, corner + second];
-    Arc::new(
-        Surface::new(
-            &vertices,
-            &[[0, 1, 2], [0, 2, 3]],
-            ShadingMode::Flat,
-            &Cancel::default(),
-        )
-        .unwrap(),
-    )
+    let middle = corner + 0.5 * (first + second);
+    surface(&grid(1, |row, column| middle + 0.5 * (column * first + row * second)))
 }
 
-/// A patch of a sphere about a point, `rings` times `rings` cells to both sides of a direction.
-fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: u32) -> Arc<Surface> {
+/// A smooth patch of a sphere about a point, to both sides of a direction.
+fn patch_of_sphere(center: DVec3, radius: f64, towards: DVec3, half_angle: f64, cells: usize) -> Arc<Surface> {
     let (x, y) = towards.any_orthonormal_pair();
-    let angle = |i: u32| half_angle * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
-    let vertices: Vec<DVec3> = (0..=cells)
-        .flat_map(|i| (0..=cells).map(move |j| (i, j)))
-        .map(|(i, j)| center + radius * (towards + angle(i).tan() * x + angle(j).tan() * y).normalize())
-        .collect();
-    let triangles: Vec<[u32; 3]> = (0..cells)
-        .flat_map(|i| (0..cells).map(move |j| i * (cells + 1) + j))
-        .flat_map(|a| {
-            let (b, c, d) = (a + 1, a + cells + 2, a + cells + 1);
-            [[a, b, c], [a, c, d]]
-        })
-        .collect();
-    let mode = ShadingMode::Smooth { crease_angle: 0.8 };
-    Arc::new(Surface::new(&vertices, &triangles, mode, &Cancel::default()).unwrap())
+    let slope = |share: f64| (half_angle * share).tan();
+    let place = |row, column| center + radius * (towards + slope(row) * x + slope(column) * y).normalize();
+    shaded(&grid(cells, place), ShadingMode::Smooth { crease_angle: 0.8 })
 }
 
 fn scene(surfaces: Vec<Arc<Surface>>) -> PosedScene {
@@ -109,11 +79,9 @@ fn scene(surfaces: Vec<Arc<Surface>>) -> PosedScene {
 }
 
 /// Two walls at a right angle whose common edge is vertical, 2 m in front of the sensor.
-fn corner() -> PosedScene {
-    let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
-    let left = rectangle(apex, DVec3::new(-0.7, 0.7, 0.0), up);
-    let right = rectangle(apex, DVec3::new(-0.7, -0.7, 0.0), up);
-    scene(vec![left, right])
+fn walls() -> [Arc<Surface>; 2] {
+    let apex = DVec3::new(2.0, 0.0, -0.5);
+    [0.7, -0.7].map(|side| rectangle(apex, DVec3::new(-0.7, side, 0.0), DVec3::Z))
 }
 
 /// Paths over the pixels of an image, without quarters.
@@ -135,11 +103,7 @@ fn shoot(
 
 /// Hit of a cell, if any.
 fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
-    let hit = scene.cast(&Ray {
-        origin: DVec3::ZERO,
-        direction: DVec3::new(1.0, u, v),
-        start: 0.0,
-    });
+    let hit = scene.cast(&half_line(DVec3::ZERO, DVec3::new(1.0, u, v), 0.0));
     (hit.body != NO_BODY).then_some(Launch {
         rotation: DMat3::IDENTITY,
         center: [u, v],
@@ -151,7 +115,7 @@ fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
 
 #[test]
 fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() {
-    let scene = corner();
+    let scene = scene(walls().to_vec());
     // The left wall is x + y = 2, the right one x - y = 2, met in `last`.
     let (image, normal) = (DVec3::new(2.0, 2.0, 0.0), DVec3::new(-0.5, 0.5, 0.0).normalize());
     let last = |u: f64, v: f64| image - 2.0 / (1.0 - u) * DVec3::new(u, 1.0, -v);
@@ -182,9 +146,8 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
 #[test]
 fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
     // Two walls; a third below them; the two, each a body of its own.
-    let (apex, up) = (DVec3::new(2.0, 0.0, -0.5), DVec3::Z);
-    let [left, right] = [1.0, -1.0].map(|side| rectangle(apex, DVec3::new(-0.7, 0.7 * side, 0.0), up));
-    let floor = rectangle(apex - DVec3::Y, DVec3::new(-1.0, 0.0, 0.0), 2.0 * DVec3::Y);
+    let [left, right] = walls();
+    let floor = rectangle(DVec3::new(2.0, -1.0, -0.5), DVec3::NEG_X, 2.0 * DVec3::Y);
     for (surfaces, order, slope) in [
         (vec![left.clone(), right.clone()], 2, 0.0),
         (vec![left.clone(), right.clone()], 2, 0.13),
@@ -242,22 +205,13 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
                 let difference = (half_path(&next) - half_path(&last)) / (2.0 * step);
                 let slope = tube.slope((antenna - tube.interaction.point).normalize())[i];
                 // The interpolated surface is not quite across its normals: errors of third order in the facets.
-                assert!(
-                    (slope - difference).abs() < 3e-3 * slope.abs().max(1.0),
-                    "{slope} {difference}"
-                );
+                let error = (slope - difference).abs() / slope.abs().max(1.0);
+                assert!(error < 3e-3, "{slope} {difference}");
                 let edge = (next.interaction.point - last.interaction.point) / (2.0 * step);
                 let turn = (next.direction - last.direction) / (2.0 * step);
-                assert!(
-                    tube.edges[i].distance(edge) < 2e-3 * edge.length(),
-                    "{edge} {}",
-                    tube.edges[i]
-                );
-                assert!(
-                    tube.direction_slopes[i].distance(turn) < 2e-3 * turn.length(),
-                    "{turn} {}",
-                    tube.direction_slopes[i]
-                );
+                for (got, expected) in [(tube.edges[i], edge), (tube.direction_slopes[i], turn)] {
+                    assert!(got.distance(expected) < 2e-3 * expected.length(), "{got} {expected}");
+                }
                 count += 1;
             }
         }
@@ -267,14 +221,9 @@ fn neighbours_of_a_ray_are_where_its_differentials_say() {
 
 #[test]
 fn conductors_turn_fields_round_and_normal_incidence_sends_gamma() {
-    let mut state = 3_u64;
-    let mut number = || {
-        state = crate::numeric::random::mix(state);
-        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    };
-    let mut unit = || DVec3::new(number(), number(), number()).normalize();
+    let random = &mut Random(3);
     for _ in 0..1000 {
-        let (k, mut n, e) = (unit(), unit(), unit());
+        let [k, mut n, e] = [0; 3].map(|_| random.direction());
         n *= -n.dot(k).signum();
         let conductor = Incidence {
             direction: k,
@@ -324,10 +273,9 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
             DVec3::new(0.0, 0.0, 2.0),
         );
         let scene = scene(vec![bowl.clone(), back]);
-        let launch = Launch {
-            body: 0,
-            ..on_bowl(&scene)
-        };
+        // Beside the wall onto the bowl, so that the reflected ray meets the wall.
+        let launch = cell(&scene, -0.02, 0.005).unwrap();
+        assert_eq!(launch.body, 0);
         let mut tube = Tube::launch(&scene, &launch, DVec3::ZERO, None).unwrap();
         tube.reflect([Complex64::ONE, -Complex64::ONE]);
         assert!(tube.advance(&scene));
@@ -346,32 +294,14 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
     }
 }
 
-/// The cell that looks beside the wall onto the bowl, so that what comes back meets the wall.
-fn on_bowl(scene: &PosedScene) -> Launch {
-    let ray = Ray {
-        origin: DVec3::ZERO,
-        direction: DVec3::new(1.0, -0.02, 0.005),
-        start: 0.0,
-    };
-    let hit = scene.cast(&ray);
-    assert_eq!(hit.body, 0);
-    Launch {
-        rotation: DMat3::IDENTITY,
-        center: [-0.02, 0.005],
-        size: [1e-3, 1e-3],
-        body: 0,
-        triangle: hit.triangle,
-    }
-}
-
 #[test]
 fn floors_end_tubes() {
-    let scene = corner();
+    let scene = scene(walls().to_vec());
     let wood = Material::Constant(SurfaceResponse {
         reflection: Complex64::new(0.0, -0.1),
         albedo: 0.0,
     });
-    let antennas = array(vec![DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
+    let antennas = array(&[DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
     let image = scene
         .cast_image(&ImagePlane::centered(40, 40, 0.2, 0.2), &Cast::default())
         .unwrap();
@@ -399,11 +329,11 @@ fn floors_end_tubes() {
 
 #[test]
 fn paths_split_by_their_bodies() {
-    let scene = corner();
+    let scene = scene(walls().to_vec());
     let image = scene
         .cast_image(&ImagePlane::centered(20, 20, 0.2, 0.2), &Cast::default())
         .unwrap();
-    let (all, _) = shoot(&scene, &image, &[CONDUCTOR; 2], &array(vec![DVec3::ZERO], None), LIMITS);
+    let (all, _) = shoot(&scene, &image, &[CONDUCTOR; 2], &array(&[DVec3::ZERO], None), LIMITS);
     let [inside, others] = all.split(|body| body == 0);
     assert_eq!((inside.len(), others.len()), (0, all.len()));
     let [inside, others] = all.split(|_| true);

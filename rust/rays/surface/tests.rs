@@ -1,9 +1,9 @@
 use super::*;
 use crate::geometry::pose::Pose;
+use crate::numeric::random::Random;
 use crate::rays::scene::{NO_BODY, PosedScene};
 use crate::rays::single_ray::Hit;
-use crate::rays::tests::scenes::star;
-use crate::rays::watertight::Ray;
+use crate::rays::tests::scenes::{half_line, star};
 
 #[test]
 fn a_deformed_surface_is_hit_as_one_made_of_its_vertices() {
@@ -24,18 +24,10 @@ fn a_deformed_surface_is_hit_as_one_made_of_its_vertices() {
         let fresh = Surface::new(&places, &triangles, mode, &Cancel::default()).unwrap();
         let [deformed, fresh] =
             [deformed, fresh].map(|surface| PosedScene::new(vec![Arc::new(surface)], vec![Pose::IDENTITY]));
-        let mut state = 1;
+        let random = &mut Random(1);
         let mut hits = 0;
         for _ in 0..2000 {
-            let mut unit = || {
-                state = mix(state);
-                (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-            };
-            let ray = Ray {
-                origin: 3.0 * DVec3::new(unit(), unit(), unit()),
-                direction: DVec3::new(unit(), unit(), unit()),
-                start: 0.0,
-            };
+            let ray = half_line(3.0 * random.point(), random.point(), 0.0);
             let [a, b] = [&deformed, &fresh].map(|scene| scene.cast(&ray));
             let of = |hit: Hit| (hit.triangle, hit.distance, hit.barycentric);
             assert_eq!(of(a), of(b));
@@ -43,28 +35,24 @@ fn a_deformed_surface_is_hit_as_one_made_of_its_vertices() {
         }
         assert!(hits > 100, "{hits}");
     }
-    let same = before.deform(vertices, &Cancel::default()).unwrap();
+    let turn = |v: DVec3| DVec3::new(-v.y, v.x, v.z);
+    let turned = before
+        .deform(vertices.iter().map(|v| turn(*v)).collect(), &Cancel::default())
+        .unwrap();
     for triangle in 0..triangles.len() as u32 {
-        assert_eq!(same.corner_normals(triangle), before.corner_normals(triangle));
+        let expected = before.corner_normals(triangle).map(|normals| normals.map(turn));
+        assert_eq!(turned.corner_normals(triangle), expected);
     }
     assert!(before.deform(vec![DVec3::ZERO; 3], &Cancel::default()).is_err());
-    assert!(
-        before
-            .deform(vec![DVec3::NAN; before.vertices().len()], &Cancel::default())
-            .is_err()
-    );
+    let nowhere = vec![DVec3::NAN; before.vertices().len()];
+    assert!(before.deform(nowhere, &Cancel::default()).is_err());
 }
 
 #[test]
 fn degenerate_triangles_are_dropped_and_the_rest_keep_their_rows() {
     let vertices = [DVec3::ZERO, DVec3::X, DVec3::Y, 2.0 * DVec3::X];
-    let surface = Surface::new(
-        &vertices,
-        &[[0, 0, 1], [0, 1, 3], [0, 1, 2]],
-        ShadingMode::Flat,
-        &Cancel::default(),
-    )
-    .unwrap();
+    let triangles = [[0, 0, 1], [0, 1, 3], [0, 1, 2]];
+    let surface = Surface::new(&vertices, &triangles, ShadingMode::Flat, &Cancel::default()).unwrap();
     assert_eq!((surface.num_triangles(), surface.kept()), (1, Some(&[2][..])));
 }
 
@@ -75,10 +63,6 @@ fn silly_meshes_are_refused_or_empty() {
     assert!(message(&[DVec3::NAN], &[]).starts_with("vertices: expected finite coordinates"));
     assert!(message(&[DVec3::splat(1e200)], &[]).contains("below 1e15 m"));
     assert!(message(&[DVec3::ZERO], &[[0, 0, 1]]).starts_with("triangles: expected vertex numbers below 1"));
-    assert_eq!(
-        Surface::new(&[], &[], flat, &Cancel::default())
-            .unwrap()
-            .num_triangles(),
-        0
-    );
+    let empty = Surface::new(&[], &[], flat, &Cancel::default()).unwrap();
+    assert_eq!(empty.num_triangles(), 0);
 }
