@@ -7,7 +7,7 @@ use crate::bounces::refine::TubeImage;
 use crate::geometry::pose::Pose;
 use crate::numeric::random::Random;
 use crate::rays::camera::ImagePlane;
-use crate::rays::hits::{Cast, Hits};
+use crate::rays::hits::Cast;
 use crate::rays::scene::NO_BODY;
 use crate::rays::surface::{ShadingMode, Surface};
 use crate::rays::tests::scenes::{grid, half_line, shaded, surface};
@@ -27,12 +27,14 @@ struct Echo {
 }
 
 /// Echoes of the cell at plane coordinates by two and more reflections at conductors.
-fn echoes(scene: &PosedScene, u: f64, v: f64, limits: Limits) -> Vec<Echo> {
+fn echoes(scene: &PosedScene, u: f64, v: f64) -> Vec<Echo> {
+    let limits = Limits {
+        max_bounces: 5,
+        floor: 0.0,
+    };
     let (array, materials) = (array(&[DVec3::ZERO], None), vec![CONDUCTOR; scene.num_bodies()]);
-    let (sensor, launch) = (
-        Sensor::new(scene, &materials, &array, limits),
-        cell(scene, u, v).unwrap(),
-    );
+    let sensor = Sensor::new(scene, &materials, &array, limits);
+    let launch = cell(scene, u, v).unwrap();
     let mut echoes = Vec::new();
     sensor.shoot(&launch, (DVec3::ZERO, &array.tx_patterns[0]), |tube, interactions| {
         if let Some((radiated, distance)) = sensor.receive(tube, &launch, DVec3::ZERO, Sampling::Point) {
@@ -46,11 +48,6 @@ fn echoes(scene: &PosedScene, u: f64, v: f64, limits: Limits) -> Vec<Echo> {
     });
     echoes
 }
-
-const LIMITS: Limits = Limits {
-    max_bounces: 2,
-    floor: 1e-8,
-};
 
 fn array(rx: &[DVec3], polarization: Option<DVec3>) -> Array {
     Array {
@@ -84,23 +81,6 @@ fn walls() -> [Arc<Surface>; 2] {
     [0.7, -0.7].map(|side| rectangle(apex, DVec3::new(-0.7, side, 0.0), DVec3::Z))
 }
 
-/// Paths over the pixels of an image, without quarters.
-fn shoot(
-    scene: &PosedScene,
-    image: &Hits,
-    materials: &[Material],
-    array: &Array,
-    limits: Limits,
-) -> (Bounces, TubeCounts) {
-    let image = TubeImage {
-        rotation: DMat3::IDENTITY,
-        hits: image,
-        parts: Vec::new(),
-    };
-    let sampling = Sampling::Footprint;
-    Bounces::new(scene, &[image], materials, array, limits, sampling, f64::INFINITY)
-}
-
 /// Hit of a cell, if any.
 fn cell(scene: &PosedScene, u: f64, v: f64) -> Option<Launch> {
     let hit = scene.cast(&half_line(DVec3::ZERO, DVec3::new(1.0, u, v), 0.0));
@@ -122,16 +102,13 @@ fn what_a_corner_returns_comes_from_the_image_of_the_sensor_in_its_first_wall() 
     let half_path = |u: f64, v: f64| 0.5 * (last(u, v).distance(image) + last(u, v).length());
     let step = 1e-5;
     for (u, v) in [(0.01, 0.0), (0.05, 0.07), (0.11, -0.1), (0.2, 0.02)] {
-        let echoes = echoes(&scene, u, v, LIMITS);
+        let echoes = echoes(&scene, u, v);
         let [echo] = echoes[..] else { panic!("{echoes:?}") };
         assert_eq!(echo.order, 2);
         assert!((echo.half_path - half_path(u, v)).abs() < 1e-13);
-        let slopes = [
-            half_path(u + step, v) - half_path(u - step, v),
-            half_path(u, v + step) - half_path(u, v - step),
-        ];
-        for (slope, expected) in echo.slope.iter().zip(slopes) {
-            assert!((slope - expected / (2.0 * step)).abs() < 1e-7, "{echo:?}");
+        for (slope, [du, dv]) in echo.slope.iter().zip([[step, 0.0], [0.0, step]]) {
+            let expected = (half_path(u + du, v + dv) - half_path(u - du, v - dv)) / (2.0 * step);
+            assert!((slope - expected).abs() < 1e-7, "{echo:?}");
         }
         // W dOmega L / (R cos_i): the wave from the image is a wave from a point.
         let (direction, back) = (last(u, v) - image, last(u, v));
@@ -154,16 +131,10 @@ fn rays_onto_the_fold_of_a_corner_return_like_those_beside_it() {
         (vec![left, right, floor], 3, -0.25), // onto the apex
     ] {
         let scene = scene(surfaces);
-        let limits = Limits {
-            max_bounces: 5,
-            floor: 0.0,
-        };
         let echo = |u: f64, v: f64| {
-            let echoes = echoes(&scene, u, v, limits);
-            let mut of_order = echoes.iter().filter(|echo| echo.order == order);
-            let (Some(echo), None) = (of_order.next(), of_order.next()) else {
-                panic!("{echoes:?}")
-            };
+            let echoes = echoes(&scene, u, v);
+            let of_order: Vec<&Echo> = echoes.iter().filter(|echo| echo.order == order).collect();
+            let [echo] = of_order[..] else { panic!("{echoes:?}") };
             *echo
         };
         // The third wall is met by what looks down a little more or less.
@@ -267,11 +238,7 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
     // mirror, the image lies at 1/b = 2/r - 1/g, 0.75 m before it.
     let bowl = patch_of_sphere(DVec3::new(0.5, 0.0, 0.0), 1.0, DVec3::X, 0.3, 80);
     for (wall, expected) in [(0.85, -Complex64::ONE), (0.65, Complex64::ONE)] {
-        let back = rectangle(
-            DVec3::new(1.5 - wall, -0.01, -1.0),
-            DVec3::new(0.0, 2.0, 0.0),
-            DVec3::new(0.0, 0.0, 2.0),
-        );
+        let back = rectangle(DVec3::new(1.5 - wall, -0.01, -1.0), 2.0 * DVec3::Y, 2.0 * DVec3::Z);
         let scene = scene(vec![bowl.clone(), back]);
         // Beside the wall onto the bowl, so that the reflected ray meets the wall.
         let launch = cell(&scene, -0.02, 0.005).unwrap();
@@ -286,56 +253,52 @@ fn waves_pass_two_focal_lines_of_a_hollow_mirror() {
         assert!((field - expected).norm() < 1e-9, "{wall}: {field}");
         // The section of a wave that comes from the image.
         let shrunk = (1.0 - wall / 0.75_f64).powi(2) * 1.5 * 1.5;
-        assert!(
-            (tube.section() - shrunk).abs() < 0.05 * shrunk,
-            "{} {shrunk}",
-            tube.section()
-        );
+        let section = tube.section();
+        assert!((section - shrunk).abs() < 0.05 * shrunk, "{section} {shrunk}");
     }
 }
 
 #[test]
-fn floors_end_tubes() {
+fn floors_end_tubes_and_paths_split_by_their_bodies() {
     let scene = scene(walls().to_vec());
     let wood = Material::Constant(SurfaceResponse {
         reflection: Complex64::new(0.0, -0.1),
         albedo: 0.0,
     });
-    let antennas = array(&[DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
-    let image = scene
-        .cast_image(&ImagePlane::centered(40, 40, 0.2, 0.2), &Cast::default())
-        .unwrap();
-    let num_hit = image.body.iter().filter(|body| **body != NO_BODY).count();
+    let array = array(&[DVec3::ZERO, DVec3::Y * 0.0025], Some(DVec3::Z));
+    let plane = ImagePlane::centered(40, 40, 0.2, 0.2);
+    let hits = scene.cast_image(&plane, &Cast::default()).unwrap();
+    let num_hit = hits.body.iter().filter(|body| **body != NO_BODY).count();
+    let images = [TubeImage {
+        rotation: DMat3::IDENTITY,
+        hits: &hits,
+        parts: Vec::new(),
+    }];
     let run = |floor: f64| {
-        shoot(
+        let limits = Limits { max_bounces: 3, floor };
+        let sampling = Sampling::Footprint;
+        Bounces::new(
             &scene,
-            &image,
+            &images,
             &[CONDUCTOR, wood],
-            &antennas,
-            Limits { max_bounces: 3, floor },
+            &array,
+            limits,
+            sampling,
+            f64::INFINITY,
         )
     };
-    let (all, counts) = run(1e-8);
+    // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
+    let ((all, counts), (fewer, fewer_counts)) = (run(1e-8), run(0.02));
     assert!(all.len() > 100 && all.orders().all(|order| order == 2));
     assert_eq!(counts.stopped, 0);
-    // Half the tubes meet the wood first, which leaves 1 % of their power, and end; the others end at it.
-    let (fewer, counts) = run(0.02);
     assert!(fewer.len() < all.len() && fewer.len() > all.len() / 3);
-    assert!(counts.stopped > num_hit / 3, "{counts:?}");
+    assert!(fewer_counts.stopped > num_hit / 3, "{fewer_counts:?}");
     let (none, counts) = run(2.0);
     // From the transmitter, and from the middle of the receivers.
     assert_eq!((none.len(), counts.rays, counts.stopped), (0, 0, 2 * num_hit));
-}
 
-#[test]
-fn paths_split_by_their_bodies() {
-    let scene = scene(walls().to_vec());
-    let image = scene
-        .cast_image(&ImagePlane::centered(20, 20, 0.2, 0.2), &Cast::default())
-        .unwrap();
-    let (all, _) = shoot(&scene, &image, &[CONDUCTOR; 2], &array(&[DVec3::ZERO], None), LIMITS);
-    let [inside, others] = all.split(|body| body == 0);
-    assert_eq!((inside.len(), others.len()), (0, all.len()));
-    let [inside, others] = all.split(|_| true);
-    assert_eq!((inside.len(), others.len()), (all.len(), 0));
+    // Every path meets both walls.
+    let (number, others) = (all.len(), fewer.len());
+    assert_eq!(all.split(|body| body == 0).map(|paths| paths.len()), [0, number]);
+    assert_eq!(fewer.split(|_| true).map(|paths| paths.len()), [others, 0]);
 }

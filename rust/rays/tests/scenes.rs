@@ -85,14 +85,6 @@ fn cube_rotations() -> [DMat3; 6] {
     rows.map(|(x, y, z)| DMat3::from_cols(x, y, z).transpose())
 }
 
-/// Pose after a rotation of everything about the sensor.
-fn rotated(rotation: DMat3, pose: &Pose) -> Pose {
-    Pose {
-        rotation: rotation * pose.rotation,
-        translation: rotation * pose.translation,
-    }
-}
-
 /// Bodies where their meshes are.
 fn fixed<const N: usize>(meshes: [&Mesh; N]) -> Bodies {
     meshes.map(|mesh| (surface(mesh), Pose::IDENTITY)).to_vec()
@@ -273,7 +265,7 @@ fn closed(cases: &mut Vec<Case>) {
             vec![moved(&mesh, rotation, translation)]
         };
         for side in [i % 3, 3 + i / 3 % 3] {
-            let turned = |(surface, pose): &(_, _)| (Arc::clone(surface), rotated(cube_rotations()[side], pose));
+            let turned = |(surface, pose): &(_, Pose)| (Arc::clone(surface), pose.turned(&cube_rotations()[side]));
             let name = format!("star {scale} {roughness} {offset} {side}");
             let case = Case::new(name, bodies.iter().map(turned).collect()).seen(face(side + i));
             cases.push(if roughness == 0.0 {
@@ -306,7 +298,7 @@ fn slender(cases: &mut Vec<Case>) {
         let rotation = if i % 3 == 0 { DMat3::IDENTITY } else { random.rotation() };
         let (surface, pose) = moved(&mesh, rotation, [0.0, 1.0, 1e3][i % 3] * random.direction());
         let case = |name: &str, side: usize| {
-            let pose = rotated(cube_rotations()[side], &pose);
+            let pose = pose.turned(&cube_rotations()[side]);
             Case::new(format!("{name} {width:e} {bend} {apex}"), vec![(surface.clone(), pose)])
         };
         // A pixel at every vertical edge and one between, where the diagonals are met at half their height.
@@ -449,7 +441,7 @@ fn extreme(cases: &mut Vec<Case>) {
             [(0.0, -3.0), (-0.0, -3.0), (0.0, 0.25), (-0.0, 0.25)]
                 .map(|(zero, x)| half_line(DVec3::new(x, y, z), DVec3::new(1.0, zero, zero), 0.0))
         });
-        let bodies = vec![(cube.clone(), rotated(rotation, &Pose::IDENTITY))];
+        let bodies = vec![(cube.clone(), Pose::IDENTITY.turned(&rotation))];
         let case = Case::new("along the axes", bodies).with_rays(rays.collect());
         cases.push(case.at(|ray| if ray.origin.x < 0.0 { 2.0 } else { 0.75 }));
     }
@@ -479,7 +471,7 @@ fn at_sensor(cases: &mut Vec<Case>) {
             let side = exit(y, d.y).min(exit(z, d.z));
             side < 1e-3 || is_near(hit.distance, (1.0 / d.x).min(side))
         }));
-        let outwards = vec![(surface, rotated(cube_rotations()[1], &pose))];
+        let outwards = vec![(surface, pose.turned(&cube_rotations()[1]))];
         let outwards = Case::new(format!("sensor behind a cube {seed}"), outwards).seen(plane);
         cases.push(outwards.expect(|_, hit| hit.body == NO_BODY));
     }
