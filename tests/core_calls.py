@@ -46,7 +46,6 @@ SETTINGS: dict[str, Any] = {
     "rcs_floor": 1e-3,
     "follows_echo": False,
     "ray_budget": 2000,
-    "end_points": True,
     "gain_floor": 1e-8,
     "max_bounces": 1,
     "bounce_floor": 1e-8,

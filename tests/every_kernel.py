@@ -66,7 +66,7 @@ def frames() -> dict[str, Any]:
     results: dict[str, Any] = {"frames": {}}
     for name, settings in (
         ("adaptive", {}),
-        ("edge terms", {"end_points": True, "tolerance": 1e-5}),
+        ("low floor", {"rcs_floor": 1e-5, "tolerance": 1e-5}),
         ("bounces", {"max_bounces": 3, "tolerance": 1e-7}),
         ("pixels", {"sampling": "footprint", "resolution": 64}),
     ):

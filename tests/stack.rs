@@ -191,23 +191,18 @@ fn frames() {
         sampling: Sampling::Footprint,
         refinement,
     };
-    let adaptive = |end_points| {
+    let adaptive = || {
         rays(Some(Refinement {
             rcs_floor: 1e-4,
             follows_echo: true,
             budget: Some(20_000),
-            end_points,
         }))
     };
     let rough = Material::Constant(SurfaceResponse {
         reflection: Complex64::new(-0.5, 0.0),
         albedo: 0.5,
     });
-    let cases = [
-        (adaptive(false), 1e-3, 3),
-        (adaptive(true), 1e-5, 1),
-        (rays(None), 1e-8, 3),
-    ];
+    let cases = [(adaptive(), 1e-3, 3), (adaptive(), 1e-5, 1), (rays(None), 1e-8, 3)];
     for (rays, tolerance, max_bounces) in cases {
         let settings = Settings {
             rotations: vec![DMat3::IDENTITY],

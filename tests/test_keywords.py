@@ -179,6 +179,6 @@ def test_flags_take_true_or_false_alone(called: Callable[..., Any], options: lis
 
 def test_flags_may_come_from_numpy_and_without_their_keywords() -> None:
     true: Any = np.True_
-    assert rc.Simulator(rc.Scene(), rc.bgt60tr13c(), end_points=true).end_points is True
+    assert rc.dataset.Labels(true, boxes=true).boxes is True
     with pytest.raises(TypeError, match="boxes: expected True or False, got 'no'"):
         rc.dataset.Labels(True, "no")  # type: ignore[arg-type]

@@ -400,6 +400,9 @@ class IdealFrame:
     def bounce_error(self) -> float:
         """Error of the paths of several reflections where ray tubes ran out, relative to their field (rms)."""
     @property
+    def rcs_floor(self) -> float | None:
+        """Cross-section that the cells were refined for [m^2]; None without adaptive sampling."""
+    @property
     def fast_varying(self) -> list[int]:
         """Numbers, in the scene, of the bodies and points whose motion varies too fast for few times of the frame."""
     @property

@@ -124,6 +124,14 @@ impl Array {
         })
     }
 
+    /// Point of a plane at which it reflects from the transmitter to the receiver of a channel; `normal`: on their side.
+    pub fn specular_point(&self, channel: usize, on_plane: DVec3, normal: DVec3) -> DVec3 {
+        let antennas = [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]];
+        let [t, r] = antennas.map(|antenna| normal.dot(antenna - on_plane));
+        let [below_t, below_r] = [antennas[0] - t * normal, antennas[1] - r * normal];
+        (r * below_t + t * below_r) / (t + r)
+    }
+
     /// Views of a point of the sensor frame from transmitter and receiver of a channel.
     pub fn pair(&self, channel: usize, point: DVec3) -> (Sight, Sight) {
         let sight = |antenna: DVec3, pattern: &Pattern| {

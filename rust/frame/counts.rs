@@ -22,6 +22,8 @@ pub struct FrameCounts {
     pub tiles_skipped: usize,
     /// Tiles taken over from the frame before.
     pub tiles_reused: usize,
+    /// Largest error that the refinement of any cast was for, as a cross-section [m^2]; none without adaptive sampling.
+    pub rcs_floor: Option<f64>,
     /// Cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub cells_not_split: Option<usize>,
     /// Paths, also of several reflections.
@@ -88,11 +90,12 @@ impl FrameCounts {
         self.tiles_reused += rays.tiles_reused;
         self.rays_hit += tiles.num_hit;
         self.paths_skipped += tiles.num_hit.saturating_sub(tiles.num_lit);
+        if let Some(floor) = tiles.rcs_floor {
+            self.rcs_floor = Some(self.rcs_floor.map_or(floor, |largest| largest.max(floor)));
+        }
         if let Some(number) = tiles.num_coarse {
             *self.cells_not_split.get_or_insert(0) += number;
         }
-        // Edge terms of cells may lie beyond the surface.
-        self.farthest = self.farthest.max(tiles.farthest);
         self.paths += groups.len();
         let (num_bounces, bounces) = groups.bounces;
         self.bounce_paths += num_bounces;

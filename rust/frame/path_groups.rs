@@ -97,7 +97,7 @@ impl PathGroups {
 
         // Static ones come first, and within each the powers of the frequency.
         let key = |number: usize| match scatterers.body.get(number) {
-            Some(body) => (motion_of(*body), scatterers.frequency_exponent(number), false),
+            Some(body) => (motion_of(*body), scatterers.kind(number).frequency_exponent(), false),
             None => (motions[motions.len() - 1], 0, true),
         };
         let mut groups = Vec::new();

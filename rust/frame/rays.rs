@@ -114,6 +114,7 @@ impl Rays {
                 sampling: *sampling,
                 refinement: *refinement,
                 join: if refinement.is_some() { model.join() } else { 0.0 },
+                has_contours: true,
                 skip_aliased: true,
                 turns,
                 seed: settings.seed,

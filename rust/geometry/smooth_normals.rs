@@ -35,7 +35,7 @@ const EDGE_TOLERANCE: f64 = 16e-6;
 const CREASE_MARGIN: f64 = 1e-6;
 
 /// Largest angle between normals across an edge at which two triangles lie in one plane [rad]: rounding of files.
-const PLANE_ANGLE: f64 = 1e-3;
+pub const PLANE_ANGLE: f64 = 1e-3;
 
 /// Largest fraction of a facet's area at which another facet does not affect its normals: a tenth, whatever the
 /// rounding.

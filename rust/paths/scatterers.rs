@@ -10,12 +10,35 @@ use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::trig::sinc;
 use crate::paths::kinematics::Kinematics;
 
+/// What a point stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PointKind {
+    /// Part of a surface, or of one edge or corner of a flat region, docs/theory.md eqs. (10) and (11).
+    #[default]
+    Area,
+    Edge,
+    Corner,
+    /// Mirror image of the antennas in a flat region: the point is on its plane, and the path is that of the reflection.
+    Mirror,
+}
+
+impl PointKind {
+    /// Power of the frequency by which the field falls.
+    pub fn frequency_exponent(self) -> u8 {
+        match self {
+            Self::Area => 0,
+            Self::Edge | Self::Mirror => 1,
+            Self::Corner => 2,
+        }
+    }
+}
+
 /// Material points and the weights of their amplitudes, in arrays.
 pub struct Scatterers {
     pub(crate) array: Array,
     pub(crate) body: Vec<u32>,
-    /// Power of the frequency by which the field falls; empty: zero.
-    pub(crate) frequency_exponent: Vec<u8>,
+    /// What the points stand for; empty: all for areas.
+    pub(crate) kind: Vec<PointKind>,
     /// Vertices of the triangle that carries the point, where the body deforms; empty: no body does.
     pub(crate) corners: Vec<Option<[u32; 3]>>,
     /// Position in coordinates of the body [m], or of the triangle.
@@ -27,7 +50,8 @@ pub struct Scatterers {
     pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where all channels share them: amplitudes without gains
     /// and distances over the sum of both cosines of incidence. Specular parts are `(j / 4 pi) Gamma dA / 2` times the
-    /// factors of cells and of edge terms; diffuse ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
+    /// factors of cells, edges and corners; those of mirrors are `Gamma / 2 k`, for the sum of both distances; diffuse
+    /// ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
     pub(crate) weights: Vec<Complex64>,
     /// Range rate beside the motion of the body [m/s]; empty: zero.
     pub(crate) range_rate: Vec<f64>,
@@ -46,9 +70,9 @@ impl Scatterers {
         self.len() + self.rcs.len()
     }
 
-    /// Power of the frequency by which the field of a material point falls.
-    pub fn frequency_exponent(&self, number: usize) -> u8 {
-        self.frequency_exponent.get(number).copied().unwrap_or(0)
+    /// What a material point stands for.
+    pub fn kind(&self, number: usize) -> PointKind {
+        self.kind.get(number).copied().unwrap_or_default()
     }
 
     /// Weight of a material point for a channel.
@@ -73,9 +97,17 @@ impl Scatterers {
                 (position, normal) = (triangle.point(position), triangle.normal(normal));
                 edges = edges.map(|edge| triangle.vector(edge));
             }
-            (t, r) = self.array.pair(channel, pose.point(position));
-            let surface = (pose.direction(normal), edges.map(|edge| pose.direction(edge)));
-            amplitude = self.surface_amplitude(path, channel, surface, &t, &r);
+            let (mut position, normal) = (pose.point(position), pose.direction(normal));
+            if self.kind(path) == PointKind::Mirror {
+                position = self.array.specular_point(channel, position, normal);
+                (t, r) = self.array.pair(channel, position);
+                let distances = t.distance * r.distance / (t.distance + r.distance);
+                amplitude = self.weight(path, channel) * distances * self.spreading(&t, &r);
+            } else {
+                (t, r) = self.array.pair(channel, position);
+                let surface = (normal, edges.map(|edge| pose.direction(edge)));
+                amplitude = self.surface_amplitude(path, channel, surface, &t, &r);
+            }
         } else {
             let point = path - self.len();
             (t, r) = self.array.pair(channel, kinematics.points.row(time)[point]);
@@ -94,7 +126,13 @@ impl Scatterers {
     /// on the frame of reference, so the rate is exact for a moving sensor too.
     pub fn delay_rate(&self, kinematics: &Kinematics, rates: &Kinematics, channel: usize, path: usize) -> f64 {
         let (position, velocity) = if let Some(&body) = self.body.get(path) {
-            kinematics.motion(rates, body, self.corners_of(path), self.position[path])
+            let mut position = self.position[path];
+            if self.kind(path) == PointKind::Mirror {
+                let pose = &kinematics.poses.row(0)[body as usize];
+                let (on_plane, normal) = (pose.point(position), pose.direction(self.normal[path]));
+                position = pose.point_to_body(self.array.specular_point(channel, on_plane, normal));
+            }
+            kinematics.motion(rates, body, self.corners_of(path), position)
         } else {
             let point = path - self.len();
             (kinematics.points.row(0)[point], rates.points.row(0)[point])

@@ -10,7 +10,7 @@ use crate::geometry::pose::Pose;
 use crate::numeric::simd::{Isa, Precision, Real, Vector};
 use crate::numeric::trig::{angle, exp_of_negative, sinc_turns, splat};
 use crate::numeric::wide;
-use crate::paths::scatterers::Scatterers;
+use crate::paths::scatterers::{PointKind, Scatterers};
 
 /// Paths of a step: numbers of two vectors in double precision, and of one in single precision.
 pub(super) const STEP: usize = 16;
@@ -45,8 +45,8 @@ pub(super) struct Sights<V> {
 }
 
 impl Scatterers {
-    /// Sixteen material points in coordinates of their bodies; none if one of the bodies deforms or one is no material
-    /// point.
+    /// Sixteen material points in coordinates of their bodies; none if one of the bodies deforms or one is a mirror or no
+    /// material point.
     #[cfg_attr(optimised, inline(always))]
     pub(super) fn sixteen(&self, numbers: &[usize; STEP]) -> Option<Sixteen> {
         let mut points = Sixteen {
@@ -59,7 +59,7 @@ impl Scatterers {
         for lane in 0..STEP {
             let number = numbers[lane];
             points.bodies[lane] = *self.body.get(number)? as usize;
-            if self.corners.get(number).is_some_and(Option::is_some) {
+            if self.corners.get(number).is_some_and(Option::is_some) || self.kind(number) == PointKind::Mirror {
                 return None;
             }
             for axis in 0..3 {

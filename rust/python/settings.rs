@@ -25,7 +25,6 @@ pub(super) struct SettingsFields {
     rcs_floor: f64,
     follows_echo: bool,
     ray_budget: Option<usize>,
-    end_points: bool,
     gain_floor: Option<f64>,
     max_bounces: usize,
     bounce_floor: f64,
@@ -73,7 +72,6 @@ impl TryFrom<SettingsFields> for frame::Settings {
                 rcs_floor: settings.rcs_floor,
                 follows_echo: settings.follows_echo,
                 budget: settings.ray_budget,
-                end_points: settings.end_points,
             }),
         };
         Ok(Self {

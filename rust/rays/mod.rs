@@ -8,6 +8,7 @@ pub mod nearest_point;
 pub mod packet;
 pub mod packet_hits;
 pub mod packet_search;
+pub mod pyramid;
 pub mod scene;
 pub mod search;
 pub mod single_ray;

@@ -153,12 +153,6 @@ impl TileRays {
         packet * PACKET + row % SIDE * SIDE + column % SIDE
     }
 
-    /// Row and column of a ray.
-    pub fn place(ray: usize) -> (usize, usize) {
-        let (packet, within) = (ray / PACKET, ray % PACKET);
-        (packet / 2 * SIDE + within / SIDE, packet % 2 * SIDE + within % SIDE)
-    }
-
     /// Direction of a ray.
     pub fn direction(&self, ray: usize) -> DVec3 {
         DVec3::new(1.0, self.u[ray], self.v[ray])

@@ -10,6 +10,7 @@ use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::aabb::Bounds;
 use crate::geometry::components::Components;
+use crate::geometry::flat_regions::FlatRegions;
 use crate::geometry::smooth_normals::{Groups, Shading};
 use crate::geometry::topology::Topology;
 use crate::geometry::triangle::{MIN_AREA, area};
@@ -67,6 +68,8 @@ struct Mesh {
     groups: OnceLock<Groups>,
     /// Connected components of the triangles; if asked for.
     parts: OnceLock<Components>,
+    /// Flat regions of the surface as it was before deformation; if asked for.
+    flat_regions: OnceLock<FlatRegions>,
     content_hash: u64,
 }
 
@@ -124,6 +127,7 @@ impl Surface {
             mode,
             groups: OnceLock::new(),
             parts: OnceLock::new(),
+            flat_regions: OnceLock::new(),
             content_hash,
         };
         Self::build(Arc::new(mesh), rest, shading, cancel)
@@ -213,6 +217,7 @@ impl Surface {
             + mesh.kept.as_ref().map_or(0, |kept| size_of_val(kept.as_slice()))
             + mesh.groups.get().map_or(0, Groups::memory)
             + mesh.parts.get().map_or(0, Components::memory)
+            + mesh.flat_regions.get().map_or(0, FlatRegions::memory)
             + self
                 .part_bounds
                 .get()
@@ -260,6 +265,15 @@ impl Surface {
             let parts = mesh.parts.get_or_init(|| Components::new(&mesh.rest, &mesh.triangles));
             parts.bounds(self.bounds, |triangle| mesh.corners(&self.vertices, triangle))
         })
+    }
+
+    /// Flat regions with sharp edges all round; none of a deformed surface.
+    pub fn flat_regions(&self) -> Option<&FlatRegions> {
+        let new = || {
+            let is_flat = |triangle: usize| self.shading.corner_normals(triangle).is_none();
+            FlatRegions::new(&self.vertices, &self.mesh.triangles, is_flat)
+        };
+        (!self.is_deformed()).then(|| self.mesh.flat_regions.get_or_init(new))
     }
 
     /// Corners of a triangle.

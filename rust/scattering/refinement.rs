@@ -35,8 +35,6 @@ pub struct Refinement {
     pub follows_echo: bool,
     /// Largest number of rays; none: as many as the floor asks for.
     pub budget: Option<usize>,
-    /// True if cells whose phase varies fast are integrated by edge terms.
-    pub end_points: bool,
 }
 
 impl Refinement {

@@ -55,13 +55,14 @@ impl Scatterers {
         }
         let pieces: Vec<&PointRange> = diffuse.iter().chain(&samples.tiles.pieces).collect();
 
-        // Points body by body, edge terms after all others.
+        // Points body by body, those of edges and corners after all others.
         let num_bodies = sectors[0].0.num_bodies();
         let mut groups: Vec<Vec<(u32, u32)>> = Vec::new();
         let mut is_turning = false;
         for (number, piece) in (0..).zip(&pieces) {
             for (point, at) in piece.points().iter().zip(0..) {
-                let group = usize::from(piece.order(at as usize)) * num_bodies + point.body as usize;
+                let group =
+                    usize::from(piece.kind(at as usize).frequency_exponent()) * num_bodies + point.body as usize;
                 if groups.len() <= group {
                     groups.resize(group + 1, Vec::new());
                 }
@@ -93,16 +94,16 @@ impl Scatterers {
             let (piece, point) = piece(number);
             frame(number).1.edges(piece.edges(point))
         };
-        let order = |number: &(u32, u32)| {
+        let kind = |number: &(u32, u32)| {
             let (piece, point) = piece(number);
-            piece.order(point)
+            piece.kind(point)
         };
         let weights = |(piece, point): &(u32, u32)| pieces[*piece as usize].weights(*point as usize, num_weights);
-        let has_orders = groups.len() > num_bodies;
+        let has_kinds = groups.len() > num_bodies;
         Self {
             array,
             body: points().map(|number| point(number).body).collect(),
-            frequency_exponent: points().filter(|_| has_orders).map(order).collect(),
+            kind: points().filter(|_| has_kinds).map(kind).collect(),
             corners: points().filter(|_| is_deformed).map(corners).collect(),
             position,
             normal,

@@ -36,6 +36,8 @@ pub struct Sector<'a> {
     /// Largest difference of the phases of joined points from their mean, below half a turn [rad]; 0: no points are
     /// joined.
     pub join: f64,
+    /// Option to integrate flat regions along their outline, where cells are refined.
+    pub has_contours: bool,
     /// Option to leave out the parts of split quarters whose rays cannot return power.
     pub skip_aliased: bool,
     /// Angle by which every body turns from the cast to the ends of its use, seen from the sensor [rad].

@@ -4,6 +4,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use crate::antennas::array::Array;
+use crate::paths::scatterers::PointKind;
 
 /// Point that stands for a part of a surface, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
@@ -25,11 +26,11 @@ pub struct TilePoints {
     pub points: Vec<TilePoint>,
     /// Weights `(point, channel)`, or `(point,)`; see [`crate::paths::scatterers::Scatterers`].
     pub weights: Vec<Complex64>,
-    /// Edges of the cell on the surface that the field of a point is a mean over, where bodies turn and beside edge terms
-    /// [m]; zero for the points that are missing.
+    /// Edges of the cell on the surface that the field of a point is a mean over, where bodies turn [m]; zero for the
+    /// points that are missing.
     edges: Vec<[DVec3; 2]>,
-    /// Power of the frequency by which the field of a point falls, of edge terms; zero for the points that are missing.
-    orders: Vec<u8>,
+    /// What the points stand for; areas where they are missing.
+    kinds: Vec<PointKind>,
 }
 
 impl TilePoints {
@@ -38,9 +39,9 @@ impl TilePoints {
         self.edges.get(point).copied().unwrap_or_default()
     }
 
-    /// Power of the frequency by which the field of a point falls.
-    pub fn order(&self, point: usize) -> u8 {
-        self.orders.get(point).copied().unwrap_or_default()
+    /// What a point stands for.
+    pub fn kind(&self, point: usize) -> PointKind {
+        self.kinds.get(point).copied().unwrap_or_default()
     }
 
     /// Set the edges of the last point [m].
@@ -49,10 +50,10 @@ impl TilePoints {
         self.edges.push(edges);
     }
 
-    /// Set the power of the frequency by which the field of the last point falls.
-    pub fn set_order(&mut self, order: u8) {
-        self.orders.resize(self.points.len() - 1, 0);
-        self.orders.push(order);
+    /// Set what the last point stands for.
+    pub fn set_kind(&mut self, kind: PointKind) {
+        self.kinds.resize(self.points.len() - 1, PointKind::Area);
+        self.kinds.push(kind);
     }
 
     /// Copy without spare memory.
@@ -61,7 +62,7 @@ impl TilePoints {
             points: self.points.as_slice().to_vec(),
             weights: self.weights.as_slice().to_vec(),
             edges: self.edges.as_slice().to_vec(),
-            orders: self.orders.as_slice().to_vec(),
+            kinds: self.kinds.as_slice().to_vec(),
         }
     }
 
@@ -70,7 +71,7 @@ impl TilePoints {
         self.points.clear();
         self.weights.clear();
         self.edges.clear();
-        self.orders.clear();
+        self.kinds.clear();
     }
 
     /// Append a point, unless it has no power. `weight`: that for antennas in two unit directions.

@@ -230,7 +230,7 @@ def test_footprints_of_a_real_mesh_converge_and_points_do_not_yet() -> None:
 @needs_robots
 def test_frames_of_a_real_mesh_are_the_sum_over_their_paths() -> None:
     view = views()["arm at 1.2 m, posture 4"]
-    options = {"end_points": True, "rcs_floor": 1e-3}
+    options = {"rcs_floor": 1e-3}
     sim = rc.Simulator(view.scene, view.radar, radar_motion=view.radar_motion, tolerance=1e-6, **options)
     paths = sim.paths()
     assert {0, 1} <= set(paths.order[0].tolist())

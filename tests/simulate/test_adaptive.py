@@ -1,4 +1,4 @@
-"""Adaptive sampling with edge terms: closed forms, what is left out, budgets, and refusals."""
+"""Adaptive sampling: closed forms, what is left out, budgets, and refusals."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from test_closed_forms import CONDUCTOR, ball, body, disc_on_axis, sphere
+from test_tiles import integral
 
 import radarcore as rc
 
@@ -20,10 +21,10 @@ to_finest_cells = pytest.mark.filterwarnings("ignore:adaptive sampling ended at 
 
 
 def simulator(bodies: list[rc.Body], **options: Any) -> rc.Simulator:
-    """One chirp over the band, isotropic antennas at one place, 1 W; edge terms, and a floor far below the echoes."""
+    """One chirp over the band, isotropic antennas at one place, 1 W; a floor far below the echoes."""
     waveform = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
     radar = rc.Radar(waveform, pattern=options.pop("pattern", None))
-    defaults = {"end_points": True, "rcs_floor": 1e-5, "ray_budget": np.inf, "resolution": 64, "tolerance": 1e-9}
+    defaults = {"rcs_floor": 1e-5, "ray_budget": np.inf, "resolution": 64, "tolerance": 1e-9}
     defaults["field_of_view_deg"] = (60.0, 60.0)
     return rc.Simulator(rc.Scene(bodies), radar, **(defaults | options))
 
@@ -47,7 +48,7 @@ def rms(values: Any) -> float:
 
 @to_finest_cells
 @pytest.mark.parametrize(
-    ("rcs_floor", "most_rays", "bound_db", "bound_phase"), [(1e-5, 60_000, 0.3, 0.03), (1e-7, 320_000, 0.15, 0.015)]
+    ("rcs_floor", "most_rays", "bound_db", "bound_phase"), [(1e-5, 60_000, 0.3, 0.04), (1e-7, 320_000, 0.15, 0.015)]
 )
 @pytest.mark.parametrize("radius", [0.05, 0.1, 0.2])
 def test_sphere_has_its_closed_form_over_the_band(
@@ -85,7 +86,7 @@ def test_disc_has_its_closed_form_over_the_band() -> None:
 def test_square_has_its_closed_form(size: float, yaw_deg: float, expected: complex) -> None:
     waveform = rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1)
     plate = body(rc.shapes.plate(size, size), 1.0, yaw_deg=yaw_deg)
-    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), end_points=True, rcs_floor=1e-5).paths()
+    paths = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), rcs_floor=1e-5).paths()
     got = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
     assert abs(db(got / expected)) <= 0.1
     assert abs(np.angle(got / expected)) <= 0.01
@@ -99,32 +100,33 @@ def test_error_falls_with_the_floor() -> None:
         errors.append(rms(spectrum(sim) / exact - 1.0))
     assert errors[0] > 3.0 * errors[1]
     assert errors[1] > 1.5 * errors[2]
-    assert errors[2] < 0.005
+    assert errors[2] < 0.02
 
 
 @to_finest_cells
-def test_an_oblique_wall_does_not_echo_and_takes_few_paths() -> None:
+def test_an_oblique_wall_does_not_echo_and_takes_no_more_rays_than_the_base_grid() -> None:
     wall = body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)
     beamwidth = np.rad2deg(np.sqrt(4.0 * np.log(2.0) * 0.08))
     pattern = rc.GaussianPattern(0.0, beamwidth, beamwidth)
     for rcs_floor in (1e-3, 1e-5):
         sim = simulator([wall], pattern=pattern, rcs_floor=rcs_floor)
         mirror = C / BAND / (8.0 * np.pi * 3.0)
-        assert db(rms(spectrum(sim) / mirror)) <= -62.0
+        assert db(rms(spectrum(sim) / mirror)) <= -75.0
         stats = whole(sim).frame().stats
-        assert stats["rays_cast"] <= 60_000
-        assert stats["paths"] <= 8_000
+        assert stats["rays_cast"] == 64 * 64
+        assert stats["paths"] <= 50
 
 
 @to_finest_cells
-def test_edges_of_a_tilted_plate_echo_as_they_do_in_fine_samples() -> None:
+def test_edges_of_a_tilted_plate_have_their_echo() -> None:
     plate = body(rc.shapes.plate(0.2, 0.2), 1.0, yaw_deg=20.0)
     broadside = rms(spectrum(simulator([body(rc.shapes.plate(0.2, 0.2), 1.0)])))
-    fine = spectrum(simulator([plate], rcs_floor=1e-10, end_points=False))
-    coarse = simulator([plate], rcs_floor=1e-4)
-    assert db(rms(fine) / broadside) > -32.0
-    assert db(rms(spectrum(coarse) - fine) / broadside) <= -50.0
-    assert whole(coarse).frame().stats["rays_cast"] <= 40_000
+    expected = integral(plate)
+    assert db(rms(expected) / broadside) > -32.0
+    for rcs_floor, bound in ((1e-2, -55.0), (1e-4, -65.0)):
+        sim = simulator([plate], rcs_floor=rcs_floor)
+        assert db(rms(spectrum(sim) - expected) / broadside) <= bound
+        assert whole(sim).frame().stats["rays_cast"] == 64 * 64
 
 
 def test_a_ball_far_away_is_found_between_the_rays_of_the_base_grid() -> None:
@@ -139,7 +141,7 @@ def test_a_ball_far_away_is_found_between_the_rays_of_the_base_grid() -> None:
 @pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
 @pytest.mark.parametrize("tilts", [(20.0, 20.0), (30.0, 25.0), (10.0, 15.0)])
 def test_corners_of_a_flat_surface_have_its_echo_over_the_band(tilts: tuple[float, float]) -> None:
-    """The sides are borders of cells: only the four corners contribute, with a field ~ 1 / frequency^2."""
+    """No edge has its nearest point in view: only the four corners contribute, with a field ~ 1 / frequency^2."""
     pitch, distance = 2.0 * np.tan(np.deg2rad(1.5)) / 8, 9.0
     normal = rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, *np.deg2rad(tilts)]).rotation @ [-1.0, 0.0, 0.0]
 
@@ -151,9 +153,10 @@ def test_corners_of_a_flat_surface_have_its_echo_over_the_band(tilts: tuple[floa
 
     (u0, u1), (v0, v1) = pitch * np.array([[-3, 2], [-2, 3]])
     mesh = rc.Mesh(on_plane(np.array([u0, u1, u1, u0]), np.array([v0, v0, v1, v1])), [[0, 1, 2], [0, 2, 3]])
-    view = {"field_of_view_deg": (3.0, 3.0), "resolution": 8, "rcs_floor": 1e3}
+    view = {"field_of_view_deg": (3.0, 3.0), "resolution": 8, "rcs_floor": 1e-6}
     sim = simulator([rc.Body(mesh, material=CONDUCTOR)], **view)
-    assert sim.paths().order[0].tolist() == [2] * 4
+    # Two at each corner: the ends of two edges.
+    assert sim.paths().order[0].tolist() == [2] * 8
     # Physical optics over the solid angle, by Gauss and Legendre: without a frequency but in the phase.
     x, weight = np.polynomial.legendre.leggauss(200)
     u, v = 0.5 * (u0 + u1 + (u1 - u0) * x[:, None]), 0.5 * (v0 + v1 + (v1 - v0) * x)
@@ -172,7 +175,7 @@ def test_corners_of_a_flat_surface_have_its_echo_over_the_band(tilts: tuple[floa
 def test_samples_in_a_frame_are_those_of_the_paths() -> None:
     sim = simulator([body(rc.shapes.plate(0.2, 0.2), 1.0, yaw_deg=15.0)])
     paths = sim.paths()
-    assert {0, 1} <= set(paths.order[0].tolist())
+    assert set(paths.order[0].tolist()) == {1, 2}
     waveform = sim.radar.waveform
     times = waveform.sample_times[::10]
     tau = paths.delay[0][:, None]
@@ -199,8 +202,8 @@ def test_a_budget_is_kept_and_what_matters_most_comes_first() -> None:
 
 
 def test_skips_of_cells_are_counted() -> None:
-    stats = simulator([body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)], rcs_floor=1e-3).frame().stats
-    assert stats["paths_skipped"] > 2_000
+    stats = simulator([ball(0.3)], rcs_floor=1e-3).frame().stats
+    assert stats["paths_skipped"] > 500
     assert stats["paths"] < 2 * stats["paths_skipped"]
 
 

@@ -175,7 +175,6 @@ def test_depth_images_are_one_plane_of_at_most_110_degrees_unless_angles_are_giv
 
 SAMPLINGS: dict[str, dict[str, Any]] = {
     "tiles": {"rcs_floor": 1e-4},
-    "edge terms": {"rcs_floor": 1e-4, "end_points": True},
     "pixels": {"sampling": "footprint", "resolution": 3200},
 }
 
@@ -196,10 +195,7 @@ def echo_ahead(mesh: rc.Mesh, sampling: str) -> complex:
 # Each direction in cells with one of the two bodies; millions of pixels see one direction of a kind.
 PIXELS_ASIDE = [(70.0, 0.0), (0.0, -70.0), (60.0, 40.0), (0.0, 45.3), (-45.3, 10.0), (65.0, 42.2)]
 BALLS_ASIDE, PLATES_ASIDE = (
-    [("tiles", *d) for d in (SIDES + SEAMS)[1 - first :: 2]]
-    + [("edge terms", *d) for d in (SIDES + SEAMS)[first::2]]
-    + [("pixels", *d) for d in PIXELS_ASIDE[first::2]]
-    for first in (0, 1)
+    [("tiles", *d) for d in SIDES + SEAMS] + [("pixels", *d) for d in PIXELS_ASIDE[first::2]] for first in (0, 1)
 )
 
 
@@ -266,11 +262,9 @@ def test_matt_points_on_a_seam_count_once() -> None:
 
 
 @pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
-@pytest.mark.parametrize("options", [{}, {"max_bounces": 2}, {"end_points": True}], ids=["one", "bounces", "ends"])
+@pytest.mark.parametrize("options", [{}, {"max_bounces": 2}], ids=["one", "bounces"])
 def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, Any]) -> None:
     if sampling == "footprint":
-        if "end_points" in options:
-            pytest.skip("of adaptive sampling alone")
         options = options | {"resolution": 200}
     options = {"max_bounces": 1} | options
     mesh = rc.shapes.sphere(0.2)

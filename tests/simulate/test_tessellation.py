@@ -19,7 +19,7 @@ from bounce_scenes import BALL, RADIUS, SENSOR, image_of, phasors, reflected_by_
 # As fine as it takes for what is seen 16 degrees wide at 1 m: what is left are the meshes.
 SAMPLINGS: dict[str, dict[str, Any]] = {
     "footprint": {"sampling": "footprint", "resolution": 384},
-    "adaptive": {"rcs_floor": 1e-5, "end_points": True},
+    "adaptive": {"rcs_floor": 1e-5},
 }
 WAVEFORM = rc.Waveform(start_frequency=57e9, slope=14e12, sample_rate=1e6, num_samples=501)
 

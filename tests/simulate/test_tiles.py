@@ -14,10 +14,6 @@ import radarcore as rc
 C = 299_792_458.0
 BAND = np.linspace(57e9, 64e9, 15)
 
-EDGE_TERMS: dict[str, Any] = {"end_points": True, "ray_budget": np.inf, "tolerance": 1e-9}
-
-both_ways = pytest.mark.parametrize("way", [{}, EDGE_TERMS], ids=["tapers", "edge terms"])
-
 
 def simulator(bodies: list[rc.Body], pattern: rc.GaussianPattern | None = None, **options: Any) -> rc.Simulator:
     """One chirp over the band, antennas at one place, isotropic by default, 1 W."""
@@ -78,7 +74,7 @@ def test_fast_sampling_is_that_of_a_tenfold_floor_and_casts_fewer_rays() -> None
     pose = rc.Pose.from_rpy([2.0, 0.8, 0.0], [0.0, 0.0, np.arctan2(0.8, 2.0)])
     bodies = [body(rc.shapes.sphere(0.3), 1.5), rc.Body(rc.shapes.plate(0.4, 0.4), motion=pose)]
     fast, fine = simulator(bodies, sampling="fast").frame(), simulator(bodies).frame()
-    assert fast.stats["rays_cast"] < 0.7 * fine.stats["rays_cast"]
+    assert fast.stats["rays_cast"] < 0.9 * fine.stats["rays_cast"]
     np.testing.assert_array_equal(fast.cube, simulator(bodies, rcs_floor=0.1).frame().cube)
 
 
@@ -86,8 +82,8 @@ def test_oblique_wall_does_not_echo() -> None:
     beamwidth = np.rad2deg(np.sqrt(4.0 * np.log(2.0) * 0.08))
     sim = simulator([body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0)], rc.GaussianPattern(0.0, beamwidth, beamwidth))
     mirror = C / 60.5e9 / (8.0 * np.pi * 3.0)
-    assert rms(spectrum(sim)) <= 10.0 ** (-45.0 / 20.0) * mirror
-    assert sim.frame().stats["paths_skipped"] > 2_000
+    assert rms(spectrum(sim)) <= 10.0 ** (-75.0 / 20.0) * mirror
+    assert sim.frame().stats["paths"] <= 50
 
 
 def boxes(size: tuple[float, float, float], places: list[list[float]], pose: rc.Pose) -> rc.Body:
@@ -145,13 +141,11 @@ def test_thin_bodies_hold_one_decibel(target: rc.Body) -> None:
     assert abs(db(rms(spectrum(simulator([target]))) / rms(integral(target)))) <= 1.0
 
 
-@both_ways
 @pytest.mark.parametrize("roll_deg", [0.0, 33.0, 45.0])
-def test_tilted_strip_is_seen_all_along(roll_deg: float, way: dict[str, Any]) -> None:
+def test_tilted_strip_is_seen_all_along(roll_deg: float) -> None:
     pose = rc.Pose.from_rpy([3.0, 0.0, 0.0], [np.deg2rad(roll_deg), 0.0, 0.0])
     strip = rc.Body(rc.shapes.plate(1.0, 0.016), material=CONDUCTOR, motion=pose)
-    floor = {"rcs_floor": 1e-5} if way else {}
-    assert abs(db(rms(spectrum(simulator([strip], **way, **floor))) / rms(integral(strip)))) <= 1.0
+    assert abs(db(rms(spectrum(simulator([strip]))) / rms(integral(strip)))) <= 0.1
 
 
 def test_small_body_far_away_is_found_between_the_rays_of_the_base_grid() -> None:
@@ -183,10 +177,7 @@ def test_budget_is_kept_where_thin_bars_alone_would_exceed_it() -> None:
     assert stats["rays_cast"] <= 2 * 20_000  # with those of the cells that were tried
 
 
-@both_ways
-def test_results_depend_neither_on_threads_nor_on_what_is_known(way: dict[str, Any]) -> None:
-    floor = {"rcs_floor": 1e-3} if way else {}
-
+def test_results_depend_neither_on_threads_nor_on_what_is_known() -> None:
     def moving(**options: Any) -> rc.Simulator:
         rough = rc.Material.lambertian(0.3)
         bodies = [
@@ -194,7 +185,7 @@ def test_results_depend_neither_on_threads_nor_on_what_is_known(way: dict[str, A
             rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, -0.5, 0.2])),
             rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([1.5, 0.2, 0.0]), velocity=[0.0, 1.0, 0.0])),
         ]
-        return simulator(bodies, **way, **floor, **options)
+        return simulator(bodies, **options)
 
     one, three = moving(threads=1), moving(threads=3)
     fresh = moving()

@@ -484,7 +484,6 @@ class RunTable(Table):
     ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
         None, "", "largest number of rays of adaptive sampling, inf: no limit; default: 400 000, or four per cell"
     )
-    end_points: bool = _key(False, "", "adaptive sampling: cells with a fast phase are represented by their end points")
     tolerance: float = _key(1e-3, "", "error of the synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
     max_bounces: int | None = _key(

@@ -23,8 +23,8 @@ class Paths:
     body : (channel, path) int32
         Index of the body in the scene; for several reflections that of the last.
     order : (channel, path) uint8
-        Exponent n of amplitudes that fall with frequency^-n; `amplitude` holds at the centre of the band. 1 or 2 for
-        edges, 0 for all others.
+        Exponent n of amplitudes that fall with frequency^-n; `amplitude` holds at the centre of the band. 1 for
+        edges and mirror images of flat surfaces, 2 for their corners, 0 for all others.
 
     See Also
     --------

@@ -36,7 +36,7 @@ MAX_BOUNCES = 64
 _NOT_RECORDED = ("method", "threads")
 """Settings that change no result."""
 
-_OF_ADAPTIVE = ("rcs_floor", "ray_budget", "end_points")
+_OF_ADAPTIVE = ("rcs_floor", "ray_budget")
 """Settings of adaptive sampling alone."""
 
 
@@ -51,7 +51,6 @@ class Settings:
     method: str = "auto"
     rcs_floor: float | None = None
     ray_budget: float | None = None
-    end_points: bool = False
     gain_floor_db: float = 80.0
     max_bounces: int | None = None
     bounce_floor_db: float = 80.0
@@ -69,7 +68,6 @@ class Settings:
             "tolerance": check_tolerance(self.tolerance),
             "method": check.choice("method", self.method, METHODS),
             "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
-            "end_points": check.flag("end_points", self.end_points),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
             "max_bounces": None if self.max_bounces is None else check_max_bounces(self.max_bounces),
             "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
@@ -173,7 +171,6 @@ def core_settings(settings: Settings, **debug: Any) -> dict[str, Any]:
         "rcs_floor": _RCS_FLOORS.get(settings.sampling, 1.0) if settings.rcs_floor is None else settings.rcs_floor,
         "follows_echo": settings.rcs_floor is None,
         "ray_budget": settings.most_rays,
-        "end_points": settings.end_points,
         "gain_floor": None if settings.gain_floor_db == np.inf else _ratio(settings.gain_floor_db),
         "max_bounces": settings.max_bounces or 1,
         "bounce_floor": _ratio(settings.bounce_floor_db),

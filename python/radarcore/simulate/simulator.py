@@ -94,10 +94,6 @@ class Simulator(Settings):
         says so. Infinite: as many as `rcs_floor` asks for. Default: 400 000, or four per cell of the base grid where
         that is more. Not counted: rays of cells that were tried before that error had grown, and rays to the points
         of diffuse surfaces, at most 131 072 per body. `Frame.stats["rays_cast"]` counts both.
-    end_points : bool
-        With adaptive sampling: a cell over which the phase varies fast is represented by its end points, whose phase is
-        exact over the whole band and which cancel those of its neighbours; otherwise by its centre, tapered as pixels.
-        Converges faster below an `rcs_floor` of 1e-3, and takes longer.
     gain_floor_db : float
         Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
         the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.
@@ -624,6 +620,9 @@ def stats_of(*ideals: _core.IdealFrame) -> dict[str, Any]:
         for name, number in ideal.counts.items():
             before = total.get(name, 0)
             total[name] = max(before, number) if name.endswith("_nodes") else before + number
+    floors = [ideal.rcs_floor for ideal in ideals if ideal.rcs_floor is not None]
+    if floors:
+        total["rcs_floor"] = max(floors)
     residual = max(hypot(*ideal.series_errors) for ideal in ideals)
     return {**total, "series_residual": residual, "plan": "\n".join(ideal.plan for ideal in ideals)}
 

@@ -63,7 +63,7 @@ fn scatterers(array: &Array, number: usize, has_patches: bool, num_weights: usiz
     Scatterers {
         array: array.clone(),
         body: (0..number).map(|i| u32::from(3 * i > 2 * number)).collect(),
-        frequency_exponent: Vec::new(),
+        kind: Vec::new(),
         corners: Vec::new(),
         weights: weights.collect(),
         range_rate: Vec::new(),

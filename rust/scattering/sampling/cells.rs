@@ -242,6 +242,12 @@ impl TileCells {
         self.distance[cells].fill(self.shortest);
     }
 
+    /// Remove the hit of a cell.
+    pub(super) fn remove(&mut self, cell: usize) {
+        self.hit &= !(1 << cell);
+        self.clear(cell..cell + 1);
+    }
+
     /// Reflection coefficients of the materials, and least slopes of cells whose bodies turn.
     #[cfg_attr(optimised, inline(always))]
     fn follow<I: Isa>(&mut self, plane: &ImagePlane, wavenumber: f64, reflections: &[Reflection], turns: &[f32]) {

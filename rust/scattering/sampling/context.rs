@@ -6,6 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use super::cells::TileCells;
+use super::contour::Contours;
 use super::join::Join;
 use super::tile_index::planes;
 use crate::antennas::array::Array;
@@ -34,6 +35,8 @@ const ONE_WEIGHT: f64 = 0.25;
 pub(super) struct Context<'a> {
     pub(super) sector: &'a Sector<'a>,
     pub(super) materials: &'a [Material],
+    /// Flat regions that cells leave out.
+    pub(super) contours: &'a Contours,
     /// Image planes of all levels.
     pub(super) planes: Vec<ImagePlane>,
     /// True if the array is small: points have one weight for all channels, otherwise one each.
@@ -48,8 +51,13 @@ pub(super) struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// Context of a sector; `width`: of the widest cells of any sector.
-    pub(super) fn new(sector: &'a Sector, materials: &'a [Material], width: f64) -> Self {
+    /// Context of a sector; `has_common_weight`: see [`has_common_weight`].
+    pub(super) fn new(
+        sector: &'a Sector,
+        materials: &'a [Material],
+        contours: &'a Contours,
+        has_common_weight: bool,
+    ) -> Self {
         let scene = sector.scene;
         let wavenumber = TAU / (SPEED_OF_LIGHT / sector.array.frequency);
         let is_point = sector.sampling == Sampling::Point;
@@ -66,8 +74,9 @@ impl<'a> Context<'a> {
         Self {
             sector,
             materials,
+            contours,
             planes: planes(&sector.plane),
-            has_common_weight: is_small(sector.array, width, wavenumber),
+            has_common_weight,
             has_diffuse_cells: sector.image.is_some() || is_point && materials.iter().any(Material::is_diffuse),
             join: join.collect(),
             turns: turns().map(|turn| if follows(turn) { turn } else { 0.0 }).collect(),
@@ -165,7 +174,8 @@ pub(super) fn weight_of(cells: &TileCells, cell: usize) -> Complex64 {
 }
 
 /// True if one weight does for all channels of an array, with cells of a width at most.
-fn is_small(array: &Array, width: f64, wavenumber: f64) -> bool {
+pub(super) fn has_common_weight(array: &Array, width: f64) -> bool {
+    let wavenumber = TAU / (SPEED_OF_LIGHT / array.frequency);
     let middles = (0..array.num_channels()).map(|channel| {
         let [tx, rx] = [channel / array.rx.len(), channel % array.rx.len()];
         0.5 * (array.tx[tx] + array.rx[rx]).length()

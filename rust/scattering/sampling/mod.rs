@@ -8,15 +8,12 @@
 //! All other quarters keep their material points; points whose phases differ little are joined. A tile depends on the
 //! surfaces that its rays meet alone, so that tiles are independent tasks, and static ones are taken over from the frame
 //! before. Without refinement the tiles of the base level are pixels, of a scene or of an image of another program.
-//!
-//! With edge terms, cells with a fast phase are represented by their ends in place of tapered points. What cancels these
-//! is known when all tiles are; the tiles keep their cells until then. Blocks are split one by one, and without tapers
-//! none of their rays is left out.
+//! Flat regions that nothing occludes are integrated along their outline instead.
 
 mod border;
 mod cells;
 mod context;
-mod edge_terms;
+mod contour;
 mod join;
 mod level;
 mod points;

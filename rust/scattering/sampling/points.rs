@@ -72,15 +72,6 @@ impl TilePoints {
         }
     }
 
-    /// Append the point of one cell, unless it has no weight.
-    pub(super) fn add_center(&mut self, context: &Context, cells: &TileCells, cell: usize, plane: &ImagePlane) {
-        if !context.has_common_weight {
-            self.add_by_channel(context, cells, cell, plane);
-        } else if cells.weight[cell] > 0.0 {
-            self.add_cell(cells, cell, plane);
-        }
-    }
-
     /// Append the point of one cell. Its field is a mean over the cell where the body turns.
     #[cfg_attr(optimised, inline(always))] // part of a kernel
     fn add_cell(&mut self, cells: &TileCells, cell: usize, plane: &ImagePlane) {

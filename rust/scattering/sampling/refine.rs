@@ -9,8 +9,8 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::cells::TileCells;
-use super::context::Context;
-use super::edge_terms::{EdgeTermPoints, Leaves};
+use super::context::{Context, has_common_weight};
+use super::contour::Contours;
 use super::join::Join;
 use super::level::TileLevel;
 use super::residual::{BLOCKS, of_quarter};
@@ -21,6 +21,7 @@ use crate::antennas::beam::Beam;
 use crate::cancel::Cancel;
 use crate::error::{Result, fits_memory};
 use crate::geometry::pose::Pose;
+use crate::paths::scatterers::PointKind;
 use crate::rays::camera::ImagePlane;
 use crate::rays::hits::Counts;
 use crate::rays::packet::{MOST_RAYS, PACKET, PACKETS};
@@ -30,14 +31,21 @@ use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::sector::Sector;
 use crate::scattering::tile_point::{TilePoint, TilePoints};
 
-/// Factor by which the allowed residual error grows where the rays exceed the budget, without and with edge terms, where
-/// nothing is left out of what is split.
+/// Factor by which the allowed residual error grows where the rays exceed the budget.
 const STEP: f64 = 4.0;
-const STEP_OF_EDGE_TERMS: f64 = 1.5;
 
 /// Lowered floor relative to the cross-section of the tile of the base level with the strongest echo: of small bodies
 /// alone in view, the residual error stays that far below their own echo.
 const OF_STRONGEST: f64 = 0.1;
+
+/// Largest number of rays of the base level of a simple scene, and how many more it may take for the error of its strongest
+/// echo to be small.
+const FEW_RAYS: usize = 10_000;
+
+/// Floor of a simple scene relative to the cross-section of its strongest tile, and the factor by which it rises where the
+/// rays do not suffice.
+const OF_STRONGEST_ALONE: f64 = 5e-4;
+const SMALL_STEP: f64 = 4.0;
 
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
@@ -54,28 +62,29 @@ pub struct Tiles {
     /// True if a point has one weight for all channels.
     pub has_common_weight: bool,
     pub(super) levels: Vec<TileLevel>,
+    /// Tiles of a simple scene that were tried for a lower floor.
+    tried: Vec<TileLevel>,
     /// Base plane and beam of every sector.
     sectors: Vec<(ImagePlane, Option<Beam>)>,
     turns: Vec<f32>,
     poses: Vec<Pose>,
-    /// Cross-section that quarters were refined for [m^2].
-    #[cfg(test)]
-    pub rcs_floor: f64,
+    /// Flags of the flat regions of every body that have no cells.
+    contours: Vec<Vec<bool>>,
+    /// Cross-section that quarters were refined for [m^2]; none without refinement.
+    pub rcs_floor: Option<f64>,
     /// Number of cells that would have been split, but for the finest level or the budget; none without refinement.
     pub num_coarse: Option<usize>,
     /// Number of cells that hit a body.
     pub num_hit: usize,
     /// Number of cells with a material point.
     pub num_lit: usize,
-    /// Distance of the farthest cell with edge terms [m].
-    pub farthest: f64,
     /// Nearest hits of all bodies with a hit, the first of equal ones, by body.
     pub nearest: Vec<NearestHit>,
     /// Counts of rays and of base tiles.
     pub counts: Counts,
 }
 
-/// Material points of a quarter of a tile, or of a tile with edge terms.
+/// Material points of a quarter of a tile.
 pub struct PointRange {
     /// Number of the sector in whose axes the points are.
     pub sector: usize,
@@ -100,9 +109,9 @@ impl PointRange {
         self.of_tile.edges(self.range.start + point)
     }
 
-    /// Power of the frequency by which the field of a point falls.
-    pub fn order(&self, point: usize) -> u8 {
-        self.of_tile.order(self.range.start + point)
+    /// What a point stands for.
+    pub fn kind(&self, point: usize) -> PointKind {
+        self.of_tile.kind(self.range.start + point)
     }
 
     /// Weights of a point, one or one per channel.
@@ -122,7 +131,7 @@ struct TileRequest {
 
 /// Tiles of another time that may be taken over.
 struct PreviousTiles<'a> {
-    levels: &'a [TileLevel],
+    levels: [&'a [TileLevel]; 2],
     /// Base tiles that no moved body touches, then or now.
     is_static: Vec<bool>,
 }
@@ -137,9 +146,11 @@ impl Tiles {
         let width = sectors.iter().fold(0.0, |width: f64, Sector { plane, .. }| {
             width.max(plane.du).max(plane.dv)
         });
+        let has_common_weight = has_common_weight(sectors[0].array, width);
+        let contours = Contours::new(sectors, materials, has_common_weight);
         let contexts: Vec<Context> = sectors
             .iter()
-            .map(|sector| Context::new(sector, materials, width))
+            .map(|sector| Context::new(sector, materials, &contours, has_common_weight))
             .collect();
         let refinement = sectors[0].refinement;
         let small_parts = refinement.map_or_else(Vec::new, |Refinement { rcs_floor, .. }| {
@@ -157,7 +168,11 @@ impl Tiles {
             };
             is_alike && tiles.sectors.len() == contexts.len() && bodies.all(is_known)
         });
-        let known = previous.map(|(tiles, moved)| PreviousTiles::new(&contexts, &tiles.levels, moved));
+        let known = previous.map(|(tiles, moved)| {
+            let changed = |sector: &Sector| contours.changed(&tiles.contours, sector.scene);
+            let changed: Vec<Tree> = sectors.iter().map(changed).collect();
+            PreviousTiles::new(&contexts, [&tiles.levels, &tiles.tried], [moved, &changed])
+        });
 
         let mut refine = RefineTiles {
             contexts: &contexts,
@@ -166,23 +181,31 @@ impl Tiles {
             known: known.as_ref(),
             refinement,
             floor: None,
+            highest_floor: f64::INFINITY,
             most_forced: MAX_LEVEL,
             counts: Counts::default(),
         };
+        let mut tried = Vec::new();
         let (mut levels, mut is_whole) = refine.levels(&[])?;
         while !is_whole {
             // Too many rays: again, with the tiles that are there. In the end nothing is split.
-            let step = if refine.has_edge_terms() {
-                STEP_OF_EDGE_TERMS
+            if refine.is_simple() {
+                refine.floor = refine.floor.map(|floor| (SMALL_STEP * floor).min(refine.highest_floor));
+                if tried.is_empty() {
+                    tried = levels.clone();
+                }
             } else {
-                STEP
-            };
-            refine.floor = refine.floor.map(|floor| step * step * floor);
-            refine.most_forced = refine.most_forced.saturating_sub(1);
+                refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
+                refine.most_forced = refine.most_forced.saturating_sub(1);
+            }
             (levels, is_whole) = refine.levels(&levels)?;
         }
-        let tiles = Self::gather(levels, &refine);
+        let mut tiles = Self::gather(levels, &refine);
         refine.check()?;
+        let points = contours.points.iter().cloned();
+        tiles.pieces.extend(points.map(|points| PointRange::whole(0, points)));
+        tiles.contours = contours.into_flags();
+        tiles.tried = tried;
         Ok(tiles)
     }
 
@@ -201,7 +224,7 @@ impl Tiles {
                 all.points.push(*point);
                 all.weights.extend(piece.weights(number, self.num_weights));
                 all.set_edges(piece.edges(number));
-                all.set_order(piece.order(number));
+                all.set_kind(piece.kind(number));
             }
         }
         all
@@ -227,17 +250,17 @@ impl Tiles {
             poses: (0..first.turns.len() as u32)
                 .map(|body| *first.sector.scene.pose(body))
                 .collect(),
-            #[cfg(test)]
-            rcs_floor: refine.floor.unwrap_or_default(),
+            contours: Vec::new(),
+            rcs_floor: refine.floor,
             num_coarse: refine
                 .refinement
                 .map(|refinement| refine.num_coarse(&levels, &refinement)),
             num_hit: 0,
             num_lit: 0,
-            farthest: 0.0,
-            nearest: nearest_of(&levels),
+            nearest: nearest_of(&levels, &first.contours.nearest),
             counts,
             levels: Vec::new(),
+            tried: Vec::new(),
         };
 
         // Level and number of all tiles with a hit.
@@ -250,11 +273,7 @@ impl Tiles {
             }
         }
         let order: Vec<(usize, usize)> = of_base.into_iter().flatten().collect();
-        if refine.has_edge_terms() {
-            tiles.add_edge_terms(refine, &levels, &order);
-        } else {
-            tiles.add_quarters(&levels, &order);
-        }
+        tiles.add_quarters(&levels, &order);
         tiles.levels = levels;
         tiles
     }
@@ -278,26 +297,6 @@ impl Tiles {
             }
         }
     }
-
-    /// Add the points of the cells that were not split, with edge terms; none after a request to stop.
-    fn add_edge_terms(&mut self, refine: &RefineTiles, levels: &[TileLevel], order: &[(usize, usize)]) {
-        let contexts = refine.contexts;
-        let leaves = Leaves { contexts, levels };
-        let points = |(level, index): &(usize, usize)| match refine.check() {
-            Ok(()) => leaves.points(*level, *index),
-            Err(_) => EdgeTermPoints::default(),
-        };
-        let found: Vec<EdgeTermPoints> = order.par_iter().map(points).collect();
-        for (found, (level, index)) in found.into_iter().zip(order) {
-            let sector = levels[*level].tiles[*index].place.sector;
-            if !found.points.points.is_empty() {
-                self.pieces.push(PointRange::whole(sector, Arc::new(found.points)));
-            }
-            self.num_hit += found.num_hit;
-            self.num_lit += found.num_lit;
-            self.farthest = self.farthest.max(found.farthest);
-        }
-    }
 }
 
 /// Refinement in progress.
@@ -312,6 +311,8 @@ struct RefineTiles<'a> {
     refinement: Option<Refinement>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
+    /// The same without the further rays of a simple scene.
+    highest_floor: f64,
     /// Number of levels, from the base level on, whose quarters small parts may split.
     most_forced: usize,
     counts: Counts,
@@ -322,7 +323,7 @@ impl RefineTiles<'_> {
     /// `tried` for a smaller cross-section are taken over.
     fn levels(&mut self, tried: &[TileLevel]) -> Result<(Vec<TileLevel>, bool)> {
         let budget = self.refinement.and_then(|refinement| refinement.budget);
-        let budget = budget.unwrap_or(usize::MAX);
+        let mut budget = budget.unwrap_or(usize::MAX);
         let mut levels: Vec<TileLevel> = Vec::new();
         let whole = |(base, place)| TileRequest {
             base,
@@ -343,6 +344,9 @@ impl RefineTiles<'_> {
             rays += level.rays();
             if levels.is_empty() && self.floor.is_none() {
                 self.floor = self.refinement.map(|refinement| self.chosen_floor(&level, &refinement));
+            }
+            if levels.is_empty() && self.is_simple() {
+                budget = budget.min(rays + FEW_RAYS);
             }
             next = self.split(&mut level, levels.len());
             self.check()?;
@@ -418,11 +422,7 @@ impl RefineTiles<'_> {
         let allowed = SHARE * field / (plane.du * plane.dv);
         let (set, wavenumber) = (context.sector.cast.level, context.wavenumber);
         let adjacent = |place| level.tile(&place);
-        let residual = if refinement.end_points {
-            tile.residual_of_edge_terms(context, adjacent)
-        } else {
-            tile.residual_with(set, wavenumber, adjacent)
-        };
+        let residual = tile.residual_with(set, wavenumber, adjacent);
         let mut wanted = 0_u16;
         for block in 0..BLOCKS {
             wanted |= u16::from(f64::from(residual[block]) > allowed) << block;
@@ -431,7 +431,7 @@ impl RefineTiles<'_> {
             let all = u16::from(ALL) << (PACKETS * quarter);
             if number < self.most_forced && self.small_parts[sector].wants(&tile.place, quarter) {
                 wanted |= all;
-            } else if of_quarter(wanted, quarter) != 0 && !refinement.end_points {
+            } else if of_quarter(wanted, quarter) != 0 {
                 wanted |= if context.sector.skip_aliased {
                     tile.blocks.unaliased & all
                 } else {
@@ -442,13 +442,8 @@ impl RefineTiles<'_> {
         wanted
     }
 
-    /// True if cells with a fast phase are represented by edge terms.
-    fn has_edge_terms(&self) -> bool {
-        self.refinement.is_some_and(|refinement| refinement.end_points)
-    }
-
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
-    fn chosen_floor(&self, base: &TileLevel, refinement: &Refinement) -> f64 {
+    fn chosen_floor(&mut self, base: &TileLevel, refinement: &Refinement) -> f64 {
         let strongest = base.tiles.iter().map(|tile| tile.scattering_length).fold(0.0, f64::max);
         let floor = refinement.rcs_floor;
         if !refinement.follows_echo {
@@ -456,7 +451,16 @@ impl RefineTiles<'_> {
         }
         let wavelength = TAU / self.contexts[0].wavenumber;
         let cross_section = 4.0 * PI * (strongest / wavelength).powi(2);
-        (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
+        self.highest_floor = (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor);
+        if base.rays() > FEW_RAYS || cross_section == 0.0 {
+            return self.highest_floor;
+        }
+        (OF_STRONGEST_ALONE * cross_section).min(self.highest_floor)
+    }
+
+    /// True if the floor is that of a simple scene.
+    fn is_simple(&self) -> bool {
+        self.highest_floor < f64::INFINITY && self.floor.is_some_and(|floor| floor < self.highest_floor)
     }
 
     /// Number of cells of quarters that the settings ask to split, where the finest level or the budget ended the
@@ -473,9 +477,6 @@ impl RefineTiles<'_> {
             let tiles = level.tiles.par_iter().enumerate();
             let cells = tiles.map(|(index, tile)| {
                 let wanted = asked.wanted(level, tile, depth, refinement);
-                if refinement.end_points {
-                    return PACKET / 4 * (wanted & !level.split[index]).count_ones() as usize;
-                }
                 let is_coarse = |quarter: &usize| level.keeps(index, *quarter) && of_quarter(wanted, *quarter) != 0;
                 PACKET * (0..PACKETS).filter(is_coarse).count()
             });
@@ -486,11 +487,13 @@ impl RefineTiles<'_> {
 }
 
 impl<'a> PreviousTiles<'a> {
-    /// Tiles at another time; `moved`: boxes where bodies have moved since, in the axes of every sector.
-    fn new(contexts: &[Context], levels: &'a [TileLevel], moved: &[Tree]) -> Self {
+    /// Tiles at another time; `changed`: boxes where bodies have moved since, and of flat regions that were left to cells
+    /// at one of both times alone, in the axes of every sector.
+    fn new(contexts: &[Context], levels: [&'a [TileLevel]; 2], changed: [&[Tree]; 2]) -> Self {
         let tiles = base_tiles(contexts.iter().map(|context| &context.planes[0]));
         let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
-            contexts[place.sector].is_static(worker, *place, &moved[place.sector])
+            let mut changed = changed.iter().map(|trees| &trees[place.sector]);
+            changed.all(|boxes| contexts[place.sector].is_static(worker, *place, boxes))
         });
         Self {
             levels,
@@ -500,18 +503,19 @@ impl<'a> PreviousTiles<'a> {
 
     /// Static tile as it is wanted.
     fn tile(&self, wanted: &TileRequest) -> Option<Arc<SampledTile>> {
-        let level = self.levels.get(wanted.place.level);
-        level
-            .filter(|_| self.is_static[wanted.base as usize])?
-            .known(&wanted.place, wanted.packets)
+        if !self.is_static[wanted.base as usize] {
+            return None;
+        }
+        let mut levels = self.levels.iter().filter_map(|levels| levels.get(wanted.place.level));
+        levels.find_map(|level| level.known(&wanted.place, wanted.packets))
     }
 }
 
-/// Nearest hit of every body, the first of equal ones, by body.
-fn nearest_of(levels: &[TileLevel]) -> Vec<NearestHit> {
+/// Nearest hit of every body, the first of equal ones, by body; `of_contours`: of flat regions.
+fn nearest_of(levels: &[TileLevel], of_contours: &[NearestHit]) -> Vec<NearestHit> {
     let mut nearest: Vec<Option<NearestHit>> = Vec::new();
     let tiles = levels.iter().flat_map(|level| &level.tiles);
-    for hit in tiles.flat_map(|tile| &tile.nearest) {
+    for hit in tiles.flat_map(|tile| &tile.nearest).chain(of_contours) {
         let body = hit.body as usize;
         if nearest.len() <= body {
             nearest.resize_with(body + 1, || None);

@@ -31,10 +31,6 @@ pub(super) struct SampledTile {
     /// Criteria of refinement.
     pub(super) blocks: Blocks,
     border: Border,
-    /// False if no ray was cast, as nothing is seen there.
-    pub(super) is_seen: bool,
-    /// Cells, for edge terms; none without a hit.
-    pub(super) cells: Option<Box<TileCells>>,
     /// Points of all quarters, if there are any, and the end of every quarter.
     pub(super) points: Option<Arc<TilePoints>>,
     ends: [usize; 4],
@@ -162,11 +158,6 @@ impl Kernel for EvaluateTile<'_> {
             (place.sector, plane),
             &mut tile.nearest,
         );
-        if sector.refinement.is_some() {
-            let features = CellFeatures::new::<I>(cells);
-            tile.border = Border::new(&features, cells, rows, columns);
-            tile.blocks = Blocks::new::<I>(&features);
-        }
         let untapered = cells.weight;
         if sector.sampling == Sampling::Footprint {
             cells.weigh::<I>();
@@ -174,19 +165,23 @@ impl Kernel for EvaluateTile<'_> {
         if context.has_diffuse_cells {
             context.add_diffuse(cells, &untapered);
         }
-        if place.level == 0 && sector.refinement.is_some() {
-            tile.scattering_length = cells.scattering_length();
+        for quarter in 0..PACKETS {
+            tile.hits[quarter] = cells.hits(quarter).count_ones() as usize;
         }
-        if sector.refinement.is_some_and(|refinement| refinement.end_points) {
-            tile.cells = Some(Box::new(cells.clone()));
-            return tile;
+        if sector.refinement.is_some() {
+            if place.level == 0 {
+                tile.scattering_length = cells.scattering_length();
+            }
+            context.contours.remove_from(cells, sector);
+            let features = CellFeatures::new::<I>(cells);
+            tile.border = Border::new(&features, cells, rows, columns);
+            tile.blocks = Blocks::new::<I>(&features);
         }
         points.clear();
         for quarter in 0..PACKETS {
             let hit = cells.hits(quarter);
             if hit != 0 {
                 points.add_quarter::<I>(context, cells, quarter, plane);
-                tile.hits[quarter] = hit.count_ones() as usize;
                 tile.silent[quarter] = (hit & !cells.with_weight::<I>(quarter)).count_ones() as usize;
             }
             tile.ends[quarter] = points.points.len();
@@ -222,10 +217,7 @@ impl Kernel for Meets<'_> {
 impl SampledTile {
     /// Tile without rays.
     pub(super) fn unseen(place: TileIndex, packets: u8) -> Self {
-        Self {
-            is_seen: false,
-            ..Self::without_hits(place, packets, Border::OUTSIDE, 0)
-        }
+        Self::without_hits(place, packets, Border::OUTSIDE, 0)
     }
 
     fn without_hits(place: TileIndex, packets: u8, border: Border, rays: usize) -> Self {
@@ -235,8 +227,6 @@ impl SampledTile {
             rays,
             blocks: Blocks::EMPTY,
             border,
-            is_seen: true,
-            cells: None,
             points: None,
             ends: [0; 4],
             hits: [0; 4],
