@@ -8,21 +8,21 @@ from textwrap import fill
 
 import numpy as np
 
+from proof.flat_surfaces import SETTINGS as FLAT_SETTINGS
+from proof.flat_surfaces import FlatResult
 from proof.measure import floor_text
 from proof.oblique import Quiet
 from proof.real_meshes import DEFAULT, ProfileErrors, ViewResult, Way
 from proof.surfaces import SurfaceResult
 from proof.targets import MattPower, Measured
 
-PAPER, SURFACE, DENSE = "closed form", "exact surface", "dense integration, ours"
+PAPER, SURFACE, FACES, DENSE = "closed form", "exact surface", "faces", "dense integration, ours"
 """References; the page says what each of them is."""
 
 INSTEAD = {
     "point": "it does not converge, and its rays hit other points in every chirp: use the default",
     "footprint": "five pixels across a plate, or those along limbs and long ridges, are too few: use the default, or a "
     "narrower `field_of_view_deg`",
-    "adaptive, edge terms": "a budget may end before thin and far parts are reached: leave `ray_budget` out, or lower "
-    "`rcs_floor`",
 }
 """What to set where a bound is not held, by the beginning of its name."""
 
@@ -45,14 +45,19 @@ class Bound:
         return bool((np.median if self.is_typical else np.max)(self.measured) <= self.bound)
 
 
-def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[Bound]:
+LARGEST = {("disc", "square", "plane"): (0.2, 0.02), ("sphere", "cylinder"): (1.2, 0.18)}
+"""Bounds of level [dB] and phase [rad] at any turn and frequency, by the start of the name of the body."""
+
+
+def single_bounds(mirror: list[Measured]) -> Iterator[Bound]:
     """Spheres, plates, discs and the cylinder at 1 m."""
-    flat, all_kinds = ("disc", "square"), ("disc", "square", "plane", "sphere", "cylinder")
+    flat, curved = LARGEST
     for sampling, setting, name, kinds, level, phase in (
-        ("adaptive", "default", "default, single bodies", all_kinds, 0.6, 0.06),
+        ("adaptive", "default", "default, plates and discs", flat, 0.1, 0.015),
+        ("adaptive", "default", "default, spheres and cylinder", curved, 0.6, 0.06),
         ("footprint", "512", "512 pixels, spheres", ("sphere",), 0.25, 0.04),
-        ("footprint", "512", "512 pixels, plates and discs", flat, 0.6, None),
-        ("footprint", "256", "256 pixels, single bodies", all_kinds, 0.5, None),
+        ("footprint", "512", "512 pixels, plates and discs", flat[:2], 0.6, None),
+        ("footprint", "256", "256 pixels, single bodies", flat + curved, 0.5, None),
     ):
         rows = [
             row
@@ -60,34 +65,55 @@ def single_bounds(mirror: list[Measured], budgets: list[Measured]) -> Iterator[B
             if (row.sampling, row.setting) == (sampling, setting) and row.case.name.startswith(kinds)
         ]
         if rows and setting == "default":
-            what = "adaptive, default, single bodies, any turn and frequency"
-            yield Bound(what, "level [dB]", PAPER, 1.2, [row.largest_level for row in rows])
-            yield Bound(what, "phase [rad]", PAPER, 0.18, [row.largest_phase for row in rows])
+            what, (most_level, most_phase) = f"{sampling}, {name}, any turn and frequency", LARGEST[kinds]
+            yield Bound(what, "level [dB]", PAPER, most_level, [row.largest_level for row in rows])
+            yield Bound(what, "phase [rad]", PAPER, most_phase, [row.largest_phase for row in rows])
         if rows:
             what, is_typical = f"{sampling}, {name}", setting == "256"
             yield Bound(what, "level [dB]", PAPER, level, [row.level for row in rows], is_typical)
             if phase:
                 yield Bound(what, "phase [rad]", PAPER, phase, [row.phase for row in rows])
-    for budget, level, phase in (("10000", 0.4, 0.06), ("40000", 0.2, 0.025), ("70000", 0.1, 0.015)):
-        rows = [row for row in budgets if row.setting == budget]
-        what = f"adaptive, edge terms, {budget} rays, single bodies"
-        if budget == "10000":
-            # The line of stationary phase of a cylinder takes more.
-            what += " but cylinders"
-            rows = [row for row in rows if not row.case.name.startswith("cylinder")]
-        if rows:
-            yield Bound(what, "level [dB]", PAPER, level, [row.level for row in rows])
-            yield Bound(what, "phase [rad]", PAPER, phase, [row.phase for row in rows])
+
+
+FLAT_BOUNDS = (
+    ("plates and boxes", ("plate", "box"), (1e-4, 3e-5), 1e-4),
+    ("spheres", ("sphere",), (1e-3, 1e-3), 1.2e-3),
+    ("partly hidden plates and tables", ("partly hidden",), (1e-2, 1e-3), 1.2e-3),
+)
+"""Bodies, starts of their names, floors of errors at the two settings [m²], and share of the echo."""
+
+
+def flat_bounds(results: list[FlatResult]) -> Iterator[Bound]:
+    """Plates, boxes and spheres at random: the largest of a floor and a share of the echo."""
+    for what, names, floors, share in FLAT_BOUNDS:
+        for setting, floor in zip(FLAT_SETTINGS, floors, strict=True):
+            rows = [row for row in results if row.setting == setting and row.name.startswith(names)]
+            if not rows:
+                continue
+            ratios = [row.errors / np.maximum(floor, share * row.echoes) for row in rows]
+            quantity = f"error over max({floor_text(floor)}, {share:.1e} of the echo)"
+            reference = PAPER if what == "spheres" else FACES
+            name = f"adaptive, {setting}, {what} at random"
+            yield Bound(name, quantity, reference, 1.0, np.concatenate(ratios).tolist())
+
+
+def flat_lines() -> Iterator[str]:
+    """Bounds of `flat_bounds`, one line per kind of body."""
+    for what, _, (by_default, by_floor), share in FLAT_BOUNDS:
+        floors = f"{floor_text(by_default)} ({floor_text(by_floor)})"
+        yield f"- {what}: {floors}, or {share:.1e} of the echo where that is more"
 
 
 def quiet_bounds(oblique: list[Quiet], doppler: list[Quiet]) -> Iterator[Bound]:
     """Tilted walls and plates, and a sphere that moves evenly."""
-    for name, bound in (("wall", -60.0), ("square", -44.0)):
-        for row in oblique:
-            is_bounded = row.sampling == "adaptive, edge terms" and row.setting == floor_text(1e-5)
-            if row.name.startswith(name) and is_bounded:
-                quantity = "echo [dB]" if name == "wall" else "error [dB]"
-                yield Bound(f"{row.sampling}, {row.setting}, {row.name}", quantity, PAPER, bound, [row.level])
+    for what, settings, name, quantity, bound in (
+        ("any setting", ("default", "1e"), "wall", "echo [dB]", -72.0),
+        ("default", ("default",), "square", "error [dB]", -54.0),
+        ("any floor", ("1e",), "square", "error [dB]", -66.0),
+    ):
+        rows = [row for row in oblique if row.sampling == "adaptive" and row.setting.startswith(settings)]
+        rows = [row for row in rows if row.name.startswith(name)]
+        yield Bound(f"adaptive, {what}, {rows[0].name}", quantity, PAPER, bound, [row.level for row in rows])
     # A frame follows its points: only a cast per chirp shows what sampling adds to the side lobes of the window.
     for sampling in ("point", "footprint", "adaptive"):
         levels = [row.level for row in doppler if row.sampling == sampling and row.name != "one frame"]
@@ -122,9 +148,6 @@ MESH_BOUNDS: list[tuple[Way, tuple[float, float, float, float | None], tuple[flo
     (Way("adaptive", "floor", 1e-1), (1.5, 12.0, 45.0, -38.0), (4.0, 25.0)),
     (Way("adaptive", "floor", 1e-2), (1.0, 7.0, 21.0, -38.0), (3.5, 15.0)),
     (Way("adaptive", "floor", 1e-3), (0.8, 6.0, 18.0, -41.0), (2.5, 15.0)),
-    (Way("adaptive", "rays", 40_000), (1.0, 2.0, 21.0, -38.0), None),
-    (Way("adaptive", "rays", 100_000), (0.8, 1.6, 12.0, -41.0), (2.5, 15.0)),
-    (Way("adaptive", "rays", 260_000), (0.3, 1.2, 7.0, -43.0), (2.0, 10.0)),
     (Way("footprint", "pixels", 512), (1.8, 4.3, 25.0, None), None),
     (Way("footprint", "pixels", 1024), (1.3, 2.9, 12.0, None), None),
 ]

@@ -70,7 +70,6 @@ CURVES = {
     "footprint, by pixels": (("footprint", "pixels"), "o-", "C0"),
     "adaptive, default": (("adaptive", "default"), "*", "C3"),
     "adaptive, by rcs_floor": (("adaptive", "floor"), "D-", "C3"),
-    "adaptive, edge terms, by ray_budget": (("adaptive", "rays"), "^--", "C1"),
 }
 """Line and colour by sampling and what is varied."""
 

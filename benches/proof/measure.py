@@ -54,9 +54,10 @@ class Run:
     resolutions: list[int]
     finest: list[int]
     floors: list[float]
-    budgets: list[int]
     unit: int
     turns: int
+    placements: int
+    """Of flat surfaces."""
     repeats: int
     seeds: int
     corner_side: int
@@ -66,7 +67,6 @@ class Run:
     """Of meshes of exact surfaces."""
     mesh_resolutions: list[int]
     mesh_floors: list[float]
-    mesh_budgets: list[int]
     pitch: float
     """Of the rays of a dense integration [rad]."""
     shifts: int
@@ -84,9 +84,9 @@ FULL = Run(
     resolutions=[128, 256, 512],
     finest=[1024],
     floors=[1e-3, 1e-5, 1e-7],
-    budgets=[10_000, 40_000, 70_000],
     unit=256,
     turns=6,
+    placements=20,
     repeats=3,
     seeds=100,
     corner_side=128,
@@ -95,7 +95,6 @@ FULL = Run(
     finenesses=3,
     mesh_resolutions=[64, 128, 256, 512, 1024],
     mesh_floors=[1e-1, 1e-2, 1e-3, 1e-4],
-    mesh_budgets=[40_000, 100_000, 260_000],
     pitch=2e-4,
     shifts=8,
     nodes=600,
@@ -107,9 +106,9 @@ TINY = Run(
     resolutions=[32],
     finest=[],
     floors=[1.0],
-    budgets=[5_000],
     unit=32,
     turns=1,
+    placements=1,
     repeats=1,
     seeds=2,
     corner_side=16,
@@ -118,7 +117,6 @@ TINY = Run(
     finenesses=1,
     mesh_resolutions=[32],
     mesh_floors=[1.0],
-    mesh_budgets=[5_000],
     pitch=8e-3,
     shifts=2,
     nodes=60,
@@ -175,12 +173,6 @@ def turned(pixels: Reals, resolution: int, field_of_view_deg: float) -> rc.Pose:
 def num_cells(field_of_view_deg: float) -> int:
     """Cells of the base grid of adaptive sampling, along a side."""
     return round(64 * field_of_view_deg / 60.0)
-
-
-def budget_options(budget: int) -> dict[str, Any]:
-    """Edge terms within a budget: a floor that asks for more rays, and a finer grid where there are many."""
-    resolution = 128 if budget >= 100_000 else 64
-    return {"end_points": True, "rcs_floor": 1e-7, "ray_budget": budget, "resolution": resolution}
 
 
 def rms(values: NDArray[Any]) -> float:

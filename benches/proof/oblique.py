@@ -50,10 +50,9 @@ def ways(run: Run) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
     for sampling in ("point", "footprint"):
         for side in run.resolutions:
             yield sampling, str(side), side, {"sampling": sampling, "resolution": side}
+    yield "adaptive", "default", num_cells(60.0), {}
     for rcs_floor in run.floors:
-        for sampling, end_points in (("adaptive", False), ("adaptive, edge terms", True)):
-            options = {"rcs_floor": rcs_floor, "ray_budget": math.inf, "end_points": end_points}
-            yield sampling, floor_text(rcs_floor), num_cells(60.0), options
+        yield "adaptive", floor_text(rcs_floor), num_cells(60.0), {"rcs_floor": rcs_floor, "ray_budget": math.inf}
 
 
 def oblique_results(run: Run) -> Iterator[Quiet]:

@@ -23,7 +23,6 @@ from proof.measure import (
     Phasors,
     Reals,
     Run,
-    budget_options,
     conductor,
     decibels,
     floor_text,
@@ -186,7 +185,7 @@ def is_peak(size: Reals) -> Any:
 
 @dataclass(frozen=True)
 class Way:
-    """A sampling and its setting: `number` is pixels along a side, rays with edge terms, or a floor [m²].
+    """A sampling and its setting: `number` is pixels along a side, or a floor [m²].
 
     With the knob "default" all settings are those of a simulator that was told nothing.
     """
@@ -202,19 +201,12 @@ class Way:
             return {}
         if self.knob == "pixels":
             return {"sampling": self.sampling, "resolution": int(self.number)}
-        if self.knob == "floor":
-            return {"sampling": self.sampling, "rcs_floor": self.number, "ray_budget": math.inf}
-        return {"sampling": self.sampling, **budget_options(int(self.number))}
-
-    @property
-    def name(self) -> str:
-        """Of the sampling, in tables."""
-        return f"{self.sampling}, edge terms" if self.knob == "rays" else self.sampling
+        return {"sampling": self.sampling, "rcs_floor": self.number, "ray_budget": math.inf}
 
     @property
     def title(self) -> str:
         """Sampling and setting."""
-        return f"{self.name}, {self.text}"
+        return f"{self.sampling}, {self.text}"
 
     @property
     def text(self) -> str:
@@ -233,7 +225,6 @@ def ways(run: Run) -> list[Way]:
         *(Way("footprint", "pixels", side) for side in run.mesh_resolutions),
         DEFAULT,
         *(Way("adaptive", "floor", rcs_floor) for rcs_floor in run.mesh_floors),
-        *(Way("adaptive", "rays", budget) for budget in run.mesh_budgets),
     ]
 
 
@@ -445,7 +436,7 @@ def mesh_rows(results: list[ViewResult]) -> Iterator[list[str]]:
             errors = [row.errors for row in rows]
             yield [
                 group,
-                rows[0].way.name,
+                rows[0].way.sampling,
                 rows[0].way.text,
                 str(round(np.mean([row.rays for row in rows]))),
                 f"{1e3 * np.median([row.seconds for row in rows]):.0f}",

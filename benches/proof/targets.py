@@ -31,7 +31,6 @@ from proof.measure import (
     Phasors,
     Run,
     best_time,
-    budget_options,
     conductor,
     errors,
     floor_text,
@@ -57,7 +56,6 @@ class Case:
     echo: Phasors
     field_of_view_deg: float = 60.0
     has_fine: bool = False  # also 1024 x 1024
-    has_budgets: bool = False  # near, and not small: also within budgets of rays
 
 
 @cache
@@ -71,15 +69,15 @@ def new_cases() -> Iterator[Case]:
         mesh = rc.shapes.disc(radius, sagitta=FINE_RIM)
         name = f"disc, radius {100 * radius:g} cm, at 1 m"
         is_large = radius == 0.05
-        yield Case(name, conductor(mesh, 1.0), disc_echo(radius, 1.0), has_fine=is_large, has_budgets=is_large)
+        yield Case(name, conductor(mesh, 1.0), disc_echo(radius, 1.0), has_fine=is_large)
     for edge in (0.1, 0.2):
         target = conductor(rc.shapes.plate(edge, edge), 1.0)
         name = f"square, {100 * edge:g} cm, at 1 m"
-        yield Case(name, target, square_echo(edge, 1.0), has_fine=edge == 0.2, has_budgets=True)
+        yield Case(name, target, square_echo(edge, 1.0), has_fine=edge == 0.2)
     tilt = np.deg2rad(5.0)
     target = conductor(rc.shapes.plate(0.2, 0.2), 1.0, tilt)
     name = "square, 20 cm, at 1 m, tilted 5 degrees"
-    yield Case(name, target, square_echo(0.2, 1.0, tilt), has_fine=True, has_budgets=True)
+    yield Case(name, target, square_echo(0.2, 1.0, tilt), has_fine=True)
     for distance, field_of_view in ((10.0, 60.0), (10.0, 6.0), (100.0, 0.6)):
         target = conductor(rc.shapes.plate(0.1, 0.1), distance)
         name = f"square, 10 cm, at {distance:g} m, image of {field_of_view:g} degrees"
@@ -89,10 +87,10 @@ def new_cases() -> Iterator[Case]:
     for radius in (0.2, 0.1, 0.05):
         target = conductor(rc.shapes.sphere(radius), 1.0)
         name = f"sphere, radius {100 * radius:g} cm, centre at 1 m"
-        yield Case(name, target, sphere_echo(radius, 1.0), has_fine=radius == 0.1, has_budgets=True)
+        yield Case(name, target, sphere_echo(radius, 1.0), has_fine=radius == 0.1)
     target = conductor(rc.shapes.cylinder(0.05, 0.3), 1.0)
     name = "cylinder, radius 5 cm, length 30 cm, axis at 1 m"
-    yield Case(name, target, cylinder_echo(0.05, 0.3, 1.0), has_budgets=True)
+    yield Case(name, target, cylinder_echo(0.05, 0.3, 1.0))
     yield Case("point, 1 m², at 2 m", rc.PointTarget([2.0, 0.0, 0.0], rcs=1.0), point_echo(1.0, 2.0))
 
 
@@ -176,22 +174,6 @@ def mirror_rows(results: list[list[Measured]], run: Run) -> Iterator[list[str]]:
         unit = next(row.seconds for row in rows if row.setting == str(run.unit))
         for row in rows:
             yield [*_texts(row), f"{row.seconds / unit:.2g}"]
-
-
-def budget_results(run: Run) -> list[Measured]:
-    """Single smooth bodies and plates within budgets of rays."""
-    return [
-        measured(case, run, "adaptive", str(budget), num_cells(60.0), budget_options(budget), repeats=0)
-        for case in cases()
-        if case.has_budgets
-        for budget in run.budgets
-    ]
-
-
-def budget_rows(results: list[Measured]) -> Iterator[list[str]]:
-    for row in results:
-        name, _, *rest = _texts(row)
-        yield [name, *rest]
 
 
 def _texts(row: Measured) -> list[str]:

@@ -229,32 +229,34 @@ def test_footprints_of_a_real_mesh_converge_and_points_do_not_yet() -> None:
 
 @needs_robots
 def test_frames_of_a_real_mesh_are_the_sum_over_their_paths() -> None:
-    view = views()["arm at 1.2 m, posture 4"]
-    options = {"rcs_floor": 1e-3}
-    sim = rc.Simulator(view.scene, view.radar, radar_motion=view.radar_motion, tolerance=1e-6, **options)
+    # Walls have points of order 1, all else of order 0.
+    view = views()["room with both, view 1"]
+    sim = rc.Simulator(view.scene, view.radar, radar_motion=view.radar_motion, tolerance=1e-6, rcs_floor=1e-2)
     paths = sim.paths()
     assert {0, 1} <= set(paths.order[0].tolist())
     some = FREQUENCIES[::64, None]
     weights = (view.radar.waveform.center_frequency / some) ** paths.order[0]
     expected = (weights * np.exp(-2j * np.pi * some * paths.delay[0])) @ paths.amplitude[0]
     got = transfer_function(sim)[::64]
-    np.testing.assert_allclose(got, expected, atol=1e-5 * np.linalg.norm(paths.amplitude[0]))
+    # Samples have the residual video phase of pi S delay^2, up to 1.5e-5 rad in this room.
+    np.testing.assert_allclose(got, expected, atol=2e-5 * np.linalg.norm(paths.amplitude[0]))
 
 
 def test_a_floor_of_cross_section_finds_what_a_budget_is_too_small_for() -> None:
     ball = conductor(rc.shapes.sphere(0.1, subdivisions=6), 1.0)
     expected = sphere_echo(0.1, 1.0, WAVENUMBERS)
 
-    def of(number: float) -> real_meshes.Sampled:
-        way = Way("adaptive", "floor" if number < 1.0 else "rays", number)
-        view = View("", "", rc.Scene([ball]), real_meshes.RADAR, rc.Pose())
-        return sampled(view, way, Dense((expected, expected), 0, 0.0, 2.0))
+    def of(ray_budget: float) -> tuple[int, float]:
+        """Rays, and relative error of the range profile."""
+        got = simulator(ball, real_meshes.RADAR, rcs_floor=1e-7, ray_budget=ray_budget, resolution=64).frame()
+        errors = profile_errors(np.conj(got.cube[0, 0]), expected, 0.0, 2.0)
+        return got.stats["rays_cast"], errors.relative
 
     with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
-        few = of(10_000)
-    many = of(1e-7)
-    assert few.rays <= 2 * 10_000 < many.rays  # with those of the cells that were tried
-    assert many.errors.relative < few.errors.relative < 0.1
+        few_rays, few_error = of(10_000)
+    many_rays, many_error = of(np.inf)
+    assert few_rays <= 2 * 10_000 < many_rays  # with those of the cells that were tried
+    assert many_error < few_error < 0.1
 
 
 # --- corners, walls, Doppler, matt sphere --------------------------------------------------------------------------
