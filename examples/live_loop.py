@@ -15,7 +15,7 @@ import radarcore as rc
 
 SPEED, BRAKING, STOP_AT, PERIOD, WALL_X = 1.0, 1.0, 0.6, 0.05, 3.0  # [m/s], [m/s^2], [m], [s], [m]
 
-radar = rc.bgt60tr13c(range_resolution=0.05, max_range=3.2, num_chirps=32)
+radar = rc.bgt60tr13c(range_resolution=0.05, max_range=3.4, num_chirps=32)
 cart = rc.Live()
 wall = rc.Body(
     rc.shapes.plate(2.0, 1.0), material=rc.materials["concrete"], motion=rc.Pose([WALL_X, 0.0, 0.0]), name="wall"

@@ -78,7 +78,7 @@ def test_corner_and_plate_have_the_cross_sections_of_textbooks(example: Example)
 
 def test_smooth_wall_is_the_image_of_the_radar_and_unseen_obliquely(example: Example) -> None:
     at_0, at_60 = example.numbers("oblique_wall", "--step-deg", "30")
-    assert at_0[1] == pytest.approx(at_0[2], abs=0.2)
+    assert at_0[1] == pytest.approx(at_0[2], abs=0.4)  # the edges of the wall add or take some
     _, smooth, rough = at_60
     assert smooth > 35.0
     assert abs(rough) < 15.0  # speckle

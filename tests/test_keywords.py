@@ -14,6 +14,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.adapters import coppeliasim, mujoco, optitrack, ros
+from radarcore.sensor.bgt60.settings import Settings
 
 FACES = [rc, rc.models, rc.models.robots, rc.plot, rc.processing, rc.sensor, coppeliasim, mujoco, optitrack, ros]
 FILES = [rc.shapes, rc.adapters.gazebo, rc.adapters.images, rc.adapters.rerun]
@@ -179,6 +180,6 @@ def test_flags_take_true_or_false_alone(called: Callable[..., Any], options: lis
 
 def test_flags_may_come_from_numpy_and_without_their_keywords() -> None:
     true: Any = np.True_
-    assert rc.dataset.Labels(true, boxes=true).boxes is True
+    assert Settings(is_transmitting=true).is_transmitting is True
     with pytest.raises(TypeError, match="boxes: expected True or False, got 'no'"):
         rc.dataset.Labels(True, "no")  # type: ignore[arg-type]

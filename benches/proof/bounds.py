@@ -76,7 +76,7 @@ def single_bounds(mirror: list[Measured]) -> Iterator[Bound]:
 
 
 FLAT_BOUNDS = (
-    ("plates and boxes", ("plate", "box"), (1e-4, 3e-5), 1e-4),
+    ("plates and boxes", ("plate", "box"), (4e-4, 3e-5), 1e-4),
     ("spheres", ("sphere",), (1e-3, 1e-3), 1.2e-3),
     ("partly hidden plates and tables", ("partly hidden",), (1e-2, 1e-3), 1.2e-3),
 )

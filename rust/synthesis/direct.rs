@@ -93,7 +93,7 @@ struct Tones {
     weights: Vec<f64>,
     /// Mean over the nodes of the squared l2 norm of the amplitudes [W].
     power: f64,
-    /// Bound on the longest delay of a path with power [s]; of edge terms, which may lie beyond a surface, none.
+    /// Bound on the longest delay of a path with power [s].
     longest: f64,
 }
 
@@ -125,7 +125,7 @@ impl Tones {
                     Basis::Taylor => term.abs() * waveform.duration().powf(k as f64),
                     Basis::Chebyshev => term.abs(),
                 };
-                if power > 0.0 && group.frequency_exponent == 0 {
+                if power > 0.0 {
                     tones.longest = tones.longest.max(delay.iter().enumerate().map(term).sum());
                 }
                 let constant = [delay[0], turns(waveform.start_frequency, delay[0])];

@@ -166,7 +166,7 @@ pub struct Report {
     pub num_paths: usize,
     /// Number of paths of all channels that stand still.
     pub num_static: usize,
-    /// Bound on the longest delay of a path with power [s], without edge terms: these may lie beyond a surface.
+    /// Bound on the longest delay of a path with power [s].
     pub longest: f64,
     /// Working memory beside input and result [bytes].
     pub memory: usize,

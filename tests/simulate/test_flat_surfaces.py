@@ -15,7 +15,7 @@ from proof.flat_surfaces import TARGETS, flat_results
 from proof.measure import FULL, SPEED_OF_LIGHT, Phasors, frame, tone
 
 WAVENUMBERS = np.array([2.0 * np.pi * 60e9 / SPEED_OF_LIGHT])
-SETTINGS: dict[float, dict[str, Any]] = {1e-4: {}, 3e-5: {"rcs_floor": 1e-4}}
+SETTINGS: dict[float, dict[str, Any]] = {4e-4: {}, 3e-5: {"rcs_floor": 1e-4}}
 """Options by the floor of errors that they promise [m²]; an error is also below 1e-4 of the echo."""
 
 
@@ -37,7 +37,7 @@ def assert_exact(cuboid: Cuboid, expected: Phasors, radar: rc.Radar, **material:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("is_box", [False, True], ids=["plate", "box"])
 def test_cuboid_anywhere_is_physical_optics_over_its_faces(seed: int, is_box: bool) -> None:
-    # 400 in all. The largest errors are 1.4e-5 m^2 of plates and 6.1e-5 m^2 (2e-5 of the echo) of boxes.
+    # 400 in all. By default edges of less than 1e-4 m^2 are left out.
     rng, radar = np.random.default_rng(seed), rc.Radar(tone())
     for _ in range(50):
         cuboid = placed(rng, None, is_box=is_box)

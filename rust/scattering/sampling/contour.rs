@@ -43,8 +43,15 @@ const PIECES: f64 = 24.0;
 const ROLLS_OFF: f64 = 0.25 * PI;
 const ZERO: f64 = PI;
 
-/// Least height of the sensor above the plane of a region [m].
+/// Least field of an edge relative to that of the smallest cross-section of interest: the far edges of a floor return less.
+const LEAST_EDGE: f64 = 0.1;
+
+/// Least height of the sensor above the plane of a region, and largest coordinate of its outline [m].
 const LEAST_HEIGHT: f64 = 1e-6;
+const FARTHEST: f64 = 1e6;
+
+/// Largest number of pieces to either side of the nearest point.
+const MOST_PIECES: f64 = 2048.0;
 
 /// Distances by which the foot of the perpendicular may move while a region is used: relative to its distance from the
 /// outline, and to the width of the zone about a nearest point (the root of wavelength times distance), at least and at
@@ -85,11 +92,11 @@ impl Contours {
         });
         let regions: Vec<(u32, &FlatRegion)> = regions.collect();
         let pairs = pairs(first.array, has_common_weight);
-        let least_field = SHARE * field_of(refinement.rcs_floor, wavelength);
+        let floor = field_of(refinement.rcs_floor, wavelength);
         let points = |(body, region): &(u32, &FlatRegion)| {
             let outline = Outline::new(first.scene.pose(*body), region);
             let turn = first.turns.get(*body as usize).copied().unwrap_or(0.0);
-            let is_contour = outline.height > LEAST_HEIGHT
+            let is_contour = outline.is_in_range()
                 && outline.moves_little(turn, wavelength)
                 && first.scene.is_empty(&outline.pyramid());
             is_contour.then(|| {
@@ -100,7 +107,7 @@ impl Contours {
                     material: &materials[*body as usize],
                     wavenumber: TAU / wavelength,
                     pairs: &pairs,
-                    least_field,
+                    floor,
                     outline,
                 };
                 (region.points(), region.nearest(), region.outline)
@@ -223,6 +230,12 @@ impl Outline {
         }
     }
 
+    /// True if the sensor is off the plane, and all coordinates are those of a scene.
+    fn is_in_range(&self) -> bool {
+        let is_near = |end: &DVec3| end.abs().max_element() <= FARTHEST;
+        self.height > LEAST_HEIGHT && self.edges.as_flattened().iter().all(is_near)
+    }
+
     /// Point of the plane that reflects from one antenna to the other.
     fn specular_point(&self, pair: [DVec3; 2]) -> DVec3 {
         let [t, r] = pair.map(|antenna| self.height - self.normal.dot(antenna));
@@ -271,7 +284,7 @@ impl Outline {
         } else {
             ((to / offset).atan() - (from / offset).atan()) / offset
         };
-        let nearest = 0.0_f64.clamp(from, to);
+        let nearest = from.max(0.0).min(to);
         let square = offset * offset + nearest * nearest;
         if square == 0.0 {
             // An edge through the specular point has the field of the other side as much as its own.
@@ -299,7 +312,7 @@ impl Outline {
         let foot = self.height * self.normal;
         let to_edge = |edge: &[DVec3; 2]| {
             let ([from, to], offset) = self.about(foot, *edge);
-            offset.hypot(0.0_f64.clamp(from, to))
+            offset.hypot(from.max(0.0).min(to))
         };
         let from_foot = self.edges.iter().map(to_edge).fold(f64::INFINITY, f64::min);
         let zone = (wavelength * self.height).sqrt();
@@ -347,8 +360,8 @@ struct Region<'a> {
     wavenumber: f64,
     /// Antennas that the weights of the points are for.
     pairs: &'a [[DVec3; 2]],
-    /// Least field of a corner [m^2].
-    least_field: f64,
+    /// Field of the smallest cross-section of interest, see [`field_of`] [m^2].
+    floor: f64,
     outline: Outline,
 }
 
@@ -371,7 +384,15 @@ impl Region<'_> {
         let (k, outline, along) = (self.wavenumber, &self.outline, (edge[1] - edge[0]).normalize());
         let ([start, end], offset) = outline.about(outline.height * outline.normal, edge);
         let distance = outline.height.hypot(offset);
-        let length = (TAU / k * distance / PIECES).sqrt();
+        let zone = (TAU / k * distance).sqrt();
+        let length = zone / PIECES.sqrt();
+        let field = |point: DVec3, weight: Complex64| 8.0 * PI * outline.height / point.length() * weight.norm();
+        let nearest = edge[0] + (start.max(0.0).min(end) - start) * along;
+        let gradient = outline.gradient([DVec3::ZERO; 2], nearest).length();
+        let strength = field(nearest, self.edge_weight() * zone / gradient);
+        if self.pairs.len() == 1 && strength < LEAST_EDGE * self.floor {
+            return;
+        }
         // Half of what the phase turns over a piece.
         let slope = |pair, point| 0.5 * k * outline.gradient(pair, point).dot(along) * length;
         // Pieces farther from the nearest point are rolled off for any pair of antennas.
@@ -379,7 +400,7 @@ impl Region<'_> {
         let rolled_off = if sine < 1.0 {
             distance * sine / (1.0 - sine * sine).sqrt()
         } else {
-            f64::INFINITY
+            MOST_PIECES * length
         };
         let reach = self.pairs.as_flattened().iter().map(|antenna| antenna.length());
         let farthest = rolled_off + reach.fold(0.0, f64::max);
@@ -413,8 +434,7 @@ impl Region<'_> {
                 let arc = gradient.dot(along.cross(outline.normal)) / gradient.length_squared();
                 self.edge_weight() * arc * Complex64::new(0.0, sign * rest / (k * gradient.dot(along)))
             };
-            let cosine = outline.height / end.length();
-            if 8.0 * PI * cosine * weight([DVec3::ZERO; 2]).norm() > self.least_field {
+            if field(end, weight([DVec3::ZERO; 2])) > SHARE * self.floor {
                 self.add(points, end, PointKind::Corner, weight);
             }
         }
@@ -454,7 +474,7 @@ impl Region<'_> {
         let foot = self.outline.height * self.outline.normal;
         let on_edge = |[a, b]: &[DVec3; 2]| {
             let ([from, to], _) = self.outline.about(foot, [*a, *b]);
-            *a + (0.0_f64.clamp(from, to) - from) * (*b - *a).normalize()
+            *a + (from.max(0.0).min(to) - from) * (*b - *a).normalize()
         };
         let inside = self.outline.reflects([DVec3::ZERO; 2]).then_some(foot);
         let points = self.outline.edges.iter().map(on_edge).chain(inside);

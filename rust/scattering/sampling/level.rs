@@ -7,7 +7,7 @@ use super::tile::SampledTile;
 use super::tile_index::TileIndex;
 
 /// Evaluated tiles of one level.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(super) struct TileLevel {
     pub(super) tiles: Vec<Arc<SampledTile>>,
     /// Base tile of every tile.

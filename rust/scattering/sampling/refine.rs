@@ -38,15 +38,6 @@ const STEP: f64 = 4.0;
 /// alone in view, the residual error stays that far below their own echo.
 const OF_STRONGEST: f64 = 0.1;
 
-/// Largest number of rays of the base level of a simple scene, and how many more it may take for the error of its strongest
-/// echo to be small.
-const FEW_RAYS: usize = 10_000;
-
-/// Floor of a simple scene relative to the cross-section of its strongest tile, and the factor by which it rises where the
-/// rays do not suffice.
-const OF_STRONGEST_ALONE: f64 = 5e-4;
-const SMALL_STEP: f64 = 4.0;
-
 /// Least lowered floor, relative to the default one. Cells of the base level may be too large to show any echo.
 const LEAST_FLOOR: f64 = 0.1;
 
@@ -62,8 +53,6 @@ pub struct Tiles {
     /// True if a point has one weight for all channels.
     pub has_common_weight: bool,
     pub(super) levels: Vec<TileLevel>,
-    /// Tiles of a simple scene that were tried for a lower floor.
-    tried: Vec<TileLevel>,
     /// Base plane and beam of every sector.
     sectors: Vec<(ImagePlane, Option<Beam>)>,
     turns: Vec<f32>,
@@ -131,7 +120,7 @@ struct TileRequest {
 
 /// Tiles of another time that may be taken over.
 struct PreviousTiles<'a> {
-    levels: [&'a [TileLevel]; 2],
+    levels: &'a [TileLevel],
     /// Base tiles that no moved body touches, then or now.
     is_static: Vec<bool>,
 }
@@ -171,7 +160,7 @@ impl Tiles {
         let known = previous.map(|(tiles, moved)| {
             let changed = |sector: &Sector| contours.changed(&tiles.contours, sector.scene);
             let changed: Vec<Tree> = sectors.iter().map(changed).collect();
-            PreviousTiles::new(&contexts, [&tiles.levels, &tiles.tried], [moved, &changed])
+            PreviousTiles::new(&contexts, &tiles.levels, [moved, &changed])
         });
 
         let mut refine = RefineTiles {
@@ -181,23 +170,14 @@ impl Tiles {
             known: known.as_ref(),
             refinement,
             floor: None,
-            highest_floor: f64::INFINITY,
             most_forced: MAX_LEVEL,
             counts: Counts::default(),
         };
-        let mut tried = Vec::new();
         let (mut levels, mut is_whole) = refine.levels(&[])?;
         while !is_whole {
             // Too many rays: again, with the tiles that are there. In the end nothing is split.
-            if refine.is_simple() {
-                refine.floor = refine.floor.map(|floor| (SMALL_STEP * floor).min(refine.highest_floor));
-                if tried.is_empty() {
-                    tried = levels.clone();
-                }
-            } else {
-                refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
-                refine.most_forced = refine.most_forced.saturating_sub(1);
-            }
+            refine.floor = refine.floor.map(|floor| STEP * STEP * floor);
+            refine.most_forced = refine.most_forced.saturating_sub(1);
             (levels, is_whole) = refine.levels(&levels)?;
         }
         let mut tiles = Self::gather(levels, &refine);
@@ -205,7 +185,6 @@ impl Tiles {
         let points = contours.points.iter().cloned();
         tiles.pieces.extend(points.map(|points| PointRange::whole(0, points)));
         tiles.contours = contours.into_flags();
-        tiles.tried = tried;
         Ok(tiles)
     }
 
@@ -260,7 +239,6 @@ impl Tiles {
             nearest: nearest_of(&levels, &first.contours.nearest),
             counts,
             levels: Vec::new(),
-            tried: Vec::new(),
         };
 
         // Level and number of all tiles with a hit.
@@ -311,8 +289,6 @@ struct RefineTiles<'a> {
     refinement: Option<Refinement>,
     /// Smallest cross-section of interest [m^2]; none: not yet chosen.
     floor: Option<f64>,
-    /// The same without the further rays of a simple scene.
-    highest_floor: f64,
     /// Number of levels, from the base level on, whose quarters small parts may split.
     most_forced: usize,
     counts: Counts,
@@ -323,7 +299,7 @@ impl RefineTiles<'_> {
     /// `tried` for a smaller cross-section are taken over.
     fn levels(&mut self, tried: &[TileLevel]) -> Result<(Vec<TileLevel>, bool)> {
         let budget = self.refinement.and_then(|refinement| refinement.budget);
-        let mut budget = budget.unwrap_or(usize::MAX);
+        let budget = budget.unwrap_or(usize::MAX);
         let mut levels: Vec<TileLevel> = Vec::new();
         let whole = |(base, place)| TileRequest {
             base,
@@ -344,9 +320,6 @@ impl RefineTiles<'_> {
             rays += level.rays();
             if levels.is_empty() && self.floor.is_none() {
                 self.floor = self.refinement.map(|refinement| self.chosen_floor(&level, &refinement));
-            }
-            if levels.is_empty() && self.is_simple() {
-                budget = budget.min(rays + FEW_RAYS);
             }
             next = self.split(&mut level, levels.len());
             self.check()?;
@@ -443,7 +416,7 @@ impl RefineTiles<'_> {
     }
 
     /// Smallest cross-section of interest, from the tiles of the base level [m^2].
-    fn chosen_floor(&mut self, base: &TileLevel, refinement: &Refinement) -> f64 {
+    fn chosen_floor(&self, base: &TileLevel, refinement: &Refinement) -> f64 {
         let strongest = base.tiles.iter().map(|tile| tile.scattering_length).fold(0.0, f64::max);
         let floor = refinement.rcs_floor;
         if !refinement.follows_echo {
@@ -451,16 +424,7 @@ impl RefineTiles<'_> {
         }
         let wavelength = TAU / self.contexts[0].wavenumber;
         let cross_section = 4.0 * PI * (strongest / wavelength).powi(2);
-        self.highest_floor = (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor);
-        if base.rays() > FEW_RAYS || cross_section == 0.0 {
-            return self.highest_floor;
-        }
-        (OF_STRONGEST_ALONE * cross_section).min(self.highest_floor)
-    }
-
-    /// True if the floor is that of a simple scene.
-    fn is_simple(&self) -> bool {
-        self.highest_floor < f64::INFINITY && self.floor.is_some_and(|floor| floor < self.highest_floor)
+        (OF_STRONGEST * cross_section).clamp(LEAST_FLOOR * floor, floor)
     }
 
     /// Number of cells of quarters that the settings ask to split, where the finest level or the budget ended the
@@ -489,7 +453,7 @@ impl RefineTiles<'_> {
 impl<'a> PreviousTiles<'a> {
     /// Tiles at another time; `changed`: boxes where bodies have moved since, and of flat regions that were left to cells
     /// at one of both times alone, in the axes of every sector.
-    fn new(contexts: &[Context], levels: [&'a [TileLevel]; 2], changed: [&[Tree]; 2]) -> Self {
+    fn new(contexts: &[Context], levels: &'a [TileLevel], changed: [&[Tree]; 2]) -> Self {
         let tiles = base_tiles(contexts.iter().map(|context| &context.planes[0]));
         let is_static = tiles.par_iter().map_init(Worker::new, |worker, (_, place)| {
             let mut changed = changed.iter().map(|trees| &trees[place.sector]);
@@ -506,8 +470,8 @@ impl<'a> PreviousTiles<'a> {
         if !self.is_static[wanted.base as usize] {
             return None;
         }
-        let mut levels = self.levels.iter().filter_map(|levels| levels.get(wanted.place.level));
-        levels.find_map(|level| level.known(&wanted.place, wanted.packets))
+        let level = self.levels.get(wanted.place.level)?;
+        level.known(&wanted.place, wanted.packets)
     }
 }
 
