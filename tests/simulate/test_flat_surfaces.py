@@ -100,3 +100,34 @@ def test_flash_of_a_plate_that_swings_is_physical_optics_chirp_by_chirp() -> Non
 def test_partly_hidden_plate_keeps_the_bound_of_the_page(name: str) -> None:
     results = list(flat_results(replace(FULL, placements=2), [name]))
     assert [bound.what for bound in flat_bounds(results) if not bound.is_held] == []
+
+
+def plate_paths(mesh: rc.Mesh) -> rc.Paths:
+    body = rc.Body(
+        mesh, material=rc.materials["perfect_conductor"], motion=rc.Pose.from_rpy([1.0, 0.0, 0.0], [0.2, 0.1, 0.3])
+    )
+    return rc.Simulator(rc.Scene([body]), rc.Radar(tone()), rcs_floor=1e-4).paths()
+
+
+def field_of(paths: rc.Paths) -> complex:
+    return complex((paths.amplitude[0] * np.exp(-1j * WAVENUMBERS[0] * SPEED_OF_LIGHT * paths.delay[0])).sum())
+
+
+def test_a_sheet_with_both_sides_returns_as_much_as_one() -> None:
+    plate = rc.shapes.plate(0.2, 0.15)
+    both = rc.Mesh(plate.vertices, np.concatenate([plate.triangles, plate.triangles[:, ::-1]]))
+    one, two = field_of(plate_paths(plate)), field_of(plate_paths(both))
+    distance = 1.0
+    assert float(section(np.array([one - two]), distance, WAVENUMBERS)) <= 1e-3
+    assert abs(20.0 * np.log10(abs(two / one))) < 3.0
+
+
+def test_a_plate_of_many_triangles_has_the_points_of_one_of_two() -> None:
+    y, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.1, 0.1, 21), np.linspace(-0.075, 0.075, 16)))
+    first = np.array([21 * row + column for row in range(15) for column in range(20)])
+    squares = [[first, first + 1, first + 22], [first, first + 22, first + 21]]
+    triangles = np.concatenate([np.stack(corners, axis=1) for corners in squares])
+    fine = plate_paths(rc.Mesh(np.stack([0.0 * y, y, z], axis=1), triangles))
+    coarse = plate_paths(rc.shapes.plate(0.2, 0.15))
+    assert fine.delay.shape == coarse.delay.shape
+    assert abs(field_of(fine) / field_of(coarse) - 1.0) < 1e-9

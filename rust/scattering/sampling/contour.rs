@@ -400,14 +400,14 @@ impl Region<'_> {
         let rolled_off = if sine < 1.0 {
             distance * sine / (1.0 - sine * sine).sqrt()
         } else {
-            MOST_PIECES * length
+            f64::INFINITY
         };
         let reach = self.pairs.as_flattened().iter().map(|antenna| antenna.length());
         let farthest = rolled_off + reach.fold(0.0, f64::max);
 
         // Piece 0 has its middle at the nearest point.
         let [low, high] = [start.max(-farthest), end.min(farthest)];
-        let [first, last] = [low, high].map(|place| (place / length).round() as i64);
+        let [first, last] = [low, high].map(|place| (place / length).round().clamp(-MOST_PIECES, MOST_PIECES) as i64);
         for number in first..=last {
             let borders = [-0.5, 0.5].map(|half| (number as f64 + half) * length);
             let (from, to) = (low.max(borders[0]), high.min(borders[1]));
