@@ -15,8 +15,8 @@ use crate::rays::scene::PosedScene;
 use crate::scattering::mesh_parts::MeshPart;
 use crate::scattering::refinement::field_of;
 use crate::scattering::samples::SceneSamples;
-use crate::scattering::sampling::NearestHit;
 use crate::scattering::sector::Sector;
+use crate::scattering::tile_point::NearestHit;
 
 /// Samples of a frame: cells of tiles, and random points of rough surfaces.
 pub struct Rays {

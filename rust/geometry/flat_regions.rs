@@ -19,6 +19,9 @@ const STRAIGHTNESS: f64 = 2e-6;
 /// Least area of a region [m^2]: about a square wavelength at 60 GHz.
 const LEAST_AREA: f64 = 25e-6;
 
+/// Largest number of edges of a region.
+const MOST_EDGES: usize = 1000;
+
 /// Largest number of regions of a mesh.
 const MOST_REGIONS: usize = 256;
 
@@ -74,9 +77,11 @@ impl FlatRegions {
 
         // By the first triangle: area times normal, the outline, and whether the region is one.
         let mut found: BTreeMap<usize, (DVec3, Vec<[usize; 2]>, bool)> = BTreeMap::new();
+        let mut members: HashMap<usize, Vec<usize>> = HashMap::new();
         for triangle in (0..triangles.len()).filter(|triangle| is_flat(*triangle)) {
             let region = found.entry(roots[triangle]).or_insert((DVec3::ZERO, Vec::new(), true));
             region.0 += area_normal(triangle);
+            members.entry(roots[triangle]).or_default().push(triangle);
         }
         for_edges(triangles.len(), position, |edge| {
             let both = two_sides(edge, position).map(|(first, second)| (first / 3, second / 3));
@@ -97,8 +102,11 @@ impl FlatRegions {
                 let outline = straightened(&outline, position, place);
                 let area = area_normal.length();
                 let normal = area_normal / area;
-                let is_plane = |edge: &[DVec3; 2]| (edge[0] - outline[0][0]).dot(normal).abs() < FLATNESS;
-                let is_region = is_sharp && area >= LEAST_AREA && outline.iter().all(is_plane);
+                let is_on_plane = |corner: usize| (place(corner) - outline[0][0]).dot(normal).abs() < FLATNESS;
+                let is_plane = members[&root]
+                    .iter()
+                    .all(|triangle| (0..3).all(|i| is_on_plane(3 * triangle + i)));
+                let is_region = is_sharp && area >= LEAST_AREA && outline.len() <= MOST_EDGES && is_plane;
                 let triangle = root as u32;
                 is_region.then_some((
                     root,

@@ -1,11 +1,10 @@
-//! Pyramids from the sensor to a rectangle, and whether surfaces reach into one.
+//! Pyramids from the sensor to a rectangle, and the triangles that reach into one.
 
 use glam::DVec3;
 
 use crate::geometry::pose::Pose;
 use crate::rays::scene::PosedScene;
-use crate::rays::surface::Surface;
-use crate::rays::tree::{Kind, WIDTH};
+use crate::rays::tree::{Kind, Tree, WIDTH};
 
 /// Depth by which a surface may reach through a side of a pyramid [m].
 pub const THROUGH_SIDE: f64 = 1e-6;
@@ -13,11 +12,11 @@ pub const THROUGH_SIDE: f64 = 1e-6;
 /// Depth by which a surface may reach through its base [m].
 pub const THROUGH_BASE: f64 = 2e-5;
 
-/// Pyramid with the apex at the origin of the sensor frame: the half spaces of its sides and of its base. A point is
-/// inside where all are larger than zero.
+/// Pyramid with the apex at the origin of the sensor frame: the half spaces of its sides and of its base, and the one in
+/// front of the apex.
 pub struct Pyramid {
     /// Inward unit normals, and distances of the planes from the origin along them [m].
-    planes: [(DVec3, f64); 5],
+    planes: [(DVec3, f64); 6],
 }
 
 impl Pyramid {
@@ -35,7 +34,8 @@ impl Pyramid {
         let corner = |i: usize, j: usize| height * normal + u[i] * axes[0] + v[j] * axes[1];
         let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
         let middle = 0.25 * corners.iter().sum::<DVec3>();
-        let mut planes = [(-normal, THROUGH_BASE - height); 5];
+        let mut planes = [(-normal, THROUGH_BASE - height); 6];
+        planes[5] = (normal, 0.0);
         for i in 0..4 {
             let side = corners[i].cross(corners[(i + 1) % 4]).normalize_or_zero();
             planes[i] = (side * side.dot(middle).signum(), THROUGH_SIDE);
@@ -52,38 +52,52 @@ impl Pyramid {
         Self { planes }
     }
 
-    /// True if a point may be inside that is the one farthest along every normal.
-    fn may_meet(&self, farthest: impl Fn(DVec3) -> f64) -> bool {
-        self.planes
-            .iter()
-            .all(|(normal, distance)| farthest(*normal) > *distance)
+    /// True unless a box is outside one of the planes.
+    fn may_meet(&self, min: DVec3, max: DVec3) -> bool {
+        let corner = |normal: DVec3| DVec3::select(normal.cmpgt(DVec3::ZERO), max, min);
+        // Slots without a child hold an empty box.
+        let mut planes = self.planes.iter();
+        min.cmple(max).all() && planes.all(|(normal, distance)| normal.dot(corner(*normal)) > *distance)
     }
 
-    /// True if a triangle of a surface may reach into the pyramid, which is in the frame of the surface's boxes.
-    fn may_meet_surface(&self, surface: &Surface) -> bool {
-        let mut stack = if surface.tree.nodes.is_empty() { vec![] } else { vec![0] };
+    /// True if a part of a triangle is inside: what the planes leave of it one after the other.
+    fn meets(&self, triangle: [DVec3; 3]) -> bool {
+        let mut polygon = triangle.to_vec();
+        for (normal, distance) in &self.planes {
+            let beyond = |point: DVec3| normal.dot(point) - distance;
+            let mut inside = Vec::with_capacity(polygon.len() + 1);
+            for (i, point) in polygon.iter().enumerate() {
+                let next = polygon[(i + 1) % polygon.len()];
+                let [here, there] = [beyond(*point), beyond(next)];
+                if here > 0.0 {
+                    inside.push(*point);
+                }
+                if (here > 0.0) != (there > 0.0) {
+                    inside.push(point.lerp(next, here / (here - there)));
+                }
+            }
+            polygon = inside;
+            if polygon.is_empty() {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// True if a leaf of a tree, by number and count, is one that the pyramid meets.
+    fn meets_any(&self, tree: &Tree, meets: impl Fn(usize, usize) -> bool) -> bool {
+        let mut stack = if tree.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(node) = stack.pop() {
-            let node = &surface.tree.nodes[node];
+            let node = &tree.nodes[node];
             for slot in 0..WIDTH {
                 let side = |of: &[[f32; WIDTH]; 3]| DVec3::from_array(of.map(|axis| f64::from(axis[slot])));
-                let (min, max) = (side(&node.min), side(&node.max));
-                // Slots without a child hold an empty box.
-                let is_box = min.cmple(max).all();
-                let corner = |normal: DVec3| DVec3::select(normal.cmpgt(DVec3::ZERO), max, min);
-                if !is_box || !self.may_meet(|normal| normal.dot(corner(normal))) {
+                if !self.may_meet(side(&node.min), side(&node.max)) {
                     continue;
                 }
                 match node.child[slot].kind() {
                     Kind::Node(child) => stack.push(child),
-                    Kind::Leaf(leaf, count) => {
-                        for triangle in &surface.blocks[leaf].triangles[..count] {
-                            let corners = surface.corners(*triangle).map(|corner| corner - surface.anchor);
-                            let along = |normal: DVec3| corners.map(|corner| normal.dot(corner));
-                            if self.may_meet(|normal| along(normal).into_iter().fold(f64::NEG_INFINITY, f64::max)) {
-                                return true;
-                            }
-                        }
-                    }
+                    Kind::Leaf(leaf, count) if meets(leaf, count) => return true,
+                    Kind::Leaf(..) => {}
                 }
             }
         }
@@ -92,12 +106,16 @@ impl Pyramid {
 }
 
 impl PosedScene {
-    /// True if no triangle reaches into a pyramid. Triangles that pass a corner outside may count as reaching in.
+    /// True if no triangle reaches into a pyramid.
     pub fn is_empty(&self, pyramid: &Pyramid) -> bool {
-        self.bodies.iter().all(|body| {
-            let (surface, pose) = (self.surface(*body), self.pose(*body));
-            let within = pyramid.to_body(pose, surface.anchor);
-            !within.may_meet_surface(surface)
+        !pyramid.meets_any(&self.top, |leaf, _| {
+            let body = self.bodies[leaf];
+            let surface = self.surface(body);
+            let within = pyramid.to_body(self.pose(body), surface.anchor);
+            within.meets_any(&surface.tree, |leaf, count| {
+                let mut triangles = surface.blocks[leaf].triangles[..count].iter();
+                triangles.any(|triangle| within.meets(surface.corners(*triangle).map(|corner| corner - surface.anchor)))
+            })
         })
     }
 }
@@ -110,7 +128,7 @@ mod tests {
 
     use super::*;
     use crate::cancel::Cancel;
-    use crate::rays::surface::ShadingMode;
+    use crate::rays::surface::{ShadingMode, Surface};
 
     #[test]
     fn triangles_in_front_beside_behind_and_at_the_rim_of_a_square() {
@@ -133,6 +151,31 @@ mod tests {
             ([square[0], square[1], DVec3::new(2.0, 0.0, -2.0)], true),
             ([square[0], square[1], 0.5 * square[0]], true),
             ([square[0], square[1], DVec3::new(1.0, 0.0, 0.0)], false),
+            // A floor that goes on behind, and a large triangle that passes behind the sensor.
+            (
+                [
+                    DVec3::new(0.1, -9.0, -1.0),
+                    DVec3::new(0.1, 9.0, -1.0),
+                    DVec3::new(9.0, 0.0, -1.0),
+                ],
+                true,
+            ),
+            (
+                [
+                    DVec3::new(-0.1, -9.0, 9.0),
+                    DVec3::new(-0.1, 9.0, 9.0),
+                    DVec3::new(-0.1, 0.0, -9.0),
+                ],
+                true,
+            ),
+            (
+                [
+                    DVec3::new(0.1, -9.0, 9.0),
+                    DVec3::new(0.1, 9.0, 9.0),
+                    DVec3::new(0.1, 0.0, -9.0),
+                ],
+                false,
+            ),
         ];
         let rotation = DMat3::from_rotation_z(0.7) * DMat3::from_rotation_x(0.3);
         let pose = Pose {

@@ -5,6 +5,7 @@ use num_complex::Complex64;
 
 use crate::antennas::array::Array;
 use crate::paths::scatterers::PointKind;
+use crate::rays::camera::Cell;
 
 /// Point that stands for a part of a surface, in the sensor frame.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,20 @@ pub struct TilePoint {
     pub body: u32,
     /// Number of the triangle, or of the pixel of an image of another program.
     pub triangle: u32,
+}
+
+/// Nearest hit of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct NearestHit {
+    /// Number of the body.
+    pub body: u32,
+    /// Number of the triangle.
+    pub triangle: u32,
+    /// Distance along the ray to the triangle [m].
+    pub distance: f64,
+    /// Cell of the ray, and number of its sector.
+    pub cell: Cell,
+    pub sector: usize,
 }
 
 /// Points in order, and their weights: one per point, or one per point and channel.

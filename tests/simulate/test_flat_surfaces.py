@@ -92,8 +92,9 @@ def test_flash_of_a_plate_that_swings_is_physical_optics_chirp_by_chirp() -> Non
     times = waveform.chirp_times + waveform.sample_times[waveform.num_samples // 2]
     expected = np.abs([Cuboid(edges, swing(time)).field(k)[0, 0] for time in times])
     level = np.abs(got.cube[0]).mean(axis=-1)
-    assert np.linalg.norm(level - expected) < 0.01 * np.linalg.norm(expected)
-    assert np.abs(level - expected).max() < 0.01 * expected.max()
+    # While the foot passes an edge, the plate is left to cells.
+    assert np.linalg.norm(level - expected) < 0.03 * np.linalg.norm(expected)
+    assert np.abs(level - expected).max() < 0.04 * expected.max()
 
 
 @pytest.mark.parametrize("name", [name for name in TARGETS if name.startswith("partly hidden")])
@@ -131,3 +132,26 @@ def test_a_plate_of_many_triangles_has_the_points_of_one_of_two() -> None:
     coarse = plate_paths(rc.shapes.plate(0.2, 0.15))
     assert fine.delay.shape == coarse.delay.shape
     assert abs(field_of(fine) / field_of(coarse) - 1.0) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "place", [[1.0, 0.05, 0.0], [1.0, 0.05, 0.05], [1.0, -0.05, 0.02]], ids=["edge", "corner", "edge aside"]
+)
+def test_the_foot_on_an_edge_or_a_corner_leaves_its_part_of_the_mirror(place: list[float]) -> None:
+    # Rounding decides on which side of the edge the foot is, in any other axes in another way.
+    rng, radar = np.random.default_rng(2), rc.Radar(tone())
+    for scale in (0.0, 0.1, 0.3, 0.3, 0.3, 0.3):
+        turn = rc.Pose.from_rpy([0.0, 0.0, 0.0], list(scale * rng.uniform(-1.0, 1.0, 3)))
+        cuboid = Cuboid(np.array([0.0, 0.1, 0.1]), turn @ rc.Pose(place))
+        assert_exact(cuboid, cuboid.field(WAVENUMBERS), radar)
+
+
+def test_what_is_behind_the_sensor_hides_nothing() -> None:
+    cuboid, radar = (
+        Cuboid(np.array([0.0, 0.3, 0.2]), rc.Pose.from_rpy([1.0, 0.0, 0.0], [0.0, 0.2, 0.3])),
+        rc.Radar(tone()),
+    )
+    behind = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Pose([-0.5, 0.0, 0.0]))
+    scenes = [rc.Scene(bodies) for bodies in ([cuboid.body()], [cuboid.body(), behind])]
+    alone, both = (rc.Simulator(scene, radar).paths() for scene in scenes)
+    np.testing.assert_array_equal(both.amplitude, alone.amplitude)

@@ -24,7 +24,6 @@ mod tile;
 mod tile_index;
 
 pub use refine::{PointRange, Tiles};
-pub use tile::NearestHit;
 
 #[cfg(test)]
 mod tests;

@@ -15,7 +15,7 @@ use super::join::Join;
 use super::level::TileLevel;
 use super::residual::{BLOCKS, of_quarter};
 use super::small_parts::SmallParts;
-use super::tile::{ALL, NearestHit, SampledTile, Worker};
+use super::tile::{ALL, SampledTile, Worker};
 use super::tile_index::{TileIndex, base_tiles};
 use crate::antennas::beam::Beam;
 use crate::cancel::Cancel;
@@ -29,7 +29,7 @@ use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
 use crate::scattering::refinement::{MAX_LEVEL, Refinement, SHARE, field_of};
 use crate::scattering::sector::Sector;
-use crate::scattering::tile_point::{TilePoint, TilePoints};
+use crate::scattering::tile_point::{NearestHit, TilePoint, TilePoints};
 
 /// Factor by which the allowed residual error grows where the rays exceed the budget.
 const STEP: f64 = 4.0;

@@ -9,13 +9,13 @@ use super::context::Context;
 use super::residual::{BLOCKS, Blocks, CellFeatures};
 use super::tile_index::TileIndex;
 use crate::numeric::simd::{Isa, Kernel, Level, Vector};
-use crate::rays::camera::{Cell, ImagePlane, PixelTile as Pixels};
+use crate::rays::camera::{ImagePlane, PixelTile as Pixels};
 use crate::rays::packet::{MOST_RAYS, PACKETS};
 use crate::rays::search::Scratch;
 use crate::rays::tile_hits::HALF;
 use crate::rays::tree::Tree;
 use crate::scattering::refinement::Sampling;
-use crate::scattering::tile_point::TilePoints;
+use crate::scattering::tile_point::{NearestHit, TilePoints};
 
 /// Bits of all packets of a tile.
 pub(super) const ALL: u8 = (1 << PACKETS) - 1;
@@ -40,20 +40,6 @@ pub(super) struct SampledTile {
     pub(super) nearest: Vec<NearestHit>,
     /// Scattering length of all cells together [m^2], of tiles of the base level; see [`TileCells::scattering_length`].
     pub(super) scattering_length: f64,
-}
-
-/// Nearest hit of a body.
-#[derive(Clone, Copy, Debug)]
-pub struct NearestHit {
-    /// Number of the body.
-    pub body: u32,
-    /// Number of the triangle.
-    pub triangle: u32,
-    /// Distance along the ray to the triangle [m].
-    pub distance: f64,
-    /// Cell of the ray, and number of its sector.
-    pub cell: Cell,
-    pub sector: usize,
 }
 
 /// Memory of a thread, kept from tile to tile.
