@@ -97,11 +97,12 @@ samples, without reuse of earlier frames. Above 100 % a profile has no relation 
 
 {flat}
 
-Each row has {placements} random placements, 0.3 to 3 m away, with edges of 1 to 30 cm or radii of 1 to 15 cm. Boxes and
-partly hidden plates are tilted by up to 70 degrees. An error is the cross-section of the complex difference from the
-reference, at the distance of the target, mean over eight frequencies: median and worst placement. "echo" is the median
-cross-section. Level and phase are the largest errors of echoes above {strong:g} m² at any frequency. "rays" and "paths"
-of the first frame and "ms", the CPU time of the second, are medians. The second frame reuses the rays of the first.
+Each row has {placements} random placements, 0.3 to 3 m away, with edges of 1 to 30 cm or radii of 1 to 15 cm. Boxes
+and partly hidden plates are tilted by up to 70 degrees. An error is the cross-section of the complex difference from
+the reference, at the distance of the target, mean over eight frequencies: median and worst placement. All bodies are
+static. "echo" is the median cross-section. Level and phase are the largest errors of echoes above {strong:g} m² at
+any frequency. "rays" and "paths" of the first frame and "ms", the CPU time of the second, are medians. The second
+frame reuses the rays of the first.
 
 Adaptive sampling integrates plates, and faces of boxes, along their outline, and adds a mirror image. Partly hidden
 plates are sampled by cells, as curved surfaces are. Largest errors by default, and in brackets at an `rcs_floor` of
