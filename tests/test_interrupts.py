@@ -83,8 +83,14 @@ def test_interrupt_ends_the_reading_of_a_mesh_soon(tmp_path: Path) -> None:
     head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     for name, number in (("tenth.obj", 200_000), ("whole.obj", 2_000_000)):
         (tmp_path / name).write_text(head + "f 1 2 3\n" * number, encoding="utf-8")
-    tenth = time_of(lambda: _core.load_obj(str(tmp_path / "tenth.obj")))
-    assert time_to_hear(lambda: rc.load_mesh(tmp_path / "whole.obj"), after=0.2) < 4.0 * tenth
+
+    def tenth() -> float:
+        return time_of(lambda: _core.load_obj(str(tmp_path / "tenth.obj")))
+
+    # Other processes may slow down any of the three.
+    before = tenth()
+    heard = time_to_hear(lambda: rc.load_mesh(tmp_path / "whole.obj"), after=0.2)
+    assert heard < 4.0 * max(before, tenth())
 
 
 def test_interrupt_ends_an_image_soon() -> None:
