@@ -261,7 +261,7 @@ brackets:
   its strongest peak, relative to that peak.
 
 "rays" is the mean number cast, "ms" the median time of a frame of one chirp and 512 samples. The floor of the default
-follows the echo, and is 0.01 m² for strong ones; 0.1 m² is that of fast sampling.
+follows the echo, and is 0.01 m² for strong ones; fast sampling has 0.1 m².
 
 Every view at the default setting, whose numbers the tests hold within 1.3 (`tests/simulate/test_accuracy_meshes.py`):
 

@@ -118,18 +118,15 @@ impl Array {
 
     /// Unit vectors from transmitter and receiver of a channel to a point of the sensor frame.
     pub fn directions(&self, channel: usize, point: DVec3) -> [DVec3; 2] {
-        [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]].map(|antenna| {
+        self.antennas(channel).map(|antenna| {
             let offset = point - antenna;
             offset / offset.length()
         })
     }
 
-    /// Point of a plane at which it reflects from the transmitter to the receiver of a channel; `normal`: on their side.
-    pub fn specular_point(&self, channel: usize, on_plane: DVec3, normal: DVec3) -> DVec3 {
-        let antennas = [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]];
-        let [t, r] = antennas.map(|antenna| normal.dot(antenna - on_plane));
-        let [below_t, below_r] = [antennas[0] - t * normal, antennas[1] - r * normal];
-        (r * below_t + t * below_r) / (t + r)
+    /// Positions of the transmitter and the receiver of a channel [m].
+    pub fn antennas(&self, channel: usize) -> [DVec3; 2] {
+        [self.tx[channel / self.rx.len()], self.rx[channel % self.rx.len()]]
     }
 
     /// Views of a point of the sensor frame from transmitter and receiver of a channel.
@@ -149,6 +146,13 @@ impl Array {
             sight(self.rx[rx], &self.rx_patterns[rx]),
         )
     }
+}
+
+/// Point of a plane that reflects from one antenna to another, both on one side of it [m].
+pub fn specular_point(antennas: [DVec3; 2], on_plane: DVec3, normal: DVec3) -> DVec3 {
+    let [t, r] = antennas.map(|antenna| normal.dot(antenna - on_plane));
+    let [below_t, below_r] = [antennas[0] - t * normal, antennas[1] - r * normal];
+    (r * below_t + t * below_r) / (t + r)
 }
 
 #[cfg(test)]

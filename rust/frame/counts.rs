@@ -22,7 +22,7 @@ pub struct FrameCounts {
     pub tiles_skipped: usize,
     /// Tiles taken over from the frame before.
     pub tiles_reused: usize,
-    /// Largest error that the refinement of any cast was for, as a cross-section [m^2]; none without adaptive sampling.
+    /// Largest cross-section that the cells of any cast were refined for [m^2]; none without adaptive sampling.
     pub rcs_floor: Option<f64>,
     /// Cells of adaptive sampling that could be split further; none without adaptive sampling.
     pub cells_not_split: Option<usize>,

@@ -5,12 +5,12 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use num_complex::Complex64;
 
-use crate::antennas::array::{Array, Sight};
+use crate::antennas::array::{Array, Sight, specular_point};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::numeric::trig::sinc;
 use crate::paths::kinematics::Kinematics;
 
-/// What a point stands for.
+/// Kind of a material point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PointKind {
     /// Part of a surface, or of one edge or corner of a flat region, docs/theory.md eqs. (10) and (11).
@@ -18,12 +18,12 @@ pub enum PointKind {
     Area,
     Edge,
     Corner,
-    /// Mirror image of the antennas in a flat region: the point is on its plane, and the path is that of the reflection.
+    /// Mirror image of the antennas in a flat region: the point lies on its plane, and the path reflects from the plane.
     Mirror,
 }
 
 impl PointKind {
-    /// Power of the frequency by which the field falls.
+    /// Exponent n of a field that falls with frequency^-n.
     pub fn frequency_exponent(self) -> u8 {
         match self {
             Self::Area => 0,
@@ -37,7 +37,7 @@ impl PointKind {
 pub struct Scatterers {
     pub(crate) array: Array,
     pub(crate) body: Vec<u32>,
-    /// What the points stand for; empty: all for areas.
+    /// Kinds of the points; empty: all are areas.
     pub(crate) kind: Vec<PointKind>,
     /// Vertices of the triangle that carries the point, where the body deforms; empty: no body does.
     pub(crate) corners: Vec<Option<[u32; 3]>>,
@@ -50,8 +50,8 @@ pub struct Scatterers {
     pub(crate) patch: Vec<[DVec3; 2]>,
     /// Weights `(scatterer, channel)`, or `(scatterer,)` where all channels share them: amplitudes without gains
     /// and distances over the sum of both cosines of incidence. Specular parts are `(j / 4 pi) Gamma dA / 2` times the
-    /// factors of cells, edges and corners; those of mirrors are `Gamma / 2 k`, for the sum of both distances; diffuse
-    /// ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
+    /// factors of cells, edges and corners; mirrors have `Gamma / 2 k`, over the sum of both distances; for
+    /// diffuse ones see [`crate::scattering::material::SurfaceResponse::diffuse`].
     pub(crate) weights: Vec<Complex64>,
     /// Range rate beside the motion of the body [m/s]; empty: zero.
     pub(crate) range_rate: Vec<f64>,
@@ -70,7 +70,7 @@ impl Scatterers {
         self.len() + self.rcs.len()
     }
 
-    /// What a material point stands for.
+    /// Kind of a material point.
     pub fn kind(&self, number: usize) -> PointKind {
         self.kind.get(number).copied().unwrap_or_default()
     }
@@ -99,7 +99,7 @@ impl Scatterers {
             }
             let (mut position, normal) = (pose.point(position), pose.direction(normal));
             if self.kind(path) == PointKind::Mirror {
-                position = self.array.specular_point(channel, position, normal);
+                position = specular_point(self.array.antennas(channel), position, normal);
                 (t, r) = self.array.pair(channel, position);
                 let distances = t.distance * r.distance / (t.distance + r.distance);
                 amplitude = self.weight(path, channel) * distances * self.spreading(&t, &r);
@@ -130,7 +130,7 @@ impl Scatterers {
             if self.kind(path) == PointKind::Mirror {
                 let pose = &kinematics.poses.row(0)[body as usize];
                 let (on_plane, normal) = (pose.point(position), pose.direction(self.normal[path]));
-                position = pose.point_to_body(self.array.specular_point(channel, on_plane, normal));
+                position = pose.point_to_body(specular_point(self.array.antennas(channel), on_plane, normal));
             }
             kinematics.motion(rates, body, self.corners_of(path), position)
         } else {

@@ -20,17 +20,12 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// Pyramid over the smallest rectangle with a side along a direction that contains points of a plane; `normal`: that of
-    /// the plane, away from the sensor.
+    /// Pyramid over the smallest rectangle with a side along a direction that contains points of a plane; `normal`: the
+    /// unit normal of the plane, away from the sensor.
     pub fn over(points: &[DVec3], normal: DVec3, along: DVec3) -> Self {
         let axes = [along, normal.cross(along)];
         let height = points[0].dot(normal);
-        let [u, v] = axes.map(|axis| {
-            let places = points.iter().map(|point| point.dot(axis));
-            places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
-                [low.min(x), high.max(x)]
-            })
-        });
+        let [u, v] = axes.map(|axis| extent(points, axis));
         let corner = |i: usize, j: usize| height * normal + u[i] * axes[0] + v[j] * axes[1];
         let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
         let middle = 0.25 * corners.iter().sum::<DVec3>();
@@ -60,8 +55,13 @@ impl Pyramid {
         min.cmple(max).all() && planes.all(|(normal, distance)| normal.dot(corner(*normal)) > *distance)
     }
 
-    /// True if a part of a triangle is inside: what the planes leave of it one after the other.
+    /// True if a part of a triangle is inside: some of it is left when all planes have cut it.
     fn meets(&self, triangle: [DVec3; 3]) -> bool {
+        let is_beyond =
+            |(normal, distance): &(DVec3, f64)| triangle.iter().all(|corner| normal.dot(*corner) <= *distance);
+        if self.planes.iter().any(is_beyond) {
+            return false;
+        }
         let mut polygon = triangle.to_vec();
         for (normal, distance) in &self.planes {
             let beyond = |point: DVec3| normal.dot(point) - distance;
@@ -118,6 +118,14 @@ impl PosedScene {
             })
         })
     }
+}
+
+/// Smallest and largest coordinate of points along an axis.
+pub fn extent(points: &[DVec3], axis: DVec3) -> [f64; 2] {
+    let places = points.iter().map(|point| point.dot(axis));
+    places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+        [low.min(x), high.max(x)]
+    })
 }
 
 #[cfg(test)]

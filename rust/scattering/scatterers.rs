@@ -55,7 +55,7 @@ impl Scatterers {
         }
         let pieces: Vec<&PointRange> = diffuse.iter().chain(&samples.tiles.pieces).collect();
 
-        // Points body by body, those of edges and corners after all others.
+        // Points body by body, edges and corners after all others.
         let num_bodies = sectors[0].0.num_bodies();
         let mut groups: Vec<Vec<(u32, u32)>> = Vec::new();
         let mut is_turning = false;

@@ -44,7 +44,7 @@ pub struct TilePoints {
     /// Edges of the cell on the surface that the field of a point is a mean over, where bodies turn [m]; zero for the
     /// points that are missing.
     edges: Vec<[DVec3; 2]>,
-    /// What the points stand for; areas where they are missing.
+    /// Kinds of the points; areas where they are missing.
     kinds: Vec<PointKind>,
 }
 
@@ -54,7 +54,7 @@ impl TilePoints {
         self.edges.get(point).copied().unwrap_or_default()
     }
 
-    /// What a point stands for.
+    /// Kind of a point.
     pub fn kind(&self, point: usize) -> PointKind {
         self.kinds.get(point).copied().unwrap_or_default()
     }
@@ -65,7 +65,7 @@ impl TilePoints {
         self.edges.push(edges);
     }
 
-    /// Set what the last point stands for.
+    /// Set the kind of the last point.
     pub fn set_kind(&mut self, kind: PointKind) {
         self.kinds.resize(self.points.len() - 1, PointKind::Area);
         self.kinds.push(kind);

@@ -2,14 +2,14 @@
 //!
 //! Over a plane, the field depends on the distance alone, so that its integral over polar coordinates about the foot of
 //! the perpendicular from the sensor is one over the angle, along the outline (docs/theory.md eqs. (10) and (11)). Along
-//! a straight edge the phase has one stationary point, the nearest. Points represent short pieces of the
-//! edge around it. Their weight rolls off where the phase changes quickly along a piece. Farther out only the two ends of the
-//! edge contribute. Where the foot lies within the outline, the region reflects like a mirror. The error is about a
+//! a straight edge the phase has one stationary point, the nearest. Points represent short pieces of the edge around it.
+//! Their weight rolls off where the phase changes quickly along a piece. Farther out only the two ends of the edge
+//! contribute. Where the foot lies within the outline, the region reflects like a mirror. The error is about a
 //! thousandth of the field at 0.5 m, for any tilt and shape, with a few dozen points per region; cells of a flat surface
 //! would have to be far smaller than a wavelength.
 //!
-//! A region is left to cells where another surface may occlude a part of it, or where it turns so far while it is used
-//! that the nearest points move along the edges.
+//! A region is left to cells where another surface may occlude a part of it, or where it moves so far while it is used
+//! that the foot nears an edge.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::cells::TileCells;
-use crate::antennas::array::Array;
+use crate::antennas::array::{Array, specular_point};
 use crate::constants::SPEED_OF_LIGHT;
 use crate::geometry::aabb::Bounds;
 use crate::geometry::flat_regions::FlatRegion;
@@ -27,7 +27,7 @@ use crate::geometry::pose::Pose;
 use crate::numeric::trig::sinc;
 use crate::paths::scatterers::PointKind;
 use crate::rays::camera::Cell;
-use crate::rays::pyramid::{Pyramid, THROUGH_BASE, THROUGH_SIDE};
+use crate::rays::pyramid::{Pyramid, THROUGH_BASE, THROUGH_SIDE, extent};
 use crate::rays::scene::PosedScene;
 use crate::rays::tree::Tree;
 use crate::scattering::material::Material;
@@ -43,7 +43,7 @@ const PIECES: f64 = 24.0;
 const ROLLS_OFF: f64 = 0.25 * PI;
 const ZERO: f64 = PI;
 
-/// Least field of an edge relative to that of the smallest cross-section of interest: weaker edges are dropped,
+/// Least field of an edge relative to the field of the smallest cross-section of interest: weaker edges are dropped,
 /// such as the far edges of a floor.
 const LEAST_EDGE: f64 = 0.1;
 
@@ -200,14 +200,14 @@ fn leave_out_coincident<T, U>(regions: &mut [Option<(T, U, Outline)>]) {
     }
 }
 
-/// Antennas that weights are for: one at the middle of the array for all channels, or those of each.
+/// Antennas that weights are for: both at the middle of the array for all channels, or a pair per channel.
 fn pairs(array: &Array, has_common_weight: bool) -> Vec<[DVec3; 2]> {
     if has_common_weight {
         return vec![[DVec3::ZERO; 2]];
     }
-    let num_rx = array.rx.len();
-    let pair = |channel: usize| [array.tx[channel / num_rx], array.rx[channel % num_rx]];
-    (0..array.num_channels()).map(pair).collect()
+    (0..array.num_channels())
+        .map(|channel| array.antennas(channel))
+        .collect()
 }
 
 /// Outline of a flat region in the sensor frame.
@@ -238,7 +238,7 @@ impl Outline {
         }
     }
 
-    /// True if all antennas are on one side of the plane, and all coordinates are those of a scene.
+    /// True if all antennas are on one side of the plane, and no coordinate is beyond what a scene has.
     fn is_in_range(&self, pairs: &[[DVec3; 2]]) -> bool {
         let is_off = |antenna: &DVec3| self.height - self.normal.dot(*antenna) > LEAST_HEIGHT;
         let is_near = |end: &DVec3| end.abs().max_element() <= FARTHEST;
@@ -246,11 +246,20 @@ impl Outline {
         antennas.chain(&[DVec3::ZERO]).all(is_off) && self.edges.as_flattened().iter().all(is_near)
     }
 
+    /// Foot of the perpendicular from the sensor.
+    fn foot(&self) -> DVec3 {
+        self.height * self.normal
+    }
+
     /// Point of the plane that reflects from one antenna to the other.
     fn specular_point(&self, pair: [DVec3; 2]) -> DVec3 {
-        let [t, r] = pair.map(|antenna| self.height - self.normal.dot(antenna));
-        let [below_t, below_r] = [pair[0] + t * self.normal, pair[1] + r * self.normal];
-        (r * below_t + t * below_r) / (t + r)
+        specular_point(pair, self.foot(), -self.normal)
+    }
+
+    /// Point of an edge nearest to the sensor.
+    fn nearest(&self, edge: [DVec3; 2]) -> DVec3 {
+        let ([from, to], _) = self.about(self.foot(), edge);
+        edge[0] + (from.max(0.0).min(to) - from) * (edge[1] - edge[0]).normalize()
     }
 
     /// Coordinates of both ends along an edge, from the point nearest to a point of the plane, and the distance of that
@@ -286,8 +295,8 @@ impl Outline {
         sum - self.normal.dot(sum) * self.normal
     }
 
-    /// Integral along a piece of an edge of the outward part of the gradient over its square [m], with the mean over the
-    /// piece of the phase beyond that of its middle.
+    /// Integral along a piece of an edge of the outward part of the gradient over its square [m], with the mean phase
+    /// of the piece relative to its middle.
     ///
     /// Distances from the specular point, where the gradient vanishes, say how it varies: their inverse square has a closed
     /// integral, and the rest is nearly constant. The phase is linear but for the square of these distances.
@@ -324,11 +333,7 @@ impl Outline {
             return true;
         }
         let farthest = self.edges.iter().map(|edge| edge[0].length()).fold(0.0, f64::max);
-        let foot = self.height * self.normal;
-        let to_edge = |edge: &[DVec3; 2]| {
-            let ([from, to], offset) = self.about(foot, *edge);
-            offset.hypot(from.max(0.0).min(to))
-        };
+        let to_edge = |edge: &[DVec3; 2]| self.nearest(*edge).distance(self.foot());
         let from_foot = self.edges.iter().map(to_edge).fold(f64::INFINITY, f64::min);
         let zone = (wavelength * self.height).sqrt();
         let [least, most] = OF_ZONE.map(|factor| factor * zone);
@@ -344,8 +349,7 @@ impl Outline {
 
     /// Pyramid from the sensor to the region.
     fn pyramid(&self) -> Pyramid {
-        let corners: Vec<DVec3> = self.edges.iter().map(|edge| edge[0]).collect();
-        Pyramid::over(&corners, self.normal, self.along())
+        Pyramid::over(self.edges.as_flattened(), self.normal, self.along())
     }
 
     /// True if both of the same height are in one plane, and the rectangles around them along a side of this one overlap.
@@ -355,12 +359,7 @@ impl Outline {
         }
         let along = self.along();
         [along, self.normal.cross(along)].iter().all(|axis| {
-            let [a, b] = [self, other].map(|outline| {
-                let places = outline.edges.iter().map(|edge| edge[0].dot(*axis));
-                places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
-                    [low.min(x), high.max(x)]
-                })
-            });
+            let [a, b] = [self, other].map(|outline| extent(outline.edges.as_flattened(), *axis));
             a[1].min(b[1]) - a[0].max(b[0]) > THROUGH_SIDE
         })
     }
@@ -387,8 +386,7 @@ impl Region<'_> {
         for edge in &self.outline.edges {
             self.add_edge(*edge, &mut points);
         }
-        let foot = self.outline.height * self.outline.normal;
-        self.add(&mut points, foot, PointKind::Mirror, |pair| {
+        self.add(&mut points, self.outline.foot(), PointKind::Mirror, |pair| {
             let share = self.outline.winding(self.outline.specular_point(pair));
             Complex64::from(0.5 * share / self.wavenumber)
         });
@@ -397,12 +395,12 @@ impl Region<'_> {
 
     fn add_edge(&self, edge: [DVec3; 2], points: &mut TilePoints) {
         let (k, outline, along) = (self.wavenumber, &self.outline, (edge[1] - edge[0]).normalize());
-        let ([start, end], offset) = outline.about(outline.height * outline.normal, edge);
+        let ([start, end], offset) = outline.about(outline.foot(), edge);
         let distance = outline.height.hypot(offset);
         let zone = (TAU / k * distance).sqrt();
         let length = zone / PIECES.sqrt();
         let field = |point: DVec3, weight: Complex64| 8.0 * PI * outline.height / point.length() * weight.norm();
-        let nearest = edge[0] + (start.max(0.0).min(end) - start) * along;
+        let nearest = outline.nearest(edge);
         let gradient = outline.gradient([DVec3::ZERO; 2], nearest).length();
         let strength = field(nearest, self.edge_weight() * zone / gradient);
         if self.pairs.len() == 1 && strength < LEAST_EDGE * self.floor {
@@ -486,13 +484,10 @@ impl Region<'_> {
 
     /// Nearest point in view: the foot of the perpendicular, or a point of the outline.
     fn nearest(&self) -> Option<NearestHit> {
-        let foot = self.outline.height * self.outline.normal;
-        let on_edge = |[a, b]: &[DVec3; 2]| {
-            let ([from, to], _) = self.outline.about(foot, [*a, *b]);
-            *a + (from.max(0.0).min(to) - from) * (*b - *a).normalize()
-        };
+        let foot = self.outline.foot();
         let inside = (self.outline.winding(foot) > 0.0).then_some(foot);
-        let points = self.outline.edges.iter().map(on_edge).chain(inside);
+        let on_edges = self.outline.edges.iter().map(|edge| self.outline.nearest(*edge));
+        let points = on_edges.chain(inside);
         let hits = points.filter_map(|point| {
             let (sector, [u, v]) = self.place(point)?;
             let cell = Cell { u, v, du: 0.0, dv: 0.0 };
@@ -524,8 +519,8 @@ impl Region<'_> {
     }
 }
 
-/// Mean of the square of a place on a piece over which half the phase turns by `x`, weighted by the phase, relative to
-/// that without it: -3 times the ratio of the second derivative of sinc to sinc.
+/// Mean squared place on a piece weighted by the phase, half of which changes by `x` over the piece, relative to a
+/// constant phase: -3 times the ratio of the second derivative of sinc to sinc.
 fn bend(x: f64) -> f64 {
     if x.abs() < 0.1 {
         // To the fourth power of x.

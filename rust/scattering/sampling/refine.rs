@@ -98,7 +98,7 @@ impl PointRange {
         self.of_tile.edges(self.range.start + point)
     }
 
-    /// What a point stands for.
+    /// Kind of a point.
     pub fn kind(&self, point: usize) -> PointKind {
         self.of_tile.kind(self.range.start + point)
     }
