@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import difflib
 import operator
-from collections.abc import Callable, Iterable
-from functools import wraps
-from inspect import Parameter, signature
+from collections.abc import Iterable
 from math import isfinite
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import notice
 
-_Called = TypeVar("_Called", bound=Callable[..., Any])
 _Number = TypeVar("_Number", np.float64, np.complex128)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -30,9 +27,6 @@ _LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 1e8, 3e12
 
 _PART_OF_PI = np.pi / 12.0
 """15 degrees [rad]; usual angles are multiples of it."""
-
-_MOST_NAMED = 6
-"""Keywords that a message names for those who gave values without."""
 
 
 def number(name: str, value: object, unit: str = "") -> float:
@@ -273,67 +267,9 @@ def near_names(name: object, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"
 
 
-def keywords(owner: str, given: Iterable[str], known: Iterable[str], made: type | None = None) -> None:
-    """Refuse an unknown keyword of a class or function with a TypeError that suggests near ones.
-
-    The message names another constructor of the class `made` that takes the keyword.
-    """
+def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse an unknown keyword of a function that passes its keywords on: a TypeError that suggests near ones."""
     names = list(known)
     for name in given:
         if name not in names:
-            takers = [f"{owner}.{other}" for other in _constructors(made, name)]
-            meant = f"{' and '.join(takers)} take{'s' * (len(takers) == 1)} it" if takers else near_names(name, names)
-            raise TypeError(f"{owner}: unknown keyword {name!r}; {meant}")
-
-
-def _constructors(made: type | None, keyword: str) -> list[str]:
-    """Names of the public class methods of a class that have a keyword."""
-    return [
-        name
-        for name, method in ({} if made is None else vars(made)).items()
-        if isinstance(method, classmethod) and name[0] != "_" and keyword in signature(method.__func__).parameters
-    ]
-
-
-def knows_keywords(called: _Called) -> _Called:
-    """The class or function, which then checks the names of keywords, which arguments need them, and all flags."""
-    if isinstance(called, type):
-        called.__init__ = _with_known_keywords(called.__name__, called.__init__, 1, called)  # type: ignore[misc]  # of this class alone
-        return called
-    owner = called.__qualname__  # of a method with its class
-    return cast(_Called, _with_known_keywords(owner, called, int("." in owner)))
-
-
-def _with_known_keywords(
-    owner: str, function: Callable[..., Any], num_bound: int, made: type | None = None
-) -> Callable[..., Any]:
-    """A function that first checks the names of its keywords and its flags.
-
-    The first `num_bound` arguments are the object or class; `made` is the class of a constructor.
-    """
-    parameters = list(signature(function).parameters.values())
-    kinds = {each.kind for each in parameters}
-    takes_any_keyword, takes_any_number = Parameter.VAR_KEYWORD in kinds, Parameter.VAR_POSITIONAL in kinds
-    known = {each.name: None for each in parameters[num_bound:] if each.kind is not Parameter.POSITIONAL_ONLY}.keys()
-    named = [f"{each.name}=" for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
-    most = len(parameters) - len(named) - takes_any_keyword
-    flags = [(place, each.name) for place, each in enumerate(parameters) if each.annotation in ("bool", bool)]
-
-    @wraps(function)
-    def checked(*args: Any, **given: Any) -> Any:
-        if not (takes_any_keyword or given.keys() <= known):
-            keywords(owner, given, known, made)
-        if len(args) > most and named and not takes_any_number:
-            expected = ", ".join(named[:_MOST_NAMED]) + (", ..." if len(named) > _MOST_NAMED else "")
-            first = f"{most - num_bound} positional and then " if most > num_bound else ""
-            raise TypeError(
-                f"{owner}: expected {first}keywords {expected}, got {len(args) - num_bound} positional values"
-            )
-        for place, name in flags:
-            if name in given:
-                flag(name, given[name])
-            elif place < len(args):
-                flag(name, args[place])
-        return function(*args, **given)
-
-    return checked
+            raise TypeError(f"{owner}: unknown keyword {name!r}; {near_names(name, names)}")

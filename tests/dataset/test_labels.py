@@ -194,13 +194,6 @@ def test_frames_of_others_are_refused() -> None:
         labels_of(CALM.scene, CALM.frame(0.0), ["lamp"])  # type: ignore[arg-type]  # on purpose
 
 
-def test_settings_are_true_or_false() -> None:
-    with pytest.raises(TypeError, match="boxes: expected True or False, got 1"):
-        Labels(boxes=1)  # type: ignore[arg-type]  # on purpose
-    with pytest.raises(TypeError, match=r"unknown keyword 'box'; did you mean 'boxes'\?"):
-        Labels(box=True)  # type: ignore[call-arg]  # on purpose
-
-
 TWO = np.array([[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]])
 RADARS = {
     "two waveforms": rc.Radar(RADAR.waveform.alternating()),

@@ -255,7 +255,6 @@ def test_sizes_that_are_no_positive_numbers_are_named(name, make, value):
         (lambda: shapes.disc(0.1, segments=2), ValueError, "segments: expected at least 3, got 2"),
         (lambda: shapes.cylinder(0.1, 0.1, segments=2), ValueError, "segments: expected at least 3, got 2"),
         (lambda: shapes.cylinder(0.1, 0.1, segments=12.0), TypeError, "segments: expected an integer"),
-        (lambda: shapes.cylinder(0.1, 0.1, caps="no"), TypeError, "caps: expected True or False"),
         (lambda: shapes.sphere(0.1, subdivisions=-1), ValueError, "subdivisions: expected at least 0, got -1"),
         (lambda: shapes.sphere(0.1, subdivisions=8), ValueError, "subdivisions: expected at most 7, got 8"),
         (lambda: shapes.sphere(0.1, sagitta=1e-9), ValueError, "sagitta: expected at least .* got 1e-09"),

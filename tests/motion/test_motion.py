@@ -121,7 +121,6 @@ def test_order_of_a_quaternion_is_named(seed: int) -> None:
 @pytest.mark.parametrize(
     ("given", "named", "message"),
     [
-        ([[0, 0, 0, 1]], {}, "expected 1 positional and then keywords wxyz=, xyzw=, got 2"),
         ([], {}, "expected one of wxyz= and xyzw=, got none"),
         ([], {"wxyz": [1, 0, 0, 0], "xyzw": [0, 0, 0, 1]}, "expected one of wxyz= and xyzw=, got wxyz and xyzw"),
     ],

@@ -579,7 +579,6 @@ def test_detections_without_covariance_have_the_usual_errors() -> None:
         ({"deviations": (0.1, 0.1, 0.0, 0.1)}, ValueError, "deviations: expected positive numbers"),
         ({"extent": -0.1}, ValueError, "extent: expected zero or a positive number"),
         ({"num_dimensions": 4}, ValueError, "num_dimensions: expected 1, 2 or 3, got 4"),
-        ({"max_misses": 4}, TypeError, "TrackerSettings: unknown keyword 'max_misses'; did you mean 'max_missed'?"),
         ({"detector": 4}, TypeError, "detector: expected a function of a frame, got int"),
     ],
 )

@@ -61,20 +61,6 @@ def test_chip_at_frequencies_that_it_does_not_reach_is_refused(settings: dict[st
         rc.bgt60tr13c(**settings)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: rc.Waveform(**SETTINGS, num_chrips=3), "Waveform: unknown keyword 'num_chrips'; .*'num_chirps'"),
-        (lambda: rc.Radar(WAVEFORM, tx_powr_dbm=3.0), "Radar: unknown keyword 'tx_powr_dbm'; .*'tx_power_dbm'"),  # type: ignore[call-arg]
-        (lambda: rc.Receiver(noise_figure=3.0), "Receiver: unknown keyword 'noise_figure'; .*'noise_figure_db'"),  # type: ignore[call-arg]
-        (lambda: rc.bgt60tr13c(stop_freqency=61e9), "bgt60tr13c: unknown keyword 'stop_freqency'; .*'stop_frequency'"),
-        (
-            lambda: rc.Simulator(rc.Scene(), rc.Radar(WAVEFORM), max_bounce=3),  # type: ignore[call-arg]
-            "Simulator: unknown keyword 'max_bounce'; did you mean 'max_bounces'",
-        ),
-    ],
-    ids=["waveform", "radar", "receiver", "preset", "simulator"],
-)
-def test_unknown_keyword_names_the_near_one(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(TypeError, match=message):
-        make()
+def test_unknown_keyword_of_a_preset_names_the_near_one() -> None:
+    with pytest.raises(TypeError, match=r"bgt60tr13c: unknown keyword 'stop_freqency'; .*'stop_frequency'"):
+        rc.bgt60tr13c(stop_freqency=61e9)

@@ -135,7 +135,6 @@ def test_real_cube_is_the_real_part_of_the_iq_cube() -> None:
         ({"noise_figure_db": float("inf")}, ValueError, "noise_figure_db: expected a finite number.*got inf"),
         ({"noise_figure_db": "12"}, TypeError, "noise_figure_db: expected a number.*got '12'"),
         ({"noise_figure_db": True}, TypeError, "noise_figure_db: expected a number.*got True"),
-        ({"gain": 3.0}, TypeError, "unknown keyword 'gain'.*gain_db"),
     ],
 )
 def test_what_is_no_receiver_is_refused_with_its_name(

@@ -82,7 +82,6 @@ def test_leakage_adds_to_echoes() -> None:
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
-        ({"level": 3.0}, TypeError, "Leakage: unknown keyword 'level'"),
         ({"level_db": float("nan")}, ValueError, "level_db: expected a finite number"),
         ({"level_db": (-30.0, "x")}, TypeError, r"level_db\[1\]: expected a number \[dB\], got 'x'"),
         ({"level_db": ()}, ValueError, "level_db: expected a number, or one per receiver, got none"),

@@ -77,7 +77,7 @@ def edited(values: dict[str, Any], **changes: Any) -> str:
         (lambda meta: edited(meta, num_frames=-1), "num_frames: expected at least 0"),
         (
             lambda meta: edited(meta, radar=meta["radar"] | {"pattern": {"kind": "gaussian", "\b": 1}}),
-            r"'\\x08'; kno",
+            r"unexpected keyword argument '\\x08'",
         ),
         (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": 10**400}), "too large"),
         (lambda meta: edited(meta, truth=["arm"]), r"truth_range\.npy: expected shape \(n, 1\).*got \(3, 2\)"),

@@ -34,7 +34,6 @@ _PIXEL_FORMATS = (
 _R_FLOAT32 = _PIXEL_FORMATS.index("R_FLOAT32")
 
 
-@check.knows_keywords
 def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> PlanarDepth:
     """Depth image of a Gazebo camera (``gz.msgs.Image``, R_FLOAT32): metres, top row first.
 

@@ -56,7 +56,6 @@ DEPTH_MAPS = ("zero_far", "zero_near")
 """Depths that ``mjr_readPixels`` has as 0."""
 
 
-@check.knows_keywords
 def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time: float | None = None) -> PlanarDepth:
     """Image of ``mujoco.Renderer`` with depth rendering: metres, top row first.
 
@@ -78,7 +77,6 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
     return decoded(metres, _far(far), _camera_by_height(fovy_deg, metres.shape, "fovy_deg"), OPENGL_AXES, time)
 
 
-@check.knows_keywords
 def from_mujoco_pixels(
     buffer: ArrayLike,
     *,
@@ -111,7 +109,6 @@ def from_mujoco_pixels(
     return decoded(metres, f, _camera_by_height(fovy_deg, d.shape, "fovy_deg"), OPENGL_AXES, time)
 
 
-@check.knows_keywords
 def from_pybullet(
     buffer: ArrayLike, *, fov_deg: float, near: float, far: float, time: float | None = None
 ) -> PlanarDepth:
@@ -136,7 +133,6 @@ def from_pybullet(
     return decoded(metres, f, _camera_by_height(fov_deg, d.shape, "fov_deg"), OPENGL_AXES, time)
 
 
-@check.knows_keywords
 def from_coppeliasim(
     data: bytes,
     resolution: tuple[int, int],

@@ -81,7 +81,6 @@ class Image(Protocol):
         """Time of the image [s]."""
 
 
-@check.knows_keywords
 class Viewer:
     """A file for Rerun, or its viewer, to which things are shown at their times.
 

@@ -68,7 +68,6 @@ class Comparison(Record):
         """
         return facts(self)
 
-    @check.knows_keywords
     def figure(
         self,
         path: AnyPath | None = None,
@@ -92,7 +91,6 @@ class Comparison(Record):
         """
         return draw(self, path, time=time, max_range=max_range, overwrite=overwrite)
 
-    @check.knows_keywords
     def report(
         self, path: AnyPath, *, time: float | None = None, max_range: float | None = None, overwrite: bool = False
     ) -> None:
@@ -111,7 +109,6 @@ class Comparison(Record):
         write_text(Path(path), html(self, time=time, max_range=max_range), overwrite=overwrite)
 
 
-@check.knows_keywords
 def compare(
     recording_a: Recording | AnyPath,
     recording_b: Recording | AnyPath | None = None,

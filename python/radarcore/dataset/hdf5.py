@@ -8,13 +8,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from radarcore import check, notice
+from radarcore import notice
 from radarcore.dataset.export import all_of, attributes_of, is_text, opened_samples, plain, refuse_dataset
 from radarcore.dataset.samples import Samples
 from radarcore.output import new_file
 
 
-@check.knows_keywords
 def to_hdf5(
     dataset: Samples | str | PathLike[str],
     out: str | PathLike[str],

@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
 from radarcore.dataset import cells
 from radarcore.dataset.bodies import Floats, Members, Places, checked_names, members_of, middle_of, owners_of
 from radarcore.dataset.boxes import boxes_of, united
@@ -29,7 +28,6 @@ _MOST_NAMES = 2**15 - 1
 _AXES = "axes of the sensor: x forward, y left, z up"
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class Labels:
     """Which labels the frames of a dataset have.

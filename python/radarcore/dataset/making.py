@@ -26,7 +26,6 @@ from radarcore.dataset.variation import Variation
 from radarcore.output import Lock, already_exists, is_empty
 
 
-@check.knows_keywords
 def make(
     scene: str | PathLike[str] | Variation,
     path: str | PathLike[str],

@@ -13,7 +13,6 @@ from radarcore.dataset.samples import Samples
 from radarcore.dataset.stored import frames_of
 
 
-@check.knows_keywords
 def to_mcap(
     dataset: Samples | str | PathLike[str],
     out: str | PathLike[str],

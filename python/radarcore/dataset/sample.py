@@ -10,7 +10,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from radarcore import check
 from radarcore.dataset.files import renamed
 from radarcore.output import write_text
 from radarcore.recording.frame import Frame
@@ -126,7 +125,6 @@ class Sample:
         times = frame_times(found.run.start, found.run.stop, found.run.rate)
         return (simulator.frame(float(time)) for time in times)
 
-    @check.knows_keywords
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the scene file, for `load_scene` and the command line.
 

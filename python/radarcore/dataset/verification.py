@@ -84,7 +84,6 @@ class Verified:
         return "\n".join(lines)
 
 
-@check.knows_keywords
 def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) -> Verified:
     """Check a dataset: checksums of its files, its numbers, and samples simulated once more.
 

@@ -25,7 +25,6 @@ _FORMAT = "radarcore webdataset"
 _DESCRIPTION = "dataset.json"
 
 
-@check.knows_keywords
 def to_webdataset(
     dataset: Samples | str | PathLike[str],
     out: str | PathLike[str],

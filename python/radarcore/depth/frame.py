@@ -29,7 +29,6 @@ _NUMS_OF_TIMES = (17, 33, 65)
 _FAR_MARGIN = 1e-6
 
 
-@check.knows_keywords
 def frame_from_depth(
     distance: ArrayLike,
     reflectance: ArrayLike,

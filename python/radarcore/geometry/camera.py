@@ -13,7 +13,6 @@ _LIKE_RADIANS = (0.25, 2.0)
 """Angles of a field of view that are hardly meant in degrees: 15 to 115 degrees are such numbers of radians."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class Camera:
     """Pinhole camera that looks along +x; row 0 of its images is on top (+z), column 0 on the left (+y).

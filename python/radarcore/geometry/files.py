@@ -45,7 +45,6 @@ _LOOK = 100_000
 """Bytes of a file in which vertices are looked for."""
 
 
-@check.knows_keywords
 def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) -> Mesh:
     """Read a mesh file as one body.
 
@@ -89,7 +88,6 @@ def load_mesh(path: str | PathLike[str], *, scale: float = 1.0, **options: Any) 
     return Mesh(vertices * factor, triangles, **options)
 
 
-@check.knows_keywords
 def load_meshes(
     path: str | PathLike[str], *, split_by: str = "object", scale: float = 1.0, **options: Any
 ) -> dict[str, Mesh]:

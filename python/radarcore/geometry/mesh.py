@@ -14,7 +14,6 @@ from radarcore.geometry.pose import Pose
 from radarcore.sealed import sealed
 
 
-@check.knows_keywords
 @sealed
 class Mesh:
     """Triangles of one body, in its own coordinates.

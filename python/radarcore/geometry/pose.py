@@ -20,7 +20,6 @@ _LARGEST_ANGLE = 1e6
 """Largest angle [rad]: the turn that is left of larger ones is rounding."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Fixed pose: maps body (or sensor) coordinates to the world, ``rotation @ x + position``.
@@ -80,7 +79,6 @@ class Pose:
         return pose
 
     @classmethod
-    @check.knows_keywords
     def look_at(cls, position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
         """Pose at `position` whose x axis points to `target`, with z as close to `up` as it can be.
 
@@ -106,7 +104,6 @@ class Pose:
         return cls(origin, np.column_stack([x, y, np.cross(x, y)]))
 
     @classmethod
-    @check.knows_keywords
     def from_quaternion(
         cls,
         position: ArrayLike,

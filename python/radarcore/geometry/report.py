@@ -193,7 +193,6 @@ class MeshReport:
         return "\n".join([*(f"{name:<{width}}  {text}" for name, text in texts.items()), *self.verdicts])
 
 
-@check.knows_keywords
 def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     """Quality of a mesh for simulation at a frequency [Hz].
 

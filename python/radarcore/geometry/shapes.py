@@ -67,7 +67,6 @@ def plate(width: float, height: float) -> Mesh:
     return Mesh([[0, -y, -z], [0, -y, z], [0, y, z], [0, y, -z]], [[0, 1, 2], [0, 2, 3]])
 
 
-@check.knows_keywords
 def disc(radius: float, *, segments: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Disc in the y-z plane, seen from -x.
 
@@ -140,7 +139,6 @@ def box(size: ArrayLike) -> Mesh:
     return Mesh(corners, np.vstack([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]]))
 
 
-@check.knows_keywords
 def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Sphere: an icosahedron whose triangles are split in four, level by level.
 
@@ -193,7 +191,6 @@ def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5
     return Mesh(radius * vertices, triangles)
 
 
-@check.knows_keywords
 def cylinder(
     radius: float, length: float, *, segments: int | None = None, sagitta: float = 5e-5, caps: bool = True
 ) -> Mesh:
@@ -239,7 +236,6 @@ def cylinder(
     return Mesh(np.vstack(vertices), np.vstack(triangles))
 
 
-@check.knows_keywords
 def capsule(radius: float, length: float, *, segments: int | None = None, sagitta: float = 5e-5) -> Mesh:
     """Cylinder along z that ends in two half-spheres.
 
@@ -295,7 +291,6 @@ def capsule(radius: float, length: float, *, segments: int | None = None, sagitt
     return Mesh(np.vstack([upper, lower[:-segments]]), np.vstack([triangles, number[lower_triangles]]))
 
 
-@check.knows_keywords
 def dihedral(width: float, height: float | None = None) -> Mesh:
     """Dihedral corner reflector: two plates at a right angle, open towards -x.
 
@@ -337,7 +332,6 @@ def dihedral(width: float, height: float | None = None) -> Mesh:
     return as_reflector(mesh)
 
 
-@check.knows_keywords
 def trihedral(leg: float, *, shape: str = "triangular") -> Mesh:
     """Trihedral corner reflector: three perpendicular plates, open towards -x.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from radarcore import check
 from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.group import Composed
@@ -10,7 +9,6 @@ from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.sealed import sealed
 
 
-@check.knows_keywords
 @sealed
 class Attached(Composed):
     """A motion relative to another: a body, or the radar, mounted on something that moves.

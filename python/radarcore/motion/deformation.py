@@ -17,7 +17,6 @@ from radarcore.sealed import sealed
 Vertices = NDArray[np.float64]
 
 
-@check.knows_keywords
 @sealed
 class Deformation:
     """Vertices at given times and a cubic spline through them.

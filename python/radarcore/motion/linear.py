@@ -14,7 +14,6 @@ FASTEST_TURN = 1e7
 """No body turns faster [rad/s]: the fastest rotors are a thousand times slower."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Linear:
     """Constant velocity and angular velocity in world axes, turning about the pose's origin.

@@ -33,7 +33,6 @@ _SAME_TIME = 1e-9
 """Times that are nearer are the same [s]."""
 
 
-@check.knows_keywords
 @sealed
 class LiveGroup:
     """Several bodies whose poses a running program gives, all by one call, step by step.
@@ -137,7 +136,6 @@ class LiveGroup:
         return f"<LiveGroup of {self._num_bodies} bodies: {self._known}>"
 
 
-@check.knows_keywords
 @sealed
 class Live:
     """A motion whose pose a running program gives, step by step; `LiveGroup` has many in one call.

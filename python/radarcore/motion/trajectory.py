@@ -17,7 +17,6 @@ WITHIN_GAPS = ("error", "interpolate")
 """Ways to treat times within a gap."""
 
 
-@check.knows_keywords
 @sealed
 class Trajectory:
     """A smooth motion through poses at given times: C2 splines of position and rotation.

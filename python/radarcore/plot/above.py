@@ -30,7 +30,6 @@ _DIRECTIONS = np.stack([f(np.arange(0.0, 2.0 * np.pi, np.pi / 90.0)) for f in (n
 _POINTS_OF_TRAIL = 100
 
 
-@check.knows_keywords
 def scene_from_above(
     scene: Scene,
     radar_motion: AnyMotion | None = None,

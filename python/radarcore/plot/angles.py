@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _NUM_ANGLES = 181
 
 
-@check.knows_keywords
 def range_angle_map(
     frame: Frame,
     ax: Axes | None = None,
@@ -121,7 +120,6 @@ def range_angle_map(
     return ax
 
 
-@check.knows_keywords
 def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> Axes:
     """Transmitters, receivers and virtual channels as seen from behind the sensor: y to the left, z up.
 

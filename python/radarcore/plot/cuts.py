@@ -24,7 +24,6 @@ PARTS = {"two-way": "two_way_db", "transmit": "transmit_db", "receive": "receive
 _AXIS = {"azimuth": "Azimuth [°, positive to the left]", "elevation": "Elevation [°]"}
 
 
-@check.knows_keywords
 def antenna_pattern(
     antenna: Radar | Pattern, ax: Axes | None = None, *, polar: bool = True, dynamic_range_db: float = 30.0
 ) -> Axes:
@@ -68,7 +67,6 @@ def antenna_pattern(
     return _finish(ax, (top - depth, top), "Gain [dBi]", "Angle [°, positive to the left and up]")
 
 
-@check.knows_keywords
 def array_pattern(
     radar: Radar,
     ax: Axes | None = None,
@@ -139,7 +137,6 @@ def array_pattern(
     return ax
 
 
-@check.knows_keywords
 def rcs(
     azimuth_deg: ArrayLike,
     rcs_m2: ArrayLike,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radarcore import check
 from radarcore.motion.protocol import AnyMotion
 from radarcore.plot import above, canvas, history
 from radarcore.plot import frame as frame_pictures
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@check.knows_keywords
 def overview(
     frame: Frame,
     image: Image | None,
@@ -108,7 +106,6 @@ def overview(
     return figure
 
 
-@check.knows_keywords
 def experiment(
     recording: Recording,
     scene: Scene,

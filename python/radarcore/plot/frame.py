@@ -56,7 +56,6 @@ class Image(Protocol):
         """Horizontal and vertical angle of view [degrees]."""
 
 
-@check.knows_keywords
 def depth_image(image: Image, ax: Axes | None = None) -> Axes:
     """Distance of every pixel [m]; pixels without a hit are grey.
 
@@ -86,7 +85,6 @@ def depth_image(image: Image, ax: Axes | None = None) -> Axes:
     return _draw_image(image, image.distance, ax, "Distance [m]", "viridis_r", None)
 
 
-@check.knows_keywords
 def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
     """Reflectance of every pixel; pixels without a hit are grey.
 
@@ -107,7 +105,6 @@ def reflectance_image(image: Image, ax: Axes | None = None) -> Axes:
     return _draw_image(image, image.reflectance, ax, "Reflectance", "magma", 0.0)
 
 
-@check.knows_keywords
 def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None) -> Axes:
     """Samples of one chirp over the time since the start of its ramp [us].
 
@@ -159,7 +156,6 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     return ax
 
 
-@check.knows_keywords
 def range_profile(
     frame: Frame,
     channel: int | None = None,
@@ -206,7 +202,6 @@ def range_profile(
     return ax
 
 
-@check.knows_keywords
 def range_doppler_map(
     frame: Frame,
     channel: int | None = None,

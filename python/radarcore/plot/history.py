@@ -32,7 +32,6 @@ _MARKERS = (".", "^", "s", "D")
 """Markers of tracks, the next when the colours begin again."""
 
 
-@check.knows_keywords
 def range_time(
     recording: Recording,
     ax: Axes | None = None,
@@ -91,7 +90,6 @@ def range_time(
     return ax
 
 
-@check.knows_keywords
 def spectrogram(
     recording: Recording,
     ax: Axes | None = None,
@@ -164,7 +162,6 @@ def spectrogram(
     return ax
 
 
-@check.knows_keywords
 def tracks(
     recording: Recording,
     estimates: Mapping[str, Any] | Tracks,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.tracks import Track, Tracks
@@ -20,7 +19,6 @@ _DEVIATIONS = 2.0
 """Standard deviations that the ellipse at the end of a track shows: the target is inside in 86 % of all cases."""
 
 
-@check.knows_keywords
 def tracks_from_above(
     tracks: Tracks, ax: Axes | None = None, *, truth: Truth | None = None, colors: Mapping[str, str] | None = None
 ) -> Axes:

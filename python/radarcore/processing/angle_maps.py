@@ -23,7 +23,6 @@ _BLOCK = 2**20
 """Numbers of the largest intermediate array worked on at a time, 16 MB."""
 
 
-@check.knows_keywords
 def range_angle(
     cube: Samples,
     radar: Radar | None = None,
@@ -130,7 +129,6 @@ def range_angle(
     return power
 
 
-@check.knows_keywords
 def azimuth_elevation(
     cube: Samples,
     radar: Radar | None = None,

@@ -60,7 +60,6 @@ class ArrayPattern:
         return self.transmit_db + self.receive_db
 
 
-@check.knows_keywords
 def array_pattern(
     radar: Radar,
     azimuth: ArrayLike,

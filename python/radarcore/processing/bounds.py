@@ -60,7 +60,6 @@ class CramerRaoBound:
     velocity: NDArray[np.float64]
 
 
-@check.knows_keywords
 def frequency_bound(
     num_samples: int,
     sample_rate: float,
@@ -112,7 +111,6 @@ def frequency_bound(
     return _deviation(float(covariance[0, 0]), _information(snr_db, is_real, num_channels))
 
 
-@check.knows_keywords
 def doppler_bound(
     waveform: Waveform,
     snr_db: ArrayLike,
@@ -159,7 +157,6 @@ def doppler_bound(
     return _bound(covariance, snr_db, is_real, num_channels)
 
 
-@check.knows_keywords
 def up_down_bound(
     up: Waveform,
     down: Waveform,
@@ -211,7 +208,6 @@ def up_down_bound(
     return _bound(inverse @ np.diag(variances) @ inverse.T, snr_db, is_real, num_channels)
 
 
-@check.knows_keywords
 def chirp_rate_bound(
     waveform: Waveform,
     snr_db: ArrayLike,
@@ -257,7 +253,6 @@ def chirp_rate_bound(
     return _of_frequency_change(waveform, 2, 4.0, snr_db, is_real, num_channels, window)
 
 
-@check.knows_keywords
 def range_migration_bound(
     waveform: Waveform,
     snr_db: ArrayLike,

@@ -91,7 +91,6 @@ class _Smooth:
     """1 or 0."""
 
 
-@check.knows_keywords
 def clock_offset(
     times_a: ArrayLike,
     values_a: ArrayLike,

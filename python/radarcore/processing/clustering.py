@@ -78,7 +78,6 @@ class Clusters:
         return len(self.centroids)
 
 
-@check.knows_keywords
 def cluster(
     detections: Detections,
     *,

@@ -23,7 +23,6 @@ DEFAULT_RANK = 0.75
 """Rank of the ordered statistic, as a part of the training cells (Rohling 1983: three quarters)."""
 
 
-@check.knows_keywords
 def cfar(
     power: ArrayLike,
     *,

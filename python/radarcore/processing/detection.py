@@ -49,7 +49,6 @@ _LARGEST_NOISE = 20.0
 """Powers above that many medians are echoes rather than noise."""
 
 
-@check.knows_keywords
 def detect(
     frame: Frame | ArrayLike,
     radar: Radar | None = None,

@@ -88,7 +88,6 @@ class Directions:
         return len(self.azimuth)
 
 
-@check.knows_keywords
 def directions(
     snapshots: ArrayLike,
     radar: Radar,

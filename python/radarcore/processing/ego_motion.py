@@ -66,7 +66,6 @@ def remove_static(
     field_of_view_deg: tuple[float, float] | None = ...,
     suppression_db: float = ...,
 ) -> Recording: ...
-@check.knows_keywords
 def remove_static(
     frame: Frame | Recording,
     sensor_velocity: ArrayLike,

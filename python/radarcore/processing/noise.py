@@ -30,7 +30,6 @@ LEAST_NOISE = float(np.finfo(np.float32).tiny)
 """Smallest noise of a cell at all."""
 
 
-@check.knows_keywords
 def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     """Noise power of the cells of a map: their mean, if half of them have no echo.
 

@@ -81,7 +81,6 @@ class Peak:
     snr_db: float
 
 
-@check.knows_keywords
 def strongest_peak(
     cube: Samples,
     waveform: Waveform | Radar | None = None,

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check
 from radarcore.processing.inputs import (
     Samples,
     checked_samples,
@@ -20,7 +19,6 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 
 
-@check.knows_keywords
 def range_profile(
     cube: Samples, waveform: Waveform | Radar | None = None, *, window: Window = "hann", num_bins: int | None = None
 ) -> NDArray[Any]:
@@ -80,7 +78,6 @@ def fast_spectrum(cube: ArrayLike, waveform: Waveform, *, window: Window, num_bi
     return _fast_transform(windowed, n, waveform)
 
 
-@check.knows_keywords
 def range_doppler(
     cube: Samples,
     waveform: Waveform | Radar | None = None,

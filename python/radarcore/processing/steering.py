@@ -33,7 +33,6 @@ def steering_vectors(
     return vectors
 
 
-@check.knows_keywords
 def steering_weights(
     positions: ArrayLike, wavelength: float, azimuth: ArrayLike, elevation: ArrayLike = 0.0
 ) -> NDArray[np.complex128]:

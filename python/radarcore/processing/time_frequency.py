@@ -99,7 +99,6 @@ class RangeTime:
     noise: float | None = None
 
 
-@check.knows_keywords
 def spectrogram(
     recording: Recording | Frame,
     *,
@@ -220,7 +219,6 @@ def spectrogram(
     return Spectrogram(np.concatenate(times), velocity, np.concatenate(powers), noise)
 
 
-@check.knows_keywords
 def range_time(
     recording: Recording | Frame,
     *,

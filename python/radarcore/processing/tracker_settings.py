@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from radarcore import check
 
 
-@check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class TrackerSettings:
     """Settings of a tracker: how targets move, how well they are detected, when tracks begin and end.

@@ -38,7 +38,6 @@ _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
 
 
-@check.knows_keywords
 class Tracker:
     """Tracks of a stream of frames: their state, which each update takes on.
 
@@ -323,7 +322,6 @@ def _without_lost_angles(values: Array, variance: Array) -> Array:
     return values
 
 
-@check.knows_keywords
 def track(
     source: Recording | Iterable[Detections | Frame],
     *,

@@ -292,7 +292,6 @@ def tracks_of(times: Sequence[float], frames: Sequence[Sequence[TrackState]]) ->
     return Tracks(np.array(times, dtype=np.float64), tuple(tracks))
 
 
-@check.knows_keywords
 def assign_to_truth(tracks: Tracks, truth: Truth, *, max_distance: float = 0.5) -> dict[int, str | None]:
     """Body that each track follows: that whose range is nearest over the frames of the track, in the median.
 

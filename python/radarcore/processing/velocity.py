@@ -35,7 +35,6 @@ from radarcore.units import SPEED_OF_LIGHT
 Array = NDArray[np.float64]
 
 
-@check.knows_keywords
 def doppler_velocity(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
@@ -132,7 +131,6 @@ def doppler_velocity(
     return measured(given, measure)
 
 
-@check.knows_keywords
 def up_down_velocity(
     up: Samples,
     down: Samples,
@@ -242,7 +240,6 @@ def up_down_velocity(
     return stacked(rows, both[0].is_one)
 
 
-@check.knows_keywords
 def chirp_rate_velocity(
     cube: Samples,
     waveform: Waveform | Radar | None = None,
@@ -299,7 +296,6 @@ def chirp_rate_velocity(
     )
 
 
-@check.knows_keywords
 def range_migration_velocity(
     cube: Samples,
     waveform: Waveform | Radar | None = None,

@@ -16,7 +16,6 @@ PER_RECEIVER = ("level_db", "phase_deg", "echo_db", "echo_phase_deg", "step_db",
 """Fields of `Leakage` that may have one number per receiver."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Leakage:
     """Leakage from a transmitter to the receivers: tones of very low frequency, and what turning on leaves.

@@ -30,7 +30,6 @@ _NUM_ANGLES = 180
 """Angles of either kind at which the gain is taken for the power."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class IsotropicPattern(Twinned):
     """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of.
@@ -65,7 +64,6 @@ class IsotropicPattern(Twinned):
         return f"isotropic, {self.gain_db:g} dBi"
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class GaussianPattern(Twinned):
     """Gaussian beam ``G0 exp(-4 ln 2 [(az/BW_az)^2 + (el/BW_el)^2])``.
@@ -134,7 +132,6 @@ class GaussianPattern(Twinned):
         return f"Gaussian, {self.gain_db:g} dBi, {widths}"
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False, repr=False)
 class TabulatedPattern(Twinned):
     """Gains at angles, bilinear between them in azimuth, elevation and dB.

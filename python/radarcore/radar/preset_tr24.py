@@ -17,7 +17,6 @@ _PITCH = 3.5e-3
 """Side of the square of receivers [m]."""
 
 
-@check.knows_keywords
 def bgt60tr24(
     *,
     tx_power_dbm: float = 4.0,

@@ -26,7 +26,6 @@ _SAMPLE_RATES = (2e6, 4e6)
 """Sample rates that are tried where none was asked for [Hz]: the lower has less noise, the higher faster chirps."""
 
 
-@check.knows_keywords
 def bgt60tr13c(
     *,
     stop_frequency: float | None = None,

@@ -28,7 +28,6 @@ _WIDEST_APERTURE = 100.0
 """Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Radar(Twinned):
     """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.

@@ -22,7 +22,6 @@ MAX_BITS = 24
 """Most bits of an ADC: float32 holds every code."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, kw_only=True)
 class Receiver:
     """Receiver of a radar; every effect is a setting, and off by default.

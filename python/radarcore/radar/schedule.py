@@ -18,7 +18,6 @@ _LARGEST_WEIGHT = 1.0 + 1e-9
 """Largest magnitude of a weight, with room for its rounding: a transmitter sends its power or less."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Schedule:
     """Which transmitter sends when, and in which phase; made by `tdm`, `ddm` and `steered`.
@@ -87,7 +86,6 @@ class Schedule:
                 raise ValueError(f"weights: expected either weights or azimuth and elevation, got {got}")
 
     @classmethod
-    @check.knows_keywords
     def tdm(cls, interval: float | None = None, order: Sequence[int] | None = None) -> Schedule:
         """Transmitters take turns (time-division multiplexing): after every chirp of the first comes one of the second.
 
@@ -118,7 +116,6 @@ class Schedule:
         return cls(kind="tdm", interval=interval, order=order)  # type: ignore[arg-type]  # __post_init__ makes it one
 
     @classmethod
-    @check.knows_keywords
     def ddm(cls, turns: ArrayLike | None = None) -> Schedule:
         """All transmitters send at once, told apart by their Doppler frequency (Doppler-division multiplexing).
 
@@ -147,7 +144,6 @@ class Schedule:
         return cls(kind="ddm", turns=turns)  # type: ignore[arg-type]  # __post_init__ makes it an array
 
     @classmethod
-    @check.knows_keywords
     def steered(
         cls,
         weights: ArrayLike | None = None,

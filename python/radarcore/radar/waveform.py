@@ -34,7 +34,6 @@ _LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones overflow."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waveform(Twinned):
     """A frame of FMCW chirps and its sampling.
@@ -185,7 +184,6 @@ class Waveform(Twinned):
         return check.frozen(starts)
 
     @classmethod
-    @check.knows_keywords
     def from_sweep(
         cls, *, start_frequency: float, stop_frequency: float, sample_rate: float, num_samples: int, **others: Any
     ) -> Waveform:
@@ -219,7 +217,6 @@ class Waveform(Twinned):
         )
 
     @classmethod
-    @check.knows_keywords
     def design(
         cls,
         *,

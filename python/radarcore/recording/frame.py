@@ -31,7 +31,6 @@ Kind = tuple[np.dtype[Any], tuple[str, ...] | None]
 """Dtype of the cube and names of the bodies (None: no truth): what all frames of a recording share."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Truth:
     """True range, velocity and direction of the bodies, seen from the radar; NaN for a body that was not visible.
@@ -128,7 +127,6 @@ def truth_of_rows(names: tuple[str, ...], rows: NDArray[np.float64]) -> Truth:
     return truth
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Frame of samples, simulated or measured.

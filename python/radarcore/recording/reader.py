@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.description import Description
 from radarcore.recording.frame import Frame, Truth
@@ -21,7 +20,6 @@ _CHUNK = 16
 """Frames that are read at once."""
 
 
-@check.knows_keywords
 class RecordingReader:
     """Frames of a recording on disk, a few at a time in memory, however many there are.
 

@@ -42,7 +42,6 @@ from radarcore.recording.writer import RecordingWriter, open_as
 from radarcore.summary import html_table
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Recording(Stored):
     """Frames of one radar.
@@ -171,7 +170,6 @@ class Recording(Stored):
         for index in range(len(self)):
             yield self[index]
 
-    @check.knows_keywords
     def replay(self, *, speed: float | None = 1.0, loop: bool = False) -> Iterator[Frame]:
         """The frames in order, each when it is due: the first at once, the others by their times.
 
@@ -215,7 +213,6 @@ class Recording(Stored):
             start += length
 
     @classmethod
-    @check.knows_keywords
     def from_frames(cls, frames: Iterable[Frame], source: dict[str, Any] | None = None) -> Recording:
         """Recording of frames of one radar with the same bodies and dtype.
 
@@ -251,7 +248,6 @@ class Recording(Stored):
         times = np.array([frame.time for frame in kept])
         return cls(np.stack([frame.cube for frame in kept]), times, first.radar, truth, source, lost)
 
-    @check.knows_keywords
     def save(self, path: str | os.PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
         """Write to disk.
 
@@ -294,7 +290,6 @@ class Recording(Stored):
         _FORMATS[kind].save(path, self, overwrite)
 
     @classmethod
-    @check.knows_keywords
     def load(
         cls,
         path: str | os.PathLike[str],

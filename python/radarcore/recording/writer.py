@@ -19,7 +19,6 @@ from radarcore.recording.native import FORMAT, TRUTH_FILES, format_of, meta_text
 from radarcore.recording.npy import GrowingFile
 
 
-@check.knows_keywords
 class RecordingWriter:
     """Writes a recording's directory frame by frame, readable at any moment as far as it got.
 

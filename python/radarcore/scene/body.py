@@ -19,7 +19,6 @@ from radarcore.scene.material import Material
 from radarcore.units import SPEED_OF_LIGHT
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Body:
     """A mesh of one material that may move and change its shape.
@@ -86,7 +85,6 @@ class Body:
         return self.mesh.vertices if self.deformation is None else self.deformation.at(time)
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class PointTarget:
     """An ideal point of a given radar cross-section: no shadow, no phase of its own.

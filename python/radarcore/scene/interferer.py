@@ -20,7 +20,6 @@ _LARGEST_DRIFT = 1e4
 """Largest drift of a clock [ppm]: that of no crystal, but of an oscillator without one."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False)
 class Interferer:
     """Another FMCW radar, which is received and returns no echo of its own.

@@ -22,7 +22,6 @@ _SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 """Weights of both polarisations at the antennas; None: without a polarisation."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class Material:
     """Reflection of a wave by a surface: constant in angle and frequency, or that of a `dielectric`.
@@ -105,7 +104,6 @@ class Material:
         return cls(0.0, albedo)
 
     @classmethod
-    @check.knows_keywords
     def dielectric(
         cls,
         permittivity: Permittivity,

@@ -48,7 +48,6 @@ class ItuPermittivity:
         return complex(self.a * f**self.b, -loss)
 
 
-@check.knows_keywords
 @dataclass(frozen=True)
 class ColeCole:
     """Sum of relaxations, ``eps = high + sum step / (1 + (j w tau)^exponent) + conductivity / (j w eps0)``.

@@ -10,7 +10,7 @@ from itertools import chain, count
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check
+from radarcore import _core
 from radarcore.geometry.mesh import bounds_of
 from radarcore.motion.static import is_static
 from radarcore.scene.body import Body, PointTarget
@@ -86,7 +86,6 @@ class Parts:
         return np.ascontiguousarray(deformation.rate_at(time))
 
 
-@check.knows_keywords
 @sealed
 class Scene:
     """Bodies and point targets; an empty scene is a scene without echoes.

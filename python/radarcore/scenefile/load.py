@@ -5,7 +5,6 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording.configuration import configuration
 from radarcore.recording.reader import RecordingReader
@@ -18,7 +17,6 @@ from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.simulation import Simulation
 
 
-@check.knows_keywords
 def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -> Simulation:
     """Read a scene file.
 

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radarcore import check, notice
+from radarcore import notice
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.recording import Recording
@@ -61,7 +61,6 @@ class Simulation:
         settings = {name: getattr(self.run, name) for name in named}
         return Simulator(self.scene, self.radar, radar_motion=self.radar_motion, threads=threads, **settings)
 
-    @check.knows_keywords
     def record(
         self,
         path: str | PathLike[str] | None = None,

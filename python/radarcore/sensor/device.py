@@ -250,7 +250,6 @@ class Sensor:
         finally:
             self._board.stop(is_silent=is_silent)
 
-    @check.knows_keywords
     def record(
         self,
         path: str | PathLike[str],

@@ -32,7 +32,6 @@ _CAPTURE = "capture:"
 _PROBE_TIMEOUT = 0.3
 
 
-@check.knows_keywords
 def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     """Boards that answer, one after the other.
 
@@ -71,7 +70,6 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     return found
 
 
-@check.knows_keywords
 def open_sensor(
     port: str | Port | None = None,
     *,

@@ -15,7 +15,6 @@ from radarcore.simulate.settings import check_max_bounces
 from radarcore.simulate.synthesis import check_threads
 
 
-@check.knows_keywords
 def rcs(
     target: Mesh | Body | Scene,
     frequency: ArrayLike,

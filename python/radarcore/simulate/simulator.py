@@ -53,7 +53,6 @@ _NUM_TIMES = 17
 """Times of a frame at which motion is placed at first; a motion too fast for them is placed again."""
 
 
-@check.knows_keywords
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulator(Settings):
     """Simulator of the frames that a radar receives from a scene.
@@ -235,7 +234,6 @@ class Simulator(Settings):
         times = frame_times(start, stop, frame_rate(self.radar.waveform) if rate is None else rate)
         return (self.frame(time) for time in times)
 
-    @check.knows_keywords
     def record(
         self,
         start: float,

@@ -27,7 +27,6 @@ MAX_THREADS = 1024
 """Largest number of threads that the core starts."""
 
 
-@check.knows_keywords
 def beat_signal(
     delay: ArrayLike,
     amplitude: ArrayLike,

@@ -23,7 +23,6 @@ _KEEPS_UP = 0.95
 """Part of the speed that was asked for below which a scene is slow."""
 
 
-@check.knows_keywords
 def virtual_board(
     source: Simulator | Simulation | Recording | FrameSource,
     *,

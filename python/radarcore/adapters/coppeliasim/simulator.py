@@ -32,7 +32,6 @@ _POLL = 0.01
 """Time between two questions whether the simulation has stopped [s]."""
 
 
-@check.knows_keywords
 class CoppeliaSim:
     """A running CoppeliaSim, reached through its ZeroMQ remote API (``pip install radarcore[coppelia]``).
 
@@ -109,7 +108,6 @@ class CoppeliaSim:
         known = [self._path(handle) for handle in self.sim.getObjectsInTree(self.sim.handle_scene)]
         raise CoppeliaSimError(f"no object {path!r} in the scene; {check.near_names(path, known)}")
 
-    @check.knows_keywords
     def bodies(
         self, *paths: str, material: Material | None = None, still: bool = False, hidden: bool = False
     ) -> list[Body]:

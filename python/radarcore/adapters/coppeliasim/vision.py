@@ -136,7 +136,6 @@ class VisionSensor:
                 f"3 m are rounded by {1e6 * error:.0f} um rms, {720.0 * error / 5e-3:.1f} degrees of phase at 60 GHz"
             )
 
-    @check.knows_keywords
     def image(self, *, metres: bool = True, handle: bool = False) -> VisionImage:
         """Image of the last step.
 

@@ -32,7 +32,6 @@ SHOWN_GROUPS = (0, 1, 2)
 """Groups that MuJoCo's viewers show: visual geoms, by convention."""
 
 
-@check.knows_keywords
 @sealed
 class LiveModel:
     """Geoms of a MuJoCo model as bodies, whose poses and velocities every `update` takes from an MjData.

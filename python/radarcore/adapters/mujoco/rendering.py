@@ -74,7 +74,6 @@ class View:
         }
 
 
-@check.knows_keywords
 class DepthView:
     """Draws depth and bodies of a MuJoCo model as a camera or a site sees them. A context manager.
 

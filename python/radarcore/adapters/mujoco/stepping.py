@@ -34,7 +34,6 @@ class FrameSource(Protocol):
         ...
 
 
-@check.knows_keywords
 def frames(
     simulator: FrameSource,
     live: LiveModel,

@@ -22,7 +22,6 @@ _FINEST = 7
 """Subdivisions of larger ones."""
 
 
-@check.knows_keywords
 def geom_mesh(model: Any, geom: int, *, plane_size: float = 20.0, sagitta: float = 5e-5) -> Mesh:
     """Mesh of a geom, in its own coordinates.
 

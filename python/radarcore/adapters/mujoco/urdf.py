@@ -30,7 +30,6 @@ _READABLE = (".stl", ".obj", ".msh")
 _SCHEME = "package://"
 
 
-@check.knows_keywords
 def spec_from_urdf(
     path: str | PathLike[str],
     *,

@@ -57,7 +57,6 @@ class Updated(Protocol):
         ...
 
 
-@check.knows_keywords
 class MotionCaptureClient:
     """Receives frames that Motive, or `MotionCaptureServer`, streams; packets of other senders are ignored.
 

@@ -50,7 +50,6 @@ class _Header:
     num_lines: int
 
 
-@check.knows_keywords
 def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_unit: str | None = None) -> MotionCapture:
     """Read a take that Motive exported as CSV file.
 

@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 _XYZ = ["Position"] * 3, ["X", "Y", "Z"]
 
 
-@check.knows_keywords
 def write_motive_csv(
     path: str | PathLike[str], capture: MotionCapture, *, axes: str = "z_up", overwrite: bool = False
 ) -> None:

@@ -31,7 +31,6 @@ _UNRECOGNIZED = 100
 _MARKER_ERROR = 2e-4
 
 
-@check.knows_keywords
 class MotionCaptureServer:
     """Streams motions as Motive streams those of rigid bodies: for work without cameras, and for tests.
 

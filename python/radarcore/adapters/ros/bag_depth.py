@@ -26,7 +26,6 @@ _LAST = 1e-6
 """Time after the last image at which a frame may still start [s]."""
 
 
-@check.knows_keywords
 class DepthImages:
     """Depth images of a bag, decoded as they are asked for.
 
@@ -156,7 +155,6 @@ class FrameImages(NamedTuple):
     """Frames left out just before this one, for want of images."""
 
 
-@check.knows_keywords
 def frame_images(images: Iterable[PlanarDepth], rate: float, *, max_age: float = 0.2) -> Iterator[FrameImages]:
     """Images of every frame, at a steady rate from the second image to the last one.
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.message_times import LATEST_FIRST, warn_of_gap
 from radarcore.adapters.ros.poses import PoseSeries, joint_series, pose_series, rigid_body_series
@@ -27,7 +26,6 @@ IMAGES = ("sensor_msgs/msg/Image",)
 STATIC_TRANSFORMS = "/tf_static"
 
 
-@check.knows_keywords
 class BagMotions:
     """Motions of a bag, by topic and name; for scene files with tables of kind ``"bag"``, or as truth.
 

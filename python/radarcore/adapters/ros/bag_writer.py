@@ -33,7 +33,6 @@ _LONGEST_WAIT, _MOST_WAITING = 0.9, 1 << 25
 """Messages are flushed after this time [s] or number of bytes, so that a killed process loses at most a second."""
 
 
-@check.knows_keywords
 class BagWriter:
     """Writes messages into a new ROS bag.
 
@@ -122,7 +121,6 @@ class BagWriter:
     ) -> None:
         self.close()
 
-    @check.knows_keywords
     def add_topic(self, topic: str, type: str, *, latched: bool = False) -> None:
         """Make a topic before its first message; needed for one that is latched, and one without messages.
 

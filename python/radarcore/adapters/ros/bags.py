@@ -74,7 +74,6 @@ class BagMessage:
     message: Any
 
 
-@check.knows_keywords
 class BagReader:
     """A ROS bag: its topics, and its messages in the order of their times.
 

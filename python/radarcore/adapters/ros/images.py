@@ -15,7 +15,6 @@ _ENCODINGS = {"32FC1": ("f4", 1.0), "16UC1": ("u2", 1e-3)}
 """Numbers of an encoding, and the metres that are one of them (REP 118)."""
 
 
-@check.knows_keywords
 def from_ros_image(
     message: Any,
     *,
@@ -87,7 +86,6 @@ def from_ros_image(
     return decoded(metres, np.inf, camera, axes, time, frame_id or None)
 
 
-@check.knows_keywords
 def from_camera_info(message: Any, *, centered: bool = False, rectified: bool = False) -> Camera:
     """Camera of a ROS 1 or ROS 2 ``sensor_msgs/CameraInfo``, of the image as it is sent: binned, and its window alone.
 

@@ -241,7 +241,6 @@ class SeriesRows:
         return valid
 
 
-@check.knows_keywords
 def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Pose as a ``geometry_msgs/PoseStamped`` in the frame `frame_id`, with a stamp [ns].
 
@@ -268,7 +267,6 @@ def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types:
     return make(types, "geometry_msgs/msg/PoseStamped", header=stamped, pose=placed)
 
 
-@check.knows_keywords
 def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "world", types: Types = None) -> Any:
     """Poses of frames in the frame `frame_id` as a ``tf2_msgs/TFMessage``, by the frames' names.
 
@@ -361,7 +359,6 @@ def rigid_body_series(messages: Iterable[Any]) -> dict[str, PoseSeries]:
     return {name: rows.series(frame_id) for name, rows in found.items() if rows.has_valid_pose}
 
 
-@check.knows_keywords
 def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) -> JointSeries:
     """Positions of joints in ``sensor_msgs/JointState``.
 

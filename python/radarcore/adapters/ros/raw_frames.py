@@ -55,7 +55,6 @@ TRUTH_TYPE = "std_msgs/msg/Float64MultiArray"
 _TRUTH_AXES = ("field", "body")
 
 
-@check.knows_keywords
 def to_truth_message(truth: Truth, *, types: Types = None) -> Any:
     """Truth of a frame as a ``std_msgs/Float64MultiArray``: range, velocity, azimuth, elevation [field, body].
 
@@ -108,7 +107,6 @@ def from_truth_message(message: Any, names: tuple[str, ...]) -> Truth:
     return truth_of_rows(names, values[:size].reshape(len(TRUTH_FIELDS), len(names)).copy())
 
 
-@check.knows_keywords
 class FrameWriter:
     """Writes frames of a radar into a bag, one by one; nothing is kept in memory.
 
@@ -207,7 +205,6 @@ class FrameWriter:
         self._bag.write(f"{self._topic}/{name}", message, stamp)
 
 
-@check.knows_keywords
 def write_frames(
     bag: BagWriter, frames: Recording | RecordingReader, *, topic: str = "/radar", start_ns: int = 0
 ) -> None:
@@ -233,7 +230,6 @@ def write_frames(
     writer.close()
 
 
-@check.knows_keywords
 class BagFrames:
     """Frames of a radar in a bag, a few at a time in memory.
 

@@ -28,7 +28,6 @@ _ARRAYS = {"int16": "Int16", "float32": "Float32", "float64": "Float64"}
 """Name of a message by the type of its numbers."""
 
 
-@check.knows_keywords
 def to_samples_message(samples: Frame | NDArray[Any], *, types: Types = None) -> Any:
     """Samples as a ``std_msgs/Int16MultiArray``, or Float32MultiArray or Float64MultiArray for those that are no codes.
 
@@ -124,7 +123,6 @@ def from_samples_message(message: Any) -> NDArray[Any]:
     return values if labels[0] == _LABELS[0] else values[None]
 
 
-@check.knows_keywords
 def to_frame(message: Any, radar: Radar, time: float, *, cube_unit: str | None = None) -> Frame:
     """Frame of a radar from a message of its samples.
 
@@ -168,7 +166,6 @@ def to_frame(message: Any, radar: Radar, time: float, *, cube_unit: str | None =
     return Frame(cube.astype(np.float32), time, radar, stats={"cube_unit": COUNTS} | stats)
 
 
-@check.knows_keywords
 def to_settings_message(source: Frame | Radar, *, cube_unit: str | None = None, types: Types = None) -> Any:
     """Settings of the radar and unit of its samples as a ``std_msgs/String`` of JSON, for a latched topic.
 
@@ -213,7 +210,6 @@ def from_settings_message(message: Any) -> tuple[Radar, str | None]:
         raise ValueError(f"data: expected settings of a radar as JSON, got {got!r} ({error})") from error
 
 
-@check.knows_keywords
 def to_map_image(values: ArrayLike, *, time_ns: int, frame_id: str = "radar", types: Types = None) -> Any:
     """Range-velocity map as a ``sensor_msgs/Image``, 32FC1: a row per velocity, the lowest on top, a column per range.
 

@@ -26,7 +26,6 @@ _POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8
 _FLOAT32 = 7
 
 
-@check.knows_keywords
 def to_radar_scan(
     detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
 ) -> Any:
@@ -66,7 +65,6 @@ def to_radar_scan(
     return make(types, "radar_msgs/msg/RadarScan", header=stamped, returns=returns)
 
 
-@check.knows_keywords
 def from_radar_scan(
     message: Any, *, approaching_positive: bool = False, has_elevation: bool = True, start_ns: int = 0
 ) -> Detections:
@@ -116,7 +114,6 @@ def from_radar_scan(
     return _detections(columns, message, approaching_positive, start_ns)
 
 
-@check.knows_keywords
 def to_point_cloud(
     detections: Detections, *, frame_id: str = "radar", time_ns: int | None = None, types: Types = None
 ) -> Any:
@@ -161,7 +158,6 @@ def to_point_cloud(
     )
 
 
-@check.knows_keywords
 def from_point_cloud(
     message: Any,
     *,

@@ -48,7 +48,6 @@ def header_nanoseconds(message: Any) -> int | None:
     return None if stamp is None else nanoseconds(stamp)
 
 
-@check.knows_keywords
 def seconds(time_ns: int, start_ns: int = 0) -> float:
     """Time since `start_ns` [s], rounded once: times of motions should count from the start of a recording.
 

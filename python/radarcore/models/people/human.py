@@ -27,7 +27,6 @@ _MASS_INDICES = (6.0, 260.0)
 """Limits of mass over height squared [kg/m^2]; reported extremes are 7.5 and 251."""
 
 
-@check.knows_keywords
 @sealed
 class Human:
     """A walking person of 16 rigid segments, every one with its exact pose and velocity at any time.

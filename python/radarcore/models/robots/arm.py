@@ -29,7 +29,6 @@ Further out along the flange: ``Pose([0, 0, 0.05]) @ RADAR_AT_TOOL0``.
 """
 
 
-@check.knows_keywords
 @sealed
 class RobotArm:
     """A tree of joints, with meshes on the links between them.
@@ -97,7 +96,6 @@ class RobotArm:
                 self._first[k, :3, 3] = joint.origin.rotation @ joint.axis
 
     @classmethod
-    @check.knows_keywords
     def from_urdf(
         cls,
         path: str | PathLike[str],
@@ -151,7 +149,6 @@ class RobotArm:
             raise ValueError(f"{fspath(path)}: {error}") from error
 
     @classmethod
-    @check.knows_keywords
     def named(cls, name: str, *, meshes: Literal["collision", "visual"] | None = "collision") -> RobotArm:
         """A real arm by its name (``pip install radarcore[robots]``), from the package example-robot-data.
 
@@ -377,7 +374,6 @@ class RobotArm:
         return f"<RobotArm {self.name!r}: {len(self.links)} links, joints {', '.join(self.joint_names) or 'none'}>"
 
 
-@check.knows_keywords
 @sealed
 class MovingArm:
     """A robot arm whose joints, and perhaps base, move; `RobotArm.moving` makes it.

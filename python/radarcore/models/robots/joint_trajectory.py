@@ -14,7 +14,6 @@ from radarcore.motion.ends import Ends, check_steps
 from radarcore.sealed import sealed
 
 
-@check.knows_keywords
 @sealed
 class JointTrajectory:
     """Joint angles that pass through given values: C2 cubic splines.

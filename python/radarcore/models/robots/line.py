@@ -31,7 +31,6 @@ _MIN_KNOT_INTERVAL = 0.5e-3
 _MAX_DURATION = 3600.0
 
 
-@check.knows_keywords
 def cartesian_line(
     arm: RobotArm,
     start_angles: JointAngles,

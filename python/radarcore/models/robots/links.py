@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
 from radarcore.models.robots import urdf
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.data import HUMAN, UR10, data_file, meshes_of
@@ -65,7 +64,6 @@ def ur10_links(joint_angles: JointAngles) -> list[Link]:
     return _links(UR10, "collision", joint_angles)
 
 
-@check.knows_keywords
 def human_links(joint_angles: Mapping[str, float] | None = None) -> list[Link]:
     """Meshes of a human who faces +x and stands on the floor z = 0 (23 closed meshes, 1.8 m tall).
 

@@ -33,7 +33,6 @@ _TEXT_INTERVAL = 0.2
 """Time between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
 
 
-@check.knows_keywords
 class LiveView:
     """Power over range and velocity of the newest frame, range over the last seconds, and detections.
 
@@ -187,7 +186,6 @@ class LiveView:
         if time.perf_counter() - self._texts_painted >= _TEXT_INTERVAL:
             self._paint(self._text_axes)
 
-    @check.knows_keywords
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the figure as a PNG picture; missing parents are made.
 

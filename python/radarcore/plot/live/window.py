@@ -35,7 +35,6 @@ _PATIENCE = 2.0
 """Time that the source may take for its last frame after the window is closed [s]."""
 
 
-@check.knows_keywords
 def view(
     frames: Iterable[Frame],
     *,
