@@ -12,8 +12,7 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.frame import Frame, Truth, to_samples
 from radarcore.recording.recording import Recording
 
 WAVEFORM = Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e6, num_samples=16, num_chirps=4)

@@ -13,7 +13,7 @@ import pytest
 
 import infineon_folders
 import radarcore as rc
-from radarcore.recording.codes import to_codes
+from radarcore.recording.frame import to_codes
 
 pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 

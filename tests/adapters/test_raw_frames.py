@@ -21,8 +21,7 @@ from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
-from radarcore.recording.reader import RecordingReader
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, RecordingReader
 from recordings import CODES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame
 from ros_bags import BAGS, cut, stamp_of
 

@@ -11,7 +11,7 @@ import pytest
 import radarcore as rc
 import rosbags_types
 from radarcore.adapters import ros
-from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import to_samples
 
 BOARD = rc.bgt60tr13c(num_samples=8, num_chirps=4)
 CODES = np.random.default_rng(1).integers(0, 4096, (3, 4, 8)).astype(np.uint16)

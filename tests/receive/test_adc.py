@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.receive.chain import receive
-from radarcore.recording.codes import to_codes, to_samples
+from radarcore.recording.frame import to_codes, to_samples
 
 NUM_CHIRPS, NUM_SAMPLES = 50, 200
 WAVEFORM = rc.Waveform(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from chip_settings import power_up
 from radarcore.radar.bgt60_receiver import gain_stages, highpass_index
-from radarcore.recording.codes import to_codes
+from radarcore.recording.frame import to_codes
 from radarcore.virtual.source import Simulated
 
 STEPS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)

@@ -13,7 +13,7 @@ from scipy.io import savemat
 
 import radarcore as rc
 from infineon_folders import config, some_codes
-from radarcore.recording import axes
+from radarcore.recording.bare import parsed_axes
 from recordings import CODES, RADAR, SENSOR, recording
 
 SLOW = replace(RADAR.waveform, chirp_interval=20e-6, chirp_times=None, frame_interval=1e-3)
@@ -301,5 +301,5 @@ def test_wrong_types_of_numbers_are_refused(tmp_path: Path, dtype: str, message:
 
 
 def test_lengths_alone_have_names() -> None:
-    assert [axis.name for axis in axes.parsed("8,3,4,16,2")] == ["frame", "channel", "chirp", "sample", "iq"]
-    assert axes.parsed("-1,3,4,16")[0] == ("frame", None)
+    assert [axis.name for axis in parsed_axes("8,3,4,16,2")] == ["frame", "channel", "chirp", "sample", "iq"]
+    assert parsed_axes("-1,3,4,16")[0] == ("frame", None)

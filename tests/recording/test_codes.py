@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
+from radarcore.recording.frame import NUM_CODES, to_codes, to_samples
 from radarcore.sensor.packing import pack_lsb, pack_msb, test_pattern, unpack_lsb, unpack_msb
 
 CODES = np.arange(NUM_CODES, dtype=np.uint16)

@@ -12,7 +12,7 @@ import pytest
 import radarcore as rc
 from infineon_folders import FOLDER, folder
 from radarcore.cli.main import main
-from radarcore.recording.folders import recordings_in
+from radarcore.recording.recording import recordings_in
 from recordings import CODES, recording
 
 

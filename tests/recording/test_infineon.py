@@ -22,8 +22,7 @@ from radarcore.processing.spectra import range_profile
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.codes import to_codes, to_samples
-from radarcore.recording.frame import Truth
+from radarcore.recording.frame import Truth, to_codes, to_samples
 from radarcore.recording.infineon import is_recording
 from radarcore.recording.recording import Recording
 from radarcore.units import SPEED_OF_LIGHT

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import Frame
+from radarcore.recording.frame import Frame, to_samples
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from recordings import CODES, CUBE, FRAME_TIMES, RADAR, SENSOR, recording, sensor_frame

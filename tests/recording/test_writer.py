@@ -166,7 +166,7 @@ INTERRUPT_AT_ANY_MOMENT = """
 import signal, sys, warnings
 import numpy as np
 from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
-from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=16)
@@ -207,7 +207,7 @@ WRITE_UNTIL_FULL = """
 import errno, sys, warnings
 import numpy as np
 from radarcore import Frame, Recording, RecordingWriter, bgt60tr13c
-from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=64)  # frames of 48 KiB

@@ -13,7 +13,7 @@ import radarcore as rc
 from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 from comlib_boards import Pipe, Ramp
 from full_disk import largest_file
-from radarcore.recording.codes import to_samples
+from radarcore.recording.frame import to_samples
 from radarcore.sensor import (
     FramesLostWarning,
     SensorDisconnectedError,

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from radarcore.cli.measured import measured_facts
-from radarcore.recording.description import NOTHING_SAID, Description
-from radarcore.recording.reader import RecordingReader
+from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.recording import RecordingReader
 
 
 def folder_facts(path: Path, found: list[Path], config: Description) -> dict[str, Any]:

@@ -21,10 +21,8 @@ from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
 from radarcore.geometry.files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.report import mesh_report
-from radarcore.recording.description import Description
-from radarcore.recording.folders import recordings_in
-from radarcore.recording.reader import RecordingReader
-from radarcore.recording.recording import facts_of_frames
+from radarcore.recording.bare import Description
+from radarcore.recording.recording import RecordingReader, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.read import values_of

@@ -20,7 +20,7 @@ from radarcore.plot import canvas
 from radarcore.processing.clutter import remove_mean
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import track
-from radarcore.recording.description import NOTHING_SAID, Description
+from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene

@@ -12,9 +12,8 @@ from cyclopts import Group, Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
-from radarcore.recording.description import NOTHING_SAID, Description
-from radarcore.recording.reader import RecordingReader
-from radarcore.recording.recording import Recording
+from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.recording import Recording, RecordingReader
 
 AnyReader = RecordingReader | BagFrames
 """Frames that need not fit into memory."""

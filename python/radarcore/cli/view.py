@@ -14,7 +14,7 @@ from radarcore.cli.terminal import show
 from radarcore.processing.detection import detect
 from radarcore.processing.tracking import Tracker
 from radarcore.radar.radar import Radar
-from radarcore.recording.description import Description
+from radarcore.recording.bare import Description
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.load import load_scene
 from radarcore.simulate.times import frame_times

@@ -24,7 +24,7 @@ from radarcore.dataset.store import opened
 from radarcore.dataset.stored import StoredFrames
 from radarcore.dataset.variation import Sample, Variation
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import NUM_CODES, to_samples
+from radarcore.recording.frame import NUM_CODES, to_samples
 
 
 class Dataset:

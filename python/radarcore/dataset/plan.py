@@ -17,8 +17,7 @@ from radarcore.dataset.layout import STATUS, TEXT, Layout, Variable, samples_per
 from radarcore.dataset.notices import gathered
 from radarcore.dataset.recipe import AXES, Recipe, cube_of, parameters_of, simulated
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import NUM_CODES
-from radarcore.recording.frame import Frame, unit_of
+from radarcore.recording.frame import NUM_CODES, Frame, unit_of
 
 FORMAT, VERSION = "radarcore dataset", 1
 

@@ -15,8 +15,7 @@ from radarcore.dataset.items import Item, Output, output_of
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.samples import Samples
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth, frame_of
+from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth, adc_codes, frame_of
 
 Arrays = Mapping[str, NDArray[Any]]
 """Variables of a sample."""

@@ -13,8 +13,7 @@ from radarcore.depth.image import Image, bodies_of, depths, fractions, normals_o
 from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import Frame, frame_of
+from radarcore.recording.frame import Frame, adc_codes, frame_of
 from radarcore.simulate.doubts import Doubts
 from radarcore.simulate.ramps import ramps_of, received
 from radarcore.simulate.settings import Settings, core_settings

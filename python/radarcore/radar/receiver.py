@@ -199,7 +199,7 @@ class Receiver:
 
     @property
     def has_codes(self) -> bool:
-        """True if samples are codes of 12 bits, as `radarcore.recording.codes` has them."""
+        """True if samples are codes of 12 bits, as `radarcore.recording.frame` has them."""
         return self.adc_bits == 12 and self.output == "real"
 
     @property

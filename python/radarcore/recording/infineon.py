@@ -32,8 +32,7 @@ from radarcore import _core, check, notice
 from radarcore.output import Lock, already_exists, make_folder, new_file
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import NUM_CODES, to_codes, to_samples
-from radarcore.recording.frame import FULL_SCALE, frame_shape
+from radarcore.recording.frame import FULL_SCALE, NUM_CODES, frame_shape, to_codes, to_samples
 from radarcore.recording.native import UNITS, Stored, parsed_json, warn_of_missing
 from radarcore.recording.npy import ArrayFile, Converted, read_header
 

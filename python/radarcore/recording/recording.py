@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, overload
 
@@ -16,9 +17,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording import bare, infineon
-from radarcore.recording.codes import to_codes
-from radarcore.recording.description import NOTHING_SAID, Description
-from radarcore.recording.folders import refuse_several
+from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -34,12 +33,53 @@ from radarcore.recording.frame import (
     frame_of,
     frame_shape,
     kind_of,
+    to_codes,
     unit_of,
 )
 from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
 from radarcore.recording.npy import Converted
+from radarcore.recording.radar_files import is_setup
 from radarcore.recording.writer import RecordingWriter, open_as
 from radarcore.summary import html_table
+
+_FILES = (".npz", ".npy", ".mat", ".bin")
+"""Suffixes of files with samples."""
+
+_MANY = 8
+"""Names that a message has at most."""
+
+
+def recordings_in(path: Path) -> list[Path]:
+    """Recordings that lie in a folder that is none itself, or the sensors of one, in the order of their names."""
+    if not path.is_dir() or is_one(path):
+        return []
+    if sensors := infineon.sensor_folders(path):
+        return [path / name for name in sensors] if len(sensors) > 1 else []
+    return sorted(place for place in path.iterdir() if _is_recording(place))
+
+
+def is_one(path: Path) -> bool:
+    """True for a folder that is a recording of one sensor, even if a part of it is missing."""
+    is_native = any((path / name).is_file() for name in ("meta.json", "cube.npy"))
+    return (is_native or infineon.is_recording(path)) and len(infineon.sensor_folders(path)) <= 1
+
+
+def refuse_several(path: Path) -> None:
+    """Refuse a folder with recordings in it, which does not say which of them is meant; of sensors others do."""
+    found = recordings_in(path)
+    if found and not infineon.sensor_folders(path):
+        names = [place.name for place in found]
+        listed = ", ".join(names[:_MANY]) + (f" and {len(names) - _MANY} more" if len(names) > _MANY else "")
+        raise ValueError(
+            f"{path}: expected one recording, got a folder with {listed}; give one of these, as {found[0]} "
+            "(radarcore info describes them)"
+        )
+
+
+def _is_recording(place: Path) -> bool:
+    if place.is_dir():
+        return (place / "meta.json").is_file() or infineon.is_recording(place)
+    return place.suffix.lower() in _FILES or is_setup(place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,3 +476,77 @@ def _counts(name: str, values: ArrayLike, length: int) -> NDArray[np.int32]:
     if given.size > 0 and not 0 <= int(given.min()) <= int(given.max()) < 2**31:
         raise ValueError(f"{name}: expected numbers of frames, from 0 on, got {given.min()} to {given.max()}")
     return given.astype(np.int32)
+
+
+_CHUNK = 16
+"""Frames that are read at once."""
+
+
+class RecordingReader:
+    """Frames of a recording on disk, a few at a time in memory, however many there are.
+
+    Parameters
+    ----------
+    path : path
+        As for `Recording.load`. An ``.npz`` file is read whole.
+    radar, config, shape, dtype, variable : optional
+        Of bare samples, see `Recording.load`.
+
+    Attributes
+    ----------
+    radar : Radar
+    source : dict
+        Origin of the frames.
+    shape : tuple of int
+        Frames, channels, chirps, samples.
+    dtype : dtype
+        Of the samples.
+    time, truth, lost
+        Of all frames, see `Recording`.
+
+    See Also
+    --------
+    Recording.load : All of it.
+    RecordingWriter : Writes frame by frame.
+
+    Examples
+    --------
+    >>> rc.Recording(np.zeros((2, 3, 64, 128), np.float32), [0.0, 0.025], rc.bgt60tr13c()).save("made")
+    >>> [frame.time for frame in rc.RecordingReader("made")]
+    [0.0, 0.025]
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        radar: Radar | None = None,
+        config: str | PathLike[str] | None = None,
+        shape: str | Sequence[str | int] | None = None,
+        dtype: str | None = None,
+        variable: str | None = None,
+    ) -> None:
+        self._stored: Stored = stored_at(path, description=Description(radar, config, shape, dtype, variable))
+        Recording(**self._part(0))  # refuses what does not fit together
+        self.radar: Radar = self._stored.radar
+        self.source: dict[str, Any] = self._stored.source
+        self.shape: tuple[int, ...] = self._stored.cube.shape
+        self.dtype: np.dtype[Any] = self._stored.cube.dtype
+        self.time: NDArray[np.float64] = self._stored.time
+        self.truth: Truth | None = self._stored.truth
+        self.lost: NDArray[np.int32] | None = self._stored.lost
+
+    def __len__(self) -> int:
+        return len(self._stored.cube)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """The frames in order."""
+        for first in range(0, len(self), _CHUNK):
+            yield from Recording(**self._part(first)).frames()
+
+    def _part(self, first: int) -> dict[str, Any]:
+        """Fields of the recording of some frames."""
+        stored, rows = self._stored, slice(first, first + _CHUNK)
+        truth = None if stored.truth is None else stored.truth[rows]
+        lost = None if stored.lost is None else stored.lost[rows]
+        return vars(replace(stored, cube=stored.cube[rows], time=stored.time[rows], truth=truth, lost=lost))

@@ -6,8 +6,8 @@ from os import PathLike
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
-from radarcore.recording.configuration import configuration
-from radarcore.recording.reader import RecordingReader
+from radarcore.recording.radar_files import configuration
+from radarcore.recording.recording import RecordingReader
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.kept import Kept

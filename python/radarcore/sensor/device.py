@@ -19,8 +19,7 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
-from radarcore.recording.codes import to_samples
-from radarcore.recording.frame import FULL_SCALE, Frame, frame_of
+from radarcore.recording.frame import FULL_SCALE, Frame, frame_of, to_samples
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.recording.codes import NUM_CODES, checked_codes
+from radarcore.recording.frame import NUM_CODES, checked_codes
 
 
 def unpack_msb(data: bytes) -> NDArray[np.uint16]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.recording.codes import NUM_CODES
+from radarcore.recording.frame import NUM_CODES
 
 _WARM_UP = 8
 """Chirps of a frame until they are alike: the first differ by a few tenths of a code."""

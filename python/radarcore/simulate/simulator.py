@@ -20,8 +20,7 @@ from radarcore.motion.protocol import AnyMotion, Motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
-from radarcore.recording.codes import adc_codes
-from radarcore.recording.frame import Frame, frame_of, truth_of_rows
+from radarcore.recording.frame import Frame, adc_codes, frame_of, truth_of_rows
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene

@@ -17,7 +17,7 @@ from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive.chain import receive
-from radarcore.recording.codes import FULL_SCALE_VOLT, to_codes
+from radarcore.recording.frame import FULL_SCALE_VOLT, to_codes
 from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
 from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db

@@ -33,7 +33,6 @@ from radarcore.adapters.ros.messages import Types, make
 from radarcore.adapters.ros.samples import from_samples_message, to_samples_message
 from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import to_samples
 from radarcore.recording.frame import (
     TRUTH_FIELDS,
     Frame,
@@ -42,12 +41,12 @@ from radarcore.recording.frame import (
     check_alike,
     frame_shape,
     kind_of,
+    to_samples,
     truth_of_rows,
     unit_of,
 )
 from radarcore.recording.native import meta_text, parsed_json, radar_from_json
-from radarcore.recording.reader import RecordingReader
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, RecordingReader
 
 SETTINGS_TYPE = "std_msgs/msg/String"
 TRUTH_TYPE = "std_msgs/msg/Float64MultiArray"

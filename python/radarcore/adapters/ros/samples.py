@@ -18,8 +18,7 @@ from radarcore import check
 from radarcore.adapters.planar_depth import unpacked
 from radarcore.adapters.ros.messages import Types, header, make
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import checked_codes, to_samples
-from radarcore.recording.frame import COUNTS, FULL_SCALE, Frame, frame_shape, unit_of
+from radarcore.recording.frame import COUNTS, FULL_SCALE, Frame, checked_codes, frame_shape, to_samples, unit_of
 
 _LABELS = ("frame", "channel", "chirp", "sample")
 _IQ = "iq"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
-from radarcore.recording.codes import NUM_CODES
+from radarcore.recording.frame import NUM_CODES
 from radarcore.recording.recording import Recording
 
 MIDDLE = 2047.5

@@ -8,7 +8,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.recording.native import parsed_json
-from radarcore.recording.ti_configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
+from radarcore.recording.ti.configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
 
 SETUP_SUFFIX = ".setup.json"
 _MMWAVE_SUFFIX = ".mmwave.json"

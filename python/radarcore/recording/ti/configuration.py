@@ -1,6 +1,6 @@
 """Configurations of TI's radars: the settings of a chip, and the radar and the order of samples that they make.
 
-Files are those of mmWave Studio, see `ti_studio`, and the commands of the SDK's demo, see `ti_commands`. Both name the
+Files are those of mmWave Studio, see `studio`, and the commands of the SDK's demo, see `commands`. Both name the
 fields of TI's mmWaveLink: frequencies in GHz, slopes in MHz/us, times in us, rates in kHz.
 """
 
@@ -18,7 +18,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
-from radarcore.recording.dca1000 import Capture
+from radarcore.recording.ti.capture import Capture
 
 OUTPUTS = ("real", "complex 1x", "complex 2x")
 """Formats of samples by the number that TI gives them: real, I/Q, and I/Q with the band of the images."""

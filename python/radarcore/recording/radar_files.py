@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from radarcore.radar.radar import Radar
-from radarcore.recording import infineon, ti_commands, ti_studio
-from radarcore.recording.dca1000 import Capture
+from radarcore.recording import infineon
 from radarcore.recording.native import parsed_json, radar_from_json
-from radarcore.recording.ti_configuration import Settings, radar_and_capture
+from radarcore.recording.ti import commands, studio
+from radarcore.recording.ti.capture import Capture
+from radarcore.recording.ti.configuration import Settings, radar_and_capture
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Configuration:
 
 def is_setup(path: Path) -> bool:
     """True for the file with which mmWave Studio describes a capture."""
-    return path.name.lower().endswith(ti_studio.SETUP_SUFFIX)
+    return path.name.lower().endswith(studio.SETUP_SUFFIX)
 
 
 def configuration(path: Path) -> Configuration:
@@ -53,14 +54,14 @@ def configuration(path: Path) -> Configuration:
         return Configuration(radarcore.load_radar(path))
     if suffix == ".cfg":
         text = path.read_bytes().decode("utf-8-sig", "replace")  # comments may be in any encoding
-        return _of_ti(ti_commands.settings(text, str(path)), path)
+        return _of_ti(commands.settings(text, str(path)), path)
     if suffix != ".json":
         raise ValueError(
             f"{path}: expected a scene file (.toml) or the meta.json of a recording, or the settings of a chip "
             f"(config.json, .mmwave.json, .setup.json, .cfg), got {path.suffix!r}"
         )
     if is_setup(path):
-        settings_file, files, device = ti_studio.setup_files(path)
+        settings_file, files, device = studio.setup_files(path)
         found = _of_ti(_studio_settings(settings_file, device), settings_file)
         assert found.capture is not None
         return replace(found, capture=replace(found.capture, files=files))
@@ -68,7 +69,7 @@ def configuration(path: Path) -> Configuration:
     values = parsed_json(data, str(path))
     keys = values.keys() if isinstance(values, dict) else ()
     if "mmWaveDevices" in keys:
-        return _of_ti(_studio_settings(path, ti_studio.device_beside(path)), path)
+        return _of_ti(_studio_settings(path, studio.device_beside(path)), path)
     if infineon.is_config(values):
         return Configuration(infineon.radar_of(_text(path), str(path)), has_codes=True)
     return Configuration(radar_from_json(data, str(path)))
@@ -80,7 +81,7 @@ def _of_ti(settings: Settings, path: Path) -> Configuration:
 
 
 def _studio_settings(path: Path, device: str) -> Settings:
-    return ti_studio.settings(parsed_json(path.read_bytes(), str(path)), str(path), device)
+    return studio.settings(parsed_json(path.read_bytes(), str(path)), str(path), device)
 
 
 def _text(path: Path) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.recording.ti_configuration import BITS, NUM_RX, OUTPUTS, Profile, Settings, indices, of_one_profile
+from radarcore.recording.ti.configuration import BITS, NUM_RX, OUTPUTS, Profile, Settings, indices, of_one_profile
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""

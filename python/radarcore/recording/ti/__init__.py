@@ -1,0 +1,1 @@
+"""Settings and captures of Texas Instruments' radar chips."""
