@@ -1,4 +1,4 @@
-"""Interferers in a scene: power by Friis, geometry, clocks, seeds, first reflections, and scene files."""
+"""Interferers in a scene: power by Friis, geometry, clocks, seeds, and scene files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.receive.low_pass import LowPass
 from radarcore.scene.interferer import chirps_between
-from radarcore.simulate.first_bounce import BouncePaths
 from scene_files import check_fault, load, write
 
 C = 299_792_458.0
@@ -22,7 +21,6 @@ FMCW = rc.Waveform.from_sweep(
     start_frequency=77e9, stop_frequency=77.2e9, sample_rate=2e6, num_samples=64, num_chirps=16, chirp_interval=40e-6
 )
 CROSSING = FMCW.replace(start_frequency=77.2e9, slope=-FMCW.slope)
-CONDUCTOR = rc.materials["perfect_conductor"]
 HORN = rc.GaussianPattern(15.0, beamwidth_azimuth_deg=30.0, beamwidth_elevation_deg=20.0)
 
 Array = NDArray[Any]
@@ -33,7 +31,7 @@ def tone(offset: float, **options: Any) -> rc.Interferer:
     motion = options.pop("motion", rc.Pose([3.0, 4.0, 0.0]))
     wf = rc.Waveform(start_frequency=77e9 + offset, slope=0.0, sample_rate=1e6, num_samples=1000)
     radar = rc.Radar(wf, **{"tx_power_dbm": 10.0, **options})
-    return rc.Interferer(radar, motion, bounces=0)
+    return rc.Interferer(radar, motion)
 
 
 def cube_of(parts: list[Any], radar: rc.Radar | None = None, time: float = 0.0, **options: Any) -> Array:
@@ -87,7 +85,7 @@ def test_swapping_the_radars_changes_no_power() -> None:
     up = rc.Radar(FMCW, pattern=HORN, tx_power_dbm=10.0)
     down = rc.Radar(CROSSING, pattern=rc.GaussianPattern(8.0, 60.0, 40.0), tx_power_dbm=10.0)
     powers = [
-        power_of([rc.Interferer(sender, at, bounces=0)], receiver, radar_motion=mount)
+        power_of([rc.Interferer(sender, at)], receiver, radar_motion=mount)
         for receiver, mount, sender, at in ((up, here, down, there), (down, there, up, here))
     ]
     # Delays of 11 ns shift the crossing by 5 ns of the 16 us, and the samples with it.
@@ -133,7 +131,7 @@ def test_receding_interferer_has_a_tone_of_its_doppler_shift() -> None:
 def test_interferer_adds_to_the_echoes_and_changes_nothing_else() -> None:
     bodies = [rc.Body(rc.shapes.sphere(0.1), motion=rc.Pose([2.0, 0.0, 0.0])), rc.PointTarget([1.0, 0.2, 0.0])]
     radar = rc.Radar(FMCW)
-    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]), bounces=1)
+    other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]))
     without, alone, both = (
         rc.Simulator(rc.Scene(parts), radar).frame(0.1) for parts in (bodies, [other], [*bodies, other])
     )
@@ -142,24 +140,8 @@ def test_interferer_adds_to_the_echoes_and_changes_nothing_else() -> None:
     assert without.truth is not None
     assert np.array_equal(both.truth.range, without.truth.range)
     assert "interference_power" not in without.stats
-    direct = rc.Simulator(rc.Scene([*bodies, _without_bounces(other)]), radar).frame(0.1)
-    single = 1e-6 * np.abs(direct.cube).max()  # complex64
-    np.testing.assert_allclose(direct.cube - without.cube, alone.cube, rtol=0.0, atol=single)
-    assert not np.array_equal(both.cube, direct.cube)  # the bodies reflect it
-
-
-def test_direct_path_alone_is_the_default(tmp_path: Path) -> None:
-    """Reflections made a frame 48 times slower."""
-    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([5.0, 1.0, 0.0]))
-    from_file = load(tmp_path, TABLE.replace("bounces = 0", "")).scene.interferers
-    for each in (other, *from_file):
-        sim = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0]), each]), rc.Radar(FMCW), resolution=8)
-        assert sim.frame().stats["interferers"] == 1
-        assert sim._interferences[0]._bounces == [None]
-
-
-def _without_bounces(other: rc.Interferer) -> rc.Interferer:
-    return rc.Interferer(other.radar, other.motion, bounces=0)
+    single = 1e-6 * np.abs(both.cube).max()  # complex64
+    np.testing.assert_allclose(both.cube - without.cube, alone.cube, rtol=0.0, atol=single)
 
 
 # --- Ghosts, clocks and phases
@@ -168,7 +150,7 @@ def _without_bounces(other: rc.Interferer) -> rc.Interferer:
 def ghost(start_phase: str) -> Array:
     """Range-Doppler map (velocity, range) of an interferer like us that starts 0.1 us later, 3 m away."""
     like_us = rc.Radar(FMCW.replace(frame_interval=1e-3), tx_power_dbm=0.0)
-    other = rc.Interferer(like_us, rc.Pose([3.0, 0.0, 0.0]), start=1e-7, start_phase=start_phase, bounces=0)
+    other = rc.Interferer(like_us, rc.Pose([3.0, 0.0, 0.0]), start=1e-7, start_phase=start_phase)
     return np.abs(np.asarray(rc.range_doppler(cube_of([other], rc.Radar(FMCW)), FMCW))[0])
 
 
@@ -194,7 +176,7 @@ def test_drift_of_its_clock_shifts_frequency_slope_and_times() -> None:
     clock = 1.0 + 20e-6
     np.testing.assert_allclose(starts, 0.25e-3 + frame * 1e-3 / clock + FMCW.chirp_times[chirp] / clock, atol=1e-15)
     shifted = tone(0.0)
-    shifted = rc.Interferer(shifted.radar, shifted.motion, bounces=0, drift_ppm=1.0)  # 77 kHz
+    shifted = rc.Interferer(shifted.radar, shifted.motion, drift_ppm=1.0)  # 77 kHz
     cube = cube_of([shifted])[0]
     times = CW.chirp_times[:, None] + CW.sample_times
     coherent = np.abs(np.mean(cube * np.exp(2j * np.pi * 77e3 * times))) ** 2
@@ -237,7 +219,7 @@ def test_same_seed_gives_the_same_bits_frame_by_frame_and_side_by_side() -> None
 
 def test_chirp_that_lasts_into_two_frames_has_one_phase() -> None:
     long = rc.Waveform(start_frequency=77e9, slope=1e9, sample_rate=1e6, num_samples=1000)
-    other = rc.Interferer(rc.Radar(long), rc.Pose([3.0, 0.0, 0.0]), bounces=0)
+    other = rc.Interferer(rc.Radar(long), rc.Pose([3.0, 0.0, 0.0]))
     sim = rc.Simulator(rc.Scene([other]), rc.Radar(CW.replace(num_chirps=1)))
     # Phases of the same chirp at two times, back to its start.
     phases = []
@@ -281,7 +263,7 @@ def test_transmitters_in_turn_get_the_signal_of_their_times() -> None:
 def test_sub_sequences_are_disturbed_by_themselves() -> None:
     up, down = FMCW.alternating()
     both = rc.Radar([up, down])
-    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([3.0, 0.0, 0.0]), bounces=0)
+    other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([3.0, 0.0, 0.0]))
     simulator = rc.Simulator(rc.Scene([other]), both, tolerance=1e-8)
     frame = simulator.frame(0.0)
     for part, waveform in zip(frame.sequences(), (up, down), strict=True):
@@ -311,138 +293,6 @@ def test_phase_noise_of_echoes_leaves_the_signal_alone() -> None:
 def test_interferers_beyond_the_model_are_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         rc.Interferer(rc.Radar(FMCW, **settings), rc.Pose([3.0, 0.0, 0.0]))
-
-
-# --- First reflections
-
-
-def bounced(parts: list[Any], motion: Any, radar: rc.Radar | None = None, **options: Any) -> BouncePaths:
-    """Paths over the scene at the middle of a frame."""
-    other = rc.Interferer(rc.Radar(FMCW, **options), motion, bounces=1)
-    sim = rc.Simulator(rc.Scene([*parts, other]), rc.Radar(FMCW) if radar is None else radar)
-    bounces = sim._interferences[0]._bounces[0]
-    assert bounces is not None
-    return bounces.paths(0.0)
-
-
-TX, POINT = np.array([0.5, 2.0, 0.0]), np.array([3.0, 1.0, 0.2])
-PLACE = rc.Pose(TX)
-
-
-def by_radar_equation(sections: float) -> float:
-    """Amplitude of the bistatic radar equation for 1 W."""
-    lengths = np.linalg.norm(POINT - TX) * np.linalg.norm(POINT)
-    return float(np.sqrt(sections / (4.0 * np.pi) ** 3) * FMCW.wavelength / lengths)
-
-
-def test_point_follows_the_bistatic_radar_equation() -> None:
-    paths = bounced([rc.PointTarget(POINT, rcs=2.0)], PLACE)
-    assert paths.amplitude.shape == (1, 1)
-    assert paths.amplitude[0, 0] == pytest.approx(by_radar_equation(2.0), rel=1e-9)
-    assert C * paths.delay[0, 0] == pytest.approx(np.linalg.norm(POINT - TX) + np.linalg.norm(POINT), abs=1e-12)
-
-
-def by_rays(radius: float, middle: Array) -> float:
-    """Geometrical optics of a sphere, as in test_bistatic.py: amplitude for 1 W."""
-    normal = -middle / np.linalg.norm(middle)
-    for _ in range(200):  # the mirror point: the normal halves the angle
-        spot = middle + radius * normal
-        to_tx, to_rx = TX - spot, -spot
-        normal = to_tx / np.linalg.norm(to_tx) + to_rx / np.linalg.norm(to_rx)
-        normal /= np.linalg.norm(normal)
-    r_t, r_r = np.linalg.norm(to_tx), np.linalg.norm(to_rx)
-    cosine = normal @ to_tx / r_t
-    rho1, rho2 = 1.0 / (1.0 / r_t + 2.0 / (radius * cosine)), 1.0 / (1.0 / r_t + 2.0 * cosine / radius)
-    spread = np.sqrt(rho1 * rho2 / ((rho1 + r_r) * (rho2 + r_r))) / r_t
-    return float(FMCW.wavelength / (4.0 * np.pi) * spread)
-
-
-@pytest.mark.parametrize("radius", [0.2, 0.5])
-def test_large_sphere_is_that_of_geometrical_optics(radius: float) -> None:
-    middle = POINT * (1.0 + radius / np.linalg.norm(POINT))
-    paths = bounced([rc.Body(rc.shapes.sphere(radius), material=CONDUCTOR, motion=rc.Pose(middle))], PLACE)
-    total = (paths.amplitude * np.exp(-2j * np.pi * FMCW.center_frequency * paths.delay)).sum()
-    # Pixels of 1.2 cm in Fresnel zones of 2 and 3 cm.
-    assert abs(total) == pytest.approx(by_rays(radius, middle), rel=0.08)
-
-
-@pytest.mark.parametrize("side", [0.5, 0.7, 1.0])
-def test_plate_is_the_mirror_image_of_the_interferer(side: float) -> None:
-    mirror = rc.Body(rc.shapes.plate(side, side), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
-    paths = bounced([mirror], PLACE)
-    length = float(np.hypot(5.5, 2.0))  # to the image at (5.5, 2, 0)
-    image = -FMCW.wavelength / (4.0 * np.pi * length) * np.exp(-2j * np.pi * length / FMCW.wavelength)
-    total = (paths.amplitude * np.exp(-2j * np.pi * FMCW.center_frequency * paths.delay)).sum()
-    # Waves of the edges are of the order of 0.1 at 5 to 11 Fresnel zones.
-    assert abs(total / image - 1.0) <= 0.12
-
-
-def test_merged_paths_have_the_sum_of_all_over_the_whole_band() -> None:
-    mirror = rc.Body(rc.shapes.plate(0.7, 0.7), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
-    paths = bounced([mirror], PLACE)
-    length = float(np.hypot(5.5, 2.0))
-    for frequency in FMCW.start_frequency + np.linspace(0.0, FMCW.bandwidth, 5):
-        total = (paths.amplitude * np.exp(-2j * np.pi * frequency * paths.delay)).sum()
-        image = -FMCW.wavelength / (4.0 * np.pi * length) * np.exp(-2j * np.pi * length * frequency / C)
-        # The waves of the edges, and 1/32 of a turn from the merging.
-        assert abs(total / image - 1.0) <= 0.12 + 2.0 * np.pi / 32.0
-
-
-def test_pattern_of_the_interferer_counts_in_its_own_frame() -> None:
-    pose = rc.Pose.look_at(TX, POINT) @ rc.Pose.from_rpy([0.0, 0.0, 0.0], np.deg2rad([20.0, 5.0, 7.0]))
-    x, y, z = pose.inverse().apply(POINT)
-    gain = float(HORN.gain(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))))
-    found = bounced([rc.PointTarget(POINT)], pose, pattern=HORN).amplitude[0, 0]
-    # Bilinear in dB between degrees: 12 dB / (BW/2)^2 times an eighth.
-    assert abs(found) == pytest.approx(by_radar_equation(1.0) * np.sqrt(gain), rel=2e-3)
-
-
-def test_rates_follow_both_radars_and_the_body() -> None:
-    moving = rc.PointTarget(POINT, velocity=[1.0, 2.0, 3.0])
-    ours = rc.Linear(rc.Pose(), velocity=[10.0, 0.0, 0.0], angular_velocity=[0.0, 0.0, 3.0])
-    other = rc.Interferer(rc.Radar(FMCW), rc.Linear(PLACE, velocity=[3.0, -5.0, 1.0]), bounces=1)
-    sim = rc.Simulator(rc.Scene([moving, other]), rc.Radar(FMCW), radar_motion=ours)
-    bounces = sim._interferences[0]._bounces[0]
-    assert bounces is not None
-    paths, middle = bounces.paths(0.0), 0.5 * FMCW.duration
-
-    def length(time: float) -> float:
-        place, sender = POINT + time * np.array([1.0, 2.0, 3.0]), TX + time * np.array([3.0, -5.0, 1.0])
-        return float(np.linalg.norm(place - sender) + np.linalg.norm(place - [10.0 * time, 0.0, 0.0]))
-
-    expected = (length(middle + 1e-5) - length(middle - 1e-5)) / 2e-5
-    assert C * paths.delay[0, 0] == pytest.approx(length(middle), abs=1e-9)
-    assert C * paths.delay_rate[0, 0] == pytest.approx(expected, rel=1e-5)  # velocities of chords over the frame
-
-
-def test_what_the_interferer_does_not_see_reflects_nothing() -> None:
-    shield = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Pose.look_at(0.6 * TX + 0.4 * POINT, POINT))
-    behind = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
-    point = rc.PointTarget(POINT)
-    # Its front may reflect, beside the point.
-    assert bounced([point, shield], PLACE).amplitude.size == 0
-    assert bounced([behind], rc.Pose([5.0, 0.0, 0.0])).amplitude.size == 0
-    assert bounced([behind], PLACE).amplitude.size > 0
-
-
-def test_reflection_reaches_a_receiver_that_the_direct_path_does_not() -> None:
-    wall = rc.Body(
-        rc.shapes.plate(0.3, 0.3),
-        motion=rc.Pose([0.25, 1.0, 0.0], rc.Pose.from_rpy([0, 0, 0], [0, 0, np.pi / 2]).rotation),
-    )
-    mirror = rc.Body(rc.shapes.plate(0.7, 0.7), material=CONDUCTOR, motion=rc.Pose([3.0, 1.0, 0.0]))
-    radar = rc.Radar(CROSSING)
-    powers = [
-        rc.Simulator(rc.Scene([wall, mirror, rc.Interferer(radar, PLACE, bounces=bounces)]), rc.Radar(FMCW))
-        .frame()
-        .stats["interference_power"]
-        for bounces in (0, 1)
-    ]
-    assert powers[0] == 0.0
-    open_path = rc.Simulator(rc.Scene([rc.Interferer(radar, PLACE, bounces=0)]), rc.Radar(FMCW)).frame()
-    # Lengths of 5.85 and 2.06 m, by Friis; waves of the edges are 1 dB.
-    expected = open_path.stats["interference_power"] * 4.25 / (5.5**2 + 4.0)
-    assert powers[1] == pytest.approx(expected, rel=0.25)
 
 
 # --- Descriptions
@@ -477,8 +327,6 @@ def test_strong_interferer_is_warned_of_once() -> None:
         ({"rate": 1e6}, ValueError, r"rate: expected at most .* frames of .* ms per second \[Hz\], got 1e\+06"),
         ({"drift_ppm": 1e5}, ValueError, "drift_ppm: expected -10000 to 10000"),
         ({"start_phase": "never"}, ValueError, "start_phase: expected one of 'chirp', 'frame', got 'never'"),
-        ({"bounces": 2}, ValueError, "bounces: expected 0 or 1, got 2"),
-        ({"bounces": -1}, ValueError, "bounces: expected at least 0"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
@@ -517,7 +365,6 @@ start = 1e-3
 rate = 30.0
 drift_ppm = 5.0
 start_phase = "frame"
-bounces = 0
 """
 
 
@@ -525,7 +372,7 @@ def test_scene_file_has_interferers(tmp_path: Path) -> None:
     simulation = load(tmp_path, TABLE)
     (other,) = simulation.scene.interferers
     assert (other.name, other.start, other.rate, other.drift_ppm) == ("other", 1e-3, 30.0, 5.0)
-    assert (other.start_phase, other.bounces, other.radar.tx_power_dbm) == ("frame", 0, 3.0)
+    assert (other.start_phase, other.radar.tx_power_dbm) == ("frame", 3.0)
     assert other.motion.at(1.0).position == pytest.approx([4.0, 1.0, 0.0])
     assert simulation.simulator().frame().stats["interferers"] == 1
 
@@ -534,7 +381,6 @@ def test_scene_file_has_interferers(tmp_path: Path) -> None:
     ("change", "message"),
     [
         (("rate = 30.0", "rate = 3e4"), "interferer[0] 'other': rate: expected at most"),
-        (("bounces = 0", "bounces = 3"), "interferer[0] 'other': bounces: expected 0 or 1, got 3"),
         (("preset =", "presets ="), "interferer[0] 'other': radar: unknown key 'presets'; did you mean 'preset'"),
         (("drift_ppm", "drift"), "interferer[0] 'other': unknown key 'drift'; did you mean 'drift_ppm'"),
     ],

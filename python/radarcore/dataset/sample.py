@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -99,11 +99,10 @@ class Sample:
         except ValueError as error:
             raise ValueError(self._with_drawn(str(error), self._named(str(error)))) from error
         try:
-            found = simulation(tables, self.path, kept=self._kept)
+            return simulation(tables, self.path, kept=self._kept)
         except ValueError as error:
             drawn = self._named(str(error)) or [path for path in self.values if _entry(path) in str(error)]
             raise ValueError(self._with_drawn(str(error), drawn)) from error
-        return replace(found, run=found.run.model_copy(update={"max_bounces": found.run.max_bounces or 1}))
 
     def frames(self, *, threads: int | None = 1) -> Iterator[Frame]:
         """Frames of the run, one by one.

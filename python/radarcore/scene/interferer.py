@@ -22,7 +22,7 @@ _LARGEST_DRIFT = 1e4
 
 @dataclass(frozen=True, eq=False)
 class Interferer:
-    """Another FMCW radar, which is received and returns no echo of its own.
+    """Another FMCW radar, which is received over the direct path and returns no echo of its own.
 
     It has always been on: its frames follow each other without an end, before `start` too. It transmits during its
     ramps, from all of its transmitters, and nothing between them.
@@ -43,9 +43,6 @@ class Interferer:
         Its oscillator runs freely: against ours it has a random phase anew at the start of every "chirp", as where
         ramps are not locked to a common clock, or only of every "frame", whose chirps all start in that phase. The
         phases belong to the seed of the simulator and to the numbers of frame and chirp. A CW radar keeps one phase.
-    bounces : 0 or 1
-        Reflections of its signal on the way to our receivers: 0 for the direct path alone, 1 for paths over one body
-        or point as well, for which every frame casts rays again.
     name : str, optional
         Name in tables and messages.
 
@@ -74,7 +71,6 @@ class Interferer:
     rate: float
     drift_ppm: float
     start_phase: str
-    bounces: int
     name: str | None
 
     def __init__(
@@ -86,7 +82,6 @@ class Interferer:
         rate: float | None = None,
         drift_ppm: float = 0.0,
         start_phase: str = "chirp",
-        bounces: int = 0,
         name: str | None = None,
     ) -> None:
         if not isinstance(radar, Radar):
@@ -106,9 +101,6 @@ class Interferer:
             raise ValueError(f"drift_ppm: expected {-_LARGEST_DRIFT:g} to {_LARGEST_DRIFT:g} [ppm], got {drift:g}")
         put(self, "drift_ppm", drift)
         put(self, "start_phase", check.choice("start_phase", start_phase, START_PHASES))
-        put(self, "bounces", check.count("bounces", bounces, 0))
-        if self.bounces > 1:
-            raise ValueError(f"bounces: expected 0 or 1, got {self.bounces}")
         put(self, "name", name)
         duration = float(wf.chirp_times[-1]) + self.ramp_duration
         if duration * self.rate > 1.0 + 1e-9:

@@ -456,7 +456,6 @@ class InterfererTable(PlacedTable):
     rate: float | None = _key(None, "Hz", "frames per second; default: one per frame_interval of its radar")
     drift_ppm: float = _key(0.0, "ppm", "how much faster its clock runs")
     start_phase: Literal["chirp", "frame"] = _key("chirp", "", "its oscillator has a random phase anew in every")
-    bounces: int = _key(0, "", "0: the direct path alone; 1: paths over one body as well")
 
 
 class RunTable(Table):
@@ -486,9 +485,7 @@ class RunTable(Table):
     )
     tolerance: float = _key(1e-3, "", "error of the synthesis relative to the amplitudes")
     gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
-    max_bounces: int | None = _key(
-        None, "", "largest number of reflections of a path; default: 1, with a warning of corners that return more"
-    )
+    max_bounces: int = _key(1, "", "largest number of reflections of a path; corners return the wave after 2 or 3")
     bounce_floor_db: float = _key(80.0, "dB", "loss of power by reflections at which a ray ends")
     retrace_deg: float = _key(10.0, "degrees", "turn of a body within a frame above which rays are cast again")
     seed: int = _key(0, "", "of noise and speckle")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import hypot
 from typing import Any
 
@@ -17,18 +16,13 @@ from radarcore.receive.adc import Use
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.clearance import check_antennas
-from radarcore.simulate.corners import corner_points
 from radarcore.simulate.directions import angles
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.sectors import Angles, is_outside
-from radarcore.units import SPEED_OF_LIGHT
 
 _PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Corners of a box and points between them, in parts of its sides."""
 
-
-_BEFORE = 1.0 - 1e-4
-"""Distance of a point before a corner, relative to it."""
 
 _FRAMES_PER_LOOK = 8
 """Frames placed one by one until bodies outside of the field of view are looked for again."""
@@ -177,38 +171,6 @@ class Doubts:
                 others = np.concatenate([poses[:-1], poses_at(interferer.motion, [time])])
                 check_antennas(scene, others, interferer.radar, time, name=f"motion of {name!r}")
             self._told.add("place")
-
-    def of_corners(
-        self, scene: Scene, placement: Placement, time: float, is_hidden: Callable[..., NDArray[np.bool_]]
-    ) -> None:
-        """Warn of a corner that returns several reflections to the sensor at a time [s], as these are left out.
-
-        `is_hidden`: see `Simulator.is_hidden`.
-        """
-        if not self._is_new("corners"):
-            return
-        radar, poses = self._radar, placement.poses_at(time)
-        wavelength, sensor = SPEED_OF_LIGHT / radar.waveform.center_frequency, poses[-1]
-        for mesh, body in enumerate(scene.parts.meshed):
-            turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
-            local = (sensor[:, 3] - place) @ turn
-            points = corner_points(scene.parts.vertices_at(mesh, time), body.mesh.triangles, local, wavelength)
-            offsets = points @ turn.T + place - sensor[:, 3]
-            seen = offsets @ sensor[:, :3]
-            in_beam = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen)
-            if not in_beam.any():
-                continue
-            # The edges at the back of a box are corners, too, behind its front.
-            seen = seen[in_beam][~is_hidden(sensor[:, 3] + _BEFORE * offsets[in_beam], time)]
-            if len(seen) > 0:
-                x, y, z = seen[np.linalg.norm(seen, axis=1).argmin()].tolist()
-                name = scene.names[scene.parts.mesh_numbers[mesh]]
-                notice.warn(
-                    f"walls of {name!r} meet at right angles, at {hypot(x, y, z):.3g} m and azimuth "
-                    f"{np.rad2deg(np.arctan2(y, x)):.0f} degrees, and return the wave after two or three reflections: "
-                    "max_bounces=3 has these, max_bounces=1 leaves them out without a warning"
-                )
-                return
 
     def of_backs(self, scene: Scene, placement: Placement, time: float) -> None:
         """Warn of a corner reflector in the beam that shows only its back at a time [s]."""

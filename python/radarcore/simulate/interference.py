@@ -17,10 +17,7 @@ from radarcore.receive.low_pass import low_pass_of
 from radarcore.scene.interferer import Interferer, chirps_between, sent_after
 from radarcore.scene.scene import Scene
 from radarcore.simulate.directions import angles
-from radarcore.simulate.first_bounce import BouncePaths, FirstBounce
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.sectors import Angles
-from radarcore.simulate.settings import Settings
 from radarcore.simulate.side_by_side import Ask
 from radarcore.units import SPEED_OF_LIGHT
 
@@ -53,28 +50,14 @@ class Interference:
         Sensor to world.
     placement : Placement
         Of the same scene and motion.
-    settings : Settings
-        Of the simulator.
-    view_deg : (float, float)
-        Field of view of the simulator [degrees].
+    seed : int
+        Of the phases of their oscillators.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        radar: Radar,
-        motion: Motion,
-        placement: Placement,
-        settings: Settings,
-        view_deg: Angles,
-    ) -> None:
+    def __init__(self, scene: Scene, radar: Radar, motion: Motion, placement: Placement, seed: int) -> None:
         self._scene, self._radar, self._motion, self._placement = scene, radar, motion, placement
-        self._seed = settings.seed
+        self._seed = seed
         self._low_pass = low_pass_of(radar)
-        self._bounces = [
-            FirstBounce(scene, radar, interferer, motion, placement, settings, view_deg) if interferer.bounces else None
-            for interferer in scene.interferers
-        ]
         # Channels of the same receiver whose chirps start together get the same.
         offsets, self._offset = np.unique(radar.channel_offsets, return_inverse=True)
         self._receiver = np.arange(radar.num_channels) % len(radar.rx)
@@ -90,13 +73,13 @@ class Interference:
         shape = num_offsets, len(self._radar.rx), num_chirps, self._radar.waveform.num_samples
         total, is_hit, strongest = np.zeros(shape, dtype=np.complex128), np.zeros((num_offsets, num_chirps), bool), 0.0
         for number, interferer in enumerate(self._scene.interferers):
-            chirps, amplitude = self._chirps(interferer, number, start), 0.0
-            for several in ask(partial(self._arrivals, interferer, number, engine, start)):
-                amplitude = max([amplitude, *(float(np.abs(each.amplitude).max(initial=0.0)) for each in several)])
-                for offset, (starts, arrivals) in enumerate(zip(self._starts, several, strict=True)):
-                    found = beat_of_chirps(chirps, arrivals, self._radar.waveform, starts, self._low_pass, amplitude)
-                    total[offset] += found[0]
-                    is_hit[offset] |= found[1]
+            chirps = self._chirps(interferer, number, start)
+            arrivals = ask(partial(self._arrivals, interferer, engine, start))
+            amplitude = max(float(np.abs(each.amplitude).max(initial=0.0)) for each in arrivals)
+            for offset, (starts, each) in enumerate(zip(self._starts, arrivals, strict=True)):
+                samples, crosses = beat_of_chirps(chirps, each, self._radar.waveform, starts, self._low_pass, amplitude)
+                total[offset] += samples
+                is_hit[offset] |= crosses
             strongest = max(strongest, amplitude**2)
         # The first rows are the channels.
         cube[: len(self._receiver)] += total[self._offset, self._receiver].astype(cube.dtype)
@@ -126,33 +109,8 @@ class Interference:
             duration=interferer.ramp_duration / clock,
         )
 
-    def _arrivals(
-        self, interferer: Interferer, number: int, engine: _core.Simulator, start: float
-    ) -> list[list[Arrivals]]:
-        """The direct paths, and those over bodies, of a frame: for chirps at each offset."""
-        middle = start + 0.5 * self._radar.waveform.duration
-        arrivals = [self._direct(interferer, engine, start, middle)]
-        if (bounce := self._bounces[number]) is not None:
-            arrivals.append(self._bounced(interferer, bounce.paths(start), middle - start))
-        return arrivals
-
-    def _bounced(self, interferer: Interferer, paths: BouncePaths, middle: float) -> list[Arrivals]:
-        """Paths over bodies, from what they are at the middle of a frame [s after its start]."""
-        found = []
-        for starts in self._starts:
-            delay = paths.delay[..., None] + paths.delay_rate[..., None] * (starts - middle)
-            found.append(
-                Arrivals(
-                    delay=delay,
-                    delay_rate=np.broadcast_to(paths.delay_rate[..., None], delay.shape),
-                    amplitude=np.broadcast_to(paths.amplitude[..., None], delay.shape),
-                    sent_after=sent_after(interferer)[paths.transmitter] / interferer.clock,
-                )
-            )
-        return found
-
-    def _direct(self, interferer: Interferer, engine: _core.Simulator, start: float, middle: float) -> list[Arrivals]:
-        """Paths from transmitters to receivers by Friis' formula, for chirps at each offset."""
+    def _arrivals(self, interferer: Interferer, engine: _core.Simulator, start: float) -> list[Arrivals]:
+        """Direct paths from transmitters to receivers by Friis' formula, for chirps at each offset."""
         ours, other = self._radar, interferer.radar
         span = max(float(ours.waveform.sample_times[-1]), _SHORTEST)
         times = start + np.array([[0.0], [span]]) + self._starts.ravel()  # (end, chirp of an offset)
@@ -174,7 +132,7 @@ class Interference:
         gains = _gains(ours.rx_patterns, at_rx, 1) * _gains(other.tx_patterns, at_tx, 2)
         amplitude: Floats = np.sqrt(other.tx_power * gains) * other.waveform.wavelength / (4.0 * np.pi * distance[0])
         amplitude *= _match(ours, other, sensor[0], sender[0], to_tx)
-        amplitude[..., self._is_hidden(interferer, engine, middle)] = 0.0
+        amplitude[..., self._is_hidden(interferer, engine, start + 0.5 * ours.waveform.duration)] = 0.0
 
         delay = distance / SPEED_OF_LIGHT
         # Absolute times are rounded: what lies between them is not quite the span.

@@ -52,7 +52,7 @@ class Settings:
     rcs_floor: float | None = None
     ray_budget: float | None = None
     gain_floor_db: float = 80.0
-    max_bounces: int | None = None
+    max_bounces: int = 1
     bounce_floor_db: float = 80.0
     retrace_deg: float = 10.0
     seed: int = 0
@@ -69,7 +69,7 @@ class Settings:
             "method": check.choice("method", self.method, METHODS),
             "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
-            "max_bounces": None if self.max_bounces is None else check_max_bounces(self.max_bounces),
+            "max_bounces": check_max_bounces(self.max_bounces),
             "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
             "retrace_deg": _positive_or_infinite("retrace_deg", self.retrace_deg, "degrees"),
             "seed": check_seed(self.seed),
@@ -141,7 +141,6 @@ class Settings:
         values["field_of_view_deg"] = self.view_deg
         values["resolution"] = self.num_cells if self.is_adaptive else self.num_pixels
         values["ray_budget"] = self.most_rays
-        values["max_bounces"] = self.max_bounces or 1
         left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
@@ -172,7 +171,7 @@ def core_settings(settings: Settings, **debug: Any) -> dict[str, Any]:
         "follows_echo": settings.rcs_floor is None,
         "ray_budget": settings.most_rays,
         "gain_floor": None if settings.gain_floor_db == np.inf else _ratio(settings.gain_floor_db),
-        "max_bounces": settings.max_bounces or 1,
+        "max_bounces": settings.max_bounces,
         "bounce_floor": _ratio(settings.bounce_floor_db),
         "retrace": float(np.deg2rad(settings.retrace_deg)),
         "seed": settings.seed,

@@ -95,9 +95,9 @@ class Simulator(Settings):
     gain_floor_db : float
         Two-way gain below the peak [dB] at which directions are left out: no rays are cast for frames and paths where
         the gain of every pair of antennas is lower. Infinite: none is left out. Depth images are always complete.
-    max_bounces : int, optional
-        Largest number of reflections of a path; 1: no multi-bounce paths. Default: 1, with a warning where walls of a
-        body meet at right angles and return the wave after two or three reflections.
+    max_bounces : int
+        Largest number of reflections of a path. Walls that meet at right angles, as in a corner reflector or a room,
+        return the wave after two or three reflections and need 3.
     bounce_floor_db : float
         Loss of power by reflections [dB] at which a ray ends.
     retrace_deg : float
@@ -421,8 +421,6 @@ class Simulator(Settings):
         """Starts [s] and placed motions of frames: a few at a time are placed together."""
         self._doubts.of_place(self.scene, self._placement, starts[0])
         self._doubts.of_backs(self.scene, self._placement, starts[0])
-        if self.max_bounces is None:
-            self._doubts.of_corners(self.scene, self._placement, starts[0], self.is_hidden)
         size = self._placement.frames_ahead(_NUM_TIMES)
         for first in range(0, len(starts), size):
             some = starts[first : first + size]
@@ -553,9 +551,7 @@ class Simulator(Settings):
     def _interferences(self) -> list[Interference]:
         """Signals of interferers in every sub-sequence."""
         parts = zip(self._sequences, self._placements, strict=True)
-        return [
-            Interference(self.scene, radar, self._motion, placement, self, self.view_deg) for radar, placement in parts
-        ]
+        return [Interference(self.scene, radar, self._motion, placement, self.seed) for radar, placement in parts]
 
     @cached_property
     def _doubts(self) -> Doubts:

@@ -130,7 +130,7 @@ class Parts:
     def _interferer(self, table: InterfererTable) -> Interferer:
         with located("radar: "):
             radar = radar_of(table.radar, self._directory, self._kept)
-        options = table.model_dump(include={"start", "rate", "drift_ppm", "start_phase", "bounces", "name"})
+        options = table.model_dump(include={"start", "rate", "drift_ppm", "start_phase", "name"})
         return Interferer(radar, motion_of(table, self._carriers, self._recorded), **options)
 
     def _material(self, value: str | MaterialTable) -> Material:
