@@ -48,6 +48,9 @@ METHODS = (
 IMPORTED = ("mujoco",)
 """Packages that examples import themselves, called as their extras."""
 
+OBJECTS = ("recording", "scene_file", "sensor", "varied_scene_file")
+"""What examples use without making it: the fixtures below, which docs/python.md describes."""
+
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 SECTION = re.compile(r"^([A-Z]\w+(?: \w+)*)\n-+\n", flags=re.MULTILINE)
 
@@ -134,13 +137,59 @@ def test_name_has_an_example_and_says_what_is_near(name: str) -> None:
     assert list(sections(name))[-1] == "Examples"
 
 
+@pytest.fixture(scope="module")
+def recording() -> rc.Recording:
+    scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    return rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3, progress=False)
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> str:
+    return written(tmp_path, "position = [2.0, 0.0, 0.0]")
+
+
+@pytest.fixture
+def varied_scene_file(tmp_path: Path) -> str:
+    return written(tmp_path, "position = [{ uniform = [1.0, 3.0] }, 0.0, 0.0]")
+
+
+def written(folder: Path, position: str) -> str:
+    lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", 'name = "ball"', position]
+    (folder / "scene.toml").write_text("\n".join(lines), encoding="utf-8")
+    return "scene.toml"
+
+
+@pytest.fixture
+def sensor() -> Iterator[rc.sensor.Sensor]:
+    from radarcore.sensor.emulator.pty import PtyPort
+    from radarcore.sensor.emulator.source import Noise
+
+    with (
+        rc.sensor.virtual_board(Noise()) as board,
+        PtyPort(board) as port,
+        rc.open_sensor(port.path, protocol="strata") as opened,
+    ):
+        yield opened
+
+
+def objects_of(test: doctest.DocTest) -> list[str]:
+    """Objects that the examples use and do not make."""
+    tree = ast.parse("".join(example.source for example in test.examples))
+    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    made = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+    return [name for name in OBJECTS if name in {node.id for node in names} - made]
+
+
 @pytest.mark.parametrize("name", WITH_EXAMPLE)
-def test_example_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_example_prints_what_it_says(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
     monkeypatch.chdir(tmp_path)
     if name.endswith(".is_available") and not resolved(name)():
         pytest.skip("needs the extra that it asks for")
     test = doctest.DocTestParser().get_doctest(docstrings()[name], {"rc": rc, "np": np}, name, None, 0)
     assert any(example.want for example in test.examples)
+    test.globs |= {given: request.getfixturevalue(given) for given in objects_of(test)}
     try:
         doctest.DebugRunner(optionflags=FLAGS).run(test)
     except doctest.DocTestFailure as failure:

@@ -15,6 +15,7 @@ from radarcore import notice
 
 _Number = TypeVar("_Number", np.float64, np.complex128)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+_Kind = TypeVar("_Kind")
 
 _LONGEST_TIME = 1e12
 """Largest time of a series [s], hundreds of times the seconds since 1970."""
@@ -80,8 +81,8 @@ def frequency(name: str, value: object) -> float:
     return result
 
 
-def count(name: str, value: object, minimum: int = 1) -> int:
-    """An integer of at least `minimum`."""
+def count(name: str, value: object, minimum: int = 1, maximum: int | None = None) -> int:
+    """An integer of at least `minimum` and at most `maximum`."""
     if isinstance(value, bool):
         raise TypeError(f"{name}: expected an integer, got {value!r}")
     try:
@@ -90,15 +91,14 @@ def count(name: str, value: object, minimum: int = 1) -> int:
         raise TypeError(f"{name}: expected an integer, got {value!r}") from None
     if result < minimum:
         raise ValueError(f"{name}: expected at least {minimum}, got {result}")
+    if maximum is not None and result > maximum:
+        raise ValueError(f"{name}: expected at most {maximum}, got {result}")
     return result
 
 
 def port(name: str, value: object, minimum: int = 1) -> int:
     """Number of a port of TCP or UDP."""
-    result = count(name, value, minimum)
-    if result > 65_535:
-        raise ValueError(f"{name}: expected at most 65535, got {result}")
-    return result
+    return count(name, value, minimum, 65_535)
 
 
 def index(name: str, value: object, length: int) -> int:
@@ -116,6 +116,28 @@ def flag(name: str, value: object) -> bool:
     return bool(value)
 
 
+def instance(name: str, value: object, *kinds: type[_Kind]) -> _Kind:
+    """An object of one of some classes, or a TypeError that names them."""
+    if not isinstance(value, kinds):
+        expected = listing(kind.__name__ for kind in kinds)
+        raise TypeError(f"{name}: expected {expected}, got {type(value).__name__}")
+    return value
+
+
+def within(name: str, value: object, low: float, high: float, unit: str = "") -> float:
+    """A number from `low` to `high`, both included."""
+    result = number(name, value, unit)
+    if not low <= result <= high:
+        raise ValueError(f"{name}: expected {low:g} to {high:g}{f' [{unit}]' if unit else ''}, got {value!r}")
+    return result
+
+
+def listing(words: Iterable[str]) -> str:
+    """Text of several choices: ``A, B or C``."""
+    *others, last = words
+    return f"{', '.join(others)} or {last}" if others else last
+
+
 def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
     """Word out of a few choices."""
     if value not in choices:
@@ -127,46 +149,55 @@ def choice(name: str, value: object, choices: tuple[str, ...]) -> str:
 def numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.float64]:
     """Real numbers as an array, NaN among them; a TypeError for text, dates and complex numbers.
 
-    NumPy would read text as numbers and drop imaginary parts. The shape is only for messages and not checked.
+    NumPy would read text as numbers and drop imaginary parts. A shape (None: any length) is checked.
     """
     return _numbers(name, value, shape, np.float64)
 
 
 def complex_numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.complex128]:
-    """Numbers as a complex array, NaN among them; a TypeError for text and dates. The shape is for messages."""
+    """Numbers as a complex array, NaN among them; a TypeError for text and dates. A shape is checked."""
     return _numbers(name, value, shape, np.complex128)
 
 
 def _numbers(
     name: str, value: ArrayLike, shape: tuple[int | None, ...] | None, dtype: type[_Number]
 ) -> NDArray[_Number]:
-    if type(value) is np.ndarray and value.dtype == dtype:
-        return value
-    kind = "numbers" + ("" if shape is None else f" of shape {shape_text(shape)}")
-    try:
-        given = np.asarray(value)
-        if given.dtype.kind == "O" and not any(isinstance(each, str | bytes) for each in given.flat):
-            given = given.astype(dtype)
-    except (TypeError, ValueError) as error:  # no numbers, or rows of different lengths
-        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}") from error
-    if given.dtype.kind not in ("biuf" if dtype is np.float64 else "biufc"):
-        of = "" if isinstance(value, str | bytes) else f" of {given.dtype}"
-        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}{of}")
-    return given.astype(dtype, copy=False)
+    if type(value) is not np.ndarray or value.dtype != dtype:
+        kind = "numbers" + ("" if shape is None else f" of shape {shape_text(shape)}")
+        try:
+            given = np.asarray(value)
+            if given.dtype.kind == "O" and not any(isinstance(each, str | bytes) for each in given.flat):
+                given = given.astype(dtype)
+        except (TypeError, ValueError) as error:  # no numbers, or rows of different lengths
+            raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}") from error
+        if given.dtype.kind not in ("biuf" if dtype is np.float64 else "biufc"):
+            of = "" if isinstance(value, str | bytes) else f" of {given.dtype}"
+            raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}{of}")
+        value = given.astype(dtype, copy=False)
+    return value if shape is None else shaped(name, value, shape)
+
+
+def shaped(name: str, values: NDArray[_Scalar], shape: tuple[int | None, ...]) -> NDArray[_Scalar]:
+    """An array of the given shape (None: any length), or a ValueError."""
+    if len(values.shape) != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, values.shape, strict=True)
+    ):
+        raise ValueError(f"{name}: expected shape {shape_text(shape)}, got {values.shape}")
+    return values
+
+
+def finite(name: str, values: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """An array without NaN and infinities, or a ValueError that says where the first is."""
+    if not np.isfinite(values).all():
+        bad = np.argwhere(~np.isfinite(values))[0]
+        where = f" at index {tuple(int(i) for i in bad)}" if values.ndim else ""
+        raise ValueError(f"{name}: expected finite numbers, got {values[tuple(bad)]}{where}")
+    return values
 
 
 def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """A finite f64 array of the given shape (None: any length), copied so that later changes do not reach it."""
-    result = np.array(numbers(name, value, shape), order="C")
-    if len(result.shape) != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, result.shape, strict=True)
-    ):
-        raise ValueError(f"{name}: expected shape {shape_text(shape)}, got {result.shape}")
-    if not np.isfinite(result).all():
-        bad = np.argwhere(~np.isfinite(result))[0]
-        where = f" at index {tuple(int(i) for i in bad)}" if result.ndim else ""
-        raise ValueError(f"{name}: expected finite numbers, got {result[tuple(bad)]}{where}")
-    return result
+    return finite(name, np.array(numbers(name, value, shape), order="C"))
 
 
 def radians(name: str, angles: NDArray[np.float64]) -> NDArray[np.float64]:

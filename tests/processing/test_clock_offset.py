@@ -141,7 +141,7 @@ STEADY = 3.0 + 0.2 * np.sin(2.0 * np.pi * TIMES)
             r"times_a: expected stretches longer than 0\.4 s without gaps",
         ),
         ({"values_a": np.full(800, np.inf)}, "values_a: expected finite numbers or NaN, got inf"),
-        ({"values_a": WALK[1:]}, r"values_a: expected shape \(800,\), one value per time, got \(799,\)"),
+        ({"values_a": WALK[1:]}, r"values_a: expected shape \(800,\), got \(799,\)"),
         ({"times_b": TIMES[::-1]}, r"times_b: expected increasing times \[s\]"),
         ({"max_offset": 0.0}, "max_offset: expected a positive number"),
         ({"smoothing": 0.001}, r"smoothing: expected at least 0\.0125 s, half a step, got 0\.001 s"),

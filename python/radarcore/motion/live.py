@@ -329,10 +329,8 @@ def _rates(
     if values is None:
         return np.zeros((number, 3)), np.ones(number, dtype=np.bool_)
     given = check.numbers(name, values, (number, 3))
-    unknown = np.zeros(number, dtype=np.bool_)
-    if given.shape == (number, 3):
-        unknown |= np.isnan(given).all(axis=-1)
-    rates = check.array(name, np.where(unknown[:, None], 0.0, given) if unknown.any() else given, (number, 3))
+    unknown: NDArray[np.bool_] = np.asarray(np.isnan(given).all(axis=-1))
+    rates = check.array(name, np.where(unknown[:, None], 0.0, given), (number, 3))
     if (largest := float(np.abs(rates).max(initial=0.0))) >= most:
         raise ValueError(f"{name}: expected less than {most:.0e} {unit}, got {largest:g}")
     return rates, unknown

@@ -153,8 +153,6 @@ def _weights(name: str, given: ArrayLike | None, positions: NDArray[np.float64])
     if given is None:
         return np.ones(number, np.complex128)
     weights = check.complex_numbers(f"{name}_weights", given, (number,))
-    if weights.shape != (number,):
-        raise ValueError(f"{name}_weights: expected shape ({number},), got {weights.shape}")
     if not np.isfinite(weights).all() or not weights.any():
         raise ValueError(f"{name}_weights: expected finite numbers, not all of them zero, got {weights.tolist()}")
     return weights

@@ -166,8 +166,6 @@ def _record(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
     """Times and values where these are known."""
     when = check.increasing(f"times_{name}", times)
     what = check.numbers(f"values_{name}", values, when.shape)
-    if what.shape != when.shape:
-        raise ValueError(f"values_{name}: expected shape {when.shape}, one value per time, got {what.shape}")
     if np.isinf(what).any():
         raise ValueError(f"values_{name}: expected finite numbers or NaN, got inf")
     is_known = ~np.isnan(what)

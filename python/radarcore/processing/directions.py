@@ -236,20 +236,12 @@ def waves_of(
 
 
 def _snapshots(values: ArrayLike, num_channels: int) -> _Complexes:
-    snapshots = check.complex_numbers("snapshots", values, (None, num_channels))
-    if snapshots.ndim != 2 or snapshots.shape[1] != num_channels:
-        raise ValueError(f"snapshots: expected shape (n, {num_channels}), got {snapshots.shape}")
-    return snapshots
+    return check.complex_numbers("snapshots", values, (None, num_channels))
 
 
 def _per_detection(name: str, values: ArrayLike | None, number: int) -> _Reals | None:
     """One number per detection, NaN among them."""
-    if values is None:
-        return None
-    numbers = check.numbers(name, values, (number,))
-    if numbers.shape != (number,):
-        raise ValueError(f"{name}: expected shape ({number},), got {numbers.shape}")
-    return numbers
+    return None if values is None else check.numbers(name, values, (number,))
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,7 +116,4 @@ def detections_of_rows(
 
 def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Numbers, NaN among them, read-only."""
-    numbers = np.array(check.numbers(name, value, shape), ndmin=1)
-    if numbers.shape != shape:
-        raise ValueError(f"{name}: expected shape {check.shape_text(shape)}, got {numbers.shape}")
-    return check.frozen(numbers)
+    return check.frozen(check.shaped(name, np.array(check.numbers(name, value), ndmin=1), shape))

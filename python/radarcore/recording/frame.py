@@ -83,8 +83,6 @@ class Truth:
             raise ValueError(f"range: expected shape ({bodies},) or (frame, {bodies}) as names, got {shape}")
         for name in TRUTH_FIELDS:
             values = np.array(check.numbers(name, getattr(self, name), shape))
-            if values.shape != shape:
-                raise ValueError(f"{name}: expected shape {shape} as range, got {values.shape}")
             object.__setattr__(self, name, check.frozen(values))
 
     def select(self, names: Sequence[str]) -> Truth:
