@@ -6,7 +6,9 @@ A board sends a frame per frame interval, here the shortest that its chirps allo
 """
 
 import argparse
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -15,10 +17,14 @@ from radarcore.sensor import open_sensor
 from radarcore.sensor.bgt60.registers import start_words
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.bgt60.slices import choose_slice_size
-from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Request
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+
+from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device  # of the tests
+from doubles.vendor_board import VendorBoard
 
 FRAMES = {  # chirps, samples
     "3 x 8 x 64": (8, 64),

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
+from doubles.vendor_board import VendorBoard
 from radarcore.radar.radar import Radar
 from radarcore.sensor import Sensor, open_sensor
 from radarcore.sensor.emulator.pty import PtyPort
-from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
 
 TRANSPORTS = ("cdc", "vendor", "pty")
 

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from radarcore.sensor.emulator.peripheral import Stall, Unplugged
+from doubles.usb_bus import Stall
+from radarcore.sensor.emulator.peripheral import Unplugged
 
 HANG = 20.0
 """Longest time of any call [s]; none takes a tenth of it."""

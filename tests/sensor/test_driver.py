@@ -12,6 +12,7 @@ import pytest
 import radarcore as rc
 from boards import TRANSPORTS, Numbered, number_of, opened, plugged
 from comlib_boards import Pipe, Ramp
+from doubles.usb_bus import EmulatedBus, cdc_device
 from full_disk import largest_file
 from radarcore.recording.frame import to_samples
 from radarcore.sensor import (
@@ -32,7 +33,6 @@ from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata.packets import Version
 from radarcore.sensor.transport import Capture
 from short_requests import shorten_requests

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from boards import Numbered, numbered
 from chip_settings import V1, image
 from comlib_boards import Ramp
+from doubles.vendor_board import VendorBoard
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.registers import (
     CCR2,
@@ -42,7 +43,7 @@ from radarcore.sensor.comlib.messages import Message
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.sequence import sequence_of, tx_power_dbm
 from radarcore.sensor.emulator.source import NO_POWER_DBM, Noise
-from radarcore.sensor.emulator.strata import CdcBoard, Controller, VendorBoard
+from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, DataPacket, Info, Kind, Request, Status

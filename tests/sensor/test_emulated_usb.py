@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from emulated_ports import bus_with
-from radarcore.sensor.emulator.usb import cdc_device, vendor_device
+from doubles.usb_bus import bus_with, cdc_device, vendor_device
 from small_boards import Loopback, Requests
 
 usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from boards import Numbered, number_of, opened, plugged
+from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.sensor import (
     RequestError,
@@ -28,7 +29,6 @@ from radarcore.sensor.emulator.peripheral import Unplugged
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
 from short_requests import shorten_requests

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
+from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor.emulator.pty import PtyPort
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
 from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,

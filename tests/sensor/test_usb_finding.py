@@ -7,8 +7,7 @@ import sys
 
 import pytest
 
-from emulated_ports import bus_with, stream_to
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device, vendor_device
+from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, stream_to, vendor_device
 from radarcore.sensor.errors import SensorError, SensorNotFoundError
 from radarcore.sensor.transport import Port, describe_usb, find_ports, open_stream, open_vendor_port
 from small_boards import HANG, Loopback, Requests, read_all

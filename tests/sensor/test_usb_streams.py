@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import random
 import subprocess
 import sys
@@ -12,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from emulated_ports import bus_with, stream_to, vendor_port_to
-from radarcore.sensor.emulator.usb import cdc_device, vendor_device
+from doubles.usb_bus import bus_with, cdc_device, stream_to, vendor_device, vendor_port_to
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
 from radarcore.sensor.transport import UDEV_RULE, Stalled, UsbStream, find_ports, open_stream, open_vendor_port
 from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
@@ -300,7 +300,10 @@ def test_closed_ports_are_disconnected() -> None:
 
 
 def run_python(code: str) -> str:
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=environment
+    )
     assert result.returncode == 0, result.stderr
     return result.stdout
 
@@ -314,7 +317,7 @@ def test_board_is_given_back_when_the_program_ends() -> None:
     code = """
 import atexit
 atexit.register(lambda: print(device.driver_is_bound))  # the first is called last
-from radarcore.sensor.emulator.usb import EmulatedBus, cdc_device
+from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor.transport import open_stream
 bus, device = EmulatedBus(), cdc_device(None)
 bus.plug(device)

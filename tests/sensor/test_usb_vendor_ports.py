@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from emulated_ports import vendor_port_to
-from radarcore.sensor.emulator.usb import EmulatedBus, vendor_device
+from doubles.usb_bus import EmulatedBus, vendor_device, vendor_port_to
 from radarcore.sensor.errors import ProtocolError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.transport import Stalled, UsbVendorPort
 from small_boards import HANG, Call, Requests, Stall, Unplugged

@@ -33,7 +33,7 @@ def virtual_board(
     latency: float = LATENCY,
     faults: Faults | None = None,
 ) -> VirtualBoard:
-    """A board that measures a simulated scene, a recording or any frames, for a pty or an emulated USB bus.
+    """A board that measures a simulated scene, a recording or any frames; a `PtyPort` makes it a serial port.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Interface of an emulated board to the transport of its bytes: an emulated USB bus, a pty."""
+"""Interface of an emulated board to the transport of its bytes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ from typing import Protocol, runtime_checkable
 
 LATENCY = 1e-3
 """Shortest time from a request to its answer [s]: boards take about that, and some hosts fail with less."""
-
-
-class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
-    """The board refuses a control transfer."""
 
 
 class Unplugged(Exception):  # noqa: N818  # what has happened
@@ -32,16 +28,3 @@ class HearsHangUp(Protocol):
 
     def hang_up(self) -> None:
         """Forget the request that has come in part, and the answers that have not been sent; the rest goes on."""
-
-
-class VendorPeripheral(Protocol):
-    """A board behind vendor requests and one bulk endpoint. All calls raise `Unplugged` when it is gone."""
-
-    def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
-        """A control transfer to the board; `Stall` refuses it."""
-
-    def control_in(self, request_type: int, request: int, value: int, index: int, length: int) -> bytes:
-        """A control transfer from the board, at most `length` bytes; `Stall` refuses it."""
-
-    def send(self, size: int, timeout: float) -> bytes:
-        """Bulk transfer to the host, at most `size` bytes; none when nothing is to be sent within `timeout` [s]."""

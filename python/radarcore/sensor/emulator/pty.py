@@ -57,7 +57,7 @@ class PtyPort:
         try:
             import tty
         except ImportError as error:
-            raise SensorError("a board behind a pty needs Linux or macOS; use an emulated USB bus here") from error
+            raise SensorError("a board behind a pty needs Linux or macOS") from error
         self._peripheral = peripheral
         self._link = None if link is None else Path(link).absolute()  # the working directory may change
         self._closed = threading.Event()

@@ -22,16 +22,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import monotonic
 from types import SimpleNamespace
-from typing import NoReturn
+from typing import Any, NoReturn, Protocol
 
-from radarcore.sensor.emulator.descriptors import (
-    configuration_descriptor,
-    device_descriptor,
-    endpoint_descriptor,
-    interface_descriptor,
-)
-from radarcore.sensor.emulator.peripheral import Stall, StreamPeripheral, Unplugged, VendorPeripheral
-from radarcore.sensor.transport import require_pyusb
+from radarcore.sensor.emulator.peripheral import StreamPeripheral, Unplugged
+from radarcore.sensor.transport import UsbStream, UsbVendorPort, require_pyusb
+
+_FULL_SPEED, _HIGH_SPEED = 2, 3  # as libusb numbers them
 
 _LANGUAGE = 0x0409  # English (United States)
 
@@ -52,6 +48,23 @@ _ERROR_CODES = {  # of libusb
     errno.EOVERFLOW: -8,
     errno.EPIPE: -9,
 }
+
+
+class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
+    """The board refuses a control transfer."""
+
+
+class VendorPeripheral(Protocol):
+    """A board behind vendor requests and one bulk endpoint. All calls raise `Unplugged` when it is gone."""
+
+    def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
+        """A control transfer to the board; `Stall` refuses it."""
+
+    def control_in(self, request_type: int, request: int, value: int, index: int, length: int) -> bytes:
+        """A control transfer from the board, at most `length` bytes; `Stall` refuses it."""
+
+    def send(self, size: int, timeout: float) -> bytes:
+        """Bulk transfer to the host, at most `size` bytes; none when nothing is to be sent within `timeout` [s]."""
 
 
 @dataclass(eq=False)
@@ -501,3 +514,100 @@ def _fail(number: int) -> NoReturn:
     core = require_pyusb().core
     kind = core.USBTimeoutError if number == errno.ETIMEDOUT else core.USBError
     raise kind(errno.errorcode[number], _ERROR_CODES[number], number)
+
+
+def device_descriptor(
+    device_class: int, vendor_id: int, product_id: int, product: str, serial_number: str, high_speed: bool
+) -> tuple[SimpleNamespace, dict[int, str]]:
+    """Device descriptor and strings; a device without a serial number has no such string."""
+    strings = {1: "Infineon", 2: product} | ({3: serial_number} if serial_number else {})
+    for text in strings.values():
+        if len(text.encode("utf-16-le")) > 252:
+            raise ValueError(f"product, serial_number: expected at most 126 characters, got {text!r}")
+    descriptor = SimpleNamespace(
+        bLength=18,
+        bDescriptorType=1,
+        bcdUSB=0x0200,
+        bDeviceClass=device_class,
+        bDeviceSubClass=0,
+        bDeviceProtocol=0,
+        bMaxPacketSize0=64,
+        idVendor=vendor_id,
+        idProduct=product_id,
+        bcdDevice=0x0100,
+        iManufacturer=1,
+        iProduct=2,
+        iSerialNumber=3 if serial_number else 0,
+        bNumConfigurations=1,
+        speed=_HIGH_SPEED if high_speed else _FULL_SPEED,
+    )
+    return descriptor, strings
+
+
+def configuration_descriptor(interfaces: list[SimpleNamespace]) -> SimpleNamespace:
+    """The only configuration of a device, powered by the bus."""
+    return SimpleNamespace(
+        bLength=9,
+        bDescriptorType=2,
+        wTotalLength=9 + sum(9 + len(i.extra_descriptors) + 7 * i.bNumEndpoints for i in interfaces),
+        bNumInterfaces=len(interfaces),
+        bConfigurationValue=1,
+        iConfiguration=0,
+        bmAttributes=0x80,
+        bMaxPower=250,  # 500 mA
+        extra_descriptors=[],
+    )
+
+
+def interface_descriptor(
+    number: int, kind: int, subclass: int, protocol: int, endpoints: list[SimpleNamespace], extra: bytes = b""
+) -> SimpleNamespace:
+    """An interface with its endpoints; `extra` is what the configuration has between the two."""
+    return SimpleNamespace(
+        bLength=9,
+        bDescriptorType=4,
+        bInterfaceNumber=number,
+        bAlternateSetting=0,
+        bNumEndpoints=len(endpoints),
+        bInterfaceClass=kind,
+        bInterfaceSubClass=subclass,
+        bInterfaceProtocol=protocol,
+        iInterface=0,
+        extra_descriptors=list(extra),
+        endpoints=endpoints,
+    )
+
+
+def endpoint_descriptor(address: int, transfer_type: int, packet_size: int, interval: int = 0) -> SimpleNamespace:
+    """An endpoint; transfer type 2 is bulk, 3 interrupt."""
+    return SimpleNamespace(
+        bLength=7,
+        bDescriptorType=5,
+        bEndpointAddress=address,
+        bmAttributes=transfer_type,
+        wMaxPacketSize=packet_size,
+        bInterval=interval,
+        bRefresh=0,
+        bSynchAddress=0,
+        extra_descriptors=[],
+    )
+
+
+def bus_with(*devices: EmulatedDevice) -> EmulatedBus:
+    """A bus with devices at usb:1-1, usb:1-2, ..."""
+    bus = EmulatedBus()
+    for device in devices:
+        bus.plug(device)
+    return bus
+
+
+def stream_to(peripheral: StreamPeripheral, **options: Any) -> tuple[UsbStream, EmulatedBus, EmulatedDevice]:
+    device = cdc_device(peripheral, **options)
+    bus = bus_with(device)
+    return UsbStream("usb:1-1", usb_backend=bus), bus, device
+
+
+def vendor_port_to(peripheral: VendorPeripheral, **options: Any) -> tuple[UsbVendorPort, EmulatedBus, EmulatedDevice]:
+    device = vendor_device(peripheral, **options)
+    bus = bus_with(device)
+    return UsbVendorPort("usb:1-1", usb_backend=bus), bus, device

@@ -1,0 +1,1 @@
+"""Counterparts of devices and servers, for the tests of what talks to them."""
