@@ -205,7 +205,7 @@ def test_archive_of_any_tool_is_read(tmp_path: Path, compression: int) -> None:
         ({"time": header((3,)).replace(b"}", b"(")}, r"time\.npy: damaged or not an NPY file"),
         ({"time": npy(np.zeros(3, np.complex128))}, "rec.npz, time: expected float64, got complex128"),
         ({"truth_range": npy(np.zeros((3, 2), np.complex128))}, "truth_range: expected float64, got complex128"),
-        ({"truth_azimuth": npy(np.float64(0.0))}, r"rec.npz, truth: azimuth: expected shape \(3, 2\) as range"),
+        ({"truth_azimuth": npy(np.float64(0.0))}, r"rec.npz, truth: azimuth: expected shape \(3, 2\)"),
         ({"truth_range": npy(np.zeros(1))}, r"rec.npz, truth: range: expected shape"),
     ],
 )

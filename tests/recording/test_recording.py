@@ -210,7 +210,7 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
         (
             lambda: Truth(("a",), np.zeros(1), np.zeros(2), np.zeros(1), np.zeros(1)),
             ValueError,
-            r"velocity: expected shape \(1,\) as range, got \(2,\)",
+            r"velocity: expected shape \(1,\), got \(2,\)",
         ),
         (lambda: Truth(("a",), ["x"], *np.zeros((3, 1))), TypeError, "range: expected numbers"),  # type: ignore[arg-type]
     ],

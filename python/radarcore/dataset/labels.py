@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.dataset import cells
 from radarcore.dataset.bodies import Floats, Members, Places, checked_names, members_of, middle_of, owners_of
 from radarcore.dataset.boxes import boxes_of, united
@@ -240,8 +241,7 @@ def labels_of(
     >>> labels["box_size"].values[0].round(3).tolist()
     [0.2, 0.2, 0.2]
     """
-    if not isinstance(simulator, Simulator):
-        raise TypeError(f"simulator: expected Simulator, got {type(simulator).__name__}")
+    check.instance("simulator", simulator, Simulator)
     key = (checked_names(body_names), _checked(settings))
     labellers = _LABELLERS.setdefault(simulator, {})
     if key not in labellers:
@@ -318,9 +318,7 @@ _LABELLERS: WeakKeyDictionary[Simulator, dict[tuple[tuple[str, ...], Labels], _L
 def _checked(settings: object) -> Labels:
     if settings is None:
         return Labels()
-    if not isinstance(settings, Labels):
-        raise TypeError(f"settings: expected Labels, got {type(settings).__name__}")
-    return settings
+    return check.instance("settings", settings, Labels)
 
 
 def _floats(dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> LabelLayout:

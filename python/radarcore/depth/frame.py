@@ -135,8 +135,7 @@ def frame_from_depth(
     >>> print(f"{peak.range:.1f} m, {peak.velocity:+.1f} m/s")
     2.0 m, -0.5 m/s
     """
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
     check.choice("sampling", sampling, SAMPLINGS)
     settings = Settings(sampling=sampling, tolerance=tolerance, method=method, seed=seed, threads=threads)
     start = check.number("time", time, "s")

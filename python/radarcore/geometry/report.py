@@ -218,8 +218,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     >>> report.verdicts[0]
     'All facets are flat: the radar sees them as they are.'
     """
-    if not isinstance(mesh, Mesh):
-        raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
+    check.instance("mesh", mesh, Mesh)
     at = check.frequency("frequency", frequency)
     parts, open_edges, nonmanifold, inconsistent = mesh._core.topology()
     corners = np.unique(position_hashes(mesh.vertices), return_inverse=True)[1][mesh.triangles].astype(np.int64)

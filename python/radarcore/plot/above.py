@@ -150,8 +150,7 @@ def draw_scene(
 
 def check_scene(scene: object) -> None:
     """Raise a TypeError unless the argument is a scene."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene: expected Scene, got {type(scene).__name__}")
+    check.instance("scene", scene, Scene)
 
 
 def _draw_body(

@@ -66,8 +66,7 @@ def range_angle_map(
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('y [m], to the left', 'x [m], forward')
     """
-    if not isinstance(frame, Frame):
-        raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")
+    check.instance("frame", frame, Frame)
     width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
     if width > 180.0:
         raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
@@ -143,8 +142,7 @@ def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> 
     >>> ax.get_legend_handles_labels()[1]
     ['virtual channel', 'receiver', 'transmitter']
     """
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
     is_in_mm = check.choice("unit", unit, ("mm", "wavelengths")) == "mm"
     scale = 1e3 if is_in_mm else 1.0 / radar.waveform.wavelength
     ax = canvas.new_axes() if ax is None else ax

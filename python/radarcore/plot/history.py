@@ -340,8 +340,7 @@ def _finished(ax: Axes, recording: Recording, label: str) -> Axes:
 
 def check_recording(recording: object) -> None:
     """Refuse anything but a recording with frames to draw."""
-    if not isinstance(recording, Recording):
-        raise TypeError(f"recording: expected Recording, got {type(recording).__name__}")
+    recording = check.instance("recording", recording, Recording)
     if len(recording) == 0:
         raise ValueError("recording: expected at least one frame, got none")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.tracks import Track, Tracks
@@ -51,8 +52,7 @@ def tracks_from_above(
     >>> ax.get_xlabel()
     'x [m]'
     """
-    if not isinstance(tracks, Tracks):
-        raise TypeError(f"tracks: expected Tracks, got {type(tracks).__name__}")
+    check.instance("tracks", tracks, Tracks)
     if any(np.isnan(one.position).all() for one in tracks):
         raise ValueError("tracks: expected tracks with positions, got some of ranges alone, without angles")
     if truth is not None and not isinstance(truth, Truth):

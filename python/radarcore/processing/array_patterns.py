@@ -113,8 +113,7 @@ def array_pattern(
     [-3.91, 9.03]
     """
     # Check all arguments before any work.
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
     az, el = checked_angles(azimuth, elevation)
     to = _steered_to(steer)
     wavelength = radar.waveform.wavelength

@@ -133,8 +133,7 @@ def cluster(
     >>> rc.cluster(found, distance=0.3).labels.tolist()
     [0, 0, 1]
     """
-    if not isinstance(detections, Detections):
-        raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
+    check.instance("detections", detections, Detections)
     limits = (
         None if distance is None else check.positive("distance", distance, "m"),
         None if velocity is None else check.positive("velocity", velocity, "m/s"),

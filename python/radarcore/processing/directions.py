@@ -152,8 +152,7 @@ def directions(
     [20.0]
     """
     # Check all arguments before any work.
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
     values = _snapshots(snapshots, radar.num_channels)
     number = len(values)
     speeds, levels = _per_detection("velocity", velocity, number), _per_detection("snr_db", snr_db, number)

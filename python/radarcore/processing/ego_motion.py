@@ -126,8 +126,7 @@ def remove_static(
     >>> [round(rc.strongest_peak(each).range, 1) for each in (frame, filtered)]
     [2.0, 3.0]
     """
-    if not isinstance(frame, Frame | Recording):
-        raise TypeError(f"frame: expected Frame or Recording, got {type(frame).__name__}")
+    check.instance("frame", frame, Frame, Recording)
     is_one = isinstance(frame, Frame)
     radar = frame.radar
     require_one_waveform(radar)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.radar.radar import Radar
 
 _WHOLE = 1e-6
@@ -85,8 +86,7 @@ def demultiplex(spectrum: ArrayLike, radar: Radar) -> Demultiplexed:
     >>> spectrum.shape, rc.demultiplex(spectrum, radar).spectrum.shape
     ((1, 16, 128), (2, 8, 128))
     """
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
     schedule, num_tx, num_rx = radar.schedule, len(radar.tx), len(radar.rx)
     if schedule is None or schedule.kind != "ddm":
         got = "none" if schedule is None else repr(schedule.kind)

@@ -100,8 +100,7 @@ class Stream:
         threshold_db: float = 15.0,
         max_detections: int = 5,
     ) -> None:
-        if not isinstance(radar, Radar):
-            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check.instance("radar", radar, Radar)
         self.radar = radar
         self.remove_static = remove_static
         self.seconds: float = check.positive("history", history, "s")
@@ -160,8 +159,7 @@ class Stream:
         ValueError, TypeError
             For a frame of another radar, and for anything but a frame.
         """
-        if not isinstance(frame, Frame):
-            raise TypeError(f"frame: expected Frame, got {type(frame).__name__}")
+        check.instance("frame", frame, Frame)
         if frame.radar is not self.radar and frame.radar != self.radar:
             raise ValueError("frame: expected one of the radar of the view, got one of another")
         if self._times and frame.time <= self.time:  # a source that starts again

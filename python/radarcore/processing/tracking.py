@@ -121,8 +121,7 @@ class Tracker:
         >>> [round(state.range, 2) for state in tracker.update(found)]
         [2.01, 3.02]
         """
-        if not isinstance(detections, Detections):
-            raise TypeError(f"detections: expected Detections, got {type(detections).__name__}")
+        check.instance("detections", detections, Detections)
         if not detections.time > self.time:
             raise ValueError(
                 f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"

@@ -324,10 +324,8 @@ def assign_to_truth(tracks: Tracks, truth: Truth, *, max_distance: float = 0.5) 
     >>> rc.assign_to_truth(rc.track(recording), recording.truth)
     {0: 'ball'}
     """
-    if not isinstance(tracks, Tracks):
-        raise TypeError(f"tracks: expected Tracks, got {type(tracks).__name__}")
-    if not isinstance(truth, Truth):
-        raise TypeError(f"truth: expected Truth, got {type(truth).__name__}")
+    check.instance("tracks", tracks, Tracks)
+    check.instance("truth", truth, Truth)
     if truth.range.shape != (expected := (len(tracks.time), len(truth.names))):
         raise ValueError(f"truth: expected arrays of shape {expected}, got {truth.range.shape}")
     limit = check.positive("max_distance", max_distance, "m")

@@ -279,8 +279,7 @@ def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:
 
 def check_frame(name: str, frame: object) -> None:
     """Raise a TypeError unless the argument is a frame."""
-    if not isinstance(frame, Frame):
-        raise TypeError(f"{name}: expected Frame, got {type(frame).__name__}")
+    check.instance(name, frame, Frame)
 
 
 def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> None:
@@ -295,8 +294,7 @@ def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> Non
 
 def check_radar(radar: object) -> None:
     """Raise a TypeError unless the argument is a radar."""
-    if not isinstance(radar, Radar):
-        raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+    check.instance("radar", radar, Radar)
 
 
 def checked_cube(cube: object, shape: tuple[int | None, ...]) -> NDArray[Any]:
@@ -318,8 +316,7 @@ def check_truth(truth: object, frames: tuple[int, ...]) -> None:
     """Refuse anything but the truth of one frame, ``frames = ()``, or of ``frames = (n,)``."""
     if truth is None:
         return
-    if not isinstance(truth, Truth):
-        raise TypeError(f"truth: expected Truth, got {type(truth).__name__}")
+    truth = check.instance("truth", truth, Truth)
     if truth.range.shape != (expected := (*frames, len(truth.names))):
         raise ValueError(f"truth: expected arrays of shape {expected}, got {truth.range.shape}")
 

@@ -69,8 +69,7 @@ class Body:
         name: str | None = None,
     ) -> None:
         material = materials["metal"] if material is None else material
-        if not isinstance(mesh, Mesh):
-            raise TypeError(f"mesh: expected Mesh, got {type(mesh).__name__}")
+        check.instance("mesh", mesh, Mesh)
         if not isinstance(material, Material):
             raise TypeError(f"material: expected Material (one of radarcore.materials), got {material!r}")
         put = object.__setattr__

@@ -84,8 +84,7 @@ class Interferer:
         start_phase: str = "chirp",
         name: str | None = None,
     ) -> None:
-        if not isinstance(radar, Radar):
-            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check.instance("radar", radar, Radar)
         if radar.more_waveforms:
             raise ValueError(f"radar: expected an interferer of one waveform, got {1 + len(radar.more_waveforms)}")
         if radar.schedule is not None and radar.schedule.is_sum:

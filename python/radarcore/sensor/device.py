@@ -132,8 +132,7 @@ class Sensor:
         0.050121813 s
         """
         self._check_open()
-        if not isinstance(radar, Radar):
-            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check.instance("radar", radar, Radar)
         check_options(options, self._board.configure, self.info.chip)
         self.stop()
         self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)

@@ -129,8 +129,7 @@ def check_threads(threads: int | None) -> int | None:
 
 
 def _check_waveform(waveform: Waveform) -> None:
-    if not isinstance(waveform, Waveform):
-        raise TypeError(f"waveform: expected Waveform, got {type(waveform).__name__}")
+    check.instance("waveform", waveform, Waveform)
 
 
 def _sum(

@@ -106,8 +106,7 @@ def view(
     tell = say if say is not None else _silent
 
     def live(first: Frame, figure: Figure | None = None) -> LiveView:
-        if not isinstance(first, Frame):
-            raise TypeError(f"frames: expected Frame, got {type(first).__name__}")
+        check.instance("frames", first, Frame)
         removes = first.truth is None if remove_static is None else remove_static
         return LiveView(first.radar, figure=figure, title=title, remove_static=removes, **options)
 

@@ -237,8 +237,7 @@ class Settings:
         ValueError
             For a radar that the chip cannot be; the message has the nearest that it can.
         """
-        if not isinstance(radar, Radar):
-            raise TypeError(f"radar: expected Radar, got {type(radar).__name__}")
+        check.instance("radar", radar, Radar)
         waveform = radar.waveform
         if radar.more_waveforms:
             raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
