@@ -11,7 +11,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.adapters.mujoco import spec_from_urdf
-from radarcore.adapters.mujoco.library import gl_context
+from radarcore.adapters.mujoco.model import gl_context
 from radarcore.models import robots
 from radarcore.models.robots.data import UR10, data_file
 

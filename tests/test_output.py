@@ -290,7 +290,7 @@ ALLOWED = {
     "dataset/journal.py": {"open"},  # lines at the end
     "dataset/hdf5.py": {"File"},  # into a new file
     "dataset/webdataset.py": {"open"},  # into a part
-    "adapters/optitrack/motive_csv_writer.py": {"open"},  # into a new file
+    "adapters/optitrack/csv.py": {"open"},  # into a new file
     "plot/canvas.py": {"savefig"},  # into a new file
     "plot/live/view.py": {"imsave"},  # into a new file
     "cli/process.py": {"open"},  # results, frame by frame, after `check_file`

@@ -13,7 +13,7 @@ import pytest
 import radarcore as rc
 
 PUBLIC = [
-    *("", "adapters", "adapters.coppeliasim", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
+    *("", "adapters", "adapters.mujoco", "adapters.optitrack", "adapters.ros"),
     *("dataset", "models", "models.robots", "plot", "processing", "sensor"),
 ]
 
@@ -57,7 +57,9 @@ def test_nothing_but_its_own_modules_is_reachable_beside_the_names_of_a_package(
             assert beside.__name__ == f"{face.__name__}.{name}"
 
 
-@pytest.mark.parametrize("name", ["shapes", "adapters.images", "adapters.gazebo", "adapters.rerun"])
+@pytest.mark.parametrize(
+    "name", ["shapes", "adapters.images", "adapters.gazebo", "adapters.coppeliasim", "adapters.rerun"]
+)
 def test_module_of_public_functions_shows_these_alone(name: str) -> None:
     shown = import_module(f"radarcore.{name}" if name != "shapes" else "radarcore.geometry.shapes")
     assert dir(shown) == sorted(shown.__all__)

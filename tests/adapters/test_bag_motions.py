@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
 import radarcore as rc
-from radarcore.adapters.ros.bag_motions import BagMotions
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.motions import BagMotions
 from radarcore.adapters.ros.poses import to_pose_stamped, to_transforms
 from radarcore.models.robots.arm import RobotArm
 from ros_bags import BAGS, START_NS, header_of

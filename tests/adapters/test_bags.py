@@ -18,8 +18,7 @@ pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarc
 
 from full_disk import largest_file
 from radarcore.adapters.ros.bag_writer import BagWriter
-from radarcore.adapters.ros.bags import BagReader, Topic, is_bag
-from radarcore.adapters.ros.typestore import typed, typestore
+from radarcore.adapters.ros.bags import BagReader, Topic, is_bag, typed, typestore
 from ros_bags import (
     ARRAY,
     BAGS,

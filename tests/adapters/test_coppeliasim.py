@@ -347,16 +347,6 @@ def test_errors_of_the_server_name_the_function(simulator: coppeliasim.CoppeliaS
         simulator.sim.getObjectFloatParam(17, 5)
 
 
-def test_nothing_is_left_among_the_names_of_the_program(stub: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
-    main = sys.modules["__main__"]
-    assert not hasattr(main, "require")
-    connected(stub).close()
-    assert not hasattr(main, "require")
-    monkeypatch.setattr(main, "require", "own", raising=False)
-    connected(stub).close()
-    assert vars(main)["require"] == "own"
-
-
 def test_threads_end_with_the_connection(stub: Stub) -> None:
     before = threading.active_count()
     connected(stub).close()

@@ -326,7 +326,7 @@ import ctypes.util, sys
 import numpy as np
 from radarcore.adapters.mujoco import DepthView, LiveModel
 {before}
-from radarcore.adapters.mujoco.library import mujoco_module
+from radarcore.adapters.mujoco.model import mujoco_module
 mujoco = mujoco_module()
 model = mujoco.MjModel.from_xml_path(sys.argv[1])
 data = mujoco.MjData(model)

@@ -21,7 +21,7 @@ from radarcore.adapters.optitrack import (
     decode_server_info,
     read_motive_csv,
 )
-from radarcore.adapters.optitrack.axes import positions_of, quaternions_of
+from radarcore.adapters.optitrack.capture import positions_of, quaternions_of
 
 VERSIONS = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)]
 BODIES: list[made.Body] = [

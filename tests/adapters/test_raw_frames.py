@@ -16,8 +16,8 @@ pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarc
 
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader
-from radarcore.adapters.ros.raw_frames import BagFrames, FrameWriter, from_truth_message, to_truth_message, write_frames
-from radarcore.adapters.ros.stamps import nearest_nanoseconds
+from radarcore.adapters.ros.frames import BagFrames, FrameWriter, from_truth_message, to_truth_message, write_frames
+from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth

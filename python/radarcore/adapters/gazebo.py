@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.adapters.planar_depth import GZ_AXES, PlanarDepth, centered, decoded, unpacked
-from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.adapters.depth import GZ_AXES, PlanarDepth, centered, decoded, unpacked
+from radarcore.adapters.ros.messages import header_nanoseconds, seconds
 from radarcore.geometry.pose import Pose
 
 __all__ = ["from_gz_image", "from_gz_poses"]

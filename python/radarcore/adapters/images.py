@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
+from radarcore.adapters.depth import COPPELIASIM_AXES as COPPELIASIM_AXES
+from radarcore.adapters.depth import GZ_AXES as GZ_AXES
+from radarcore.adapters.depth import OPENGL_AXES as OPENGL_AXES
+from radarcore.adapters.depth import ROS_OPTICAL_AXES as ROS_OPTICAL_AXES
+from radarcore.adapters.depth import Matrix, centered, decoded, unpacked
+from radarcore.adapters.depth import PlanarDepth as PlanarDepth
 from radarcore.adapters.gazebo import from_gz_image as from_gz_image
-from radarcore.adapters.planar_depth import COPPELIASIM_AXES as COPPELIASIM_AXES
-from radarcore.adapters.planar_depth import GZ_AXES as GZ_AXES
-from radarcore.adapters.planar_depth import OPENGL_AXES as OPENGL_AXES
-from radarcore.adapters.planar_depth import ROS_OPTICAL_AXES as ROS_OPTICAL_AXES
-from radarcore.adapters.planar_depth import Matrix, centered, decoded, unpacked
-from radarcore.adapters.planar_depth import PlanarDepth as PlanarDepth
-from radarcore.adapters.ros.images import from_ros_image as from_ros_image
+from radarcore.adapters.ros.depth import from_ros_image as from_ros_image
 from radarcore.geometry.camera import Camera, warn_of_radians
 
 __all__ = [

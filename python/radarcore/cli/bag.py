@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from radarcore import check, notice
-from radarcore.adapters.ros.bag_depth import DepthImages, FrameImages, frame_images
-from radarcore.adapters.ros.bag_motions import BagMotions
 from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.depth import DepthImages, FrameImages, frame_images
+from radarcore.adapters.ros.motions import BagMotions
 from radarcore.cli.bag_options import BagOptions
 from radarcore.depth.frame import frame_from_depth
 from radarcore.radar.radar import Radar

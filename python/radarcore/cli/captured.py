@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from radarcore.adapters.optitrack.motive_csv import read_motive_csv
-from radarcore.adapters.ros.bag_motions import POSES, RIGID_BODIES, first_stamp_ns
+from radarcore.adapters.optitrack.csv import read_motive_csv
 from radarcore.adapters.ros.bags import BagReader, is_bag
+from radarcore.adapters.ros.messages import nearest_nanoseconds
+from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.adapters.ros.stamps import nearest_nanoseconds
 from radarcore.cli.source import only_radar, path_and_topic
 from radarcore.motion.protocol import Motion
 

@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
-from radarcore.adapters.ros.raw_frames import SETTINGS_TYPE, BagFrames
+from radarcore.adapters.ros.frames import SETTINGS_TYPE, BagFrames
 from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.recording import Recording, RecordingReader
 

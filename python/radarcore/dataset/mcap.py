@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radarcore import check
 from radarcore.adapters.ros.bag_writer import BagWriter
-from radarcore.adapters.ros.raw_frames import FrameWriter
+from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.dataset.export import made_of, opened_samples, refuse_dataset
 from radarcore.dataset.samples import Samples
 from radarcore.dataset.stored import frames_of

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.adapters.images import PlanarDepth, from_mujoco_pixels
-from radarcore.adapters.mujoco.library import gl_context, mujoco_module, no_graphics
-from radarcore.adapters.mujoco.live_model import LiveModel
-from radarcore.adapters.mujoco.names import number_of
+from radarcore.adapters.mujoco.model import LiveModel, gl_context, mujoco_module, no_graphics, number_of
 from radarcore.geometry.pose import Matrix
 from radarcore.motion.protocol import Motion
 

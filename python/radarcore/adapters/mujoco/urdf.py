@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from radarcore import check, notice
-from radarcore.adapters.mujoco.library import mujoco_module
+from radarcore.adapters.mujoco.model import mujoco_module
 from radarcore.geometry.urdf_files import parsed, warn_of_no_shapes
 
 GEOMETRIES = ("collision", "visual")

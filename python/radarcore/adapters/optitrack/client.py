@@ -1,4 +1,4 @@
-"""Live motion capture: a client of the stream of Motive."""
+"""Live motion capture: a client of the stream of Motive, also in the background."""
 
 from __future__ import annotations
 
@@ -10,25 +10,173 @@ import time as clock
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Protocol
 
+import numpy as np
+
 from radarcore import check, notice
-from radarcore.adapters.optitrack.axes import AXES
-from radarcore.adapters.optitrack.capture import MotionCapture
-from radarcore.adapters.optitrack.follower import Follower
-from radarcore.adapters.optitrack.live_frames import CapturedFrame, capture_of, one_take, poses_of, without_poses
+from radarcore.adapters.optitrack.capture import AXES, CapturedBody, MotionCapture, positions_of, quaternions_of
 from radarcore.adapters.optitrack.natnet import (
+    BodyState,
     Kind,
+    ModelNames,
     NatNetError,
+    NatNetFrame,
+    ServerInfo,
+    Version,
     checked_version,
     decode_frame,
     decode_model,
     decode_server_info,
     packet_kind,
 )
-from radarcore.adapters.optitrack.stream import ModelNames, NatNetFrame, ServerInfo, Version
 from radarcore.geometry.pose import Pose
+
+
+@dataclass(frozen=True)
+class CapturedFrame:
+    """A frame of live motion capture.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame; those between are lost.
+    time : float
+        Middle of the exposure, by the server's clock [s].
+    bodies : mapping of str to BodyState
+        Rigid bodies, and bones as ``skeleton:bone``, by name, in Motive's axes.
+    poses : mapping of str to Pose
+        Of the bodies that are tracked, in the axes of the client.
+    received : float
+        Time at which the frame came, as of `time.time` [s].
+
+    See Also
+    --------
+    adapters.optitrack.MotionCaptureClient.frames : They come from there.
+
+    Examples
+    --------
+    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
+    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
+    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
+    ...         frames = client.frames()
+    ...         server.send(0.5)
+    ...         frame = next(frames)
+    >>> print(frame.time, frame.bodies["ball"].is_tracked)
+    0.5 True
+    """
+
+    number: int
+    time: float
+    bodies: Mapping[str, BodyState]
+    poses: Mapping[str, Pose]
+    received: float
+
+
+def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
+    """Poses of the bodies that are tracked, in radarcore's world."""
+    poses = {}
+    for name, body in bodies.items():
+        if body.is_tracked:
+            position = positions_of(np.array(body.position), axes)
+            poses[name] = Pose.from_quaternion(position, wxyz=quaternions_of(np.array(body.quaternion), axes))
+    return poses
+
+
+def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
+    """Frames up to the end of a take: until it starts again, or no more frames come."""
+    last: CapturedFrame | None = None
+    try:
+        for frame in frames:
+            if last is not None and frame.time < last.time:
+                return
+            last = frame
+            yield frame
+    except TimeoutError:
+        if last is None:
+            raise
+
+
+def without_poses(frame: CapturedFrame) -> CapturedFrame:
+    """The frame without poses, a tenth as large: a capture needs only its bodies."""
+    return replace(frame, poses={})
+
+
+def capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
+    """Frames as a take; NaN where a body is not tracked."""
+    names = list(dict.fromkeys(name for frame in frames for name in frame.bodies))
+    bodies = {}
+    for name in names:
+        rows = np.full((len(frames), 8), np.nan)
+        for k, frame in enumerate(frames):
+            state = frame.bodies.get(name)
+            if state is not None and state.is_tracked:
+                rows[k] = [*state.position, *state.quaternion, state.mean_marker_error]
+        bodies[name] = CapturedBody(positions_of(rows[:, :3], axes), quaternions_of(rows[:, 3:7], axes), rows[:, 7])
+    times = np.array([frame.time for frame in frames])
+    rate = float(1.0 / np.median(np.diff(times))) if len(times) > 1 else None
+    return MotionCapture(time=times, bodies=bodies, frame_rate=rate)
+
+
+_POLL = 0.005
+"""Time after which a wait for frames looks again [s]."""
+
+
+class Follower:
+    """Frames that a client receives in the background."""
+
+    def __init__(self, frames: Iterator[CapturedFrame], axes: str, *, keep: bool) -> None:
+        self._frames, self._axes, self._keep = frames, axes, keep
+        self._kept: list[CapturedFrame] = []
+        self._newest: CapturedFrame | None = None
+        self._count = 0
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
+        self._thread.start()
+
+    def __len__(self) -> int:
+        """Number of frames that have come."""
+        return self._count
+
+    @property
+    def newest(self) -> CapturedFrame | None:
+        """The newest frame, or None before the first."""
+        return self._newest
+
+    def capture(self) -> MotionCapture:
+        """All frames so far, up to the end of the take; an error of the stream is raised."""
+        self.check()
+        if not self._keep:
+            raise ValueError("capture: expected frames that are kept, got the newest alone; give follow(keep=True)")
+        return capture_of(list(self._kept), self._axes)
+
+    def check(self) -> None:
+        """Raise the error of the stream, if there was one."""
+        if self._error is not None:
+            raise self._error
+
+    def wait(self, num_frames: int) -> None:
+        """Wait until some frames have come; an error of the stream is raised."""
+        while self._count < num_frames and self._thread.is_alive():
+            self._thread.join(_POLL)
+        self.check()
+
+    def join(self) -> None:
+        """Wait for the end."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            for frame in one_take(self._frames) if self._keep else self._frames:
+                if self._keep:
+                    self._kept.append(without_poses(frame))  # others read it meanwhile
+                self._newest = frame
+                self._count += 1
+        except Exception as error:  # raised where the user sees it
+            self._error = error
+
 
 _REPEAT = 0.25
 """Time after which a request without an answer is made again [s]."""

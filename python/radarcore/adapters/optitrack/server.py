@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from radarcore import check
-from radarcore.adapters.optitrack.axes import AXES, motive_positions, motive_quaternions
-from radarcore.adapters.optitrack.natnet import SIZED, Kind, NatNetError, checked_version, packet_kind
-from radarcore.adapters.optitrack.stream import Version
+from radarcore.adapters.optitrack.capture import AXES, motive_positions, motive_quaternions
+from radarcore.adapters.optitrack.natnet import SIZED, Kind, NatNetError, Version, checked_version, packet_kind
 from radarcore.geometry.pose import Pose, quaternion_of
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion

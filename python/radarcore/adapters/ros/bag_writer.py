@@ -16,7 +16,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore._core import __version__
-from radarcore.adapters.ros.typestore import need_rosbags, typed, typestore
+from radarcore.adapters.ros.bags import need_rosbags, typed, typestore
 from radarcore.output import PartFolder, already_exists, check_file, give_name
 
 FORMATS = ("mcap", "sqlite3", "ros1")

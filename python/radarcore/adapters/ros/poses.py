@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.adapters.ros.message_times import message_times, unpacked, warn_of_gap
-from radarcore.adapters.ros.messages import Types, header, make
-from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.adapters.ros.messages import Types, header, header_nanoseconds, make, seconds
 from radarcore.geometry.pose import Pose, as_pose, quaternion_of, rotations_of, transforms
 from radarcore.motion.trajectory import Trajectory
 

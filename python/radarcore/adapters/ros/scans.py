@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.adapters.planar_depth import unpacked
-from radarcore.adapters.ros.messages import Types, checked_frame_id, header, make
-from radarcore.adapters.ros.stamps import header_nanoseconds, seconds
+from radarcore.adapters.depth import unpacked
+from radarcore.adapters.ros.messages import Types, checked_frame_id, header, header_nanoseconds, make, seconds
 from radarcore.processing.point_cloud import Detections, detections_of_rows
 
 _FIELDS = ("x", "y", "z", "velocity", "intensity")

@@ -1,29 +1,213 @@
-"""A MuJoCo model as bodies whose poses and velocities follow its MjData."""
+"""A MuJoCo model as bodies whose poses and velocities follow its MjData, and the loop of physics and frames."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import ceil
+from types import ModuleType
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.adapters.mujoco.coating import geom_materials
-from radarcore.adapters.mujoco.kinematics import Places, poses, rates, settle
-from radarcore.adapters.mujoco.library import mujoco_module
-from radarcore.adapters.mujoco.names import names_of, number_of
+from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.mujoco.tessellation import Meshes, kind_of, mesh_of
-from radarcore.adapters.planar_depth import radar_in_camera
-from radarcore.geometry.pose import as_pose
+from radarcore.geometry.pose import as_pose, transforms
 from radarcore.motion.attached import Attached
-from radarcore.motion.live import LiveGroup
+from radarcore.motion.live import KEPT, LiveGroup
 from radarcore.motion.protocol import Motion
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import frame_rate
+from radarcore.recording.frame import Frame
 from radarcore.scene.body import Body
+from radarcore.scene.library import materials as library
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
 from radarcore.sealed import sealed
+
+
+def names_of(model: Any, kind: str) -> list[str]:
+    """Names of all things of a kind, "geom", "body", "camera", "site", "mat" or "mesh"; empty ones have none."""
+    addresses, text = getattr(model, f"name_{_KINDS.get(kind, kind)}adr"), bytes(model.names)
+    return [text[start : text.index(b"\0", start)].decode() for start in addresses.tolist()]
+
+
+def number_of(model: Any, kind: str, name: str) -> int:
+    """Number of the thing of a kind with a name, or a ValueError that names near ones."""
+    known = names_of(model, kind)
+    if name not in known:
+        raise ValueError(f"{kind}: no {kind} {name!r} in the model; {check.near_names(name, filter(None, known))}")
+    return known.index(name)
+
+
+_KINDS = {"camera": "cam"}
+"""Kinds that MuJoCo's arrays shorten."""
+
+
+GL_HINT = (
+    "an OpenGL library that draws without a display: Debian packages libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, or "
+    "libosmesa6, and MUJOCO_GL=egl or MUJOCO_GL=osmesa in the environment before mujoco is imported"
+)
+
+
+def is_available() -> bool:
+    """True when the extra `mujoco` is installed.
+
+    See Also
+    --------
+    adapters.mujoco.LiveModel : What it is needed for.
+
+    Examples
+    --------
+    >>> rc.adapters.mujoco.is_available()
+    True
+    """
+    return find_spec("mujoco") is not None
+
+
+def mujoco_module() -> ModuleType:
+    """The package, or an ImportError that names the extra."""
+    if not is_available():
+        raise ImportError("MuJoCo models need mujoco: pip install radarcore[mujoco]")
+    try:
+        import mujoco
+    except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
+        raise no_graphics(error) from error
+    module: ModuleType = mujoco
+    return module
+
+
+def gl_context(columns: int, rows: int) -> Any:
+    """A new context to draw into images of up to this size; where there is none, every library fails in its own way."""
+    # A context that could not be made has nothing to free, and says nothing about it.
+    return type("Context", (mujoco_module().GLContext,), {"_context": None})(columns, rows)
+
+
+def no_graphics(error: object) -> ImportError:
+    """The error where nothing can be drawn."""
+    chosen = os.environ.get("MUJOCO_GL")
+    setting = "MUJOCO_GL is not set" if chosen is None else f"MUJOCO_GL={chosen}"
+    return ImportError(f"rendering needs {GL_HINT}; {setting}: {' '.join(str(error).split())}")
+
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+KINDS = {"geom": "geom", "camera": "cam", "site": "site"}
+"""Objects that have a pose, and the names of their fields in MjModel and MjData."""
+
+_FIXED = 0
+"""mjCAMLIGHT_FIXED: a camera that sits on its body."""
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Geoms, cameras and sites, one after the other.
+
+    Attributes
+    ----------
+    bodies : (place,) int
+        Body that each is on.
+    is_own_way : (place,) bool
+        True for cameras that follow or look at a body instead of sitting on theirs.
+    starts : dict
+        Index of the first geom, camera and site.
+    """
+
+    bodies: Ints
+    is_own_way: NDArray[np.bool_]
+    starts: dict[str, int]
+
+    @classmethod
+    def of(cls, model: Any) -> Places:
+        """All places of a model."""
+        bodies = [np.asarray(getattr(model, f"{kind}_bodyid"), dtype=np.intp) for kind in KINDS.values()]
+        free = [np.zeros(len(some), dtype=np.bool_) for some in bodies]
+        free[list(KINDS).index("camera")][:] = np.asarray(model.cam_mode) != _FIXED
+        starts = np.cumsum([0, *(len(some) for some in bodies)]).tolist()
+        return cls(np.concatenate(bodies), np.concatenate(free), dict(zip(KINDS, starts, strict=False)))
+
+    def move(self, model: Any) -> NDArray[np.bool_]:
+        """True for places that ever move, (place,)."""
+        is_welded = np.asarray(model.body_weldid)[self.bodies] == 0
+        moves: NDArray[np.bool_] = ~is_welded | self.is_carried_by_mocap(model) | self.is_own_way
+        return moves
+
+    def is_carried_by_mocap(self, model: Any) -> NDArray[np.bool_]:
+        """True for places on mocap bodies and their children, whose velocities MuJoCo does not know, (place,)."""
+        carried: NDArray[np.bool_] = np.asarray(model.body_mocapid)[np.asarray(model.body_rootid)[self.bodies]] >= 0
+        return carried
+
+
+def settle(model: Any, data: Any) -> None:
+    """Bring the poses and velocities in `data` to its qpos and qvel: after a step they lag one step behind."""
+    mujoco = mujoco_module()
+    for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_comVel):
+        stage(model, data)
+
+
+def poses(data: Any, chosen: Ints | slice = slice(None)) -> Floats:
+    """``[rotation | position]`` of all places, or those chosen, to the world, (place, 3, 4)."""
+    turns = np.concatenate([getattr(data, f"{kind}_xmat") for kind in KINDS.values()])[chosen]
+    origins = np.concatenate([getattr(data, f"{kind}_xpos") for kind in KINDS.values()])[chosen]
+    return transforms(turns.reshape(-1, 3, 3), origins)
+
+
+def rates(model: Any, data: Any, bodies: Ints, points: Floats) -> tuple[Floats, Floats]:
+    """Velocities [m/s] and angular velocities [rad/s] of points (n, 3) on bodies (n,), in world axes, (n, 3) each.
+
+    MuJoCo keeps a body's velocity at the centre of mass of its kinematic tree.
+    """
+    twists = np.asarray(data.cvel)[bodies]
+    angular, linear = twists[:, :3], twists[:, 3:]
+    arms = points - np.asarray(data.subtree_com)[np.asarray(model.body_rootid)[bodies]]
+    return linear + np.cross(angular, arms), angular
+
+
+def geom_materials(
+    model: Any, geoms: Sequence[int], materials: Mapping[str, Material | str] | None, default: Material | str
+) -> list[Material]:
+    """Material of every geom.
+
+    The first that `materials` has of the names of the geom, its material in MuJoCo, its mesh and its body; else the
+    one of radarcore's library that is called as its material in MuJoCo; else the default.
+    """
+    geom_names, body_names, material_names, mesh_names = (
+        names_of(model, kind) for kind in ("geom", "body", "mat", "mesh")
+    )
+    chosen = {name: _material(f"materials[{name!r}]", value) for name, value in (materials or {}).items()}
+    known = {*geom_names, *body_names, *material_names, *mesh_names} - {""}
+    for name in chosen:
+        if name not in known:
+            raise ValueError(
+                f"materials: nothing in the model is called {name!r}, no geom, material, mesh or body; "
+                f"{check.near_names(name, sorted(known))}"
+            )
+    other = _material("default", default)
+
+    def material(geom: int) -> Material:
+        paint, mesh = int(model.geom_matid[geom]), mesh_of(model, geom)
+        of_material = material_names[paint] if paint >= 0 else ""
+        of_mesh = mesh_names[mesh] if mesh >= 0 else ""
+        for name in (geom_names[geom], of_material, of_mesh, body_names[int(model.geom_bodyid[geom])]):
+            if name in chosen:
+                return chosen[name]
+        return library.get(of_material, other)
+
+    return [material(geom) for geom in geoms]
+
+
+def _material(name: str, value: Material | str) -> Material:
+    if isinstance(value, Material):
+        return value
+    if isinstance(value, str):
+        return library[value]
+    raise TypeError(f"{name}: expected Material or a name of radarcore.materials, got {type(value).__name__}")
+
 
 RATES = ("model", "differences")
 """Sources of velocities: qvel, or differences of the poses of updates."""
@@ -313,3 +497,116 @@ def _body_names(model: Any, geoms: tuple[int, ...]) -> list[str]:
         seen.add(other)
         found.append(other)
     return found
+
+
+_UPDATES_PER_FRAME = KEPT // 2
+"""Most updates in a frame: all are kept until it is simulated."""
+
+_ROUNDING = 1e-9
+"""Of sums of time steps [s]."""
+
+
+class FrameSource(Protocol):
+    """Maker of frames at a time [s]: a `Simulator` of the model's scene."""
+
+    @property
+    def radar(self) -> Radar:
+        """Radar whose frames these are."""
+        ...
+
+    def frame(self, time: float) -> Frame:
+        """Frame that starts at a time [s]."""
+        ...
+
+
+def frames(
+    simulator: FrameSource,
+    live: LiveModel,
+    data: Any,
+    *,
+    duration: float | None = None,
+    rate: float | None = None,
+    control: Callable[[Any], object] | None = None,
+    follow: bool = False,
+) -> Iterator[Frame]:
+    """Step the physics and simulate a radar frame at every multiple of 1/`rate`.
+
+    The last step before a frame is as short as it has to be to end where the frame starts.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Of the scene of `live`.
+    live : LiveModel
+    data : MjData
+        State of the physics, which the loop steps on. The first frame starts at its time.
+    duration : float, optional
+        Time from the first frame on in which frames start [s]; default: without an end.
+    rate : float, optional
+        Frames per second [Hz]; default: the radar's own, as of `Simulator.frames`.
+    control : callable, optional
+        Called with `data` before every step: sets ``ctrl``, ``mocap_pos``.
+    follow : bool
+        False: a frame is simulated as soon as it starts, with the velocities that hold then, and `data` is that of its
+        start. True: it is simulated when the physics has stepped past its end, as a sensor delivers it, and follows the
+        positions step by step: for strong accelerations and contacts, at two to three times the run time.
+
+    Yields
+    ------
+    frame : Frame
+        In order; between them the program may read and change `data`.
+
+    See Also
+    --------
+    adapters.mujoco.LiveModel : Poses and velocities of a model.
+    Simulator.frames : Frames of motions that are known before.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    >>> data = mujoco.MjData(model)
+    >>> live = rc.adapters.mujoco.LiveModel(model)
+    >>> simulator = rc.Simulator(live.scene, rc.bgt60tr13c(num_chirps=16))
+    >>> [round(each.time, 3) for each in rc.adapters.mujoco.frames(simulator, live, data, duration=0.1, rate=40.0)]
+    [0.0, 0.025, 0.05, 0.075]
+    """
+    period = 1.0 / (frame_rate(simulator.radar.waveform) if rate is None else check.positive("rate", rate, "Hz"))
+    model, step = live.model, float(live.model.opt.timestep)
+    mj_step = mujoco_module().mj_step
+    start, frame_duration = float(data.time), simulator.radar.duration
+    stride = max(1, ceil(frame_duration / step / _UPDATES_PER_FRAME))
+    if duration is not None:
+        duration = check.positive("duration", duration, "s")
+
+    def advance(to: float, *, every: int = 0, exactly: bool = True) -> None:
+        """Step until a time [s]; take poses after the last step, and after so many."""
+        count = 0
+        while (left := to - data.time) > _ROUNDING:
+            if control is not None:
+                control(data)
+            model.opt.timestep = min(step, left) if exactly else step
+            try:
+                mj_step(model, data)
+            finally:
+                model.opt.timestep = step
+            count += 1
+            if to - data.time <= _ROUNDING or (every > 0 and count % every == 0):
+                live.update(data, by_differences=follow or None)
+
+    def stepped() -> Iterator[Frame]:
+        live.update(data)
+        number = 0
+        while duration is None or number * period < duration - _ROUNDING:
+            begin = start + number * period
+            if follow:
+                # Live motions need the poses before the start for their velocity.
+                advance(begin - step, exactly=False)
+            advance(begin)
+            if follow:
+                advance(begin + frame_duration, every=stride, exactly=False)
+            yield simulator.frame(begin)
+            number += 1
+
+    return stepped()
