@@ -15,8 +15,7 @@ import numpy as np
 import radarcore as rc
 from radarcore.sensor import open_sensor
 from radarcore.sensor.bgt60.registers import start_words
-from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
-from radarcore.sensor.bgt60.slices import choose_slice_size
+from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Request

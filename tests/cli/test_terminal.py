@@ -14,7 +14,7 @@ import pytest
 import radarcore as rc
 from radarcore.cli import terminal
 from radarcore.cli.main import main
-from radarcore.sensor.board import BoardInfo
+from radarcore.sensor.interface import BoardInfo
 from scene_files import APPROACHING
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")

@@ -16,7 +16,6 @@ from comlib_boards import Pipe, Ramp
 from comlib_boards import radar as comlib_radar
 from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.presets import bgt60tr13c
-from radarcore.sensor.board import Board
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib import payloads
 from radarcore.sensor.comlib.board import ComLibBoard
@@ -24,6 +23,7 @@ from radarcore.sensor.comlib.codes import Base, EndpointType, Fmcw
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.errors import ProtocolError, RequestError
+from radarcore.sensor.interface import Board
 from radarcore.sensor.strata import byte_stream, link, packets
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.packets import DataPacket, Kind, Response

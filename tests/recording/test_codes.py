@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarcore.recording.frame import NUM_CODES, to_codes, to_samples
-from radarcore.sensor.packing import pack_lsb, pack_msb, test_pattern, unpack_lsb, unpack_msb
+from radarcore.sensor.bgt60.registers import test_pattern
+from radarcore.sensor.strata.slices import pack_msb, unpack_msb
 
 CODES = np.arange(NUM_CODES, dtype=np.uint16)
 
@@ -27,23 +28,6 @@ def test_chip_packs_two_samples_in_three_bytes_most_significant_bit_first() -> N
     ]
 
 
-def test_comlib_packs_a_stream_of_bits_least_significant_bit_first() -> None:
-    # byte0 = s0[7:0]; byte1 = s0[11:8] | s1[3:0] << 4; byte2 = s1[11:4]
-    assert pack_lsb([0x321, 0x654]) == bytes.fromhex("214365")
-    assert unpack_lsb(bytes.fromhex("214365"), 2).tolist() == [0x321, 0x654]
-    # Three samples end with half a byte of zeros.
-    assert pack_lsb([0xABC, 0x123, 0xDEF]) == bytes.fromhex("BC3A12EF0D")
-    assert unpack_lsb(bytes.fromhex("BC3A12EF0D"), 3).tolist() == [0xABC, 0x123, 0xDEF]
-
-
-@given(values=some_codes)
-def test_comlib_packing_is_the_number_that_the_bits_spell(values: list[int]) -> None:
-    number = sum(value << 12 * i for i, value in enumerate(values))
-    data = number.to_bytes((12 * len(values) + 7) // 8, "little")
-    assert pack_lsb(values) == data
-    assert unpack_lsb(data, len(values)).tolist() == values
-
-
 @given(values=some_codes.filter(lambda values: len(values) % 2 == 0))
 def test_chip_packing_is_the_hex_digits_in_order(values: list[int]) -> None:
     data = bytes.fromhex("".join(f"{value:03x}" for value in values))
@@ -53,16 +37,13 @@ def test_chip_packing_is_the_hex_digits_in_order(values: list[int]) -> None:
 
 def test_unpacked_codes_are_writable_uint16_from_any_bytes() -> None:
     for kind in (bytes, bytearray, memoryview):
-        for unpacked in (unpack_msb(kind(b"\x12\x34\x56")), unpack_lsb(kind(b"\x12\x34\x56"), 2)):
-            assert (unpacked.dtype, unpacked.flags.writeable) == (np.uint16, True)
-    assert unpack_lsb(bytearray(b"\x12\x04"), 1).tolist() == [0x412]
-    assert unpack_lsb(memoryview(b"\x12\x04"), 1).tolist() == [0x412]
+        unpacked = unpack_msb(kind(b"\x12\x34\x56"))
+        assert (unpacked.dtype, unpacked.flags.writeable) == (np.uint16, True)
 
 
 def test_codes_of_any_shape_and_layout_are_packed_in_c_order() -> None:
     cube = np.arange(24, dtype=np.int64).reshape(2, 3, 4)
     assert pack_msb(cube.transpose(2, 1, 0)) == pack_msb(cube.transpose(2, 1, 0).ravel().tolist())
-    assert pack_lsb(cube.transpose(2, 1, 0)) == pack_lsb(cube.transpose(2, 1, 0).ravel().tolist())
 
 
 def test_samples_go_from_minus_one_to_one_in_float32() -> None:
@@ -112,8 +93,8 @@ def test_pattern_is_that_of_the_chip() -> None:
 
 
 def test_nothing_is_packed_to_nothing() -> None:
-    assert pack_msb([]) == pack_lsb([]) == b""
-    for empty in (unpack_msb(b""), unpack_lsb(b"", 0), test_pattern(0), to_codes([])):
+    assert pack_msb([]) == b""
+    for empty in (unpack_msb(b""), test_pattern(0), to_codes([])):
         assert (empty.shape, empty.dtype) == ((0,), np.uint16)
     assert to_samples([]).dtype == np.float32
 
@@ -122,14 +103,11 @@ def test_nothing_is_packed_to_nothing() -> None:
     ("call", "arguments", "error", "message"),
     [
         (unpack_msb, (b"1234",), ValueError, "data: expected a multiple of 3 bytes, got 4"),
-        (unpack_lsb, (b"1234", 3), ValueError, "data: expected 5 bytes for 3 samples, got 4"),
-        (unpack_lsb, (b"123", -2), ValueError, "num_samples: expected at least 0, got -2"),
-        (unpack_lsb, (b"123", True), TypeError, "num_samples: expected an integer"),
         (pack_msb, ([1, 2, 3],), ValueError, "codes: expected an even number of them, got 3"),
         (pack_msb, ([1, 4096],), ValueError, "codes: expected 0 to 4095, got 4096"),
-        (pack_lsb, ([1, -1],), ValueError, "codes: expected 0 to 4095, got -1"),
-        (pack_lsb, ([1.0],), TypeError, "codes: expected integers, got float64"),
-        (pack_lsb, ([True],), TypeError, "codes: expected integers, got bool"),
+        (pack_msb, ([1, -1],), ValueError, "codes: expected 0 to 4095, got -1"),
+        (pack_msb, ([1.0],), TypeError, "codes: expected integers, got float64"),
+        (pack_msb, ([True],), TypeError, "codes: expected integers, got bool"),
         (to_samples, ([70000],), ValueError, "codes: expected 0 to 4095, got 70000"),
         (to_samples, (["7"],), TypeError, "codes: expected integers, got <U1"),
         (to_codes, ([0.0, float("nan")],), ValueError, "samples: expected numbers, got NaN"),

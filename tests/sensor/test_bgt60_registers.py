@@ -33,8 +33,7 @@ from radarcore.sensor.bgt60.registers import (
     word_bytes,
     write_word,
 )
-from radarcore.sensor.bgt60.settings import Settings, registers_of, settings_of
-from radarcore.sensor.bgt60.slices import slice_size_of
+from radarcore.sensor.bgt60.settings import Settings, registers_of, settings_of, slice_size_of
 
 # The words that start settings V1 with a gain of 33 dB.
 WORDS = """

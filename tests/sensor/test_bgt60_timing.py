@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from chip_settings import CLOCK
-from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of, settings_of
-from radarcore.sensor.bgt60.slices import choose_slice_size, sdk_slice_size, slice_size_of
+from radarcore.sensor.bgt60.settings import (
+    Settings,
+    achieved,
+    choose_slice_size,
+    registers_of,
+    settings_of,
+    slice_size_of,
+)
 from radarcore.sensor.bgt60.timing import scaled_timer, timer_cycles
 
 
@@ -181,25 +187,6 @@ def test_odd_frame_that_is_too_long_is_refused_with_its_neighbours() -> None:
         choose_slice_size(
             Settings(num_samples=1, num_chirps=4095, rx_mask=7, chirp_time=1e-4, frame_time=1.0, end_frequency=58.1e9)
         )
-
-
-@pytest.mark.parametrize(
-    ("changes", "size"),
-    [
-        ({"frame_time": 0.0772}, 6144),
-        ({"num_samples": 64, "num_chirps": 8, "rx_mask": 1, "frame_time": 0.1}, 512),
-        ({"num_samples": 128, "frame_time": 0.1}, 8192),
-        ({"num_samples": 64, "num_chirps": 16, "rx_mask": 1, "chirp_time": 3e-4, "frame_time": 0.005}, 8192),
-        ({"num_samples": 8, "num_chirps": 32, "rx_mask": 1, "chirp_time": 15.9625e-6, "frame_time": 10.0053e-3}, 1024),
-    ],
-)
-def test_slice_of_the_vendors_host(changes: dict[str, Any], size: int) -> None:
-    assert sdk_slice_size(Settings(**changes)) == size
-
-
-def test_odd_slice_of_the_vendors_host_is_refused() -> None:
-    with pytest.raises(ValueError, match="got slices of 189 samples"):
-        sdk_slice_size(Settings(num_samples=63, num_chirps=1))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from comlib_boards import Pipe, Ramp, board_with, radar
-from radarcore.sensor.board import Lost, RawFrame
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.errors import (
@@ -19,6 +18,7 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
+from radarcore.sensor.interface import Lost, RawFrame
 
 
 @pytest.mark.parametrize("is_interleaved", [False, True])

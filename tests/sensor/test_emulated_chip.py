@@ -44,9 +44,9 @@ from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.sequence import sequence_of, tx_power_dbm
 from radarcore.sensor.emulator.source import NO_POWER_DBM, Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
-from radarcore.sensor.packing import unpack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, DataPacket, Info, Kind, Request, Status
+from radarcore.sensor.strata.slices import unpack_msb
 
 CW_MODE = 1 << 16
 EXECUTE = (Code.COMPONENT, Component.AVIAN, Avian.EXECUTE)

@@ -14,13 +14,13 @@ import radarcore as rc
 from boards import TRANSPORTS, opened, plugged
 from radarcore.sensor import SensorError, open_sensor
 from radarcore.sensor.bgt60.registers import ADC0, CSU1_2, PLL1_1
-from radarcore.sensor.board import Lost
+from radarcore.sensor.bgt60.registers import test_pattern as pattern_of
 from radarcore.sensor.checks import reasons_of
 from radarcore.sensor.emulator import chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import Controller, Identity
-from radarcore.sensor.packing import test_pattern as pattern_of
+from radarcore.sensor.interface import Lost
 from radarcore.sensor.strata import board as strata_board
 from radarcore.sensor.strata.packets import Version
 from selftest_boards import Receivers, controller

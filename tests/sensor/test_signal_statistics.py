@@ -5,10 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radarcore.sensor.bgt60.readback import COMPARED, stuck_bits, unusual_resets
-from radarcore.sensor.bgt60.registers import ADC0, CHIP_ID, FSTAT, MAIN, PLL1_0, RESET_VALUES, RFT1, SFCTL
+from radarcore.sensor.bgt60.registers import (
+    ADC0,
+    CHIP_ID,
+    COMPARED,
+    FSTAT,
+    MAIN,
+    PLL1_0,
+    RESET_VALUES,
+    RFT1,
+    SFCTL,
+    stuck_bits,
+    unusual_resets,
+)
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.signal_statistics import chirp_noise, clipped, leakage, pace_of
+from radarcore.sensor.checks import chirp_noise, clipped, leakage
+from radarcore.sensor.selftest import pace_of
 
 
 @pytest.mark.parametrize("shape", [(5, 3, 32, 64), (40, 3, 2, 64), (64, 3, 1, 16)])

@@ -16,12 +16,12 @@ from boards import TRANSPORTS, Numbered, number_of, opened
 from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
 from doubles.vendor_board import VendorBoard
 from radarcore.sensor import Sensor, SensorTimeoutError, open_sensor
-from radarcore.sensor.board import RawFrame
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import Base
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.interface import RawFrame
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import BoardParser
 from radarcore.sensor.strata.packets import Avian, Code, Data, DataPacket, Kind, Request

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from radarcore.virtual.worker import Worker
+from radarcore.virtual.source import Worker
 
 
 def test_results_and_failures_are_those_of_the_work_in_its_order() -> None:

@@ -142,7 +142,7 @@ class Frame:
         Counts of the simulation or the sensor. Only ``lost_before`` is written to files, the number of frames lost
         just before this one, and ``cube_unit``, where samples are neither in sqrt(W) nor codes.
     raw : (channel, chirp, sample) uint16, optional
-        Codes of the ADC; the cube is then in full scale, see `radarcore.recording.codes.to_samples`.
+        Codes of the ADC; the cube is then in full scale, see `radarcore.recording.frame.to_samples`.
 
     See Also
     --------

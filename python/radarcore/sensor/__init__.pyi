@@ -1,4 +1,3 @@
-from radarcore.sensor.board import BoardInfo as BoardInfo
 from radarcore.sensor.checks import Check as Check
 from radarcore.sensor.device import Sensor as Sensor
 from radarcore.sensor.errors import FramesLostWarning as FramesLostWarning
@@ -8,6 +7,7 @@ from radarcore.sensor.errors import SensorDisconnectedError as SensorDisconnecte
 from radarcore.sensor.errors import SensorError as SensorError
 from radarcore.sensor.errors import SensorNotFoundError as SensorNotFoundError
 from radarcore.sensor.errors import SensorTimeoutError as SensorTimeoutError
+from radarcore.sensor.interface import BoardInfo as BoardInfo
 from radarcore.sensor.opening import list_sensors as list_sensors
 from radarcore.sensor.opening import open_sensor as open_sensor
 from radarcore.virtual.board import VirtualBoard as VirtualBoard

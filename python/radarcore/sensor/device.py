@@ -22,9 +22,9 @@ from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import FULL_SCALE, Frame, frame_of, to_samples
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from radarcore.sensor.board import Board, BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
+from radarcore.sensor.interface import Board, BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.selftest import GROUPS, run_checks
 
 _POLL = 0.02

@@ -12,10 +12,10 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.output import claimed
 from radarcore.sensor import transport
-from radarcore.sensor.board import Board, BoardInfo
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.device import Sensor
 from radarcore.sensor.errors import ProtocolError, SensorError, SensorNotFoundError, SensorTimeoutError
+from radarcore.sensor.interface import Board, BoardInfo
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream

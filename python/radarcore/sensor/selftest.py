@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.sensor.bgt60.readback import COMPARED, stuck_bits, unusual_resets
-from radarcore.sensor.bgt60.registers import CHIP_ID, FIFO, chip_name
-from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.bgt60.slices import choose_slice_size
-from radarcore.sensor.board import Board, Lost, RawFrame
-from radarcore.sensor.checks import Check, judged, measure, present_radar, reasons_of, set_to, with_rx
+from radarcore.sensor.bgt60.registers import CHIP_ID, COMPARED, FIFO, chip_name, stuck_bits, unusual_resets
+from radarcore.sensor.bgt60.settings import Settings, choose_slice_size, registers_of
+from radarcore.sensor.checks import (
+    Check,
+    any_noise_checks,
+    judged,
+    measure,
+    noise_checks,
+    pattern_checks,
+    present_radar,
+    reasons_of,
+    set_to,
+    with_rx,
+)
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
-from radarcore.sensor.signal_checks import any_noise_checks, noise_checks, pattern_checks
-from radarcore.sensor.signal_statistics import pace_of
+from radarcore.sensor.interface import Board, Lost, RawFrame
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.transport import KNOWN_BOARDS
 
@@ -220,6 +229,24 @@ def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
     expected = f"{1.0 / wanted:.3f} Hz within {tolerance:.1%}, {_CLOCK_TOLERANCE:.1%} by the board's clock"
     yield judged("frame rate", is_good, measured, expected, values)
     yield _lost("frames lost", frames, lost)
+
+
+def pace_of(indices: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
+    """Pace of frames from their numbers and times [s], two or more.
+
+    Returns
+    -------
+    interval : float
+        From one frame to the next [s]: the median of pairs that are far apart, which some late frames do not move.
+    jitter : float
+        Deviation from that pace that one frame of twenty has [s].
+    """
+    number, time = np.asarray(indices, np.float64), np.asarray(times, np.float64)
+    steps = number[:, None] - number
+    is_far = steps >= 0.5 * steps.max()
+    interval = float(np.median((time[:, None] - time)[is_far] / steps[is_far]))
+    rest = time - interval * number
+    return interval, float(np.percentile(np.abs(rest - np.median(rest)), 95.0))
 
 
 def _slices(board: StrataBoard) -> Iterator[Check]:

@@ -29,7 +29,6 @@ from radarcore.radar.bgt60 import (
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.sensor.bgt60.limits import LimitError, out_of_range, text_of, within
 from radarcore.sensor.bgt60.registers import (
     ADC0,
     CCR0,
@@ -77,13 +76,17 @@ from radarcore.sensor.bgt60.registers import (
 )
 from radarcore.sensor.bgt60.timing import (
     Delay,
+    LimitError,
     delay_of,
     divider_of,
     frequency_of,
+    out_of_range,
     pll_steps,
     rest_of,
     step_of,
+    text_of,
     timer_cycles,
+    within,
 )
 
 ADC_DELAY = FIRST_SAMPLE / CLOCK
@@ -94,6 +97,8 @@ IF_GAINS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
 """Gains of the baseband [dB]."""
 _MIN_KHZ, _MAX_KHZ = round(LOWEST_FREQUENCY / 1e3), round(HIGHEST_FREQUENCY / 1e3)
 _MAX_FRAMES = 4094
+MAX_SLICE_SIZE = 8192
+"""Samples of a slice that leave the host half the memory's time to fetch it."""
 
 _ALWAYS = {
     PACR1: 0xE967FD,
@@ -158,7 +163,7 @@ class Settings:
     num_frames : int
         Frames until the chip stops; 0: endless.
     has_test_pattern : bool
-        True: the chip sends its test pattern in place of the samples of RX1, see `packing.test_pattern`.
+        True: the chip sends its test pattern in place of the samples of RX1, see `registers.test_pattern`.
 
     Raises
     ------
@@ -475,6 +480,42 @@ def achieved(settings: Settings) -> Settings:
     move by another 1e-7 of themselves.
     """
     return settings_of(registers_of(settings, 2))
+
+
+def slice_size_of(registers: Mapping[int, int]) -> int:
+    """Samples after which the chip asks to be read (SFCTL.FIFO_CREF)."""
+    return 2 * ((image_of(registers)[SFCTL] & 0x1FFF) + 1)
+
+
+def choose_slice_size(settings: Settings) -> int:
+    """Samples to read at once, so that frames and slices stay in step.
+
+    One slice is one frame. Larger frames than `MAX_SLICE_SIZE` are cut into as few equal slices as possible. Above
+    200 frames per second a slice holds as many frames as bring that down to 200 slices per second, if they fit. As
+    slices hold pairs of samples, frames with an odd number of them are read by the two.
+
+    Raises
+    ------
+    ValueError
+        For settings beyond the chip's limits, and for odd frames of more than 4096 samples.
+    """
+    registers_of(settings, 2)
+    frame = settings.frame_size
+    pair = 2 if frame % 2 else 1
+    fitting = MAX_SLICE_SIZE // (pair * frame) * pair
+    if fitting:
+        wanted = pair * math.ceil(1.0 / (200.0 * settings.frame_time * pair))
+        return frame * min(wanted, fitting)
+    if pair == 2:
+        samples = (n for n in (settings.num_samples - 1, settings.num_samples + 1) if 1 <= n <= MAX_SAMPLES)
+        chirps = (n for n in (settings.num_chirps - 1, settings.num_chirps + 1) if n >= 1)
+        raise LimitError(
+            "num_samples",
+            f"expected an even number of samples in a frame of more than {MAX_SLICE_SIZE // 2}, got "
+            f"{len(settings.rx_indices)} receivers x {settings.num_chirps} chirps x {settings.num_samples} samples; "
+            f"the nearest are {' or '.join(map(str, samples))} samples, or {' or '.join(map(str, chirps))} chirps",
+        )
+    return next(size for size in range(MAX_SLICE_SIZE, 0, -2) if frame % size == 0)
 
 
 def _delays(settings: Settings, sampling: int, ramp_time: int) -> tuple[Delay, Delay]:

@@ -13,7 +13,6 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.sensor.board import BoardInfo, Lost, RawFrame
 from radarcore.sensor.comlib.codes import (
     Adc,
     Base,
@@ -42,6 +41,7 @@ from radarcore.sensor.comlib.payloads import (
     encode_number,
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
+from radarcore.sensor.interface import BoardInfo, Lost, RawFrame
 from radarcore.sensor.transport import Stream
 
 _Decoded = TypeVar("_Decoded")

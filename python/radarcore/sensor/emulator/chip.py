@@ -28,11 +28,11 @@ from radarcore.sensor.bgt60.registers import (
     STAT0,
     SW_RESET,
     temperature_code,
+    test_pattern,
 )
-from radarcore.sensor.bgt60.slices import slice_size_of
+from radarcore.sensor.bgt60.settings import slice_size_of
 from radarcore.sensor.emulator.sequence import Ramps, Sequence, constant_wave_of, sequence_of
 from radarcore.sensor.emulator.source import FrameSource
-from radarcore.sensor.packing import test_pattern
 
 FIFO_SAMPLES = 16384
 

@@ -13,7 +13,6 @@ from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.peripheral import LATENCY, Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.errors import RequestError
-from radarcore.sensor.packing import pack_msb
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import BoardParser
 from radarcore.sensor.strata.packets import (
@@ -30,6 +29,7 @@ from radarcore.sensor.strata.packets import (
     Status,
     Version,
 )
+from radarcore.sensor.strata.slices import pack_msb
 
 # Slices kept for a host that does not read, by the controller and by the buffers of a host's USB, which a pty does not
 # have; then the chip's FIFO overflows.

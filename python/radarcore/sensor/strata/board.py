@@ -24,17 +24,15 @@ from radarcore.sensor.bgt60.registers import (
     temperature_of,
     write_word,
 )
-from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
-from radarcore.sensor.bgt60.slices import choose_slice_size
-from radarcore.sensor.board import BoardInfo, Lost, RawFrame, check_options
+from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.packing import unpack_msb
+from radarcore.sensor.interface import BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.byte_stream import Damage
 from radarcore.sensor.strata.damage import DamageCount
 from radarcore.sensor.strata.link import DAMAGED, REQUEST_TIMEOUT, RETRIES, Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
-from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
+from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError, unpack_msb
 
 _Decoded = TypeVar("_Decoded")
 

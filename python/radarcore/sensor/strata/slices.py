@@ -1,10 +1,14 @@
-"""Slices of samples from Strata data packets, and losses between them."""
+"""Slices of samples from Strata data packets, losses between them, and the codes in their bytes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from radarcore import check
+from radarcore.recording.frame import checked_codes
 from radarcore.sensor.strata.packets import DataPacket
 
 
@@ -114,3 +118,58 @@ class SliceAssembler:
     def _throw_away(self, found: list[Slice | SliceLost | StreamError], reason: str) -> None:
         if self._parts:
             found.append(SliceLost(reason, len(self._take())))
+
+
+def unpack_msb(data: bytes) -> NDArray[np.uint16]:
+    """Codes in the order of the chip and of Strata: two in three bytes, most significant bit first.
+
+    Parameters
+    ----------
+    data : bytes
+        A multiple of three bytes; ``12 34 56`` (hex) holds 0x123 and 0x456.
+
+    Returns
+    -------
+    codes : (num_samples,) uint16
+
+    Raises
+    ------
+    ValueError
+        For a number of bytes that is no multiple of three.
+    """
+    if len(data) % 3:
+        raise ValueError(f"data: expected a multiple of 3 bytes, got {len(data)}")
+    triples = np.frombuffer(data, np.uint8).reshape(-1, 3)
+    middle = triples[:, 1]
+    codes = np.empty((len(triples), 2), np.uint16)
+    codes[:, 0] = triples[:, 0]
+    codes[:, 0] <<= 4
+    codes[:, 0] |= middle >> 4
+    codes[:, 1] = middle & 0x0F
+    codes[:, 1] <<= 8
+    codes[:, 1] |= triples[:, 2]
+    return codes.reshape(-1)
+
+
+def pack_msb(codes: ArrayLike) -> bytes:
+    """Pack codes for `unpack_msb`.
+
+    Parameters
+    ----------
+    codes : array_like of integers
+        From 0 to 4095, an even number of them; any shape, taken in C order.
+
+    Raises
+    ------
+    ValueError
+        For an odd number of codes, or one that needs more than 12 bits.
+    """
+    values = checked_codes(codes).reshape(-1)
+    if values.size % 2:
+        raise ValueError(f"codes: expected an even number of them, got {values.size}")
+    first, second = values[0::2], values[1::2]
+    triples = np.empty((len(first), 3), np.uint8)
+    triples[:, 0] = first >> 4
+    triples[:, 1] = (first & 0x0F) << 4 | second >> 8
+    triples[:, 2] = second & 0xFF
+    return triples.tobytes()
