@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from page import DOCS, machine, table, write_section
-from radarcore.processing import detection, map_test
+from radarcore.processing.detection import detect as detection
+from radarcore.processing.detection import map as map_test
 
 RATE = 40.0
 """Frames per second of the stream."""

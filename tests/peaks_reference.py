@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.tone_fit import Axes, Fit
+from radarcore.processing.detection.tone import Axes, Fit
 
 _FLAT = 1e-30
 """Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""

@@ -126,8 +126,8 @@ def fit_tones(
     """Offsets (tone, 2), amplitudes (tone, look), energy gains (tone,) and information (tone, 2) of tones about peaks.
 
     `cells` (look, row, column), complex64 or complex128; `peaks` (tone, 2) their rows and columns; `start` (tone, 2)
-    offsets near the tones; `series` as `radarcore.processing.tone_fit.Axes` describes them, for patches of `num_cells`
-    rows and columns. `is_cyclic`: columns go on at the other edge.
+    offsets near the tones; `series` as `radarcore.processing.detection.tone.Axes` describes them, for patches of
+    `num_cells` rows and columns. `is_cyclic`: columns go on at the other edge.
     """
 
 def fit_spheres(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.cli.main import main
-from radarcore.processing.stream import Stream
+from radarcore.plot.live.stream import Stream
 
 START, SPEED, WALL = 2.0, 0.8, 3.0
 """Range [m] and velocity [m/s] of what moves, and range of what stands still and echoes more [m]."""

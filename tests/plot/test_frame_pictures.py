@@ -9,8 +9,8 @@ import pytest
 
 from picture_scenes import colour_bar_label, frame, image, recording, texts
 from radarcore import plot
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.time_frequency import range_time, spectrogram
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.spectra.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import Frame

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore import plot
-from radarcore.processing.stream import Stream
+from radarcore.plot.live.stream import Stream
 from radarcore.recording.frame import Frame, Truth
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarcore import plot
-from radarcore.processing.tracks import Track, Tracks
+from radarcore.processing.tracking.tracks import Track, Tracks
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.recording.frame import Truth
 from radarcore.recording.recording import Recording

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.processing.beamforming import shortest_description
+from radarcore.processing.angles.beamforming import shortest_description
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 

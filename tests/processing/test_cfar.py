@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.processing.false_alarms import averaging_factor, ordered_factor
+from radarcore.processing.detection.cfar import averaging_factor, ordered_factor
 
 
 def test_factor_of_the_mean_is_the_published_one() -> None:

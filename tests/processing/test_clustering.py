@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from radarcore.processing.clustering import Clusters, cluster
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.cluster import Clusters, cluster
 
 NAN = np.nan
 

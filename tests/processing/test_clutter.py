@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.processing.noise import known_noise
+from radarcore.processing.spectra.noise import known_noise
 
 RNG = np.random.default_rng(1)
 CUBE = RNG.standard_normal((2, 3, 8, 5)).astype(np.float32)

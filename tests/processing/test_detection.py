@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.processing.cells import Coordinates
-from radarcore.processing.correlated_noise import correlation, independent_cells
-from radarcore.processing.tone_fit import axes_of, fit
-from radarcore.processing.windows import window_weights
+from radarcore.processing.detection.correlated_noise import correlation, independent_cells
+from radarcore.processing.detection.map import Coordinates
+from radarcore.processing.detection.tone import axes_of, fit
+from radarcore.processing.spectra.windows import window_weights
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 
@@ -413,7 +413,7 @@ def test_maxima_one_by_one_are_those_kept_in_blocks(real: bool, monkeypatch: pyt
         places = zip(rng.uniform(0.6, 3.6, 6), rng.uniform(-2.5, 2.5, 6), 10.0 ** rng.uniform(0.0, 2.0, 6), strict=True)
         few.append(sum(target(of, *place) for place in places) + noise(of, rng))
     one_by_one = [rc.detect(cube, of) for cube in few]
-    monkeypatch.setattr("radarcore.processing.detection._FEW", 0)
+    monkeypatch.setattr("radarcore.processing.detection.detect._FEW", 0)
     for cube, found in zip(few, one_by_one, strict=True):
         np.testing.assert_array_equal(rc.detect(cube, of).range, found.range)
     assert 40 < sum(map(len, one_by_one)) <= 16 * 20  # some of six are found, hardly anything else

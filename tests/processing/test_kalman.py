@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.processing.kalman import normalized_squares, predict, update, white_acceleration
-from radarcore.processing.state_space import begin, cartesian, expect, observe, polar
+from radarcore.processing.tracking.kalman import (
+    begin,
+    cartesian,
+    expect,
+    normalized_squares,
+    observe,
+    polar,
+    predict,
+    update,
+    white_acceleration,
+)
 
 ROUNDING = 1e-12
 """Of a few hundred operations in float64, relative."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import peaks_reference as reference
 from radarcore import _core
-from radarcore.processing.tone_fit import REACH, axes_of, fit
-from radarcore.processing.windows import window_weights
+from radarcore.processing.detection.tone import REACH, axes_of, fit
+from radarcore.processing.spectra.windows import window_weights
 
 
 def power(shape: tuple[int, int]) -> NDArray[np.float64]:

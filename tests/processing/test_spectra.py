@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.processing.peaks import Peak, strongest_peak
-from radarcore.processing.spectra import range_doppler, range_profile
+from radarcore.processing.detection.peaks import Peak, strongest_peak
+from radarcore.processing.spectra.spectra import range_doppler, range_profile
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame

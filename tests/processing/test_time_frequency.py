@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.processing.spectra import range_doppler, range_profile
-from radarcore.processing.time_frequency import range_time, spectrogram
+from radarcore.processing.spectra.spectra import range_doppler, range_profile
+from radarcore.processing.spectra.time_frequency import range_time, spectrogram
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform

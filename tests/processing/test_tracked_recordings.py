@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarcore.processing.clutter import remove_mean
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.spectra import range_profile
-from radarcore.processing.tracking import track
-from radarcore.processing.tracks import assign_to_truth
+from radarcore.processing.clutter.static import remove_mean
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.spectra.spectra import range_profile
+from radarcore.processing.tracking.tracker import track
+from radarcore.processing.tracking.tracks import assign_to_truth
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.schedule import Schedule

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarcore.processing.assignment import assign, gate_limits
-from radarcore.processing.clustering import periods_of, wrapped
-from radarcore.processing.kalman import predict, update, white_acceleration
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.state_space import begin, expect
-from radarcore.processing.tracker_settings import TrackerSettings
-from radarcore.processing.tracking import Tracker, track
-from radarcore.processing.tracks import Track, Tracks, assign_to_truth
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.cluster import periods_of, wrapped
+from radarcore.processing.tracking.kalman import assign, begin, expect, gate_limits, predict, update, white_acceleration
+from radarcore.processing.tracking.tracker import Tracker, TrackerSettings, track
+from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.presets import bgt60tr13c
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import get_window
 
-from radarcore.processing.windows import symmetric_window, window_weights
+from radarcore.processing.spectra.windows import symmetric_window, window_weights
 
 
 @pytest.mark.parametrize("window", ["boxcar", "hann", "hamming", "blackman", "blackmanharris"])

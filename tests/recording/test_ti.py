@@ -13,7 +13,7 @@ import pytest
 
 import radarcore as rc
 from dca1000_files import Scene, commands, setup, studio
-from radarcore.processing.detection import detect
+from radarcore.processing.detection.detect import detect
 from radarcore.recording.ti.capture import parts_of
 
 SCENE = Scene()

@@ -20,9 +20,9 @@ from radarcore.geometry.pose import Matrix, Pose
 from radarcore.motion.function import as_motion
 from radarcore.motion.protocol import AnyMotion
 from radarcore.output import check_file, make_folder
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.spectra import range_doppler
-from radarcore.processing.tracks import TrackState
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.spectra.spectra import range_doppler
+from radarcore.processing.tracking.tracks import TrackState
 from radarcore.recording.frame import Frame, Truth
 from radarcore.scene.body import Body
 from radarcore.scene.scene import Scene

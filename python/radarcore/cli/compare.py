@@ -19,7 +19,7 @@ from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
 from radarcore.comparison.comparison import Comparison, compare
 from radarcore.output import check_file
-from radarcore.processing.detection import detect
+from radarcore.processing.detection.detect import detect
 
 _RADAR = "radar"
 """Body of motion capture that is the radar."""

@@ -17,9 +17,9 @@ from radarcore.cli.static import moving, moving_frame, removes_static
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas
-from radarcore.processing.clutter import remove_mean
-from radarcore.processing.detection import detect
-from radarcore.processing.tracking import track
+from radarcore.processing.clutter.static import remove_mean
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.tracking.tracker import track
 from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording

@@ -21,10 +21,10 @@ from radarcore.cli.source import NOT_BARE, AnyReader, BareSamples, open_recordin
 from radarcore.cli.static import moving, removes_static
 from radarcore.cli.terminal import Table, show
 from radarcore.output import Lock, check_file, make_folder, refuse_source
-from radarcore.processing.detection import detect
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.tracking import Tracker
-from radarcore.processing.tracks import TrackState
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.tracker import Tracker
+from radarcore.processing.tracking.tracks import TrackState
 from radarcore.recording.frame import Frame
 
 FILES = ("detections.csv", "tracks.csv")

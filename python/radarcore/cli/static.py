@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.cli.source import AnyReader
-from radarcore.processing.clutter import has_offsets, without_offset
+from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording

@@ -11,8 +11,8 @@ from radarcore.cli.options import OutputFile, Overwrite, RemoveStatic, Source
 from radarcore.cli.source import NOT_BARE, BareSamples, open_recording
 from radarcore.cli.static import moving, removes_static
 from radarcore.cli.terminal import show
-from radarcore.processing.detection import detect
-from radarcore.processing.tracking import Tracker
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.tracking.tracker import Tracker
 from radarcore.radar.radar import Radar
 from radarcore.recording.bare import Description
 from radarcore.recording.frame import Frame

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.comparison.clocks import rival_peak
 from radarcore.comparison.reference import RecordedTruth
 from radarcore.comparison.time_base import RecordingOffset
-from radarcore.processing.clocks import rival_peak
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import Truth
 
 _Floats = NDArray[np.float64]

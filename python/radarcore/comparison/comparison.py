@@ -23,7 +23,7 @@ from radarcore.comparison.targets import Estimates, estimates, found_in, thing_o
 from radarcore.comparison.time_base import dropped_frames, middles, usual_interval
 from radarcore.motion.protocol import AnyMotion
 from radarcore.output import check_file, write_text
-from radarcore.processing.point_cloud import Detections
+from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 

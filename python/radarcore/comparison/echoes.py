@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.windows import window_weights
+from radarcore.processing.spectra.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, unit_of
 from radarcore.recording.recording import Recording

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from radarcore import notice
 from radarcore.comparison.time_base import middles
-from radarcore.processing.detection import detect
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.tracking import track
-from radarcore.processing.tracks import Track, Tracks, assign_to_truth
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.tracker import track
+from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording

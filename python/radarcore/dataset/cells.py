@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from radarcore.dataset.echoes import Echo
 from radarcore.processing.inputs import require_one_waveform, require_uniform_chirps
-from radarcore.processing.spectra import range_doppler
-from radarcore.processing.windows import window_weights
+from radarcore.processing.spectra.spectra import range_doppler
+from radarcore.processing.spectra.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import require_range
 from radarcore.simulate.synthesis import beat_signal

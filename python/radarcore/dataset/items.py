@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.spectra import range_doppler
+from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.recording.frame import Frame
 
 Item = tuple[NDArray[Any], dict[str, Any]]

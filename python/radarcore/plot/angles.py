@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.frame import mark
-from radarcore.processing.angle_maps import range_angle
-from radarcore.processing.noise import known_noise
-from radarcore.processing.windows import window_weights
+from radarcore.processing.angles.maps import range_angle
+from radarcore.processing.spectra.noise import known_noise
+from radarcore.processing.spectra.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 

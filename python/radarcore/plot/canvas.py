@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from radarcore.processing.point_cloud import Detections
+    from radarcore.processing.detection.point_cloud import Detections
 
 _MISS = "0.82"
 """Grey of pixels without a value."""

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.plot import canvas
-from radarcore.processing.array_patterns import Steer
-from radarcore.processing.array_patterns import array_pattern as gain_of_array
-from radarcore.processing.windows import Window
+from radarcore.processing.angles.array_pattern import Steer
+from radarcore.processing.angles.array_pattern import array_pattern as gain_of_array
+from radarcore.processing.spectra.windows import Window
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 

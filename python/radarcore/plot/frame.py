@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.processing import spectra
+from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.inputs import require_one_waveform
-from radarcore.processing.noise import known_noise
-from radarcore.processing.point_cloud import Detections
-from radarcore.processing.windows import window_weights
+from radarcore.processing.spectra import spectra
+from radarcore.processing.spectra.noise import known_noise
+from radarcore.processing.spectra.windows import window_weights
 from radarcore.recording.frame import Frame, unit_of
 
 if TYPE_CHECKING:

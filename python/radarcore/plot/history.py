@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.processing.time_frequency import USUAL_LENGTH
-from radarcore.processing.time_frequency import range_time as power_of_ranges
-from radarcore.processing.time_frequency import spectrogram as power_of_velocities
-from radarcore.processing.tracks import Track, Tracks, assign_to_truth
+from radarcore.processing.spectra.time_frequency import USUAL_LENGTH
+from radarcore.processing.spectra.time_frequency import range_time as power_of_ranges
+from radarcore.processing.spectra.time_frequency import spectrogram as power_of_velocities
+from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def spectrogram(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     channel, window_length, overlap, min_range, max_range, remove_static
-        As in `radarcore.processing.time_frequency`.
+        As in `radarcore.processing.spectra.time_frequency`.
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
     dynamic_range_db : float, optional

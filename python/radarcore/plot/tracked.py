@@ -10,7 +10,7 @@ import numpy as np
 from radarcore import check
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
-from radarcore.processing.tracks import Track, Tracks
+from radarcore.processing.tracking.tracks import Track, Tracks
 from radarcore.recording.frame import Truth
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.adapters.depth import unpacked
 from radarcore.adapters.ros.messages import Types, checked_frame_id, header, header_nanoseconds, make, seconds
-from radarcore.processing.point_cloud import Detections, detections_of_rows
+from radarcore.processing.detection.point_cloud import Detections, detections_of_rows
 
 _FIELDS = ("x", "y", "z", "velocity", "intensity")
 """Columns of a point cloud, float32 each."""

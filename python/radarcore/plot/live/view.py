@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.output import new_file
 from radarcore.plot import canvas
-from radarcore.processing.stream import LOWEST_DB, Detection, Stream
+from radarcore.plot.live.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 

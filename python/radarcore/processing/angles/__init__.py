@@ -1,0 +1,1 @@
+"""Directions of echoes and patterns of arrays."""

@@ -1,0 +1,257 @@
+"""Power over range and angle, and over azimuth and elevation at one range."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.processing.angles import beamforming
+from radarcore.processing.angles.beamforming import Beamformer, range_covariances, smoothed
+from radarcore.processing.angles.steering import checked_angles, steering_vectors, uniform_row, unit_vectors
+from radarcore.processing.inputs import Samples, checked_samples, cube_and_radar, transform_length
+from radarcore.processing.spectra.windows import Window
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import require_range
+
+METHODS = ("bartlett", "capon", "music", "fft")
+
+_BLOCK = 2**20
+"""Numbers of the largest intermediate array worked on at a time, 16 MB."""
+
+
+def range_angle(
+    cube: Samples,
+    radar: Radar | None = None,
+    *,
+    method: str = "bartlett",
+    azimuth: ArrayLike | None = None,
+    elevation: ArrayLike = 0.0,
+    num_sources: int | None = None,
+    loading: float = 1e-2,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    num_range_bins: int | None = None,
+    channel_phase: ArrayLike | None = None,
+) -> NDArray[Any]:
+    """Power over range and angle, from the covariance of the channels over the chirps of a frame.
+
+    With the true positions of the channels (`Radar.virtual_array`). Where transmitters take turns
+    (`Radar.channel_offsets`), the covariance is that of the Doppler cells, after the phase by which a target with the
+    velocity of the cell moves between turns is taken off; velocities are taken as within ``waveform.max_velocity``.
+
+    "bartlett" adds the channels in phase. "capon" weights them so that other directions are rejected, and "music"
+    looks for directions that are orthogonal to the noise: both part targets within a beam width. Targets at rest in
+    one range bin do not change against each other over the chirps; "capon" and "music" part them where the channels
+    are a uniform row, which is cut into shifted subarrays of three quarters of its length for that. Other arrays part
+    targets of different velocity, or range bin, alone. "fft" is "bartlett" of a uniform row by a Fourier transform.
+
+    Parameters
+    ----------
+    cube : (..., channel, chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
+        Beat signal, real or I/Q.
+    radar : Radar, optional
+        Of a cube; a frame or recording has its own.
+    method : "bartlett", "capon", "music" or "fft"
+    azimuth, elevation : (angle,) array_like or float
+        Angles [rad], positive to the left and up, broadcast together; default: azimuth from -90 to 90 degrees, one
+        degree apart.
+    num_sources : int, optional
+        Echoes per range bin, for "music"; default: estimated at each range from the eigenvalues of the covariance
+        (minimum description length), none in bins of noise.
+    loading : float
+        For "capon": part of the mean power of the channels that is added to each of them.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic); that over slow time only
+        where transmitters take turns.
+    num_range_bins : int, optional
+        Length n of the range transform, zero-padded; default: `num_samples`.
+    channel_phase : (channel,) array_like, optional
+        Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
+        Default: those of the receiver, `Radar.channel_phases`.
+
+    Returns
+    -------
+    power : (..., range, angle) float32 or float64
+        At the first of ``waveform.range_axis(n)``: ``n // 2 + 1`` from real samples, n from I/Q. Power of one channel,
+        ``abs(range_profile(...))**2``, mean over chirps, of an echo from there; for "music" a figure without unit, 1
+        and above, whose peaks are sharp and no measure of power.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `range_doppler`; for angles that do not broadcast to one axis, for "fft" with channels that are no uniform
+        row, and for as many sources as channels of a subarray, or more.
+
+    See Also
+    --------
+    azimuth_elevation : Both angles in one range bin.
+    detect : Angles of single targets.
+    plot.range_angle_map : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([1.7, 1.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> azimuth = np.deg2rad(np.arange(-60, 61))
+    >>> power = rc.range_angle(frame, azimuth=azimuth)[4:].max(axis=0)
+    >>> print(f"{np.rad2deg(azimuth[power.argmax()]):.0f} degrees")
+    31 degrees
+    """
+    samples, radar = _checked(cube, radar)
+    az, el = checked_angles(_front() if azimuth is None else azimuth, elevation)
+    if len(shape := np.broadcast_shapes(az.shape, el.shape)) > 1:
+        raise ValueError(f"azimuth, elevation: expected angles that broadcast to one axis, got shape {shape}")
+    to_power = _beamformer(method, radar, np.atleast_2d(unit_vectors(az, el)), num_sources, loading)
+    require_range(radar.waveform)
+    n = transform_length("num_range_bins", num_range_bins, "num_samples", radar.waveform.num_samples)
+
+    # Frames in turn, ranges in blocks: no array of all frames but the result.
+    num_angles = int(np.prod(shape))
+    num_ranges = n if np.iscomplexobj(samples) else n // 2 + 1
+    block = max(1, _BLOCK // (radar.num_channels * max(1, num_angles)))
+    leading = samples.shape[:-3]
+    power = np.empty((*leading, num_ranges, num_angles), samples.real.dtype)
+    for which in np.ndindex(leading):
+        covariances = range_covariances(
+            samples[which],
+            radar,
+            window=window,
+            doppler_window=doppler_window,
+            num_range_bins=n,
+            channel_phase=channel_phase,
+        )
+        for k in range(0, num_ranges, block):
+            power[(*which, slice(k, k + block))] = to_power(covariances[k : k + block])
+    return power
+
+
+def azimuth_elevation(
+    cube: Samples,
+    radar: Radar | None = None,
+    *,
+    at_range: float,
+    method: str = "bartlett",
+    azimuth: ArrayLike | None = None,
+    elevation: ArrayLike | None = None,
+    num_sources: int | None = None,
+    loading: float = 1e-2,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    num_range_bins: int | None = None,
+    channel_phase: ArrayLike | None = None,
+) -> NDArray[Any]:
+    """Power over azimuth and elevation in the range bin nearest to a range; the other parameters as in `range_angle`.
+
+    Parameters
+    ----------
+    at_range : float
+        Range [m].
+    azimuth, elevation : (azimuth,) and (elevation,) array_like, optional
+        Angles [rad], positive to the left and up; default: from -90 to 90 degrees, one degree apart.
+
+    Returns
+    -------
+    power : (..., azimuth, elevation) float32 or float64
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `range_angle`, and for a range without a bin.
+
+    See Also
+    --------
+    range_angle : One angle at all ranges.
+    directions : Directions of detections.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([1.7, 1.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
+    >>> angles = np.deg2rad(np.arange(-60, 61))
+    >>> power = rc.azimuth_elevation(frame, at_range=1.97, azimuth=angles, elevation=angles)
+    >>> power.shape
+    (121, 121)
+    """
+    samples, radar = _checked(cube, radar)
+    az = np.atleast_1d(checked_angles(_front() if azimuth is None else azimuth, 0.0)[0])
+    el = np.atleast_1d(checked_angles(0.0, _front() if elevation is None else elevation)[1])
+    for name, angles in (("azimuth", az), ("elevation", el)):
+        if angles.ndim != 1:
+            raise ValueError(f"{name}: expected shape (n,), got {angles.shape}")
+    directions = unit_vectors(az[:, None], el).reshape(-1, 3)
+    to_power = _beamformer(method, radar, directions, num_sources, loading)
+    n = transform_length("num_range_bins", num_range_bins, "num_samples", radar.waveform.num_samples)
+    ranges = radar.waveform.range_axis(n)[: n if np.iscomplexobj(samples) else n // 2 + 1]
+    nearest = check.non_negative("at_range", at_range, "m") / (ranges[1] if len(ranges) > 1 else np.inf)
+    if round(nearest) >= len(ranges):
+        raise ValueError(f"at_range: expected at most {ranges[-1]:g} m, the last range bin, got {at_range:g}")
+    power = np.empty((*samples.shape[:-3], len(az), len(el)), samples.real.dtype)
+    for which in np.ndindex(samples.shape[:-3]):
+        covariances = range_covariances(
+            samples[which],
+            radar,
+            window=window,
+            doppler_window=doppler_window,
+            num_range_bins=n,
+            channel_phase=channel_phase,
+            bins=slice(round(nearest), round(nearest) + 1),
+        )
+        power[which] = to_power(covariances[0]).reshape(len(az), len(el))
+    return power
+
+
+def _front() -> NDArray[np.float64]:
+    """Angles of the front half, one degree apart [rad]."""
+    angles: NDArray[np.float64] = np.deg2rad(np.arange(-90.0, 90.5))
+    return angles
+
+
+def _checked(cube: Samples, radar: Radar | None) -> tuple[NDArray[Any], Radar]:
+    given, radar = cube_and_radar(cube, radar)
+    lengths = {
+        "num_channels": radar.num_channels,
+        "num_chirps": radar.waveform.num_chirps,
+        "num_samples": radar.waveform.num_samples,
+    }
+    return checked_samples(given, "(..., channel, chirp, sample)", **lengths), radar
+
+
+def _beamformer(
+    method: str, radar: Radar, directions: NDArray[np.float64], num_sources: int | None, loading: float
+) -> Beamformer:
+    """The method as a function of covariances alone, all its arguments checked."""
+    check.choice("method", method, METHODS)
+    positions, wavelength = radar.virtual_array, radar.waveform.wavelength
+    part = check.positive("loading", loading)
+    row = uniform_row(positions)
+
+    # Capon and MUSIC of a uniform row see its subarrays.
+    chosen, length = np.arange(len(positions)), len(positions)
+    if row is not None and method in ("capon", "music"):
+        chosen, length = row[0], length - length // 4
+    steering = steering_vectors(positions[chosen[:length]], wavelength, directions)
+    if num_sources is not None:
+        known = check.count("num_sources", num_sources)
+        if method == "music" and known >= length:
+            raise ValueError(f"num_sources: expected fewer than the {length} channels of a subarray, got {known}")
+
+    def matrices(covariances: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return covariances if row is None else smoothed(covariances, chosen, length)
+
+    if method == "bartlett":
+        return lambda covariances: beamforming.bartlett(covariances, steering)
+    if method == "capon":
+        return lambda covariances: beamforming.capon(matrices(covariances), steering, part)
+    if method == "music":
+        num_chirps = radar.waveform.num_chirps
+        return lambda covariances: beamforming.music(matrices(covariances), steering, num_sources, num_chirps)
+    if row is None:
+        raise ValueError(
+            "method: expected channels at equal steps along a line for 'fft', got others (see Radar.virtual_array); "
+            "'bartlett' takes any"
+        )
+    order, step = row
+    return lambda covariances: beamforming.fft_beams(covariances, order, step / wavelength, directions)

@@ -1,0 +1,1 @@
+"""Detections and the strongest peak of a frame."""

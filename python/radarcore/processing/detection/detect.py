@@ -1,0 +1,491 @@
+"""Detections of a frame: cells above the noise around them, measured between the cells, as a point cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import isfinite, isnan, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import _core, check
+from radarcore.processing.angles.directions import waves_of
+from radarcore.processing.clutter.static import remove_mean
+from radarcore.processing.detection.cfar import METHODS, checked_rate, per_axis
+from radarcore.processing.detection.map import (
+    LEAST_GAIN,
+    MAIN_LOBE,
+    Layout,
+    MapTest,
+    envelope,
+    envelope_at,
+    layout_of,
+    map_test,
+)
+from radarcore.processing.detection.point_cloud import Detections, detections_of_rows
+from radarcore.processing.detection.tone import Fit, fit, refit_near
+from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
+from radarcore.processing.spectra.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
+from radarcore.processing.spectra.spectra import fast_spectrum, transformed
+from radarcore.processing.spectra.windows import Window
+from radarcore.products import real_inner
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.recording.frame import Frame
+
+_TRAINING_2D, _TRAINING_1D = 8, 16
+"""Training cells on each side: some hundred of a map, so that the threshold hardly scatters, and as many of a profile
+as are still near."""
+
+_HIGHEST_RATE = 0.01
+"""Local maxima are about one in ten cells of noise: higher rates than a tenth of that are no detections."""
+
+_OFF_PEAK = 0.1
+"""Error of the parabola through three cells, in noise [cells]."""
+
+_FEW = 16
+"""Maxima up to which they are worked out one by one."""
+
+_BLOCK = 64
+"""Maxima whose sidelobes are worked out at a time."""
+
+_LARGEST_NOISE = 20.0
+"""Powers above that many medians are echoes rather than noise."""
+
+
+def detect(
+    frame: Frame | ArrayLike,
+    radar: Radar | None = None,
+    *,
+    false_alarm_rate: float = 1e-6,
+    method: str = "ca",
+    guard: int | Sequence[int] = MAIN_LOBE,
+    training: int | Sequence[int] | None = None,
+    remove_static: bool = False,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    min_range: float | None = None,
+    max_range: float | None = None,
+    dynamic_range_db: float = 60.0,
+) -> Detections:
+    """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
+
+    The powers of the channels are added in a map of range and velocity, on the grid of the transforms without
+    padding. A detection is a local maximum that passes `cfar`'s test, and does so also after the largest that the
+    sidelobes of stronger echoes can have added to it is taken off: their phase is not known, so amplitudes are taken
+    off, by the window's own sidelobes, widened by what a fast target crosses in a frame. Maxima on the main lobe of a
+    stronger echo fall to the same rule.
+
+    Noise in neighbouring cells of a windowed transform is correlated (Hann: -2/3 in amplitude). Training cells
+    therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
+    `false_alarm_rate` is that of detections, per cell.
+
+    Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
+    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
+    noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
+
+    Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
+    and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
+    `Radar.middle` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
+    that their errors are correlated. A single chirp, and chirps at unequal intervals, tell no velocity, and their
+    ranges keep the Doppler shift of the beat frequency; a CW radar tells no range.
+
+    Parameters
+    ----------
+    frame : Frame, or (channel, chirp, sample) float32, float64, complex64 or complex128
+        Beat signal, finite.
+    radar : Radar, optional
+        Of a cube; a frame has its own.
+    false_alarm_rate : float
+        Detections per cell of noise, above 0, up to 0.01. Cells are ``num_chirps`` times the range bins
+        (``num_samples // 2 + 1`` from real samples), without those of `min_range`.
+    method : "ca" or "os"
+        As in `cfar`: over the mean of the training cells, or over three quarters of them.
+    guard, training : int or (int, int), optional
+        Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
+        in a profile without velocities 16.
+    remove_static : bool
+        Take off the mean of the chirps, for a radar that stands still; the function `remove_static` is for one that
+        moves. What the noise then lacks at low velocities is reckoned with; targets that move less than about one
+        velocity bin are lost.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+    min_range, max_range : float, optional
+        Limits of the range [m]. Default: all but two range bins next to the radar (and, for real samples, the last),
+        where it hears itself; they do not train either.
+    dynamic_range_db : float
+        What is weaker by more than that than the strongest is not reported: receivers and simulations are not more
+        exact [dB].
+
+    Returns
+    -------
+    detections : Detections
+        By increasing range. `snr_db` is the power of the echo over the noise, in a cell whose middle it would be in;
+        the mean of the channels. The noise is the median of the training cells.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
+        NaN or infinite samples, and numbers out of range.
+
+    Warns
+    -----
+    UserWarning
+        When an array detects something and its directions are ambiguous within the field of view of its antennas.
+
+    See Also
+    --------
+    Detections : What comes back.
+    strongest_peak : The strongest echo alone.
+    cluster : One object for its many detections.
+    track : Targets over time.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c(num_chirps=32)
+    >>> scene = rc.Scene([rc.PointTarget([1.5, 0.2, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> found = rc.detect(rc.Simulator(scene, radar).frame())
+    >>> found.range.round(1).tolist(), found.velocity.round(1).tolist()
+    ([1.5], [-0.5])
+    """
+    # Check all arguments before any work.
+    require_one_frame("frame", frame)
+    cube, radar = cube_and_radar(frame, radar)
+    require_transmitters_apart(frame, radar)
+    wf = radar.waveform
+    samples = checked_samples(
+        cube,
+        "(channel, chirp, sample)",
+        num_dimensions=3,
+        num_channels=radar.num_channels,
+        num_chirps=wf.num_chirps,
+        num_samples=wf.num_samples,
+    )
+    energy = real_inner(samples, samples)  # NaN if a sample is
+    if not isfinite(energy) and not np.isfinite(samples).all():
+        bad = np.argwhere(~np.isfinite(samples))
+        raise ValueError(
+            f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
+        )
+    search = _search(
+        radar,
+        samples.dtype.kind == "c",
+        false_alarm_rate,
+        method,
+        guard,
+        training,
+        remove_static,
+        window,
+        doppler_window,
+        min_range,
+        max_range,
+        dynamic_range_db,
+    )
+    layout, test = search.layout, search.test
+
+    # Power over velocity and range; the noise is the same in all cells.
+    cells, power = _map(samples, wf, layout, window, remove_static)
+
+    # Cells above the threshold of their surroundings that no neighbour exceeds.
+    first, last = search.columns
+    searched = power[:, first:last]
+    noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
+    trained, doubles = _with_noise(searched), power.astype(np.float64)
+    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(doubles, row, column + first, layout))
+    time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
+    if len(rows) == 0:
+        return _none(time)
+
+    # Without sidelobes, and without what rounding of the samples may be.
+    least = np.maximum(least, test.factor[rows, columns] * noise_floor)
+    cell = np.array([rows, columns + first]).T
+    offset, height = _core.between_cells(doubles, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
+    kept = _without_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout, search.least_part)
+    if len(kept) == 0:
+        return _none(time)
+
+    # The tones, and how far they are above the noise.
+    rows, columns = rows[kept], columns[kept]
+    noise = test.medians(trained, rows, columns) / median_of_unit_mean(layout.num_looks)
+    noise = np.maximum(noise, noise_floor) / layout.num_looks
+    columns = columns + first
+    tones = fit(cells, cell[kept], offset[kept], layout.axes, is_cyclic=layout.is_iq)
+    if layout.has_range and not (layout.is_iq or remove_static):
+        windows = layout.slow, layout.fast
+        tones = refit_near(cells, cell[kept], tones, layout.axes, windows, is_conjugate=layout.is_down)
+    matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
+    snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
+    in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
+
+    # Range and velocity, and their covariance.
+    beat = layout.signed_beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
+    doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
+    range_, velocity = layout.coordinates.at(beat, doppler)
+    covariance = np.zeros((len(rows), 4, 4))  # one tone's amplitudes and frequencies err independently
+    covariance[:, :2, :2] = _covariance(layout, tones, snr)
+
+    # Directions: of the channels' amplitudes.
+    snapshots = _snapshots(tones.amplitude, radar.num_channels)
+    seen = waves_of(snapshots, radar, velocity, snr / radar.num_channels, range_ if layout.has_range else None)
+    covariance[:, 2:, 2:] = seen.covariance
+    if isnan(covariance.sum()):
+        is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+        covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
+
+    # By range, within the limits.
+    distance = range_ if layout.has_range else np.full(len(rows), np.nan)
+    order = np.lexsort((velocity, distance))
+    if search.has_limits:
+        order = order[(distance[order] >= search.lowest) & (distance[order] <= search.highest)]
+    found = np.array([distance, velocity, seen.azimuth, seen.elevation, 10.0 * np.log10(in_cell)])
+    return detections_of_rows(found[:, order], covariance[order], time, seen.is_resolved[order], seen.ambiguous_beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Checked arguments of `detect`, and what follows from them."""
+
+    layout: Layout
+    columns: tuple[int, int]
+    """First and last (exclusive) to be searched."""
+    test: MapTest
+    lowest: float
+    highest: float
+    """Limits of the range [m]."""
+    least_part: float
+    """Power of the weakest echo that is reported, over that of the strongest."""
+
+    @cached_property
+    def has_limits(self) -> bool:
+        """True if there are ranges that are not reported."""
+        return self.layout.has_range and (self.lowest > -np.inf or self.highest < np.inf)
+
+
+def _search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
+    """Search of a radar, kept for the next frame but of arguments that may have no hash, or that of others."""
+    return (_kept_search if _PLAIN.issuperset(map(type, arguments)) else _new_search)(radar, is_iq, *arguments)
+
+
+_PLAIN = {bool, int, float, str, type(None)}
+"""Types of arguments that are equal only if they mean the same, given equal types."""
+
+
+@lru_cache(maxsize=16, typed=True)
+def _kept_search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
+    return _new_search(radar, is_iq, *arguments)
+
+
+def _new_search(
+    radar: Radar,
+    is_iq: bool,
+    false_alarm_rate: float,
+    method: str,
+    guard: int | Sequence[int],
+    training: int | Sequence[int] | None,
+    remove_static: bool,
+    window: Window,
+    doppler_window: Window,
+    min_range: float | None,
+    max_range: float | None,
+    dynamic_range_db: float,
+) -> _Search:
+    rate = checked_rate(false_alarm_rate)
+    if rate > _HIGHEST_RATE:
+        raise ValueError(f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {rate:g}")
+    check.choice("method", method, METHODS)
+    lowest, highest = _limits(radar.waveform, min_range, max_range)
+    dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
+    guards = _pair("guard", guard)
+    trainings = None if training is None else _pair("training", training)
+    if trainings is not None and not any(trainings):
+        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
+    if remove_static and radar.waveform.num_chirps < 2:
+        raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
+    layout = layout_of(radar, window, doppler_window, remove_static, is_iq)
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+    first, last = layout.searched(lowest)
+    shape = layout.num_rows, last - first
+    test = map_test(shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
+    return _Search(layout, (first, last), test, lowest, highest, 10.0 ** (-0.1 * dynamic_range))
+
+
+def _pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
+    """Counts for rows and columns."""
+    row, column = per_axis(name, value, 2, 0)
+    return row, column
+
+
+def _limits(wf: Waveform, min_range: float | None, max_range: float | None) -> tuple[float, float]:
+    lowest = -np.inf if min_range is None else check.non_negative("min_range", min_range, "m")
+    highest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
+    if highest < lowest:
+        raise ValueError(f"max_range: expected at least min_range = {lowest:g} m, got {highest:g}")
+    if min_range is not None or max_range is not None:
+        require_range(wf)
+    return lowest, highest
+
+
+def _map(
+    samples: NDArray[Any],
+    wf: Waveform,
+    layout: Layout,
+    window: Window,
+    remove_static: bool,
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
+    moving = remove_mean(samples) if remove_static else samples
+    if layout.has_velocity:
+        windowed = moving * layout.both_windows(moving.real.dtype)
+        cells = transformed(windowed, wf, wf.num_samples, wf.num_chirps)
+    else:
+        profiles = fast_spectrum(moving, wf, window=window, num_bins=None)
+        cells = profiles.reshape(-1, 1, profiles.shape[-1])
+    cells = cells[..., : layout.num_columns]
+    squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
+    power = squares[:, ::2] + squares[:, 1::2]
+    if remove_static and layout.has_velocity:
+        power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
+        for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
+            power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
+    return cells, power
+
+
+def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
+    """The map with noise in rows that a filter took it from, such as `remove_static`: these do not train.
+
+    They have the power of rows far away, without the echoes there, where that is larger.
+    """
+    is_empty, level = filtered_rows(power)
+    if is_empty is None:
+        return power
+    (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
+    far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]
+    filled = power.copy()
+    filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * level))
+    return filled
+
+
+def _local_maxima(
+    power: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
+) -> NDArray[np.bool_]:
+    """True for cells that are to be tested and that no neighbour of eight exceeds.
+
+    Velocity is cyclic, range too with I/Q; the spectrum of real samples is even about both its ends.
+    """
+    cells = np.ascontiguousarray(np.array([rows, columns]).T)
+    is_maximum: NDArray[np.bool_] = _core.local_maxima(power, cells, is_cyclic=layout.is_iq)
+    return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
+
+
+def _without_sidelobes(
+    peaks: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: Layout,
+    least_part: float,
+) -> NDArray[np.intp]:
+    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
+
+    `peaks` are their rows and columns (axis, peak); none is below `least_part` of the highest.
+    """
+    without = _few_without_sidelobes if len(height) <= _FEW else _many_without_sidelobes
+    return np.array(without(peaks, height, cell, threshold, layout, least_part), dtype=np.intp)
+
+
+def _few_without_sidelobes(
+    peaks: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: Layout,
+    least_part: float,
+) -> list[int]:
+    """`_without_sidelobes` one by one, in less time than arrays of a few take to make."""
+    (rows, columns), heights = peaks.tolist(), height.tolist()
+    weakest = max(heights) * least_part
+    margins = [
+        sqrt(power) - sqrt(max(least, weakest)) for power, least in zip(cell.tolist(), threshold.tolist(), strict=True)
+    ]
+    kept: list[int] = []
+    for this in sorted((k for k, margin in enumerate(margins) if margin > 0.0), key=lambda k: -heights[k]):
+        leaked = 0.0
+        for other in kept:
+            apart_rows, apart_columns = abs(round(rows[this]) - rows[other]), abs(round(columns[this]) - columns[other])
+            apart_rows = min(apart_rows, layout.num_rows - apart_rows)
+            if layout.is_iq:
+                apart_columns = min(apart_columns, layout.num_columns - apart_columns)
+            speed = abs(rows[other] - layout.num_rows // 2)
+            near = _OFF_PEAK + 0.5 * layout.smear * min(speed, layout.num_rows - speed)
+            lobe = sqrt(heights[other]) * envelope_at(layout.windows[0], max(apart_rows - near, 0.0))
+            if layout.has_range:
+                lobe *= envelope_at(layout.windows[1], max(apart_columns - near, 0.0))
+            leaked += lobe
+        if leaked < margins[this]:
+            kept.append(this)
+    return kept
+
+
+def _many_without_sidelobes(
+    peaks: NDArray[np.float64],
+    height: NDArray[np.float64],
+    cell: NDArray[Any],
+    threshold: NDArray[Any],
+    layout: Layout,
+    least_part: float,
+) -> list[int]:
+    """`_without_sidelobes` in blocks."""
+    least = np.sqrt(np.maximum(threshold, height.max() * least_part))
+    margin = np.sqrt(cell.astype(np.float64)) - least
+    order = (-height).argsort(kind="stable")
+    order = order[margin[order] > 0.0]
+    peaks, margin = peaks[:, order], margin[order]
+    cell_of = np.rint(peaks)
+    # The distance that a target crosses in a frame widens its lobes along both axes alike.
+    speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
+    near = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
+    amplitude = np.sqrt(height[order])
+    leaked = np.zeros(len(order))
+    kept = []
+    for first in range(0, len(order), _BLOCK):
+        some = slice(first, first + _BLOCK)
+        rows, columns = apart = np.abs(cell_of[:, None, first:] - peaks[:, some, None])
+        np.minimum(rows, layout.num_rows - rows, out=rows)
+        if layout.is_iq:
+            np.minimum(columns, layout.num_columns - columns, out=columns)
+        rows, columns = np.maximum(apart - near[some, None], 0.0)
+        lobes = amplitude[some, None] * envelope(layout.windows[0], rows)
+        if layout.has_range:
+            lobes *= envelope(layout.windows[1], columns)
+        for index, lobe in enumerate(lobes, first):
+            if leaked[index] < margin[index]:
+                kept.append(index)
+                leaked[first:] += lobe
+    return order[kept].tolist() if kept else []
+
+
+def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
+    some = np.where(tones.information > 0.0, tones.information, np.inf)  # what is not told has none
+    variance = 0.5 / (snr[:, None] * some)  # in cells^2
+    covariance: NDArray[np.float64] = (variance @ layout.per_variance).reshape(-1, 2, 2)
+    return covariance
+
+
+def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:
+    """Amplitudes of the channels; those of several chirps with phases of their own are brought together."""
+    chirps = amplitude.reshape(len(amplitude), num_channels, -1)
+    if chirps.shape[2] == 1:
+        return chirps[:, :, 0]
+    vectors, sizes, _ = np.linalg.svd(chirps, full_matrices=False)
+    return np.asarray(vectors[:, :, 0] * sizes[:, :1])
+
+
+def _none(time: float) -> Detections:
+    empty = np.empty(0)
+    return Detections(empty, empty, empty, empty, empty, time=time)

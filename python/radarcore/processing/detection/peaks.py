@@ -1,0 +1,331 @@
+"""Strongest peak of a frame over the noise, with sub-bin accuracy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check, notice
+from radarcore.processing.detection.cfar import ordered_factor
+from radarcore.processing.detection.correlated_noise import independent_cells
+from radarcore.processing.detection.map import Coordinates, envelope
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    cube_and_waveform,
+    require_one_frame,
+    require_transmitters_apart,
+    require_uniform_chirps,
+)
+from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
+from radarcore.processing.spectra.spectra import both_windows, transformed
+from radarcore.processing.spectra.windows import Window, centred_window, window_centre, window_weights
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.recording.frame import Frame, is_of_adc
+
+_PADDING = 4
+"""Cells per bin of the grid on which peaks are sought; the parabola then errs by less than 1e-3 bins (Hann)."""
+
+_FALSE_ALARMS = 1e-6
+"""Frames of noise with a peak, by the default of `min_snr_db`."""
+
+_NEAREST = 3.0
+"""Range bins next to the radar that leakage from its own transmitter fills: less than a cycle per chirp, and two of the
+window's main lobe."""
+
+_SIDELOBES = 3.0
+"""Amplitude of what leakage adds to bins beyond, over that of the window's sidelobes: 2 where those of a tone and its
+mirror image add up, and half as much again, as leakage is no tone."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Strongest echo of a frame; range and velocity are NaN where they cannot be determined.
+
+    Parameters
+    ----------
+    range : float
+        Range at the middle of the frame, `Radar.middle` [m]; NaN for a CW radar.
+    velocity : float
+        Range rate at the middle of the frame, receding positive [m/s]; NaN for a single chirp.
+    power : float
+        ``abs(range_doppler(...))**2`` at the peak, added over channels.
+    range_index, velocity_index : int
+        Nearest cell of ``range_doppler(cube, waveform)``.
+    snr_db : float
+        `power` over the noise [dB]: over the median of the map, scaled to the mean that noise with this median has.
+
+    See Also
+    --------
+    strongest_peak : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> peak = rc.strongest_peak(frame)
+    >>> round(peak.range, 1), round(peak.velocity, 1), peak.snr_db > 20.0
+    (2.0, -0.5, True)
+    """
+
+    range: float
+    velocity: float
+    power: float
+    range_index: int
+    velocity_index: int
+    snr_db: float
+
+
+def strongest_peak(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float | None = None,
+    max_range: float | None = None,
+    min_velocity: float | None = None,
+    max_velocity: float | None = None,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    min_snr_db: float | None = None,
+) -> Peak | None:
+    """Range and velocity of the strongest echo of a frame, to a fraction of a bin.
+
+    The powers of the channels are added. A peak is a local maximum within the limits, so the flank of a stronger
+    echo outside them is none. A parabola through the log power of a four times finer grid gives the sub-bin
+    estimate, good to 0.02 bins in both axes for one target (Hann windows, no noise, velocity constant). Velocity
+    is taken as unambiguous: within ``waveform.max_velocity``.
+
+    The noise is the median of the map, which an echo or two hardly move, without velocities whose noise a filter such
+    as `remove_static` took. Where echoes fill more than half of the map,
+    they count as noise, and a weak one within limits may then need a `min_snr_db` of its own. `detect` finds several
+    targets, and compares each with what is around it.
+
+    **Leakage.** A sensor hears its own transmitter, most of all in its nearest range bins and far louder than any echo.
+    Of a frame with samples of an ADC (codes, counts or parts of full scale) a peak is therefore sought beyond three
+    range bins, and not among what may be sidelobes of the leakage; unless it is simulated with a receiver that has
+    neither leakage nor offsets. With `min_range` given, 0 included, limits are all there is, as for any other frame.
+    A bare cube may be a sensor's: a peak of real samples within three range bins raises a warning. Static targets are
+    echoes like others: `remove_running_mean` removes them.
+
+    From real samples, echoes closer than about three range bins to 0 or to ``waveform.max_range`` interfere with
+    their mirror image and are less accurate.
+
+    Parameters
+    ----------
+    cube : (channel, chirp, sample) float32, float64, complex64 or complex128, or Frame
+        Beat signal of one frame, finite.
+    waveform : Waveform or Radar, optional
+        Of a cube; a frame has its own. Chirps at equal intervals.
+    min_range, max_range : float, optional
+        Limits of the range at the middle of the frame [m]; default: all that the waveform tells apart, of samples of an
+        ADC all but the leakage.
+    min_velocity, max_velocity : float, optional
+        Limits of the velocity, receding positive [m/s]; default: none. A single chirp has no velocity to limit.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+    min_snr_db : float, optional
+        Smallest `Peak.snr_db` [dB]. Default: what one frame in a million of noise alone exceeds: for 64 chirps of
+        128 real samples 14.1 dB with one channel, 10.2 dB with three; more for small frames, whose median is less sure.
+
+    Returns
+    -------
+    peak : Peak or None
+        Strongest peak; the range is corrected for the Doppler shift of the beat frequency (except for a single chirp).
+        None where nothing within the limits is that much above the noise.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `range_doppler`, but for a CW radar, unless with limits of range; for several frames, transmitters in
+        Doppler-division multiplex, NaN or infinite samples, and limits in the wrong order.
+
+    Warns
+    -----
+    UserWarning
+        For a peak of a cube of real samples within three range bins, unless `min_range` is given.
+
+    See Also
+    --------
+    Peak : What comes back.
+    detect : All targets of a frame.
+    doppler_velocity : The strongest echo, as exactly as noise allows.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> peak = rc.strongest_peak(frame, min_range=0.5)
+    >>> print(f"{peak.range:.1f} m, {peak.velocity:+.1f} m/s")
+    2.0 m, -0.5 m/s
+    """
+    # Check all arguments before any work.
+    require_one_frame("cube", cube)
+    require_transmitters_apart(cube, waveform)
+    has_leakage = isinstance(cube, Frame) and _has_leakage(cube)
+    may_leak = not isinstance(cube, Frame) and min_range is None and not np.iscomplexobj(cube)
+    cube, waveform = cube_and_waveform(cube, waveform)
+    samples = checked_samples(
+        cube,
+        "(channel, chirp, sample)",
+        num_dimensions=3,
+        num_chirps=waveform.num_chirps,
+        num_samples=waveform.num_samples,
+    )
+    require_uniform_chirps(waveform)
+    if not np.isfinite(samples).all():
+        bad = np.argwhere(~np.isfinite(samples))
+        raise ValueError(
+            f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
+        )
+    leaks = min_range is None and has_leakage and not waveform.is_cw
+    range_limits = limits("range", "m", 0.0 if min_range is None else min_range, max_range)
+    if waveform.is_cw and range_limits != (0.0, np.inf):
+        require_range(waveform)
+    velocity_limits = limits("velocity", "m/s", min_velocity, max_velocity)
+    least_snr_db = None if min_snr_db is None else check.number("min_snr_db", min_snr_db, "dB")
+
+    # Power on a fine grid, added over channels: (doppler, range). One weighted chirp (or sample) tells nothing
+    # of velocity (or range): that axis then has one cell.
+    fast_weights = window_weights("window", window, waveform.num_samples)
+    slow_weights = centred_window("doppler_window", doppler_window, waveform.num_chirps)
+    has_range = bool(np.count_nonzero(fast_weights) > 1) and not waveform.is_cw
+    has_velocity = bool(np.count_nonzero(slow_weights) > 1)
+    num_range = waveform.num_samples * (_PADDING if has_range else 1)
+    num_velocity = waveform.num_chirps * (_PADDING if has_velocity else 1)
+    power: NDArray[np.float64] | float = 0.0
+    weights = both_windows(fast_weights, slow_weights, num_velocity, samples.real.dtype)
+    for channel in samples:
+        spectrum = transformed(channel * weights, waveform, num_range, num_velocity)
+        power = power + np.square(spectrum.real, dtype=np.float64) + np.square(spectrum.imag, dtype=np.float64)
+    if isinstance(power, float):  # no channels
+        return None
+    power = power[: None if has_velocity else 1, : None if has_range else 1]
+
+    # The local maxima among their four neighbours. Velocity is cyclic, range too with I/Q; the spectrum of real
+    # samples is even about both its ends.
+    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
+    around = np.pad(around, ((0, 0), (1, 1)), mode="wrap" if np.iscomplexobj(samples) else "reflect")
+    neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
+    is_peak = (power > 0.0) & np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
+
+    # Range and velocity of a cell.
+    centres = window_centre(fast_weights), window_centre(slow_weights)
+    coordinates = Coordinates(waveform, *centres, has_velocity)
+
+    def measure(row: Any, column: Any) -> tuple[Any, Any]:
+        beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
+        return coordinates.at(beat, (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval))
+
+    # The strongest within the limits.
+    rows, columns = np.ogrid[: power.shape[0], : power.shape[1]]
+    ranges, velocities = measure(rows, columns)
+    if not waveform.is_cw:
+        is_peak &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
+    if has_velocity:
+        is_peak &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
+    if leaks and has_range:
+        is_peak &= power > _leakage(power, fast_weights, is_cyclic=np.iscomplexobj(samples))
+    if not is_peak.any():
+        return None
+    row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
+
+    # Refine by a parabola through the log power along each axis.
+    level = np.log(np.maximum(around[row : row + 3, column : column + 3], 1e-30 * power[row, column]))
+    row_offset, row_gain = parabolic_peak(*level[:, 1])
+    column_offset, column_gain = parabolic_peak(*level[1, :])
+    at_row = (row + row_offset) % num_velocity  # half a cell below the lowest velocity is the highest
+    at_column = column + column_offset
+    peak_range, velocity = measure(at_row, at_column)
+    num_samples, num_chirps = waveform.num_samples, waveform.num_chirps
+    range_index = round(at_column * num_samples / num_range)
+    velocity_index = round((at_row - num_velocity // 2) * num_chirps / num_velocity) + num_chirps // 2
+    height = float(power[row, column] * np.exp(row_gain + column_gain))
+
+    # Over the noise.
+    is_filtered, level = filtered_rows(power)  # rows without noise do not tell its level
+    noise = (float(np.median(power)) if is_filtered is None else level) / median_of_unit_mean(len(samples))
+    noise = max(noise, len(samples) * rounding_noise(samples, fast_weights, slow_weights))
+    snr_db = float(10.0 * np.log10(height / noise))
+    if least_snr_db is None:
+        independent = independent_cells(slow_weights if has_velocity else None, fast_weights if has_range else None)
+        independent *= 1.0 if np.iscomplexobj(samples) or not has_range else 0.5
+        least_snr_db = _least_snr_db(independent, power.size, len(samples))
+    if snr_db < least_snr_db:
+        return None
+    if may_leak and has_range and at_column <= _NEAREST * _PADDING:
+        notice.warn(
+            f"cube: expected the strongest peak beyond {_NEAREST:g} range bins, as a sensor hears its own transmitter "
+            f"there, got it at {peak_range:.3g} m; give the sensor's Frame, or min_range"
+        )
+    return Peak(
+        range=float(peak_range) if has_range else np.nan,
+        velocity=float(velocity),
+        power=height,
+        range_index=range_index % num_samples if np.iscomplexobj(samples) else min(range_index, num_samples // 2),
+        velocity_index=velocity_index % num_chirps,
+        snr_db=snr_db,
+    )
+
+
+def _has_leakage(frame: Frame) -> bool:
+    """True for samples of an ADC, unless the receiver is known in full, as only simulated ones are, and adds nothing.
+
+    Offsets lie in the same bins as leakage.
+    """
+    if not is_of_adc(frame):
+        return False
+    receiver = frame.radar.receiver
+    if receiver is None or receiver.full_scale is None:
+        return True
+    offsets = (receiver.dc_offset, receiver.chirp_offset_lsb)
+    return receiver.leakage is not None or any(value is not None and np.any(value) for value in offsets)
+
+
+def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, is_cyclic: bool) -> NDArray[np.float64]:
+    """Largest power that leakage explains, (doppler, range): all in the nearest bins, and sidelobes of that beyond.
+
+    Every velocity has its own: what differs from chirp to chirp, such as offsets, is in the nearest bins as well.
+    """
+    bins = np.arange(power.shape[1]) / _PADDING
+    if is_cyclic:
+        bins = np.minimum(bins, len(fast_weights) - bins)
+    is_near = bins <= _NEAREST
+    sidelobes = np.square(_SIDELOBES * envelope(fast_weights.tobytes(), bins))
+    return np.where(is_near, np.inf, sidelobes * power[:, is_near].max(axis=1, keepdims=True))
+
+
+def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> float:
+    """What no cell of noise is above in all but one frame of a million.
+
+    The median is the middle of as many cells as are independent. The sum of the rates of all cells of the fine grid is
+    an upper bound of that of frames.
+    """
+    number = max(num_independent, 1.0)
+    factor = ordered_factor(number, 0.5 * (number + 1.0), _FALSE_ALARMS / num_cells, num_channels)
+    return float(10.0 * np.log10(factor * median_of_unit_mean(num_channels)))
+
+
+def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple[float, float]:
+    """Both limits of a search, in order; None: no limit."""
+    lowest = -np.inf if low is None else check.number(f"min_{name}", low, unit)
+    highest = np.inf if high is None else check.number(f"max_{name}", high, unit)
+    if lowest > highest:
+        raise ValueError(f"max_{name}: expected at least min_{name} = {lowest:g} {unit}, got {highest:g}")
+    return lowest, highest
+
+
+def parabolic_peak(left: float, middle: float, right: float) -> tuple[float, float]:
+    """Vertex of the parabola through a local maximum and its neighbours.
+
+    Returns the offset from the middle, in steps, at most half of one, and the height above `middle`; zeros where the
+    three values have no maximum.
+    """
+    curvature = left - 2.0 * middle + right
+    if curvature >= 0.0:
+        return 0.0, 0.0
+    offset = float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5))
+    return offset, -0.25 * (left - right) * offset

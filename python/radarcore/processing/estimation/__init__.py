@@ -1,0 +1,1 @@
+"""Velocity estimates of a single echo and their Cramér-Rao bounds."""

@@ -1,0 +1,441 @@
+"""Cramér-Rao bounds of range and velocity for every way to measure velocity.
+
+A phase that is known up to a constant, ``psi(theta) + const``, tells of its parameters by how far their gradients
+vary over the samples: with the centred gradients c, white noise and a signal-to-noise ratio per sample `snr`, the
+covariance of an unbiased estimate is at least
+
+    ``inv(num_channels * kappa * snr * sum(c c^T))``,  kappa = 2 for I/Q samples, 1 for real ones
+
+(Rife, Boorstyn, Single-Tone Parameter Estimation from Discrete-Time Observations, IEEE Trans. IT 1974). Estimates by
+least squares with the weights w of a window have ``inv(sum(w c c^T)) sum(w^2 c c^T) inv(sum(w c c^T))`` in its place.
+
+For M chirps of N samples on K channels, with the variance of fast time ``var(t) = (N^2 - 1) / (12 fs^2)``, that of slow
+time ``var(T)`` and the carrier f in the middle of the chirp, the velocity's variance is
+``(c / 4 pi)^2 / (K kappa snr N M info)``, and
+
+    ``info = f^2 var(T) + slope^2 var(t) var(T) + slope^2 var(t^2)``:
+
+Doppler from chirp to chirp, migration of the range from chirp to chirp, and change of the frequency within a chirp.
+`doppler_bound` has them all, of which the first is by far the largest; the other two bounds have one term each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.processing.spectra.windows import Window, window_centre, window_weights
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.units import SPEED_OF_LIGHT
+
+
+@dataclass(frozen=True, eq=False)
+class CramerRaoBound:
+    """Least standard deviations of unbiased estimates, in the shape of the signal-to-noise ratio.
+
+    Attributes
+    ----------
+    range : (...) float64
+        Of the range at the middle of the frame [m].
+    velocity : (...) float64
+        Of the range rate [m/s].
+
+    See Also
+    --------
+    doppler_bound : Bound of all samples of a frame.
+    frequency_bound : Bound of one tone.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.doppler_bound(waveform, snr_db=[-10.0, 10.0])
+    >>> print(f"{bound.range[0] / bound.range[1]:.1f}")
+    10.0
+    """
+
+    range: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+def frequency_bound(
+    num_samples: int,
+    sample_rate: float,
+    snr_db: ArrayLike,
+    *,
+    is_real: bool = False,
+    num_channels: int = 1,
+    window: Window = None,
+) -> NDArray[np.float64]:
+    """Standard deviation of the frequency of one tone of unknown amplitude and phase [Hz].
+
+    Without a window ``sqrt(6 / (snr num_samples (num_samples^2 - 1))) sample_rate / (2 pi)`` for I/Q samples.
+
+    Parameters
+    ----------
+    num_samples : int
+        At least 2.
+    sample_rate : float
+        [Hz].
+    snr_db : array_like
+        Power of the tone over that of the noise, per sample [dB].
+    is_real : bool
+        Real samples: 3 dB worse than I/Q samples of the same ratio.
+    num_channels : int
+        Channels that share the frequency, each with a phase of its own.
+    window : str, tuple or None
+        Window of the estimate, as `scipy.signal.get_window` names it: a Hann window makes it 1.53 times worse.
+
+    Returns
+    -------
+    std : (...) float64
+        In the shape of `snr_db`.
+
+    See Also
+    --------
+    doppler_bound : Of range and velocity.
+
+    Examples
+    --------
+    >>> print(f"{rc.frequency_bound(64, 1e6, snr_db=20.0):.0f} Hz")
+    76 Hz
+    """
+    number = check.count("num_samples", num_samples, 2)
+    interval = 1.0 / check.positive("sample_rate", sample_rate, "Hz")
+    weights = window_weights("window", window, number)
+    time = interval * (np.arange(number) - window_centre(weights))
+    gradients = np.asarray(2.0 * np.pi * time[None, None, :], dtype=np.float64)
+    covariance = _covariance(gradients, weights[None, :], per_chirp=True)
+    return _deviation(float(covariance[0, 0]), _information(snr_db, is_real, num_channels))
+
+
+def doppler_bound(
+    waveform: Waveform,
+    snr_db: ArrayLike,
+    *,
+    is_real: bool = False,
+    num_channels: int = 1,
+    window: Window = None,
+    doppler_window: Window = None,
+) -> CramerRaoBound:
+    """Bound of what all samples of a frame tell of one target: that of `doppler_velocity`.
+
+    Parameters
+    ----------
+    waveform : Waveform
+        With a ramp and at least two chirps.
+    snr_db : array_like
+        Power of the echo over that of the noise, per sample [dB].
+    is_real, num_channels
+        As in `frequency_bound`.
+    window, doppler_window : str, tuple or None
+        Windows of the estimate over fast and slow time; the bound is then the deviation with them.
+
+    Returns
+    -------
+    bound : CramerRaoBound
+
+    See Also
+    --------
+    doppler_velocity : The estimate that it bounds.
+    range_migration_bound : Without Doppler's ambiguity.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.doppler_bound(waveform, snr_db=0.0)
+    >>> print(f"{1e3 * bound.range:.1f} mm, {1e3 * bound.velocity:.1f} mm/s")
+    0.7 mm, 0.6 mm/s
+    """
+    require_range(waveform)
+    _require_chirps("waveform", waveform, 2)
+    weights = _weights(waveform, window, doppler_window)
+    gradients = range_and_velocity_gradients(waveform)
+    covariance = _covariance(gradients, weights, per_chirp=False)
+    return _bound(covariance, snr_db, is_real, num_channels)
+
+
+def up_down_bound(
+    up: Waveform,
+    down: Waveform,
+    snr_db: ArrayLike,
+    *,
+    down_delay: float | None = None,
+    is_real: bool = False,
+    num_channels: int = 1,
+    window: Window = None,
+) -> CramerRaoBound:
+    """Bound from the beat frequencies of an up- and a down-chirp, or of several of each: that of `up_down_velocity`.
+
+    For one pair of chirps of opposite slopes sent at once, ``std(velocity) = sqrt(2) c / (4 f) std(frequency)`` and
+    ``std(range) = sqrt(2) c / (4 slope) std(frequency)``.
+
+    Parameters
+    ----------
+    up, down : Waveform
+        Of slopes that differ in sign.
+    snr_db : array_like
+        Power of the echo over that of the noise, per sample [dB].
+    down_delay : float, optional
+        From the start of the frame `up` to that of `down` [s]; default: ``up.frame_interval``, or 0 where their first
+        chirps come at different times after it, as those of sub-sequences of one frame do.
+    is_real, num_channels, window
+        As in `frequency_bound`.
+
+    Returns
+    -------
+    bound : CramerRaoBound
+        Range at the middle between the middles of both frames.
+
+    See Also
+    --------
+    up_down_velocity : The estimate that it bounds.
+    doppler_bound : Of many chirps of one slope.
+
+    Examples
+    --------
+    >>> up = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=1)
+    >>> down = up.replace(start_frequency=63e9, slope=-50e12)
+    >>> bound = rc.up_down_bound(up, down, snr_db=20.0)
+    >>> print(f"{1e3 * bound.range:.1f} mm, {bound.velocity:.2f} m/s")
+    0.1 mm, 0.10 m/s
+    """
+    solve = up_down_equations(up, down, down_delay)
+    variances = [_beat_covariance(wf, window)[0, 0] for wf in (up, down)]
+    inverse = np.linalg.inv(solve)
+    return _bound(inverse @ np.diag(variances) @ inverse.T, snr_db, is_real, num_channels)
+
+
+def chirp_rate_bound(
+    waveform: Waveform,
+    snr_db: ArrayLike,
+    *,
+    is_real: bool = False,
+    num_channels: int = 1,
+    window: Window = None,
+) -> CramerRaoBound:
+    """Bound from the frequency's change within the chirps alone: that of `chirp_rate_velocity`.
+
+    For one chirp of I/Q samples
+    ``std(velocity) = c / (4 abs(slope)) sqrt(90 / (pi^2 snr N (N^2 - 1) (N^2 - 4))) sample_rate^2``.
+
+    Parameters
+    ----------
+    waveform : Waveform
+        With a ramp of at least three samples.
+    snr_db : array_like
+        Power of the echo over that of the noise, per sample [dB].
+    is_real, num_channels, window
+        As in `frequency_bound`.
+
+    Returns
+    -------
+    bound : CramerRaoBound
+        The range suffers from the velocity: ``velocity * f / slope`` is taken off the beat frequency's.
+
+    See Also
+    --------
+    chirp_rate_velocity : The estimate that it bounds.
+    doppler_bound : From the phase over all chirps.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.chirp_rate_bound(waveform, snr_db=20.0)
+    >>> print(f"{bound.velocity:.0f} m/s")  # these chirps are short and narrow
+    4 m/s
+    """
+    require_range(waveform)
+    if waveform.num_samples < 3:
+        raise ValueError(f"waveform: expected at least 3 samples per chirp, got {waveform.num_samples}")
+    return _of_frequency_change(waveform, 2, 4.0, snr_db, is_real, num_channels, window)
+
+
+def range_migration_bound(
+    waveform: Waveform,
+    snr_db: ArrayLike,
+    *,
+    is_real: bool = False,
+    num_channels: int = 1,
+    window: Window = None,
+) -> CramerRaoBound:
+    """Bound from the beat frequency's change from chirp to chirp alone: that of `range_migration_velocity`.
+
+    ``sqrt(12) f / bandwidth`` times that of Doppler, but without its ambiguity.
+
+    Parameters
+    ----------
+    waveform : Waveform
+        With a ramp and at least two chirps.
+    snr_db : array_like
+        Power of the echo over that of the noise, per sample [dB].
+    is_real, num_channels, window
+        As in `frequency_bound`.
+
+    Returns
+    -------
+    bound : CramerRaoBound
+        The range suffers from the velocity, as in `chirp_rate_bound`.
+
+    See Also
+    --------
+    range_migration_velocity : The estimate that it bounds.
+    doppler_bound : Far smaller, but ambiguous.
+
+    Examples
+    --------
+    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
+    >>> bound = rc.range_migration_bound(waveform, snr_db=0.0)
+    >>> print(f"{bound.velocity:.2f} m/s")
+    0.12 m/s
+    """
+    require_range(waveform)
+    _require_chirps("waveform", waveform, 2)
+    return _of_frequency_change(waveform, 1, 2.0, snr_db, is_real, num_channels, window)
+
+
+def middle_of_chirp(waveform: Waveform) -> float:
+    """Middle of the samples after the start of the ramp [s]."""
+    return waveform.adc_delay + 0.5 * (waveform.num_samples - 1) / waveform.sample_rate
+
+
+def carrier(waveform: Waveform) -> float:
+    """Frequency at the middle of the samples [Hz]."""
+    return waveform.start_frequency + waveform.slope * middle_of_chirp(waveform)
+
+
+def times_from_middle(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slow time (chirp, 1) and fast time (1, sample), whose sum is 0 at the middle of the frame [s]."""
+    middle = middle_of_chirp(waveform)
+    fast = waveform.sample_times - middle
+    slow = waveform.chirp_times - (waveform.middle - middle)
+    return slow[:, None], fast[None, :]
+
+
+def beat_times(waveform: Waveform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slow time (chirp, 1) from the mean of all chirps and fast time (1, sample) from the middle of the samples [s]."""
+    slow, fast = times_from_middle(waveform)
+    return slow - slow.mean(), fast
+
+
+def beat_carrier(waveform: Waveform) -> float:
+    """Frequency f in the mean of all chirps' beat frequencies, ``2/c (slope range + f velocity)`` [Hz].
+
+    The range is that at the middle of the frame: what the target has moved until the mean of the chirps is in f.
+    """
+    return carrier(waveform) + waveform.slope * float(times_from_middle(waveform)[0].mean())
+
+
+def range_and_velocity_gradients(waveform: Waveform) -> NDArray[np.float64]:
+    """Derivatives of eq. (1)'s phase by range at the middle of the frame and by velocity, (2, chirp, sample) [rad].
+
+    The delay within ``slope * delay**2 / 2`` counts a millionth of the carrier and is left out.
+    """
+    slow, fast = times_from_middle(waveform)
+    by_range = 4.0 * np.pi / SPEED_OF_LIGHT * (carrier(waveform) + waveform.slope * fast) + 0.0 * slow
+    return np.stack([by_range, by_range * (slow + fast)])
+
+
+def beat_gradients(waveform: Waveform) -> NDArray[np.float64]:
+    """Derivatives of a chirp's phase by the mean beat frequency [Hz] and its changes [Hz/s].
+
+    (3, chirp, sample) [rad]: by the frequency, by its change from chirp to chirp, by that within a chirp.
+    """
+    slow, fast = beat_times(waveform)
+    return 2.0 * np.pi * np.stack([fast + 0.0 * slow, slow * fast, 0.5 * fast**2 + 0.0 * slow])
+
+
+def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) -> NDArray[np.float64]:
+    """Beat frequencies (up, down) of a unit of range (first column) and of velocity (second), (2, 2)."""
+    for name, wf in (("up", up), ("down", down)):
+        require_range(wf)
+        if wf.num_samples < 2:
+            raise ValueError(f"{name}: expected at least 2 samples per chirp, got {wf.num_samples}")
+    if np.sign(up.slope) == np.sign(down.slope):
+        raise ValueError(f"down: expected a slope of the other sign than up's {up.slope:g} Hz/s, got {down.slope:g}")
+    if down_delay is not None:
+        delay = check.number("down_delay", down_delay, "s")
+    else:
+        delay = up.frame_interval if up.chirp_times[0] == down.chirp_times[0] else 0.0
+    half = 0.5 * (delay + down.middle - up.middle)  # between the middles
+    rows = [
+        [wf.slope, beat_carrier(wf) + wf.slope * time]  # the range has moved by velocity * time
+        for wf, time in ((up, -half), (down, half))
+    ]
+    return 2.0 / SPEED_OF_LIGHT * np.array(rows)
+
+
+def _of_frequency_change(
+    waveform: Waveform,
+    which: int,
+    factor: float,
+    snr_db: ArrayLike,
+    is_real: bool,
+    num_channels: int,
+    window: Window,
+) -> CramerRaoBound:
+    """Bound from one of the changes of the beat frequency, ``factor * slope * velocity / c``."""
+    covariance = _beat_covariance(waveform, window)[np.ix_([0, which], [0, which])]
+    per_velocity = factor * waveform.slope / SPEED_OF_LIGHT
+    per_range = 2.0 * waveform.slope / SPEED_OF_LIGHT
+    to_estimates = np.array(
+        [[1.0 / per_range, -beat_carrier(waveform) / (waveform.slope * per_velocity)], [0.0, 1.0 / per_velocity]]
+    )
+    return _bound(to_estimates @ covariance @ to_estimates.T, snr_db, is_real, num_channels)
+
+
+def _beat_covariance(waveform: Waveform, window: Window) -> NDArray[np.float64]:
+    """Covariance of beat frequency and changes that can be told, at unit information; inf for others."""
+    can_be_told = np.array([True, waveform.num_chirps > 1, waveform.num_samples > 2])
+    told = np.flatnonzero(can_be_told)
+    covariance = np.full((3, 3), np.inf)
+    gradients = beat_gradients(waveform)[told]
+    covariance[np.ix_(told, told)] = _covariance(gradients, _weights(waveform, window, None), per_chirp=True)
+    return covariance
+
+
+def _covariance(
+    gradients: NDArray[np.float64], weights: NDArray[np.float64], *, per_chirp: bool
+) -> NDArray[np.float64]:
+    """Covariance of parameters (p, p) at unit information per sample, from (p, chirp, sample) and (chirp, sample)."""
+    axes = (-1,) if per_chirp else (-2, -1)  # what has one phase
+    mean = (weights * gradients).sum(axis=axes, keepdims=True) / weights.sum(axis=axes, keepdims=True)
+    # Of like size, so that the matrices can be inverted: frequencies and their changes differ by many powers of ten.
+    centred = (gradients - mean).reshape(len(gradients), -1)
+    size = np.sqrt((centred**2).mean(axis=1))
+    centred /= size[:, None]
+    flat = weights.ravel()
+    inverse = np.linalg.inv(np.einsum("pn,qn->pq", flat * centred, centred))
+    scaled: NDArray[np.float64] = inverse @ np.einsum("pn,qn->pq", flat**2 * centred, centred) @ inverse
+    return scaled / np.outer(size, size)
+
+
+def _weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDArray[np.float64]:
+    """Of least squares, (chirp, sample)."""
+    fast = window_weights("window", window, waveform.num_samples)
+    return np.outer(window_weights("doppler_window", doppler_window, waveform.num_chirps), fast)
+
+
+def _information(snr_db: ArrayLike, is_real: bool, num_channels: int) -> NDArray[np.float64]:
+    """Inverse of the variance of the phase of a sample, over the channels."""
+    level = check.numbers("snr_db", snr_db)
+    per_sample = (1.0 if is_real else 2.0) * check.count("num_channels", num_channels)
+    information: NDArray[np.float64] = per_sample * 10.0 ** (0.1 * level)
+    return information
+
+
+def _bound(covariance: NDArray[np.float64], snr_db: ArrayLike, is_real: bool, num_channels: int) -> CramerRaoBound:
+    information = _information(snr_db, is_real, num_channels)
+    return CramerRaoBound(*(_deviation(float(covariance[i, i]), information) for i in (0, 1)))
+
+
+def _deviation(variance: float, information: NDArray[np.float64]) -> NDArray[np.float64]:
+    with np.errstate(divide="ignore"):  # no signal: infinite
+        return np.asarray(np.sqrt(variance / information))
+
+
+def _require_chirps(name: str, waveform: Waveform, minimum: int) -> None:
+    if waveform.num_chirps < minimum:
+        raise ValueError(f"{name}: expected at least {minimum} chirps, got {waveform.num_chirps}")

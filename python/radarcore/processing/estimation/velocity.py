@@ -1,0 +1,572 @@
+"""Range and velocity of one echo, measured in four ways, each with its predicted standard deviation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.detection.peaks import limits
+from radarcore.processing.estimation import bounds
+from radarcore.processing.estimation.bounds import CramerRaoBound
+from radarcore.processing.estimation.phase_fit import PhaseFit, fit_phase, noise_power, search_beat, search_doppler
+from radarcore.processing.inputs import (
+    Samples,
+    checked_samples,
+    cube_and_radar,
+    cube_and_waveform,
+    require_transmitters_apart,
+    require_uniform_chirps,
+)
+from radarcore.processing.spectra.windows import Window, window_weights
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.recording.frame import Frame
+from radarcore.units import SPEED_OF_LIGHT
+
+Array = NDArray[np.float64]
+
+
+def doppler_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    min_velocity: float | None = None,
+    max_velocity: float | None = None,
+    window: Window = None,
+    doppler_window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Range and velocity from the phase over all chirps: the peak of the range-Doppler transform, refined.
+
+    The most accurate way. The strongest local maximum of the transform within the limits is refined by least squares
+    with eq. (1)'s phase at constant velocity, one amplitude per channel: the maximum-likelihood estimate, which reaches
+    `doppler_bound`. Velocities are taken as unambiguous, within ``waveform.max_velocity``.
+
+    Parameters
+    ----------
+    cube : ([frame,] channel, chirp, sample) float32, float64, complex64 or complex128, or Frame or Recording
+        Beat signal, real or I/Q, finite.
+    waveform : Waveform or Radar, optional
+        Of a cube; a frame or recording has its own. A ramp, and at least two chirps at equal intervals.
+    min_range, max_range, min_velocity, max_velocity : float, optional
+        Limits of the search [m], [m/s].
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, as the noise
+        wants it; a Hann window makes deviations 1.53 times larger, and keeps other echoes off.
+    noise : float, optional
+        Power of the noise per sample, I and Q together. Default: measured, from the median of the
+        range-Doppler map of what the fitted echo leaves: other echoes, in a few cells, do not count.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        Numbers for one frame, arrays (frame,) for several.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For samples that are not finite or do not fit the waveform, a CW radar, one chirp, chirps at unequal intervals,
+        transmitters in Doppler-division multiplex, and limits in the wrong order.
+
+    See Also
+    --------
+    doppler_bound : Least standard deviation.
+    strongest_peak : Quicker, to some hundredths of a bin.
+    range_migration_velocity : Without Doppler's ambiguity.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> estimate = rc.doppler_velocity(frame, min_range=0.5)
+    >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
+    2.00 m, -0.50 m/s
+    """
+    require_transmitters_apart(cube, waveform)
+    given = checked_input(cube, waveform)
+    wf = given.waveform
+    require_uniform_chirps(wf)
+    if wf.num_chirps < 2:
+        raise ValueError(f"waveform: expected at least 2 chirps, got {wf.num_chirps}")
+    ranges = limits("range", "m", min_range, max_range)
+    velocities = limits("velocity", "m/s", min_velocity, max_velocity)
+    weights = np.outer(
+        window_weights("doppler_window", doppler_window, wf.num_chirps),
+        window_weights("window", window, wf.num_samples),
+    )
+    level = checked_noise(noise)
+    slow, fast = bounds.times_from_middle(wf)
+    gradients = bounds.range_and_velocity_gradients(wf)
+    time = slow + given.offsets[:, None, None] + fast  # (channel or 1, chirp, sample)
+    ramp = wf.sample_times
+
+    def phase(parameters: Array) -> Array:
+        delay = 2.0 / SPEED_OF_LIGHT * (parameters[0] + parameters[1] * time)
+        turned: Array = 2.0 * np.pi * delay * (wf.start_frequency + wf.slope * ramp - 0.5 * wf.slope * delay)
+        return turned
+
+    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
+        return bounds.doppler_bound(
+            wf, snr_db, is_real=is_real, num_channels=num_channels, window=window, doppler_window=doppler_window
+        )
+
+    def measure(frame: NDArray[Any]) -> Echo:
+        start = search_doppler(frame, wf, ranges, velocities, window, doppler_window)
+        if start is None:
+            return Echo()
+        fit = fit_phase(frame, phase, gradients, np.array(start), weights, per_chirp=False)
+        return measured_echo(frame, wf, fit, fit.parameters[0], fit.parameters[1], level, bound, weights)
+
+    return measured(given, measure)
+
+
+def up_down_velocity(
+    up: Samples,
+    down: Samples,
+    up_waveform: Waveform | Radar | None = None,
+    down_waveform: Waveform | Radar | None = None,
+    *,
+    down_delay: float | None = None,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Range and velocity from the beat frequencies of up- and down-chirps: one pair is enough.
+
+    Range and Doppler shift the beat frequencies of opposite slopes in opposite and in equal directions:
+    ``f_up = 2/c (slope R + f v)`` and ``f_down = 2/c (-slope R + f v)``. What the target moves in between is taken into
+    account. No Doppler ambiguity. A frame of two sub-sequences is a pair: ``up_down_velocity(*frame.sequences())``, see
+    `Waveform.alternating`. With several targets their beat frequencies may be paired wrongly: limit the range.
+
+    Parameters
+    ----------
+    up, down : ([frame,] channel, chirp, sample), or Frame or Recording
+        Beat signals of a waveform of positive and of one of negative slope (or the other way round), of one chirp or
+        several; with several, amplitudes of chirps are free and the frequency may move from chirp to chirp.
+    up_waveform, down_waveform : Waveform or Radar, optional
+        Of cubes; frames and recordings have their own.
+    down_delay : float, optional
+        From the start of `up` to the start of `down` [s]; default: the difference of the frames' times; for cubes
+        ``up_waveform.frame_interval``, or 0 where the first chirps come at different times, as those of sub-sequences.
+    min_range, max_range : float, optional
+        Limits of the search [m], each for the range that a chirp alone tells: ``velocity * f / abs(slope)`` too far for
+        an up-chirp and too near for a down-chirp.
+    max_velocity : float
+        Fastest target [m/s]: how far the frequency may move from chirp to chirp.
+    window, noise
+        As in `doppler_velocity`.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is that at the middle between the middles of both.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For slopes of equal sign, and as `doppler_velocity`.
+
+    See Also
+    --------
+    up_down_bound : Least standard deviation.
+    Waveform.alternating : Frames of both slopes.
+    doppler_velocity : From many chirps of one slope.
+
+    Examples
+    --------
+    >>> up = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=1)
+    >>> down = up.replace(start_frequency=63e9, slope=-50e12)
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
+    >>> frames = [rc.Simulator(scene, rc.Radar(each)).frame(time) for each, time in ((up, 0.0), (down, 0.01))]
+    >>> estimate = rc.up_down_velocity(*frames)
+    >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
+    2.01 m, +1.00 m/s
+    """
+    both = checked_input(up, up_waveform, "up"), checked_input(down, down_waveform, "down")
+    waveforms = both[0].waveform, both[1].waveform
+    kinds = ["one frame" if given.is_one else f"{len(given.samples)} frames in an array" for given in both]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"down: expected {kinds[0]} as up, got {kinds[1]}")
+    delay = down_delay if down_delay is not None else delay_between(up, down)
+    equations = bounds.up_down_equations(*waveforms, delay)
+    ranges = limits("range", "m", min_range, max_range)
+    fastest = check.non_negative("max_velocity", max_velocity, "m/s")
+    level = checked_noise(noise)
+    searches = [_beat_fit(given, ranges, fastest, window) for given in both]
+
+    rows: list[Echo] = []
+    for frames in zip(both[0].samples, both[1].samples, strict=True):
+        fits = [search(frame) for search, frame in zip(searches, frames, strict=True)]
+        if fits[0] is None or fits[1] is None:
+            rows.append(Echo())
+            continue
+        # The delay within slope * delay**2 / 2 shifts the carrier by the beat frequency: a millionth of it.
+        beats = np.array([fit.parameters[0] for fit in fits if fit is not None])
+        matrix = equations.copy()
+        distance, velocity = np.linalg.solve(matrix, beats)
+        for _ in range(2):
+            matrix[:, 1] = (
+                equations[:, 1] - np.array([wf.slope for wf in waveforms]) * 4.0 * distance / SPEED_OF_LIGHT**2
+            )
+            distance, velocity = np.linalg.solve(matrix, beats)
+        powers = [
+            snr(frame, wf, fit, level, _weights(wf, window))
+            for frame, wf, fit in zip(frames, waveforms, fits, strict=True)
+            if fit is not None
+        ]
+        snr_db = decibels(float(np.mean(powers)))
+        limit = bounds.up_down_bound(
+            *waveforms,
+            snr_db,
+            down_delay=delay,
+            is_real=not np.iscomplexobj(frames[0]),
+            num_channels=len(frames[0]),
+            window=window,
+        )
+        rows.append(Echo(float(distance), float(velocity), float(limit.range), float(limit.velocity), snr_db))
+    return stacked(rows, both[0].is_one)
+
+
+def chirp_rate_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Velocity from the change of the beat frequency within the chirps, ``4 slope velocity / c`` [Hz/s].
+
+    The third term of the beat phase, ``2 slope velocity / c t^2`` turns; one chirp is enough, and velocities have no
+    ambiguity. It takes long and wide chirps: the deviation falls as ``1 / (bandwidth * duration)`` of a chirp. The rate
+    is sought by dechirping with those of velocities up to `max_velocity` and fitted by least squares, with an amplitude
+    and phase per channel and chirp; the frequency may move from chirp to chirp, but tells nothing here.
+
+    Parameters
+    ----------
+    cube, waveform, min_range, max_range, window, noise
+        As in `doppler_velocity`; at least three samples per chirp, chirps at any times.
+    max_velocity : float
+        Fastest target [m/s].
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is corrected by this velocity, whose error shows in it: ``f / slope`` metres per m/s.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `doppler_velocity`.
+
+    See Also
+    --------
+    chirp_rate_bound : Least standard deviation.
+    doppler_velocity : The most accurate way, with many chirps.
+    up_down_velocity : From one chirp of each slope.
+
+    Examples
+    --------
+    >>> waveform = rc.Waveform(start_frequency=60e9, slope=2e12, sample_rate=1e6, num_samples=1024, num_chirps=1)
+    >>> scene = rc.Scene([rc.PointTarget([8.0, 0.0, 0.0], velocity=[-2.0, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
+    >>> print(f"{rc.chirp_rate_velocity(frame).velocity:+.1f} m/s from one chirp")
+    -2.0 m/s from one chirp
+    """
+    given = checked_input(cube, waveform)
+    if given.waveform.num_samples < 3:
+        raise ValueError(f"waveform: expected at least 3 samples per chirp, got {given.waveform.num_samples}")
+    return _from_frequency_change(
+        given, -1, 4.0, bounds.chirp_rate_bound, min_range, max_range, max_velocity, window, noise
+    )
+
+
+def range_migration_velocity(
+    cube: Samples,
+    waveform: Waveform | Radar | None = None,
+    *,
+    min_range: float = 0.0,
+    max_range: float | None = None,
+    max_velocity: float = 10.0,
+    window: Window = None,
+    noise: float | None = None,
+) -> VelocityEstimate:
+    """Velocity from the change of the beat frequency from chirp to chirp: the range's migration over the frame.
+
+    Amplitudes and phases of chirps are free, so that velocities have no ambiguity, chirps may come at any times, and
+    the phase of the oscillator need not hold from chirp to chirp. ``sqrt(12) f / bandwidth`` times less accurate than
+    Doppler: use it to tell which of Doppler's velocities is right. Fitted by least squares as in `chirp_rate_velocity`,
+    from the best of the velocities up to `max_velocity`; what changes within a chirp tells nothing here.
+
+    Parameters
+    ----------
+    cube, waveform, min_range, max_range, max_velocity, window, noise
+        As in `chirp_rate_velocity`; at least two chirps.
+
+    Returns
+    -------
+    estimate : VelocityEstimate
+        The range is corrected by this velocity, as in `chirp_rate_velocity`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `doppler_velocity`.
+
+    See Also
+    --------
+    range_migration_bound : Least standard deviation.
+    doppler_velocity : The most accurate way.
+
+    Examples
+    --------
+    >>> waveform = rc.Waveform(
+    ...     start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=64, chirp_interval=1e-3
+    ... )
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
+    >>> print(f"{rc.range_migration_velocity(frame).velocity:+.2f} m/s")
+    +1.00 m/s
+    """
+    given = checked_input(cube, waveform)
+    if given.waveform.num_chirps < 2:
+        raise ValueError(f"waveform: expected at least 2 chirps, got {given.waveform.num_chirps}")
+    return _from_frequency_change(
+        given, 1, 2.0, bounds.range_migration_bound, min_range, max_range, max_velocity, window, noise
+    )
+
+
+def _from_frequency_change(
+    given: EchoInput,
+    which: int,
+    factor: float,
+    bound_of: Callable[..., bounds.CramerRaoBound],
+    min_range: float,
+    max_range: float | None,
+    max_velocity: float,
+    window: Window,
+    noise: float | None,
+) -> VelocityEstimate:
+    """Velocity from one of the changes of the beat frequency, ``factor * slope * velocity / c``."""
+    wf = given.waveform
+    ranges = limits("range", "m", min_range, max_range)
+    fastest = check.non_negative("max_velocity", max_velocity, "m/s")
+    level = checked_noise(noise)
+    search = _beat_fit(given, ranges, fastest, window)
+    weights = _weights(wf, window)
+
+    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
+        return bound_of(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
+
+    def measure(frame: NDArray[Any]) -> Echo:
+        fit = search(frame)
+        if fit is None:
+            return Echo()
+        velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
+        # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
+        shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
+        distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
+        return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
+
+    return measured(given, measure)
+
+
+def _beat_fit(
+    given: EchoInput, ranges: tuple[float, float], fastest: float, window: Window
+) -> Callable[[NDArray[Any]], PhaseFit | None]:
+    """Fit of the mean beat frequency of a frame and of what can be told of its changes.
+
+    From chirp to chirp where there are several, and, as the last parameter, within chirps of more than two samples.
+    """
+    wf = given.waveform
+    told = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
+    gradients = bounds.beat_gradients(wf)[told]
+    weights = _weights(wf, window)
+    slow, fast = bounds.beat_times(wf)
+    shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
+
+    def phase(parameters: Array) -> Array:
+        frequency, change, rate = _in_place(parameters, told)
+        turned: Array = 2.0 * np.pi * ((frequency + change * shifted) * fast + 0.5 * rate * fast**2)
+        return turned
+
+    def search(frame: NDArray[Any]) -> PhaseFit | None:
+        start = search_beat(frame, wf, ranges, fastest, window)
+        if start is None:
+            return None
+        return fit_phase(frame, phase, gradients, np.array(start)[told], weights, per_chirp=True)
+
+    return search
+
+
+def _in_place(parameters: Array, told: list[int]) -> Array:
+    """All three parameters, those not fitted being 0."""
+    full = np.zeros(3)
+    full[told] = parameters
+    return full
+
+
+def _weights(waveform: Waveform, window: Window) -> Array:
+    """Of least squares whose amplitudes are free from chirp to chirp, (chirp, sample)."""
+    return np.tile(window_weights("window", window, waveform.num_samples), (waveform.num_chirps, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityEstimate:
+    """Range and velocity of the strongest echo; NaN where there is none.
+
+    Attributes
+    ----------
+    range : float or (frame,) float64
+        Range at the middle of the frame [m].
+    velocity : float or (frame,) float64
+        Range rate, receding positive [m/s].
+    range_std, velocity_std : float or (frame,) float64
+        Predicted standard deviations [m], [m/s]: the Cramér-Rao bound at the measured `snr_db`, with the loss of the
+        windows. They hold for one echo in white noise and above the threshold of the estimate, below which peaks of
+        noise are taken for the echo.
+    snr_db : float or (frame,) float64
+        Power of the echo over that of the noise, per sample [dB]; -inf where the noise hides it.
+
+    See Also
+    --------
+    doppler_velocity : By the phase over the chirps.
+    up_down_velocity : By chirps of both slopes.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).frame()
+    >>> estimate = rc.doppler_velocity(frame)
+    >>> round(estimate.velocity, 2), estimate.velocity_std < 1e-3
+    (-0.5, True)
+    """
+
+    range: Array | float
+    velocity: Array | float
+    range_std: Array | float
+    velocity_std: Array | float
+    snr_db: Array | float
+
+
+class Echo(NamedTuple):
+    """Estimate of one frame."""
+
+    range: float = np.nan
+    velocity: float = np.nan
+    range_std: float = np.nan
+    velocity_std: float = np.nan
+    snr_db: float = np.nan
+
+
+class EchoInput(NamedTuple):
+    """Samples (frame, channel, chirp, sample) of a waveform, checked."""
+
+    samples: NDArray[Any]
+    waveform: Waveform
+    offsets: Array
+    """Time from the mean chirp of all channels to the mean chirp of each, (channel,) [s]."""
+    is_one: bool
+    """One frame, not several."""
+
+
+def checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube") -> EchoInput:
+    """Samples of one frame or several, with the radar or waveform that they have; `name`: of the argument."""
+    samples, wf = cube_and_waveform(cube, waveform)
+    offsets = np.zeros(1)
+    if not isinstance(waveform, Waveform):
+        of_channels = cube_and_radar(cube, waveform)[1].channel_offsets
+        if of_channels.any():
+            offsets = of_channels - of_channels.mean()
+    require_range(wf)
+    checked = checked_samples(
+        samples, "([frame,] channel, chirp, sample)", num_chirps=wf.num_chirps, num_samples=wf.num_samples
+    )
+    if checked.ndim not in (3, 4):
+        raise ValueError(f"{name}: expected shape ([frame,] channel, chirp, sample), got {checked.shape}")
+    if checked.shape[-3] == 0:
+        raise ValueError(f"{name}: expected at least one channel, got none")
+    if not np.isfinite(checked).all():
+        bad = np.argwhere(~np.isfinite(checked))
+        raise ValueError(
+            f"{name}: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
+        )
+    is_one = checked.ndim == 3
+    return EchoInput(checked[None] if is_one else checked, wf, offsets, is_one)
+
+
+def delay_between(up: Samples, down: Samples) -> float | None:
+    """Difference of the times of two frames [s]; None for cubes."""
+    if isinstance(up, Frame) and isinstance(down, Frame):
+        return down.time - up.time
+    times = getattr(up, "time", None), getattr(down, "time", None)
+    if times[0] is None or times[1] is None or len(times[0]) == 0:
+        return None
+    between = np.asarray(times[1]) - np.asarray(times[0])
+    if np.ptp(between) > 1e-9:
+        raise ValueError(
+            f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s"
+        )
+    return float(between[0])
+
+
+def checked_noise(noise: float | None) -> float | None:
+    """Power of the noise per sample, None if it is to be measured."""
+    return None if noise is None else check.non_negative("noise", noise)
+
+
+def measured_echo(
+    frame: NDArray[Any],
+    waveform: Waveform,
+    fit: PhaseFit,
+    distance: float,
+    velocity: float,
+    level: float | None,
+    bound_of: Callable[[float, bool, int], CramerRaoBound],
+    weights: Array,
+) -> Echo:
+    """A fitted echo with what it is worth: the bound of (snr_db, is_real, num_channels); `level`: of known noise."""
+    snr_db = decibels(snr(frame, waveform, fit, level, weights))
+    bound = bound_of(snr_db, not np.iscomplexobj(frame), len(frame))
+    return Echo(float(distance), float(velocity), float(bound.range), float(bound.velocity), snr_db)
+
+
+def snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
+    """Power of the echo over that of the noise, per sample."""
+    noise = noise_power(frame - fit.echo, waveform) if level is None else level
+    if noise == 0.0:
+        return np.inf
+    # Power of a real tone is half of its squared amplitude, which has twice the noise in it.
+    is_iq = np.iscomplexobj(frame)
+    per_amplitude = float((weights**2).sum() / weights.sum() ** 2) * fit.num_free / len(frame)
+    power = fit.power * (1.0 if is_iq else 0.5) - noise * per_amplitude * (1.0 if is_iq else 2.0)
+    return max(0.0, power / noise)
+
+
+def decibels(ratio: float) -> float:
+    """A ratio of powers in dB, -inf for 0."""
+    with np.errstate(divide="ignore"):
+        return float(10.0 * np.log10(ratio))
+
+
+def measured(given: EchoInput, measure: Callable[[NDArray[Any]], Echo]) -> VelocityEstimate:
+    """Estimates of a function, frame by frame."""
+    return stacked([measure(frame) for frame in given.samples], given.is_one)
+
+
+def stacked(rows: list[Echo], is_one: bool) -> VelocityEstimate:
+    """Numbers of one frame, arrays of several."""
+    if is_one:
+        return VelocityEstimate(*rows[0])
+    return VelocityEstimate(*np.array(rows, dtype=np.float64).reshape(len(rows), len(Echo._fields)).T)

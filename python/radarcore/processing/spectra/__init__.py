@@ -1,0 +1,1 @@
+"""Windows, transforms and noise levels."""

@@ -1,0 +1,122 @@
+"""Level of the noise in a map of powers: from the receiver, where that is known, or from the map itself."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.processing.detection.cfar import checked_power
+from radarcore.products import real_inner
+from radarcore.radar.receiver import is_plain
+from radarcore.recording.frame import Frame, unit_of
+from radarcore.recording.recording import Recording
+
+_LEAST_ROWS, _LEAST_COLUMNS = 8, 16
+"""Smallest map whose rows have levels to compare."""
+
+_EMPTY = 0.25
+"""Level of a row, over that which a fifth of the rows exceed, below which its noise was filtered out: of noise alone
+the median of a row is as low in one of a thousand rows with few cells."""
+
+ROUNDING = 1e-12
+"""Smallest noise of a cell over the power that the cube would have in a cell as a single echo: float32, of 24 bits,
+errs by less."""
+
+LEAST_NOISE = float(np.finfo(np.float32).tiny)
+"""Smallest noise of a cell at all."""
+
+
+def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
+    """Noise power of the cells of a map: their mean, if half of them have no echo.
+
+    The median over its value for a mean of 1: echoes, as few or as strong as they are, hardly move it. Cells need not
+    be independent.
+
+    Parameters
+    ----------
+    power : (...) array_like
+        Power of every cell, 0 or above, not in dB.
+    num_looks : int
+        Independent powers added up in every cell, such as channels: their sum is gamma-distributed.
+
+    Returns
+    -------
+    level : float
+        In the unit of `power`, of the sum of all looks; 0 for a map without cells.
+
+    See Also
+    --------
+    cfar : Cells above the noise around them.
+
+    Examples
+    --------
+    >>> power = np.random.default_rng(1).exponential(2.0, 10_000)
+    >>> power[:20] = 1e6  # echoes
+    >>> print(f"{rc.noise_level(power):.1f}")
+    2.0
+    """
+    cells = checked_power(power)
+    looks = check.count("num_looks", num_looks)
+    return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
+
+
+def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, float]:
+    """Rows (velocities) whose noise a filter took, such as `remove_static`, (row,), and the median of the others.
+
+    Rows whose median is far below that which a fifth of all exceed. None where there are none, as in maps too small to
+    tell.
+    """
+    number = len(power)
+    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
+        return None, float(np.median(power)) if power.size else 0.0
+    middle = power.shape[1] // 2
+    medians = np.partition(power, middle, axis=1)[:, middle]  # several times quicker than np.median
+    level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
+    return None if medians.min() >= _EMPTY * level else medians < _EMPTY * level, level
+
+
+@lru_cache(maxsize=64)
+def median_of_unit_mean(num_looks: int) -> float:
+    """Median of a gamma-distributed power of mean 1 (one look: ln 2)."""
+    from scipy.special import gammaincinv  # here: importing radarcore imports numpy and nothing heavier
+
+    return float(gammaincinv(num_looks, 0.5)) / num_looks
+
+
+def known_noise(frame: Frame | Recording, *weights: NDArray[Any]) -> float | None:
+    """Mean power of the receiver's noise in a cell of one channel; None where it is not known.
+
+    White noise of variance s^2 has the power ``s^2 sum(w^2)`` in every cell of a transform with weights w, and a factor
+    ``sum(w^2)`` more for every further axis. It is known of samples in sqrt(W), simulated ones, of a receiver with a
+    noise figure and no other effects.
+
+    Parameters
+    ----------
+    frame : Frame or Recording
+    weights : (length,) arrays
+        Window over each axis that is transformed.
+    """
+    receiver = frame.radar.receiver
+    unit = unit_of(frame) if isinstance(frame, Frame) else frame.source.get("cube_unit")
+    if receiver is None or not is_plain(receiver) or unit is not None:
+        return None
+    variance = receiver.noise_variance(frame.radar.waveform.sample_rate)
+    return variance * float(np.prod([np.square(w).sum() for w in weights])) or None
+
+
+def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
+    """Smallest noise that a cell of the windowed transforms can have: rounding of the samples.
+
+    Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
+    """
+    return max(rounding_per_energy(fast_weights, slow_weights) * real_inner(cube, cube), LEAST_NOISE)
+
+
+def rounding_per_energy(fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
+    """`rounding_noise` over the sum of the squared samples."""
+    fast, slow = (float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
+    return ROUNDING * fast * slow

@@ -1,0 +1,369 @@
+"""Power over a whole recording: of velocities (spectrogram, micro-Doppler) and of ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.clutter.static import has_offsets, without_offset
+from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
+from radarcore.processing.spectra.noise import known_noise
+from radarcore.processing.spectra.spectra import fast_spectrum
+from radarcore.processing.spectra.windows import Window, window_centre, window_weights
+from radarcore.radar.waveform import require_range
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+
+USUAL_LENGTH = 64
+"""Frames of a single chirp per column."""
+
+_SAME_INTERVAL = 0.25
+"""Largest delay of a single-chirp frame without a gap, relative to the interval: a lost frame delays the next by one
+interval, the stamps of a host by a tenth."""
+
+_SEAMLESS = 1e-3
+"""Frames follow each other without a gap when the next chirp is late by less than this many chirp intervals; the
+phase of the fastest unambiguous target is then right to `pi` times this [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrogram:
+    """Power of velocities over time.
+
+    Attributes
+    ----------
+    time : (column,) float64
+        Middle of every column's window [s]: where a target with constant acceleration has the velocity seen.
+    velocity : (velocity,) float64
+        Range rate [m/s], increasing, receding positive; NaN for a window of a single chirp.
+    power : (column, velocity) float64
+        ``abs(range_doppler(...))**2`` added over the ranges of the gate and over channels.
+    noise : float or None
+        Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    spectrogram : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording)
+    >>> history.power.shape, history.velocity[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 32), [-0.52, -0.52, -0.52, -0.52])
+    """
+
+    time: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    power: NDArray[np.float64]
+    noise: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RangeTime:
+    """Power of ranges over time.
+
+    Attributes
+    ----------
+    time : (frame,) float64
+        Middle of every frame [s].
+    range : (range,) float64
+        Range of every bin [m].
+    power : (frame, range) float64
+        ``abs(range_profile(...))**2``, mean over chirps and added over channels.
+    noise : float or None
+        Mean of `power` with the receiver's noise alone; None where that is not known.
+
+    See Also
+    --------
+    range_time : Makes one.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> history.power.shape, history.range[history.power.argmax(axis=1)].round(2).tolist()
+    ((4, 65), [2.04, 2.04, 2.04, 1.89])
+    """
+
+    time: NDArray[np.float64]
+    range: NDArray[np.float64]
+    power: NDArray[np.float64]
+    noise: float | None = None
+
+
+def spectrogram(
+    recording: Recording | Frame,
+    *,
+    channel: int | None = None,
+    window_length: int | None = None,
+    overlap: float = 0.5,
+    min_range: float | None = None,
+    max_range: float | None = None,
+    remove_static: bool = False,
+    window: Window = "hann",
+    doppler_window: Window = "hann",
+    num_velocity_bins: int | None = None,
+) -> Spectrogram:
+    """Velocities over time: Doppler transforms of a window that slides along the chirps of a recording.
+
+    The window never spans a gap. Frames are bursts of chirps, mostly with a pause in between: then every frame
+    gives one column, or several with a shorter window. Where the first chirp of a frame comes one chirp interval
+    after the last of the frame before (by `Recording.time`, to a thousandth of the interval) the window runs on
+    across the border and may be longer than a frame. Frames of a single chirp count as chirps at the frame interval: a
+    window spans several of them, up to a missing frame.
+
+    Parameters
+    ----------
+    recording : Recording or Frame
+        Frames with chirps at equal intervals; a frame counts as a recording of one.
+    channel : int, optional
+        One channel, negative numbers counting from the end; default: the powers of all, added.
+    window_length : int, optional
+        Chirps per column; default: the chirps of a frame, or 64 frames of a single chirp (fewer if the longest run
+        without a gap is shorter). Shorter: finer in time, coarser in velocity; velocities of a single chirp are NaN.
+    overlap : float
+        Part of the window that the next one shares, from 0 to below 1.
+    min_range, max_range : float, optional
+        Range gate [m]: the bins of the range profile whose centres lie within; none for a CW radar. Default: all.
+    remove_static : bool
+        Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
+        function `remove_static` is for one that moves. What stands still throughout goes,
+        however strong; what moves slowly, or rests for a while, stays. Of an ADC's samples the offset of every chirp
+        goes too, which differs a little from the next one's.
+    window, doppler_window : str, tuple or None
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+    num_velocity_bins : int, optional
+        Length of the Doppler transform, zero-padded; default: `window_length`.
+
+    Returns
+    -------
+    spectrogram : Spectrogram
+
+    Raises
+    ------
+    ValueError, TypeError
+        For numbers out of range, a gate without a bin, a window longer than the chirps without a gap, and chirps
+        at unequal intervals, and frames of several waveforms.
+
+    See Also
+    --------
+    range_time : Ranges over time.
+    range_doppler : Velocities of a frame, with their phases.
+    plot.spectrogram : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.spectrogram(recording, window_length=16, overlap=0.0)
+    >>> print(f"{len(history.time)} columns, {history.velocity[history.power[0].argmax()]:+.2f} m/s")
+    8 columns, -0.52 m/s
+    """
+    # Check all arguments before any work.
+    recording = recording_of("recording", recording)
+    require_one_waveform(recording.radar)
+    wf = recording.radar.waveform
+    require_uniform_chirps(wf)
+    interval, late = wf.chirp_interval, _SEAMLESS
+    if wf.num_chirps == 1 and len(recording) > 1:
+        interval, late = float(np.median(np.diff(recording.time))), _SAME_INTERVAL
+    is_seamless = _is_seamless(recording, interval, late)
+    longest = wf.num_chirps * _longest_run(is_seamless) if len(recording) > 0 else wf.num_chirps
+    usual = wf.num_chirps if wf.num_chirps > 1 else min(USUAL_LENGTH, longest)
+    length = usual if window_length is None else check.count("window_length", window_length)
+    shared = check.non_negative("overlap", overlap)
+    if shared >= 1.0:
+        raise ValueError(f"overlap: expected a part of the window, 0 to below 1, got {overlap!r}")
+    step = max(1, round(length * (1.0 - shared)))
+    num_bins = length if num_velocity_bins is None else check.count("num_velocity_bins", num_velocity_bins)
+    if num_bins < length:
+        raise ValueError(f"num_velocity_bins: expected at least {length} (window_length), got {num_bins}")
+    weights = window_weights("doppler_window", doppler_window, length)
+    fast_weights = window_weights("window", window, wf.num_samples)
+    gate = _gate(recording, min_range, max_range)
+    if len(recording) > 0 and length > longest:
+        raise ValueError(
+            f"window_length: expected at most {longest}, the most chirps without a gap in this recording, got {length}"
+        )
+
+    # Slide the window along each run of chirps: a frame's chirps join what is left of the run before them.
+    to_middle = window_centre(weights) * interval + (
+        wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
+    )
+    offsets = recording.radar.channel_offsets
+    to_middle += float(offsets.mean() if channel is None else offsets[check.index("channel", channel, len(offsets))])
+    times, powers = [np.empty(0)], [np.empty((0, num_bins))]
+    left: NDArray[Any] | None = None
+    for index, profile in enumerate(_profiles(recording, channel, gate, window, remove_static)):
+        run = profile if left is None or not is_seamless[index] else np.concatenate([left, profile], axis=1)
+        num_columns = max(0, (run.shape[1] - length) // step + 1)
+        starts = step * np.arange(num_columns)
+        after_frame = (starts - (run.shape[1] - wf.num_chirps)) * interval
+        times.append(recording.time[index] + after_frame + to_middle)
+        powers.extend(_doppler_power(run[:, k : k + length], weights, num_bins) for k in starts)
+        left = run[:, num_columns * step :]
+    noise = known_noise(recording, fast_weights, weights)
+    num_ranges = len(range(*gate.indices(_num_ranges(recording))))
+    noise = noise and noise * num_ranges * _num_channels(recording, channel)
+    velocity = np.full(num_bins, np.nan)
+    if np.count_nonzero(weights) > 1:
+        velocity = wf.velocity_axis(num_bins) * (wf.chirp_interval / interval)
+    return Spectrogram(np.concatenate(times), velocity, np.concatenate(powers), noise)
+
+
+def range_time(
+    recording: Recording | Frame,
+    *,
+    channel: int | None = None,
+    remove_static: bool = False,
+    window: Window = "hann",
+    num_bins: int | None = None,
+) -> RangeTime:
+    """Range profiles over time: one column per frame.
+
+    Parameters
+    ----------
+    recording : Recording or Frame
+        A frame counts as a recording of one.
+    channel : int, optional
+        One channel, negative numbers counting from the end; default: the powers of all, added.
+    remove_static : bool
+        Subtract from every range bin and channel its mean over the recording, as in `spectrogram`.
+    window : str, tuple or None
+        Window over fast time, as `scipy.signal.get_window` names it (periodic).
+    num_bins : int, optional
+        Length of the range transform, zero-padded; default: `num_samples`.
+
+    Returns
+    -------
+    range_time : RangeTime
+
+    Raises
+    ------
+    ValueError, TypeError
+        For numbers out of range, a CW radar, and frames of several waveforms.
+
+    See Also
+    --------
+    spectrogram : Velocities over time.
+    range_profile : Ranges of a frame, with their phases.
+    plot.range_time : Picture of it.
+
+    Examples
+    --------
+    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0])])
+    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.1)
+    >>> history = rc.range_time(recording)
+    >>> print(f"{history.range[history.power[0].argmax()]:.2f} m at {history.time[0]:.3f} s")
+    2.04 m at 0.005 s
+    """
+    recording = recording_of("recording", recording)
+    require_one_waveform(recording.radar)
+    wf = recording.radar.waveform
+    require_range(wf)
+    n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
+    num_ranges = _num_ranges(recording, n)
+    power = np.empty((len(recording), num_ranges))
+    for i, profile in enumerate(_profiles(recording, channel, slice(None), window, remove_static, num_bins=n)):
+        power[i] = _power(profile).mean(axis=1).sum(axis=0)
+    noise = known_noise(recording, window_weights("window", window, wf.num_samples))
+    noise = noise and noise * _num_channels(recording, channel)
+    return RangeTime(recording.time + recording.radar.middle, wf.range_axis(n)[:num_ranges], power, noise)
+
+
+def _num_channels(recording: Recording, channel: int | None) -> int:
+    """Channels whose powers are added."""
+    return recording.cube.shape[1] if channel is None else 1
+
+
+def _num_ranges(recording: Recording, length: int | None = None) -> int:
+    """Bins of a range transform of a length; default: of as many as samples."""
+    n = recording.radar.waveform.num_samples if length is None else length
+    return n if np.iscomplexobj(recording.cube) else n // 2 + 1
+
+
+def _profiles(
+    recording: Recording,
+    channel: int | None,
+    gate: slice,
+    window: Window,
+    remove_static: bool,
+    num_bins: int | None = None,
+) -> Iterator[NDArray[Any]]:
+    """Range profiles (channel, chirp, range) of one frame after the other: a cube left on disk is not held."""
+    wf = recording.radar.waveform
+    channels = slice(None)
+    if channel is not None:
+        index = check.index("channel", channel, recording.radar.num_channels)
+        channels = slice(index, index + 1)
+
+    takes_offset = remove_static and len(recording) > 0 and has_offsets(recording[0])
+
+    def profile(frame: NDArray[Any]) -> NDArray[Any]:
+        samples = without_offset(frame[channels]) if takes_offset else frame[channels]
+        return fast_spectrum(samples, wf, window=window, num_bins=num_bins)[..., gate]
+
+    mean: NDArray[Any] | float = 0.0
+    if remove_static:
+        for frame in recording.cube:
+            mean = mean + profile(frame).mean(axis=1, keepdims=True, dtype=np.complex128) / len(recording)
+    for frame in recording.cube:
+        kept = profile(frame)
+        yield (kept - mean).astype(kept.dtype)
+
+
+def _doppler_power(run: NDArray[Any], weights: NDArray[np.float64], num_bins: int) -> NDArray[np.float64]:
+    """Power (1, velocity) of one window of profiles (channel, chirp, range)."""
+    spectrum = np.fft.fft(run * weights.astype(run.real.dtype)[:, None], num_bins, axis=1)
+    power: NDArray[np.float64] = np.fft.fftshift(_power(spectrum).sum(axis=(0, 2)))
+    return power[None]
+
+
+def _power(values: NDArray[Any]) -> NDArray[np.float64]:
+    return np.asarray(np.square(values.real, dtype=np.float64) + np.square(values.imag, dtype=np.float64))
+
+
+def _gate(recording: Recording, min_range: float | None, max_range: float | None) -> slice:
+    """Bins of the range profile between two ranges."""
+    nearest = 0.0 if min_range is None else check.non_negative("min_range", min_range, "m")
+    farthest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
+    if farthest < nearest:
+        raise ValueError(f"max_range: expected at least min_range = {nearest:g} m, got {farthest:g}")
+    wf = recording.radar.waveform
+    if wf.is_cw:
+        if min_range is not None or max_range is not None:
+            require_range(wf)
+        return slice(None)
+    ranges = wf.range_axis()[: None if np.iscomplexobj(recording.cube) else wf.num_samples // 2 + 1]
+    if nearest > ranges[-1]:
+        raise ValueError(f"min_range: expected at most {ranges[-1]:g} m, the last range bin, got {nearest:g}")
+    first, last = np.searchsorted(ranges, nearest), np.searchsorted(ranges, farthest, side="right")
+    if first == last:
+        raise ValueError(
+            f"max_range: expected a gate that holds the centre of a range bin ({wf.range_resolution:g} m apart), "
+            f"got {nearest:g} to {farthest:g} m"
+        )
+    return slice(int(first), int(last))
+
+
+def _is_seamless(recording: Recording, interval: float, late: float) -> NDArray[np.bool_]:
+    """True for every frame that begins when the previous one ends, (frame,); False for the first.
+
+    Chirps follow each `interval` [s]; a frame may be `late`, or early, by a part of it.
+    """
+    gaps = np.diff(recording.time, prepend=np.nan) - recording.radar.waveform.num_chirps * interval
+    return np.abs(gaps) <= late * interval
+
+
+def _longest_run(is_seamless: NDArray[np.bool_]) -> int:
+    """Frames of the longest run without a gap."""
+    firsts = np.flatnonzero(~is_seamless)
+    return int(np.diff(firsts, append=len(is_seamless)).max())

@@ -1,0 +1,1 @@
+"""Clusters of detections and their tracks over time."""

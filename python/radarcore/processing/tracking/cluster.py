@@ -1,0 +1,437 @@
+"""Detections of one object brought together: a person or a robot gives many."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.processing.detection.point_cloud import COORDINATES, Detections
+from radarcore.processing.tracking.kalman import Array, normalized_squares, points_at
+
+Indices = NDArray[np.int64]
+
+_MOST_PAIRS = 512**2
+"""Pairs of detections up to which all are compared; more of them are found by a tree."""
+
+_MOST_AT_ONCE = 2**15
+"""Pairs per block: some 20 MB."""
+
+_CROSSED = ~np.eye(4, dtype=bool)
+"""Elements of a covariance off its diagonal."""
+
+_FEW = 16
+"""Detections whose pairs are compared one by one."""
+
+_ROUNDED = 1.0 + 1e-9
+"""Limits with what rounding may make of them."""
+
+_NEVER = 1e300
+"""Period of what has none: nothing is so large that it is wrapped."""
+
+_NO_WEIGHT = 1e-300
+"""Instead of a sum of weights that is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Detections in groups, one for each object, by increasing range of the centroid.
+
+    Parameters
+    ----------
+    labels : (detection,) int
+        Index of the cluster of each detection; -1 for one that is alone among fewer than `min_detections`.
+    centroids : Detections
+        Means of the clusters, weighted by power. Their covariance is that of the mean: of the errors of the detections,
+        and of the spread of the cluster as far as it does not average out. Their `snr_db` is that of the powers,
+        added; a cluster is resolved if all its detections are.
+    extent : (cluster, 4) float64
+        Standard deviation of the detections about the centroid, weighted by power: range [m], velocity [m/s], azimuth,
+        elevation [rad]. NaN for coordinates that are not told.
+    num_detections : (cluster,) int
+
+    See Also
+    --------
+    cluster : Makes them.
+
+    Examples
+    --------
+    >>> found = rc.Detections([1.0, 1.1, 3.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.2], np.zeros(3), [20.0, 20.0, 12.0])
+    >>> clusters = rc.cluster(found, distance=0.3)
+    >>> clusters.num_detections.tolist(), clusters.centroids.range.round(2).tolist()
+    ([2, 1], [1.05, 3.0])
+    """
+
+    labels: Indices
+    centroids: Detections
+    extent: Array
+    num_detections: Indices
+
+    def __len__(self) -> int:
+        return len(self.centroids)
+
+
+def cluster(
+    detections: Detections,
+    *,
+    distance: float | None = 0.3,
+    velocity: float | None = None,
+    num_deviations: float | None = None,
+    min_detections: int = 1,
+    max_velocity: float | None = None,
+) -> Clusters:
+    """Group detections of one object: those that a chain of near ones connects.
+
+    Two detections are near each other within `distance` and `velocity`, both of them; or, if `num_deviations` is given,
+    when they may be one within the errors that their covariances tell. The distance is that of the points in space if
+    all detections have an azimuth, of the ranges otherwise. With `min_detections` above 1 the groups are those
+    of DBSCAN (Ester et al., 1996): chains go through detections with so many near ones, themselves included.
+
+    Parameters
+    ----------
+    detections : Detections
+    distance : float or None
+        Largest distance of two near detections [m]; None: any.
+    velocity : float or None
+        Largest difference of their velocities [m/s]; None: any.
+    num_deviations : float, optional
+        Largest Mahalanobis distance of two near detections, instead of `distance` and `velocity`. All detections need a
+        covariance.
+    min_detections : int
+        Detections that make an object; fewer are labelled -1.
+    max_velocity : float, optional
+        Largest unambiguous velocity [m/s], see `Waveform.max_velocity`: velocities are then compared and averaged
+        modulo twice that.
+
+    Returns
+    -------
+    clusters : Clusters
+
+    Raises
+    ------
+    TypeError
+        For anything but `Detections`.
+    ValueError
+        For limits that are not positive, and without covariances where they are asked for.
+
+    See Also
+    --------
+    Clusters : What comes back.
+    detect : Detections of a frame.
+    track : Tracks of clusters over time.
+
+    Examples
+    --------
+    >>> found = rc.Detections([1.0, 1.1, 3.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.2], np.zeros(3), [20.0, 20.0, 12.0])
+    >>> rc.cluster(found, distance=0.3).labels.tolist()
+    [0, 0, 1]
+    """
+    check.instance("detections", detections, Detections)
+    limits = (
+        None if distance is None else check.positive("distance", distance, "m"),
+        None if velocity is None else check.positive("velocity", velocity, "m/s"),
+    )
+    fewest = check.count("min_detections", min_detections)
+    periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
+    values, covariance = coordinates(detections), covariances(detections)
+    if num_deviations is None:
+        labels = connected(len(detections), *pairs_within(values, *limits, periods), fewest)
+    else:
+        number = check.positive("num_deviations", num_deviations)
+        labels = _connected_in_blocks(len(values), lambda: _near_pairs(values, covariance, number, periods), fewest)
+    level = levels(detections)
+    labels, found = groups(values, level, covariance, labels, periods)
+    distances, velocities, azimuths, elevations = found.values.T
+    centroids = Detections(
+        distances,
+        velocities,
+        azimuths,
+        elevations,
+        found.strongest + 10.0 * np.log10(found.power),
+        found.covariance,
+        detections.time,
+        np.bincount(labels[labels >= 0], ~detections.is_resolved[labels >= 0], len(found.counts)) == 0,
+        detections.ambiguous_beyond,
+    )
+    extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
+    return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)
+
+
+class Groups(NamedTuple):
+    """Groups of detections, by increasing range of their means."""
+
+    values: Array
+    """Means (group, n)."""
+    covariance: Array
+    """Of the means (group, n, n)."""
+    spread: Array
+    """Covariance of the detections about the means (group, n, n)."""
+    strongest: Array
+    """Largest level (group,) [dB]."""
+    power: Array
+    """Sum of the powers (group,), over that of the strongest."""
+    counts: Indices
+    """Detections (group,)."""
+
+
+def periods_of(max_velocity: float | None) -> Array:
+    """Periods of range, velocity, azimuth and elevation, of which the last two are angles."""
+    return np.array([_NEVER, _NEVER if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
+
+
+def coordinates(detections: Detections) -> Array:
+    """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
+    values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
+    is_told = np.isfinite(values)
+    return values if is_told.all() else np.where(is_told, values, np.nan)
+
+
+def covariances(detections: Detections) -> Array:
+    """Of range, velocity, azimuth and elevation (detection, 4, 4); errors whose correlation is NaN have none."""
+    covariance = detections.covariance
+    is_unknown = np.isnan(covariance)
+    return np.where(is_unknown & _CROSSED, 0.0, covariance) if is_unknown.any() else covariance
+
+
+def levels(detections: Detections) -> Array:
+    """Power over the noise (detection,) [dB]; 0 where it is not told."""
+    is_told = np.isfinite(detections.snr_db)
+    return detections.snr_db if is_told.all() else np.where(is_told, detections.snr_db, 0.0)
+
+
+def wrapped(difference: Array, period: Array) -> Array:
+    """Differences of what is known modulo a period, the nearest to 0."""
+    return difference - period * np.rint(difference / period)
+
+
+def pairs_within(
+    values: Array, distance: float | None, velocity: float | None, periods: Array
+) -> tuple[Indices, Indices]:
+    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself.
+
+    `values` are range and velocity, and azimuth and elevation if they are to be used, (detection, 2 to 4).
+    """
+    number = len(values)
+    has_points = values.shape[1] > 2 and not np.isnan(values[:, 2]).any()
+    points = points_at(values) if has_points else values[:, :1]
+    if distance is None or number**2 <= _MOST_PAIRS:
+        near = np.ones((number, number), dtype=bool)
+        if distance is not None:
+            apart = points[:, None] - points
+            near = (apart * apart).sum(axis=2) <= distance**2
+        if velocity is not None:
+            near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
+        near.flat[:: number + 1] = True  # those whose range is not told, too
+        first, second = near.nonzero()
+        return first, second
+    from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+
+    told = np.flatnonzero(np.isfinite(points).all(axis=1))
+    one, other = told[cKDTree(points[told]).query_pairs(distance, output_type="ndarray")].T
+    if velocity is not None:
+        is_near = _are_within(values[one, 1] - values[other, 1], velocity, periods[1])
+        one, other = one[is_near], other[is_near]
+    return both_ways(number, one, other)
+
+
+def may_be_near(values: Array, distance: float | None, velocity: float | None, periods: Array) -> bool:
+    """True if any pair may be among those of `pairs_within`; of few detections.
+
+    Arrays would take longer to make than the numbers of a few detections take one by one.
+    """
+    if len(values) > _FEW:
+        return True
+    farthest, fastest = (math.inf if limit is None else limit * _ROUNDED for limit in (distance, velocity))
+    period = float(periods[1])
+    for (range_, speed, *angles), (other_range, other_speed, *other_angles) in combinations(values.tolist(), 2):
+        along = abs(range_ - other_range)
+        if along > farthest or abs(math.remainder(speed - other_speed, period)) > fastest:
+            continue
+        if not angles or math.isinf(farthest):
+            return True
+        # With unit vectors u: |r1 u1 - r2 u2|^2 = (r1 - r2)^2 + r1 r2 |u1 - u2|^2.
+        apart = [2.0 * math.sin(0.5 * (one - other)) for one, other in zip(angles, other_angles, strict=True)]
+        across = apart[0] ** 2
+        if len(angles) == 2:
+            across = apart[1] ** 2 + math.cos(angles[1]) * math.cos(other_angles[1]) * across
+        if not along * along + range_ * other_range * across > farthest * farthest:
+            return True
+    return False
+
+
+def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:
+    """True where differences of velocities are within a limit; what is not told keeps nobody apart."""
+    return ~(np.abs(wrapped(difference, period)) > limit)
+
+
+def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indices]:
+    """Pairs in both directions, and each of a number of detections with itself."""
+    itself = np.arange(number)
+    return np.concatenate([one, other, itself]), np.concatenate([other, one, itself])
+
+
+def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> Indices:
+    """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
+    if fewest == 1 and len(first) == number:  # nobody is near anybody else
+        return np.arange(number)
+    if fewest == 1 and number <= _FEW:
+        names = list(range(number))
+        for one, other in zip(first.tolist(), second.tolist(), strict=True):
+            if names[one] < names[other]:  # the other way round, the pair comes again
+                names = [names[one] if name == names[other] else name for name in names]
+        return np.array(names)
+    is_core = np.bincount(first, minlength=number) >= fewest
+    inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
+    one, other = first[inner], second[inner]
+
+    # The smallest index goes around among the cores until nothing changes; labels of labels make long chains short.
+    labels = np.arange(number)
+    while True:
+        smallest = labels.copy()
+        np.minimum.at(smallest, one, labels[other])
+        smallest = smallest[smallest]
+        if (smallest == labels).all():
+            break
+        labels = smallest
+    if fewest == 1:
+        return labels
+
+    # Others belong to the group of the smallest index that has a core near them, or to none.
+    labels[~is_core] = number
+    border = ~is_core[first] & is_core[second]
+    np.minimum.at(labels, first[border], labels[second[border]])
+    return np.where(labels == number, -1, labels)
+
+
+def _connected_in_blocks(number: int, near_pairs: Callable[[], Iterator[Indices]], fewest: int) -> Indices:
+    """As `connected`, of pairs that come in blocks (2, n), each pair once: memory does not grow with their number."""
+    is_core = np.ones(number, dtype=bool)
+    if fewest > 1:
+        counts = np.ones(number, dtype=np.int64)
+        for pairs in near_pairs():
+            counts += np.bincount(pairs.ravel(), minlength=number)
+        is_core = counts >= fewest
+
+    # Groups so far, as pairs of each detection with the first one of its group, join those of the next block.
+    itself = np.arange(number)
+    labels = itself
+    for pairs in near_pairs():
+        one, other = np.concatenate([[itself, labels], pairs[:, is_core[pairs].all(axis=0)]], axis=1)
+        labels = connected(number, *both_ways(number, one, other))
+    if fewest == 1:
+        return labels
+
+    # Others belong to the group of the smallest index that has a core near them, or to none.
+    found = np.where(is_core, labels, number)
+    for pairs in near_pairs():
+        for one, other in (pairs, pairs[::-1]):
+            border = ~is_core[one] & is_core[other]
+            np.minimum.at(found, one[border], labels[other[border]])
+    return np.where(found == number, -1, found)
+
+
+def groups(values: Array, level: Array, covariance: Array, labels: Indices, periods: Array) -> tuple[Indices, Groups]:
+    """Groups of the detections with equal labels from 0 on, and the index of the group of each (-1: none).
+
+    `values` (detection, n), their `covariance` and `periods` are of as many coordinates as wanted.
+    """
+    order = np.argsort(labels, kind="stable")
+    order = order[labels[order] >= 0]
+    if len(order) == 0:
+        none = np.zeros(0)
+        return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none, none.astype(np.int64))
+    sorted_labels = labels[order]
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
+    if is_first.all():
+        return _each_alone(values[order], level[order], covariance[order], labels, periods)
+    starts = is_first.nonzero()[0]
+    group = is_first.cumsum() - 1
+    counts = np.bincount(group)
+
+    # Weights of each coordinate, adding up to 1 over the detections that tell it.
+    values, level = values[order], level[order]
+    strongest = np.maximum.reduceat(level, starts)
+    power = 10.0 ** (0.1 * (level - strongest[group]))
+    told = ~np.isnan(values)
+    weight = power[:, None] * told
+    total = np.add.reduceat(weight, starts)
+    weight /= np.maximum(total, _NO_WEIGHT)[group]
+
+    # Means about a value that the group has, so that angles and velocities may go around.
+    reference = np.fmax.reduceat(values, starts)
+    apart = wrapped(values - reference[group], periods)
+    apart[~told] = 0.0
+    offset = np.add.reduceat(weight * apart, starts)
+    mean = wrapped(reference + offset, periods)
+    apart -= offset[group]
+
+    # Spread, and the covariance of the mean: of the errors, and of the spread over the effective number of detections.
+    # A coordinate that a detection does not tell has no weight.
+    scaled = np.sqrt(weight) * apart
+    spread = np.add.reduceat(scaled[:, :, None] * scaled[:, None, :], starts)
+    root = np.sqrt(np.add.reduceat(np.square(weight), starts))
+    shares = weight[:, :, None] * weight[:, None, :]
+    errors = shares * covariance[order]
+    errors[shares == 0.0] = 0.0
+    of_mean = np.add.reduceat(errors, starts) + spread * (root[:, :, None] * root[:, None, :])
+    untold = total == 0.0
+    of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+
+    by_range = np.argsort(mean[:, 0], kind="stable")
+    place = np.full(len(labels) + 1, -1)
+    place[sorted_labels[starts[by_range]]] = np.arange(len(starts))
+    power = np.add.reduceat(power, starts)
+    found = Groups(
+        mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
+    )
+    return place[labels], found
+
+
+def _each_alone(
+    values: Array, level: Array, covariance: Array, labels: Indices, periods: Array
+) -> tuple[Indices, Groups]:
+    """Groups of a single detection each, in the order of their labels."""
+    by_range = values[:, 0].argsort(kind="stable")
+    mean, of_mean = wrapped(values[by_range], periods), covariance[by_range]
+    untold = np.isnan(mean)
+    if untold.any():
+        of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+    place = np.full(len(labels) + 1, -1)
+    place[np.sort(labels[labels >= 0])[by_range]] = np.arange(len(values))
+    ones = np.ones(len(values))
+    found = Groups(mean, of_mean, np.zeros_like(of_mean), level[by_range], ones, ones.astype(np.int64))
+    return place[labels], found
+
+
+def _near_pairs(values: Array, covariance: Array, num_deviations: float, periods: Array) -> Iterator[Indices]:
+    """Pairs within a Mahalanobis distance, (2, n) at a time."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    lacks = np.isfinite(values) & ~(variance > 0.0)
+    if lacks.any():
+        row, column = np.argwhere(lacks)[0]
+        raise ValueError(
+            f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
+            f"{COORDINATES[column]} of detection {row}"
+        )
+    # Near pairs are also near in range: pair each detection with the next ones in range, up to the last near one.
+    number, ranges = len(values), values[:, 0]
+    order = np.argsort(ranges, kind="stable")
+    farthest = ranges + num_deviations * np.sqrt(variance[:, 0] + variance[:, 0].max(initial=0.0)) * (1.0 + 1e-9)
+    last = np.full(number, number)
+    if not np.isnan(ranges).any():
+        last = np.searchsorted(ranges[order], farthest[order], side="right")
+    begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # first pair of each detection
+    for begin in range(0, int(begins[-1]), _MOST_AT_ONCE):
+        pair = np.arange(begin, min(begin + _MOST_AT_ONCE, begins[-1]))
+        row = np.searchsorted(begins, pair, side="right") - 1
+        one, other = order[row], order[row + 1 + pair - begins[row]]
+        differences = wrapped(values[one] - values[other], periods)
+        squares, _ = normalized_squares(differences, covariance[one] + covariance[other])
+        yield np.stack([one, other])[:, squares <= num_deviations**2]

@@ -1,0 +1,504 @@
+"""Multi-target tracking: detections of frames in, tracks out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import chain, compress
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from radarcore import check
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.tracking.cluster import (
+    connected,
+    coordinates,
+    covariances,
+    groups,
+    levels,
+    may_be_near,
+    pairs_within,
+    periods_of,
+    wrapped,
+)
+from radarcore.processing.tracking.kalman import (
+    SHORTEST_RANGE,
+    Array,
+    Indices,
+    assign,
+    begin,
+    expect,
+    predict,
+    smoothed,
+    update,
+    white_acceleration,
+)
+from radarcore.processing.tracking.tracks import Tracks, TrackState, state_of_fields, tracks_of
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+
+_KNOWN_WITHIN = 1.0 / 3.0
+"""A velocity tells in which of its periods it is when it is expected to this fraction of half a period: 3 sigma."""
+
+_LOST = np.pi**2 / 3.0
+"""Variance of an angle that may be any [rad^2]."""
+
+
+class Tracker:
+    """Tracks of a stream of frames: their state, which each update takes on.
+
+    A frame is brought in by these steps: clustering, prediction to its time, gating and assignment, the update of
+    the tracks that were detected, confirmations and ends, and new tracks from detections that belong to none. The
+    sensor is at rest.
+
+    Parameters
+    ----------
+    **settings
+        Those of `TrackerSettings`.
+
+    Attributes
+    ----------
+    settings : TrackerSettings
+    time : float
+        Of the newest detections [s]; -inf before the first.
+    num_dimensions : int or None
+        1, 2 or 3 of space; None until detections have told.
+    num_begun : int
+        Tracks that began, confirmed or not: the id of the next.
+
+    See Also
+    --------
+    track : Tracks of a whole recording.
+    TrackerSettings : What may be set.
+
+    Examples
+    --------
+    >>> tracker = rc.Tracker(confirm_hits=2)
+    >>> for k in range(3):
+    ...     found = rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k)
+    ...     states = tracker.update(found)
+    >>> print(f"{states[0].range:.2f} m, {states[0].velocity:+.2f} m/s, {states[0].is_confirmed}")
+    1.95 m, -0.52 m/s, True
+    """
+
+    _state: Array
+    _covariance: Array
+    _lives: list[_Life]
+
+    def __init__(self, **settings: Any) -> None:
+        self.settings: TrackerSettings = TrackerSettings(**settings)
+        self.time: float = -np.inf
+        self.num_dimensions = self.settings.num_dimensions
+        self.num_begun: int = 0
+        self._periods = periods_of(self.settings.max_velocity)
+        largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
+        self._velocity_known = (_KNOWN_WITHIN * largest) ** 2  # largest variance with which the period is known
+        self._usual = np.diag(np.square(self.settings.deviations))
+        self._clear(2)
+
+    def update(self, detections: Detections) -> list[TrackState]:
+        """States of all targets after the detections of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            At a later time than those before. Values that are NaN are left out, and angles of a variance above
+            pi^2 / 3, which may be any; those that lack one of the coordinates but the velocity begin no track.
+
+        Returns
+        -------
+        states : list of TrackState
+            By id; of confirmed tracks and of those that are not yet.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For anything but detections at a later time; the tracks are then as before.
+
+        See Also
+        --------
+        TrackState : What comes back, one for each target.
+        detect : Detections of a frame.
+
+        Examples
+        --------
+        >>> tracker = rc.Tracker()
+        >>> found = rc.Detections([2.0, 3.0], [-0.5, 0.0], [0.0, 0.5], [np.nan, np.nan], [20.0, 15.0], time=0.1)
+        >>> [round(state.range, 2) for state in tracker.update(found)]
+        [2.01, 3.02]
+        """
+        check.instance("detections", detections, Detections)
+        if not detections.time > self.time:
+            raise ValueError(
+                f"detections: expected those of a later time than {self.time:.15g} s, got {detections.time:.15g} s"
+            )
+        values, covariance = coordinates(detections), covariances(detections)
+        variance = covariance.diagonal(axis1=1, axis2=2)
+        largest = np.fmax.reduce(variance, axis=0, initial=0.0).tolist()
+        if max(largest) == np.inf or np.fmin.reduce(variance, axis=None, initial=0.0) < 0.0:
+            raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
+
+        if max(largest[2:]) > _LOST:
+            values = _without_lost_angles(values, variance)
+        self._choose_dimensions(values)
+        self._predict(detections.time)
+        if self.num_dimensions is None:
+            return []
+        told = self.num_dimensions + 1
+        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
+
+        tracks, found = self._assign_and_update(measured, noise)
+        self._count(tracks)
+        self._end()
+        if len(found) < len(measured):
+            is_new = np.ones(len(measured), dtype=bool)
+            is_new[found] = False
+            self._begin(measured[is_new], noise[is_new])
+        return self._states()
+
+    def _assign_and_update(self, measured: Array, noise: Array) -> tuple[Indices, Indices]:
+        """Update tracks with the detections that belong to them; indices of both."""
+        expected = expect(self._state, self._covariance)
+        spread = expected.spread
+        innovation = wrapped(measured - expected.value[:, None], self._periods[: measured.shape[1]])
+        innovation[~(spread[:, 1, 1] <= self._velocity_known), :, 1] = np.nan
+        tracks, found = assign(innovation, spread, noise, self.settings.gate)
+        self._state[tracks], self._covariance[tracks] = update(
+            self._state[tracks],
+            self._covariance[tracks],
+            innovation[tracks, found],
+            expected.jacobian[tracks],
+            noise[found] + expected.second_order[tracks],
+        )
+        return tracks, found
+
+    def _targets(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
+        """Measurements of targets, and their covariance, from all detections."""
+        s, told = self.settings, values.shape[1]
+
+        # The usual errors where detections do not tell theirs.
+        unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
+        if unknown.any():
+            usual = self._usual[:told, :told]
+            covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
+
+        if s.cluster_distance is not None or s.cluster_velocity is not None:
+            values, covariance = self._clustered(values, covariance, detections)
+
+        # Echoes come from anywhere on the target.
+        covariance = np.array(covariance, order="C")
+        variance = covariance.reshape(len(values), told * told)[:, :: told + 1]
+        variance[:, :2] += s.extent**2, s.velocity_extent**2
+        angle = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
+        variance[:, 2:] += angle * angle
+        return values, covariance
+
+    def _clustered(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
+        """Means of groups of detections, and their covariance, by increasing range."""
+        s, periods = self.settings, self._periods[: values.shape[1]]
+        if not may_be_near(values, s.cluster_distance, s.cluster_velocity, periods):  # as often
+            order = values[:, 0].argsort(kind="stable")
+            return values[order], covariance[order]
+        near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
+        _, found = groups(values, levels(detections), covariance, connected(len(values), *near), periods)
+        return found.values, found.covariance
+
+    def _choose_dimensions(self, measured: Array) -> None:
+        """Dimensions of space that the first detections tell."""
+        if self.num_dimensions is None and len(measured) > 0:
+            has_azimuth, has_elevation = (bool(np.isfinite(measured[:, k]).any()) for k in (2, 3))
+            self.num_dimensions = 1 + has_azimuth * (1 + has_elevation)
+        if self.num_dimensions is not None and self._state.shape[1] != 2 * self.num_dimensions:
+            self._clear(2 * self.num_dimensions)
+
+    def _predict(self, time: float) -> None:
+        """Tracks at the time of a frame, but those that were last seen too long before."""
+        if self.settings.max_gap is not None:
+            self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
+        if self._lives:
+            motion = white_acceleration(time - self.time, self.settings.acceleration_density, self._state.shape[1] // 2)
+            self._state, self._covariance = predict(self._state, self._covariance, *motion)
+        self.time = time
+
+    def _count(self, tracks: Indices) -> None:
+        """Count the frame for all tracks, and the detections of some."""
+        for life in self._lives:
+            life.age += 1
+            life.missed += 1
+        for track in tracks.tolist():
+            life = self._lives[track]
+            life.missed, life.seen = 0, self.time
+            life.hits += 1
+            life.is_confirmed |= self._confirms(life)
+
+    def _end(self) -> None:
+        """Leave out tracks that cannot be confirmed any more, or have not been detected for too many frames."""
+        s = self.settings
+        self._keep(
+            [
+                life.missed <= s.max_missed
+                if life.is_confirmed
+                else life.hits + max(s.confirm_frames - life.age, 0) >= s.confirm_hits
+                for life in self._lives
+            ]
+        )
+
+    def _confirms(self, life: _Life) -> bool:
+        """True if detections have been many and fast enough."""
+        return life.hits >= self.settings.confirm_hits and life.age <= self.settings.confirm_frames
+
+    def _keep(self, which: list[bool]) -> None:
+        """Leave out all other tracks."""
+        if not all(which):
+            self._state, self._covariance = self._state[which], self._covariance[which]
+            self._lives = list(compress(self._lives, which))
+
+    def _begin(self, measured: Array, noise: Array) -> None:
+        """Begin tracks with detections."""
+        s = self.settings
+        if len(measured) == 0:
+            return
+        velocity = measured[:, 1].copy()
+        if s.max_velocity is not None:
+            # In which period a velocity is: known if only one is within the largest speed.
+            velocity = wrapped(velocity, self._periods[1])
+            other = np.abs(velocity) >= 2.0 * s.max_velocity - s.max_speed
+            velocity[other] = np.nan
+            is_slow = np.isnan(velocity) | (np.abs(velocity) <= s.max_speed)
+        else:
+            is_slow = ~(np.abs(velocity) > s.max_speed)
+        starts = is_slow & (measured[:, 0] > SHORTEST_RANGE) & np.isfinite(measured[:, 2:]).all(axis=1)
+        if not (number := int(starts.sum())):
+            return
+        kept = measured[starts]
+        kept[:, 1] = velocity[starts]
+        # Velocities across are evenly distributed within the largest speed.
+        state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))
+        self._state = np.concatenate([self._state, state])
+        self._covariance = np.concatenate([self._covariance, covariance])
+        for _ in range(number):
+            life = _Life(self.num_begun, self.time)
+            life.is_confirmed = self._confirms(life)
+            self._lives.append(life)
+            self.num_begun += 1
+
+    def _states(self) -> list[TrackState]:
+        """States of all tracks."""
+        states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
+        return [
+            state_of_fields(
+                id=life.id,
+                time=self.time,
+                state=state,
+                state_covariance=covariance,
+                is_detected=life.missed == 0,
+                is_confirmed=life.is_confirmed,
+                num_hits=life.hits,
+            )
+            for life, state, covariance in zip(self._lives, states, covariances, strict=True)
+        ]
+
+    def _clear(self, length: int) -> None:
+        """No tracks, of states of a length."""
+        self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
+        self._lives = []
+
+
+@dataclass(slots=True)
+class _Life:
+    """History of a track; of few, numbers are counted faster one by one than in arrays."""
+
+    id: int
+    seen: float
+    """Time of the newest detection [s]."""
+    hits: int = 1
+    """Detections."""
+    age: int = 1
+    """Frames from the first detection on, that one included."""
+    missed: int = 0
+    """Frames in a row without a detection."""
+    is_confirmed: bool = False
+
+
+def _without_lost_angles(values: Array, variance: Array) -> Array:
+    """Coordinates of detections, without angles that are not known at all, as those at the horizon of an array."""
+    values = values.copy()
+    values[:, 2:][variance[:, 2:] > _LOST] = np.nan
+    return values
+
+
+def track(
+    source: Recording | Iterable[Detections | Frame],
+    *,
+    detector: Callable[[Frame], Detections] | None = None,
+    smooth: bool = False,
+    **settings: Any,
+) -> Tracks:
+    """Track the targets of a recording.
+
+    An object that gives many detections, such as a person, is clustered first (`cluster`), and the centroids are
+    tracked: by a Kalman filter for range and range rate, or by an extended one for positions and velocities where
+    detections have angles. Detections are assigned to tracks as global nearest neighbours within their gates.
+
+    Parameters
+    ----------
+    source : Recording or iterable of Detections or Frame
+        In the order of time. Lost frames and uneven intervals are bridged by the motion model.
+    detector : callable, optional
+        Detections of a frame; default: `detect`.
+    smooth : bool
+        Estimate every state from all detections of the track, the later ones too (Rauch, Tung and Striebel), instead of
+        from those until then. Tracks are the same, from the same detections; frames without one then lie between those
+        before and after.
+    **settings
+        Those of `TrackerSettings`.
+
+    Returns
+    -------
+    tracks : Tracks
+        Those that were confirmed, each from its first to its last detection.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For settings and times that are refused by `TrackerSettings` and `Tracker.update`; for anything but detections
+        and frames.
+
+    See Also
+    --------
+    Tracks : What comes back.
+    Tracker : Frame by frame, for live use.
+    detect : Detections that are tracked.
+    plot.tracks : Picture over time.
+
+    Examples
+    --------
+    >>> found = [rc.Detections([2.0 - 0.025 * k], [-0.5], [0.0], [np.nan], [20.0], time=0.05 * k) for k in range(6)]
+    >>> tracks = rc.track(found)
+    >>> len(tracks), tracks[0].range.round(2).tolist()
+    (1, [2.01, 1.97, 1.95, 1.92, 1.89, 1.86])
+    """
+    TrackerSettings(**settings)  # refused before work starts
+    if detector is not None and not callable(detector):
+        raise TypeError(f"detector: expected a function of a frame, got {type(detector).__name__}")
+    if not isinstance(source, Iterable | Recording):
+        raise TypeError(
+            f"source: expected Recording or an iterable of Detections or Frame, got {type(source).__name__}"
+        )
+    items = iter(source.frames() if isinstance(source, Recording) else source)
+    first = next(items, None)
+    if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
+        settings = {"max_velocity": first.radar.max_velocity} | settings
+    tracker = Tracker(**settings)
+    times, states = [], []
+    for item in items if first is None else chain([first], items):
+        if isinstance(item, Frame):
+            item = detect(item) if detector is None else detector(item)
+        states.append(tracker.update(item))
+        times.append(tracker.time)
+    tracks = tracks_of(times, states)
+    return _smoothed(tracks, tracker.settings.acceleration_density) if smooth else tracks
+
+
+def _smoothed(tracks: Tracks, density: float) -> Tracks:
+    """Tracks with states by all of their detections."""
+    kept = []
+    for one in tracks:
+        state, covariance = smoothed(one.time, one.state, one.state_covariance, density)
+        kept.append(replace(one, state=state, state_covariance=covariance))
+    return replace(tracks, tracks=tuple(kept))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerSettings:
+    """Settings of a tracker: how targets move, how well they are detected, when tracks begin and end.
+
+    Parameters
+    ----------
+    acceleration_density : float
+        Power spectral density of the acceleration of targets [m^2/s^3]: their velocity changes by
+        ``sqrt(acceleration_density * t)`` in a time t, one standard deviation.
+    max_speed : float
+        Largest speed of targets [m/s]. No track begins with more; the velocity across the line of sight begins as
+        unknown within it.
+    max_velocity : float, optional
+        Largest unambiguous velocity of the waveform [m/s], `Waveform.max_velocity`: measured velocities are known
+        modulo twice that, and are taken as those nearest to what is expected. Default: that of the frames; from
+        `Detections` alone, velocities are taken as they are.
+    gate : float
+        Probability that a detection of a target lies within the gate of its track, from 0 to 1.
+    confirm_hits, confirm_frames : int
+        A track is confirmed with so many detections within so many frames from its first on, that one included; it ends
+        as soon as it cannot be any more.
+    max_missed : int
+        Frames in a row without a detection that a confirmed track outlives. Lost frames do not count.
+    max_gap : float, optional
+        Longest time between two detections of a track [s]; default: any.
+    cluster_distance, cluster_velocity : float or None
+        Detections within both [m, m/s] of each other are one target, see `cluster`; None: any. Both None: every
+        detection is one of its own.
+    deviations : (4,) array_like
+        Standard deviations of range [m], velocity [m/s], azimuth and elevation [rad] for detections without a
+        covariance.
+    extent : float
+        Standard deviation of the place on a target from which echoes come [m]: adds to that of detections.
+    velocity_extent : float
+        Standard deviation of the velocities of its parts [m/s]: likewise.
+    num_dimensions : 1, 2 or 3, optional
+        Range alone; the plane, by azimuth; space, by elevation too. Default: by what the first detections tell.
+
+    See Also
+    --------
+    track : Takes them as keywords.
+    Tracker : Likewise.
+
+    Examples
+    --------
+    >>> settings = rc.TrackerSettings(max_speed=2.0, confirm_hits=2, confirm_frames=3)
+    >>> rc.Tracker(max_speed=2.0, confirm_hits=2, confirm_frames=3).settings == settings
+    True
+    """
+
+    acceleration_density: float = 1.0
+    max_speed: float = 3.0
+    max_velocity: float | None = None
+    gate: float = 0.999
+    confirm_hits: int = 3
+    confirm_frames: int = 5
+    max_missed: int = 10
+    max_gap: float | None = None
+    cluster_distance: float | None = 0.3
+    cluster_velocity: float | None = 1.0
+    deviations: ArrayLike = (0.05, 0.2, 0.1, 0.1)
+    extent: float = 0.05
+    velocity_extent: float = 0.1
+    num_dimensions: int | None = None
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        positive = {"acceleration_density": "m^2/s^3", "max_speed": "m/s"}
+        optional = {"max_velocity": "m/s", "max_gap": "s", "cluster_distance": "m", "cluster_velocity": "m/s"}
+        for name, unit in (positive | optional).items():
+            if getattr(self, name) is not None or name in positive:
+                put(self, name, check.positive(name, getattr(self, name), unit))
+        for name, unit in {"extent": "m", "velocity_extent": "m/s"}.items():
+            put(self, name, check.non_negative(name, getattr(self, name), unit))
+        put(self, "gate", check.number("gate", self.gate))
+        if not 0.0 < self.gate < 1.0:
+            raise ValueError(f"gate: expected a probability between 0 and 1, got {self.gate:g}")
+        put(self, "confirm_hits", check.count("confirm_hits", self.confirm_hits))
+        put(self, "confirm_frames", check.count("confirm_frames", self.confirm_frames))
+        if self.confirm_frames < self.confirm_hits:
+            raise ValueError(
+                f"confirm_frames: expected at least confirm_hits = {self.confirm_hits}, got {self.confirm_frames}"
+            )
+        put(self, "max_missed", check.count("max_missed", self.max_missed, 0))
+        deviations = check.array("deviations", self.deviations, (4,))
+        if (deviations <= 0.0).any():
+            raise ValueError(f"deviations: expected positive numbers, got {deviations.tolist()}")
+        put(self, "deviations", tuple(deviations.tolist()))
+        if self.num_dimensions is not None and check.count("num_dimensions", self.num_dimensions) > 3:
+            raise ValueError(f"num_dimensions: expected 1, 2 or 3, got {self.num_dimensions}")
