@@ -20,7 +20,7 @@ import radarcore as rc
 from page import machine, table
 from radarcore.dataset.executors import num_cores
 from radarcore.dataset.layout import samples_per_shard
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
 ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"

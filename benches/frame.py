@@ -160,8 +160,8 @@ def depth_row(radar: rc.Radar, rows: int, columns: int, num_frames: int) -> list
 def measure(name: str, simulator: rc.Simulator, num_frames: int) -> Column:
     """Run times of the stages, and some counts, of frames one after another."""
     simulator.frame(0.0)
-    watch = Stopwatch(simulator._engine)
-    vars(simulator)["_engine"] = watch
+    watch = Stopwatch(simulator._engines[0])
+    vars(simulator)["_engines"] = [watch]
     stages: list[dict[str, float]] = []
     counts: list[list[float]] = []
     with mock.patch.object(_core, "receive", watch.receive):

@@ -121,8 +121,8 @@ def measure(settings: dict[str, Any], num_frames: int) -> dict[str, np.ndarray]:
         return updated - start, time.perf_counter() - start
 
     step(0)
-    watch = Stopwatch(simulator._engine)
-    vars(simulator)["_engine"] = watch
+    watch = Stopwatch(simulator._engines[0])
+    vars(simulator)["_engines"] = [watch]
     with mock.patch.object(_core, "receive", watch.receive):
         for number in range(num_frames):
             watch.seconds, used = 0.0, time.process_time()

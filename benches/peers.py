@@ -137,7 +137,7 @@ def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
     simulator = rc.Simulator(scene, RADAR, resolution=side, field_of_view_deg=(60.0, 60.0), threads=threads)
     placement = Placement(scene, rc.Function(camera), RADAR.waveform)
     # A view that is cast again is cast as a whole.
-    engine = simulator._new_engine(reuse_tiles=False)
+    engine = simulator._new_engines(reuse_tiles=False)[0]
     name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")
     return Caster(name, lambda view: placement.at(view.time), engine.image, lambda hits: hits[0], threads)
 

@@ -67,7 +67,7 @@ def main() -> None:
         }
         made["ten boxes"] = rc.Simulator(boxes(), radar, threads=2, **settings)
         for simulator in made.values():
-            vars(simulator)["_engine"] = simulator._new_engine(**skips)
+            vars(simulator)["_engines"] = simulator._new_engines(**skips)
         return made
 
     expected: list[np.ndarray] = []

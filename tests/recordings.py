@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.pattern import GaussianPattern
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform

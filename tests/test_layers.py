@@ -34,7 +34,7 @@ MAY_IMPORT = {
     "plot": {"processing"} | BODIES | DESCRIPTIONS,
     "adapters": {"processing"} | BODIES | DESCRIPTIONS,
     "simulate": {"receive"} | BODIES | DESCRIPTIONS,
-    "depth": {"simulate", "receive", "motion", "geometry"} | DESCRIPTIONS,
+    "depth": {"simulate", "receive"} | BODIES | DESCRIPTIONS,
     "scenefile": {"models", "simulate"} | BODIES | DESCRIPTIONS,
     "virtual": {"scenefile", "simulate", "sensor", "receive"} | DESCRIPTIONS,
     "comparison": {"scenefile", "simulate", "plot", "processing"} | BODIES | DESCRIPTIONS,

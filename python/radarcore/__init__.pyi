@@ -68,13 +68,13 @@ from radarcore.processing.tracking.tracks import Track as Track
 from radarcore.processing.tracking.tracks import Tracks as Tracks
 from radarcore.processing.tracking.tracks import TrackState as TrackState
 from radarcore.processing.tracking.tracks import assign_to_truth as assign_to_truth
-from radarcore.radar.leakage import Leakage as Leakage
+from radarcore.radar.bgt60_presets import bgt60tr13c as bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr24 as bgt60tr24
 from radarcore.radar.pattern import GaussianPattern as GaussianPattern
 from radarcore.radar.pattern import IsotropicPattern as IsotropicPattern
 from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern
-from radarcore.radar.preset_tr24 import bgt60tr24 as bgt60tr24
-from radarcore.radar.presets import bgt60tr13c as bgt60tr13c
 from radarcore.radar.radar import Radar as Radar
+from radarcore.radar.receiver import Leakage as Leakage
 from radarcore.radar.receiver import Receiver as Receiver
 from radarcore.radar.schedule import Schedule as Schedule
 from radarcore.radar.waveform import Waveform as Waveform
@@ -95,8 +95,8 @@ from radarcore.scenefile.load import load_radar as load_radar
 from radarcore.scenefile.load import load_scene as load_scene
 from radarcore.scenefile.simulation import Simulation as Simulation
 from radarcore.sensor import open_sensor as open_sensor
+from radarcore.simulate.beat import beat_signal as beat_signal
 from radarcore.simulate.cross_section import rcs as rcs
 from radarcore.simulate.depth_image import DepthImage as DepthImage
 from radarcore.simulate.paths import Paths as Paths
 from radarcore.simulate.simulator import Simulator as Simulator
-from radarcore.simulate.synthesis import beat_signal as beat_signal

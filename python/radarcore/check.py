@@ -17,6 +17,9 @@ _Number = TypeVar("_Number", np.float64, np.complex128)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 _Kind = TypeVar("_Kind")
 
+LARGEST_DB = 1000.0
+"""Levels and gains are within this [dB]: the powers of a few of them together are still numbers."""
+
 _LONGEST_TIME = 1e12
 """Largest time of a series [s], hundreds of times the seconds since 1970."""
 
@@ -78,6 +81,22 @@ def frequency(name: str, value: object) -> float:
     result = positive(name, value, "Hz")
     if not _LOWEST_FREQUENCY <= result <= HIGHEST_FREQUENCY:
         raise ValueError(f"{name}: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got {result:g}")
+    return result
+
+
+def level(name: str, value: object, unit: str = "dB") -> float:
+    """A level from -1000 to 1000 dB, or a ValueError (TypeError for what is no number at all)."""
+    result = number(name, value, unit)
+    if abs(result) > LARGEST_DB:
+        raise ValueError(f"{name}: expected {-LARGEST_DB:g} to {LARGEST_DB:g} [{unit}], got {result:g}")
+    return result
+
+
+def non_positive_level(name: str, value: object, unit: str = "dB") -> float:
+    """A level from -1000 to 0 dB, of a ratio up to 1."""
+    result = level(name, value, unit)
+    if result > 0.0:
+        raise ValueError(f"{name}: expected at most 0 [{unit}], got {result:g}")
     return result
 
 

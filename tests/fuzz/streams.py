@@ -15,7 +15,7 @@ from boards import Numbered
 from comlib_boards import Pipe, Ramp
 from comlib_boards import radar as comlib_radar
 from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib import payloads
 from radarcore.sensor.comlib.board import ComLibBoard

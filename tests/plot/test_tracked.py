@@ -10,7 +10,7 @@ import pytest
 
 from radarcore import plot
 from radarcore.processing.tracking.tracks import Track, Tracks
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Truth
 from radarcore.recording.recording import Recording
 

@@ -17,7 +17,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.recording import Recording
-from radarcore.simulate.synthesis import beat_signal
+from radarcore.simulate.beat import beat_signal
 from radarcore.units import SPEED_OF_LIGHT
 
 UP, DOWN = 1.0, -1.0

@@ -14,7 +14,7 @@ from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_profile
 from radarcore.processing.tracking.tracker import track
 from radarcore.processing.tracking.tracks import assign_to_truth
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.schedule import Schedule
 from radarcore.recording.frame import Frame

@@ -14,7 +14,7 @@ from radarcore.processing.tracking.cluster import periods_of, wrapped
 from radarcore.processing.tracking.kalman import assign, begin, expect, gate_limits, predict, update, white_acceleration
 from radarcore.processing.tracking.tracker import Tracker, TrackerSettings, track
 from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 

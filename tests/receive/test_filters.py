@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.radar.baseband import filter_gain
+from radarcore.receive.filters import filter_gain
 
 C = 299_792_458.0
 WAVEFORM = rc.Waveform(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, freqs, sosfilt
 
 import radarcore as rc
+from radarcore.receive.filters import LowPass, low_pass_of
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
-from radarcore.receive.low_pass import LowPass, low_pass_of
 
 C = 299_792_458.0
 RATE = 1e6

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.radar.baseband import low_pass_gain
 from radarcore.receive.chain import receive
+from radarcore.receive.filters import low_pass_gain
 
 THERMAL = 1.380649e-23 * 290.0  # k T [W/Hz]
 RATE = 2e6

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
-from radarcore.receive.draws import Draws
+from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
+from radarcore.receive.noise import Draws
 from radarcore.receive.phase_noise import phase_density, phase_differences
 
 C = 299_792_458.0

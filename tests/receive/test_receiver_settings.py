@@ -15,7 +15,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.receive.chain import receive
-from radarcore.receive.draws import Draws
+from radarcore.receive.noise import Draws
 
 ALL: dict[str, Any] = {
     "output": "iq",

@@ -19,7 +19,7 @@ from chip_settings import power_up
 from infineon_folders import FOLDER, OLD_NAMES, SENSOR, SHAPE, array, config, folder, saved, some_codes, text
 from radarcore.cli.main import main
 from radarcore.processing.spectra.spectra import range_profile
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Truth, to_codes, to_samples

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter

@@ -13,7 +13,7 @@ import pytest
 
 from boards import Numbered, number_of, opened, plugged
 from doubles.usb_bus import EmulatedBus, cdc_device
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor import (
     RequestError,
     SensorDisconnectedError,

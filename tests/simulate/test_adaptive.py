@@ -64,7 +64,7 @@ def test_sphere_has_its_closed_form_over_the_band(
 def whole(sim: rc.Simulator) -> rc.Simulator:
     """Simulator of the same scene that leaves out nothing that is known."""
     fresh = sim.with_radar(sim.radar)
-    vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False, skip_empty=False)
+    vars(fresh)["_engines"] = fresh._new_engines(reuse_tiles=False, skip_empty=False)
     return fresh
 
 

@@ -29,7 +29,7 @@ def test_frames_are_the_same_alone_in_recordings_on_threads_and_from_files(
     other = rc.Radar(up.replace(start_frequency=63.5e9, slope=-up.slope), tx_power_dbm=10.0)
     facing = rc.Pose.look_at([3.0, 0.5, 0.0], [0.0, 0.0, 0.0])
     ball = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([0.5, -0.2, 0.0]), velocity=[0.4, 0.0, 0.0]))
-    scene = rc.Scene([ball, rc.Interferer(other, facing, rate=40.0, bounces=0)])
+    scene = rc.Scene([ball, rc.Interferer(other, facing, rate=40.0)])
     one, two = (rc.Simulator(scene, radar, threads=threads, seed=3, resolution=32) for threads in (1, 2))
     recording = two.record(0.0, 0.075, progress=False)
     first = one.frame(0.0)

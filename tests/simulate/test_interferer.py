@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.receive.low_pass import LowPass
+from radarcore.receive.filters import LowPass
 from radarcore.scene.interferer import chirps_between
 from scene_files import check_fault, load, write
 

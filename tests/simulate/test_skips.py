@@ -39,7 +39,7 @@ def simulator(scene: rc.Scene | None = None, **options: Any) -> rc.Simulator:
 
 def whole(sim: rc.Simulator) -> rc.Simulator:
     """The simulator, which leaves out nothing from now on."""
-    vars(sim)["_engine"] = sim._new_engine(reuse_tiles=False, skip_empty=False)
+    vars(sim)["_engines"] = sim._new_engines(reuse_tiles=False, skip_empty=False)
     return sim
 
 
@@ -221,7 +221,7 @@ def test_tiles_are_taken_over_behind_a_beam_too() -> None:
     ball = rc.Linear(rc.Pose([2.5, 0.3, 0.0]), velocity=[-2.0, 0.0, 0.0])
     scene = rc.Scene([*ten_bodies(0.0).bodies, rc.Body(rc.shapes.sphere(0.1), motion=ball)])
     sim, fresh = (rc.Simulator(scene, radar, **PIXELS) for _ in range(2))
-    vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False)
+    vars(fresh)["_engines"] = fresh._new_engines(reuse_tiles=False)
     reused = []
     for time in np.arange(0.0, 1.15, 0.05):
         frame = sim.frame(time)

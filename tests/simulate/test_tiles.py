@@ -189,7 +189,7 @@ def test_results_depend_neither_on_threads_nor_on_what_is_known() -> None:
 
     one, three = moving(threads=1), moving(threads=3)
     fresh = moving()
-    vars(fresh)["_engine"] = fresh._new_engine(reuse_tiles=False, skip_empty=False)
+    vars(fresh)["_engines"] = fresh._new_engines(reuse_tiles=False, skip_empty=False)
     first = one.frame(0.0)
     # Where nothing moves only rays to the points of the diffuse plate are cast.
     diffuse = one.frame(0.0).stats["rays_cast"]

@@ -26,7 +26,7 @@ from radarcore.recording.recording import RecordingReader, facts_of_frames, reco
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.read import values_of
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 from radarcore.summary import line
 
 

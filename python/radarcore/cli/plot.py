@@ -25,7 +25,7 @@ from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.simulation import Simulation
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

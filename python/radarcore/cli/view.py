@@ -17,7 +17,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.bare import Description
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.load import load_scene
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 
 
 def run(

@@ -11,7 +11,7 @@ from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.processing.spectra.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import require_range
-from radarcore.simulate.synthesis import beat_signal
+from radarcore.simulate.beat import beat_signal
 from radarcore.units import power_from_db
 
 DEPTH_DB = 60.0

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
+from radarcore.simulate.beat import beat_signal
 from radarcore.simulate.simulator import Simulator
-from radarcore.simulate.synthesis import beat_signal
 
 
 @dataclass(frozen=True, eq=False)

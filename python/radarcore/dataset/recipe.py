@@ -14,8 +14,8 @@ from radarcore.dataset.labels import Labels, labels_of
 from radarcore.dataset.layout import STATUS, TEXT, Layout, Variable
 from radarcore.dataset.variation import Sample, Variation
 from radarcore.recording.frame import Frame
+from radarcore.simulate.schedule import frame_times
 from radarcore.simulate.simulator import Simulator
-from radarcore.simulate.times import frame_times
 
 Rows = dict[str, NDArray[Any]]
 """A row of every variable."""

@@ -18,7 +18,7 @@ from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.read import tables_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.toml import toml_text
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 
 _MOST_NAMED = 4
 """Drawn values that an error names."""

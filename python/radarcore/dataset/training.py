@@ -20,8 +20,8 @@ from radarcore.dataset.notices import Told, gathered
 from radarcore.dataset.sample import Sample
 from radarcore.dataset.variation import Parameter, Variation
 from radarcore.recording.frame import Frame
+from radarcore.simulate.schedule import frame_times
 from radarcore.simulate.simulator import Simulator
-from radarcore.simulate.times import frame_times
 
 if TYPE_CHECKING:
     from radarcore.dataset.labels import Labels

@@ -14,16 +14,15 @@ from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, adc_codes, frame_of
-from radarcore.simulate.doubts import Doubts
-from radarcore.simulate.ramps import ramps_of, received
-from radarcore.simulate.settings import Settings, core_settings
-from radarcore.simulate.simulator import stats_of
+from radarcore.scene.scene import Scene
+from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
+from radarcore.simulate.schedule import at_receivers, ramps_of, received
+from radarcore.simulate.settings import Settings
+from radarcore.simulate.warnings import Warnings
 
 SAMPLINGS = ("footprint", "point")
 """Ways to let a pixel stand for the patch it covers."""
 
-# Times of the frame at which motion is placed: more where it is too fast for fewer.
-_NUMS_OF_TIMES = (17, 33, 65)
 # A depth that is this close to the far plane is the far plane.
 _FAR_MARGIN = 1e-6
 
@@ -151,8 +150,8 @@ def frame_from_depth(
     ray = returns(given, limit) * to_ray
     bodies, num_bodies = bodies_of(body, twists, shape)
     ray[bodies < 0] = np.inf
-    doubts = Doubts(radar, settings.tolerance)
-    doubts.of_depths(ray)
+    warnings = Warnings(Scene(), radar, settings.tolerance)
+    warnings.distances_not_in_metres(ray)
     steps = quantisation.find(np.where(np.isfinite(ray), ray / to_ray, np.nan), lens.slant(*shape) / to_ray)
     noise = quantisation.relative_noise(given, ray / to_ray, steps)
 
@@ -182,18 +181,18 @@ def frame_from_depth(
     ).thinned(None if max_points is None else check.count("max_points", max_points))
 
     # Ideal samples, then those of the receiver.
-    ideals = [_simulate(image, motion, part, settings, start, at) for part in radar.sequences()]
+    sequences = radar.sequences()
+    ideals = [_simulate(image, motion, part, settings, start, at) for part in sequences]
     for ideal in ideals:
-        doubts.of_frame(ideal, ())
-    cube, use = received([ideal.cube for ideal in ideals], radar, start, seed=settings.seed)
+        warnings.unresolved(ideal)
+    arriving = [at_receivers(ideal.cube, part) for ideal, part in zip(ideals, sequences, strict=True)]
+    cube, use = received(arriving, radar, start, seed=settings.seed)
 
     # Statistics and truth.
     num_hit = int((np.isfinite(image.distance) & (image.body >= 0)).sum())
-    counts = stats_of(*ideals)
     num_paths = ideals[0].counts["paths"]
     stats: dict[str, Any] = {
-        **counts,
-        **doubts.of_adc(use),
+        **counts_of(ideals),
         "rays_cast": image.distance.size,
         "rays_hit": num_hit,
         "paths_skipped": num_hit - num_paths,
@@ -201,6 +200,9 @@ def frame_from_depth(
         "normals_missing": int(missing.sum()),
         "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
     }
+    if use is not None and radar.receiver is not None:
+        stats |= use.stats(radar.receiver)
+        warnings.unsuitable_gain(use)
     truth = None if body is None else motion.truth(image, num_bodies)
     return frame_of(cube, start, radar, truth, stats, adc_codes(cube, radar))
 
@@ -222,17 +224,9 @@ def _simulate(
         range_rate=np.ascontiguousarray(image.range_rate) if image.range_rate.any() else None,
         age=start - at,
     )
-    engine = _core.Simulator(
-        source,
-        [],
-        antennas=radar._core,
-        waveform=waveform._core,
-        center=(0.0, 0.0, 0.0),
-        settings=core_settings(settings),
-        threads=settings.threads,
-    )
-    for num_times in _NUMS_OF_TIMES:
-        places = motion.placement(start - at + waveform.delay_times(num_times))
-        if (ideal := engine.frame(places)) is not None:
-            return ideal
-    raise AssertionError("the core takes any motion at the largest number of times")
+    engine = new_engine(source, [], radar, settings, center=[0.0, 0.0, 0.0])
+
+    def place(num_times: int) -> _core.Placement:
+        return motion.placement(start - at + waveform.delay_times(num_times))
+
+    return ideal_frame(engine, place(NUM_TIMES), place)

@@ -11,8 +11,7 @@ from __future__ import annotations
 from math import log10, sqrt
 
 from radarcore import check
-from radarcore.radar.leakage import Leakage
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Leakage, Receiver
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db, power_from_dbm
 
 HIGHPASS_CUTOFFS = (20e3, 45e3, 70e3, 80e3)

@@ -1,4 +1,4 @@
-"""Antenna patterns: power gain over azimuth and elevation."""
+"""Antenna patterns: power gain over azimuth and elevation, and their CSV files."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
-from radarcore.radar.levels import LARGEST_DB, level
-from radarcore.radar.pattern_files import read_table
 from radarcore.twin import Twinned
 from radarcore.units import power_from_db
 
@@ -48,7 +46,7 @@ class IsotropicPattern(Twinned):
     gain_db: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", level("gain_db", self.gain_db, "dBi"))
+        object.__setattr__(self, "gain_db", check.level("gain_db", self.gain_db, "dBi"))
         _warn_of_gain(self, self.gain_db, "in all directions")
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
@@ -99,7 +97,7 @@ class GaussianPattern(Twinned):
     beamwidth_elevation_deg: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", level("gain_db", self.gain_db, "dBi"))
+        object.__setattr__(self, "gain_db", check.level("gain_db", self.gain_db, "dBi"))
         for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
             width = check.positive(name, getattr(self, name), "degrees")
             if not _BEAMWIDTHS[0] <= width <= _BEAMWIDTHS[1]:
@@ -325,9 +323,60 @@ def _angles(name: str, value: ArrayLike, limit: float, unit: str) -> NDArray[np.
 def _gains(value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.float64]:
     """Gains of a table [dB], frozen."""
     gains = check.array("gain_db", value, shape)
-    is_beyond = np.abs(gains) > LARGEST_DB
+    is_beyond = np.abs(gains) > check.LARGEST_DB
     if is_beyond.any():
         i, j = (int(index) for index in np.argwhere(is_beyond)[0])
-        limits = f"{-LARGEST_DB:g} to {LARGEST_DB:g}"
+        limits = f"{-check.LARGEST_DB:g} to {check.LARGEST_DB:g}"
         raise ValueError(f"gain_db: expected {limits} [dB], got {gains[i, j]:g} at index ({i}, {j})")
     return check.frozen(gains)
+
+
+_COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
+"""Columns of a file of a table."""
+
+_LONGEST_TEXT = 200
+"""Characters of a file that a message shows."""
+
+
+def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Azimuths and elevations [degrees], and gains [dB], (azimuth, elevation), of a file."""
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a device may never end
+        raise ValueError("expected a file, got a device or a pipe")
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = csv.reader(file, skipinitialspace=True)
+        names = [name.strip() for name in next(lines, [])]
+        if sorted(names) != sorted(_COLUMNS):
+            got = ", ".join(name if name.isprintable() else repr(name) for name in names)
+            got = got if len(got) <= _LONGEST_TEXT else f"{got[:_LONGEST_TEXT]}..."
+            raise ValueError(f"expected the columns {', '.join(_COLUMNS)}, got {got or 'none'}")
+        rows = [_row(entries, names, lines.line_num) for entries in lines if any(map(str.strip, entries))]
+    if not rows:
+        raise ValueError("expected lines of numbers, got none")
+    azimuth, elevation, gain = np.array(rows).T
+    azimuths, i = np.unique(azimuth, return_inverse=True)
+    elevations, j = np.unique(elevation, return_inverse=True)
+    count = np.zeros((len(azimuths), len(elevations)), dtype=np.int64)
+    np.add.at(count, (i, j), 1)
+    if (count != 1).any():
+        first = np.argwhere(count != 1)[0]
+        pair = f"azimuth {azimuths[first[0]]:g} and elevation {elevations[first[1]]:g} degrees"
+        raise ValueError(f"expected one line for every azimuth and elevation, got {count[tuple(first)]} for {pair}")
+    gains = np.zeros(count.shape)
+    gains[i, j] = gain
+    return azimuths, elevations, gains
+
+
+def _row(entries: list[str], names: list[str], line: int) -> list[float]:
+    """The numbers of a line in the order of the columns."""
+    if len(entries) != len(names):
+        raise ValueError(f"line {line}: expected {len(names)} numbers, got {len(entries)}")
+    row = []
+    for column in _COLUMNS:
+        text = entries[names.index(column)].strip()
+        try:
+            row.append(float(text))
+        except ValueError:
+            raise ValueError(f"line {line}: {column}: expected a number, got {text!r}") from None
+        if not np.isfinite(row[-1]):
+            raise ValueError(f"line {line}: {column}: expected a finite number, got {text}")
+    return row

@@ -10,26 +10,28 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check, notice
-from radarcore.radar import antennas, beam
-from radarcore.radar.baseband import responses
-from radarcore.radar.facts import band_text, pattern_facts
-from radarcore.radar.levels import level
+from radarcore import check, notice
+from radarcore.radar import beam
 from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict, pattern_to_dict
 from radarcore.radar.receiver import Receiver, check_receivers
-from radarcore.radar.schedule import Schedule, require_fit
-from radarcore.radar.sequences import check_sequences, shortest_interval
+from radarcore.radar.schedule import Schedule, check_sequences, require_fit, shortest_interval
 from radarcore.radar.waveform import Waveform
 from radarcore.summary import html_table
-from radarcore.twin import Twinned
 from radarcore.units import power_from_dbm, quantity
+
+_FARTHEST_ANTENNA = 1e6
+"""Largest coordinate of an antenna in the sensor frame [m]."""
+
+_POLARIZATIONS = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0)}
+"""Directions of the field by name, in the sensor frame."""
+
 
 _WIDEST_APERTURE = 100.0
 """Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Radar(Twinned):
+class Radar:
     """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
 
     Parameters
@@ -130,14 +132,14 @@ class Radar(Twinned):
                 raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
         put = object.__setattr__
         put(self, "waveform", waveform)
-        put(self, "tx", antennas.positions("tx", tx))
-        put(self, "rx", antennas.positions("rx", rx))
+        put(self, "tx", _positions("tx", tx))
+        put(self, "rx", _positions("rx", rx))
         put(self, "pattern", pattern)
-        put(self, "tx_patterns", antennas.patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
-        put(self, "rx_patterns", antennas.patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
-        put(self, "tx_power_dbm", level("tx_power_dbm", tx_power_dbm, "dBm"))
+        put(self, "tx_patterns", _patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
+        put(self, "rx_patterns", _patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
+        put(self, "tx_power_dbm", check.level("tx_power_dbm", tx_power_dbm, "dBm"))
         put(self, "receiver", receiver)
-        put(self, "polarization", antennas.polarization(polarization))
+        put(self, "polarization", _polarization(polarization))
         if receiver is not None:
             check_receivers(receiver, len(self.rx), (waveform, *more_waveforms))
         put(self, "schedule", schedule)
@@ -154,7 +156,7 @@ class Radar(Twinned):
             )
 
     def __repr__(self) -> str:
-        ramps = " and ".join(f"{band_text(waveform)}, {waveform.num_chirps} chirps" for waveform in self.waveforms)
+        ramps = " and ".join(f"{_band_text(waveform)}, {waveform.num_chirps} chirps" for waveform in self.waveforms)
         rate = quantity(1.0 / self.waveform.frame_interval, "Hz")
         return f"<Radar {ramps} of {self.waveform.num_samples} samples, {len(self.tx)} TX, {len(self.rx)} RX, {rate}>"
 
@@ -167,7 +169,7 @@ class Radar(Twinned):
         return {
             "transmitters": len(self.tx),
             "receivers": len(self.rx),
-            **pattern_facts(self.tx_patterns, self.rx_patterns),
+            **_pattern_facts(self.tx_patterns, self.rx_patterns),
             "samples": "real" if self.is_real else "I/Q",
             "start frequency [Hz]": wf.start_frequency,
             "slope [Hz/s]": wf.slope,
@@ -286,7 +288,7 @@ class Radar(Twinned):
     @property
     def polarization_vector(self) -> tuple[float, float, float] | None:
         """Unit vector along the field of the antennas in the sensor frame; None without a polarisation."""
-        return antennas.POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
+        return _POLARIZATIONS[self.polarization] if isinstance(self.polarization, str) else self.polarization
 
     @property
     def field_of_view_deg(self) -> tuple[float, float]:
@@ -310,26 +312,6 @@ class Radar(Twinned):
         Of several waveforms the least; inf for a CW radar.
         """
         return min(waveform.max_range for waveform in self.waveforms) * (1.0 if self.is_real else 2.0)
-
-    @cached_property
-    def _core(self) -> _core.Antennas:
-        """The antennas about the centre of the array.
-
-        With phase noise the transmitters come several times, with the rows of `responses` each.
-        """
-        gains = None if self.receiver is None else responses(self.receiver, self.waveform)
-        times = 1 if gains is None else len(gains[0])
-        return _core.Antennas(
-            tx=np.tile(self.tx - self.array_center, (times, 1)),
-            rx=self.rx - self.array_center,
-            tx_patterns=[pattern._core for pattern in self.tx_patterns] * times,
-            rx_patterns=[pattern._core for pattern in self.rx_patterns],
-            power=self.tx_power,
-            frequency=self.waveform.center_frequency,
-            polarization=self.polarization_vector,
-            responses=None if gains is None else np.repeat(gains[0], len(self.tx), axis=0),
-            longest_path=0.0 if gains is None else gains[1],
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Radar as plain numbers, lists and texts, for JSON."""
@@ -382,3 +364,57 @@ class Radar(Twinned):
 
     def __hash__(self) -> int:
         return hash((self.waveform, *self.tx.ravel().tolist(), *self.rx.ravel().tolist()))
+
+
+def _band_text(waveform: Waveform) -> str:
+    """Sampled band, such as "60 to 61.5 GHz"."""
+    start = waveform.start_frequency + waveform.slope * waveform.adc_delay
+    stop = start + waveform.slope * waveform.num_samples / waveform.sample_rate
+    return quantity(start, "Hz", 4) if waveform.is_cw else f"{start / 1e9:.4g} to {quantity(stop, 'Hz', 4)}"
+
+
+def _pattern_facts(tx: Sequence[Pattern], rx: Sequence[Pattern]) -> dict[str, str]:
+    """The pattern of all antennas, or those of one after the other."""
+    every = (("transmitter", tx), ("receiver", rx))
+    facts = {f"pattern of {kind} {i}": str(p) for kind, patterns in every for i, p in enumerate(patterns)}
+    return facts if len(set(facts.values())) > 1 else {"antenna pattern": str(tx[0])}
+
+
+def _polarization(value: object) -> str | tuple[float, float, float] | None:
+    """Polarisation that was given by name or as a unit vector."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        if value not in _POLARIZATIONS:
+            raise ValueError(f"polarization: expected 'vertical', 'horizontal' or a unit vector, got {value!r}")
+        return value
+    vector = check.array("polarization", value, (3,))  # type: ignore[arg-type]  # what is no array is refused there
+    length = float(np.linalg.norm(vector))
+    if abs(length - 1.0) > 1e-3:
+        raise ValueError(f"polarization: expected a unit vector, got one of length {length:g}")
+    x, y, z = (vector / length).tolist()
+    return x, y, z
+
+
+def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, number: int) -> tuple[Pattern, ...]:
+    """Patterns, one per element."""
+    if value is None:
+        return (default,) * number
+    if not isinstance(value, Sequence):
+        raise TypeError(f"{name}: expected a sequence of patterns, one per element, got {type(value).__name__}")
+    if len(value) != number:
+        raise ValueError(f"{name}: expected {number} patterns, one per element, got {len(value)}")
+    for i, pattern in enumerate(value):
+        if not isinstance(pattern, Pattern):
+            raise TypeError(f"{name}[{i}]: expected {Pattern}, got {type(pattern).__name__}")
+    return tuple(value)
+
+
+def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Positions of at least one antenna, (n, 3) [m]."""
+    given = check.array(name, value, (None, 3))
+    if len(given) == 0:
+        raise ValueError(f"{name}: expected at least one antenna position, got none")
+    if (farthest := float(np.abs(given).max())) > _FARTHEST_ANTENNA:
+        raise ValueError(f"{name}: expected coordinates within {_FARTHEST_ANTENNA:g} m, got {farthest:g}")
+    return check.frozen(given)

@@ -1,4 +1,4 @@
-"""Gain, offsets and ADC: from sqrt(W) at the receiver's input to parts of full scale."""
+"""Gain, I/Q imbalance, offsets and ADC: from sqrt(W) at the receiver's input to parts of full scale."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.radar.receiver import Receiver
-from radarcore.receive.draws import Draws
+from radarcore.receive.noise import Draws
 from radarcore.units import power_from_db
 
 _SEGMENTS = 16
@@ -133,3 +133,14 @@ def _round_unevenly(levels: NDArray[Any], odd_width: float, first: float) -> Non
     levels -= even
     # The part from one code to the next that rounds to the odd one.
     levels[...] = even + np.where(np.abs(levels) >= half, np.copysign(1.0, levels), 0.0)
+
+
+def unbalance(samples: NDArray[Any], gain_db: float | None, phase_deg: float | None) -> None:
+    """Give Q another gain and phase, in place: Q becomes ``g (Q cos(phi) + I sin(phi))``.
+
+    A tone then has an image at the opposite frequency, of the relative power
+    ``(1 + g^2 - 2 g cos(phi)) / (1 + g^2 + 2 g cos(phi))``.
+    """
+    gain = power_from_db(gain_db or 0.0) ** 0.5
+    angle = np.deg2rad(phase_deg or 0.0)
+    samples.imag = (gain * np.cos(angle)) * samples.imag + (gain * np.sin(angle)) * samples.real

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.radar.baseband import phase_noise_delays, phase_noise_shares
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive import adc
-from radarcore.receive.draws import Draws
-from radarcore.receive.imbalance import unbalance
+from radarcore.receive.adc import unbalance
+from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
 from radarcore.receive.leakage import leakage_step, leakage_tones
-from radarcore.receive.noise import kick, thermal_noise
+from radarcore.receive.noise import Draws, kick, thermal_noise
 from radarcore.receive.phase_noise import phase_differences
 
 
@@ -30,7 +29,7 @@ def receive(
     ----------
     ideal : (channel, chirp, sample) complex64 or complex128
         Beat signal of the core: behind the filters, and with phase noise followed by its parts by delay, see
-        `radarcore.radar.baseband.responses`.
+        `radarcore.receive.filters.responses`.
     radar : Radar
     start : float
         Start of the frame [s].

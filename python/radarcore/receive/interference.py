@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.radar.waveform import Waveform
-from radarcore.receive.low_pass import LowPass
+from radarcore.receive.filters import LowPass
 
 _SAMPLES_AT_ONCE = 2**16
 """Samples that are worked on together: their arrays stay in cache."""

@@ -7,10 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.radar.baseband import filter_gain
-from radarcore.radar.leakage import Leakage
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Leakage, Receiver
+from radarcore.receive.filters import filter_gain
 
 
 @lru_cache(maxsize=16)

@@ -1,19 +1,19 @@
-"""Noise of the receiver: thermal noise behind the low-pass, and what turning on leaves at the start of a chirp."""
+"""Noise of the receiver: random streams of a frame, noise of a spectrum, thermal noise, the transient of turning on."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, pi, sin, sqrt
+from math import ceil, pi, prod, sin, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar.baseband import low_pass_gain
+from radarcore import _core
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.receive.draws import Draws
-from radarcore.receive.spectrum import complex_noise, even_length, real_noise
+from radarcore.receive.filters import low_pass_gain
 from radarcore.units import power_from_db
 
 _MEMORY = 10.0
@@ -72,3 +72,88 @@ def _root(receiver: Receiver, sample_rate: float, num_samples: int) -> NDArray[n
         power = np.concatenate([half[:1], 2.0 * half[1:-1], half[-1:]])
     root: NDArray[np.float32] = np.sqrt(power).astype(np.float32)
     return root
+
+
+_EFFECTS = ("thermal noise", "phase noise", "slow phase noise", "kick", "chirp offset", "ADC noise", "segment offset")
+_WORD = 2**64
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Normally distributed numbers of a frame.
+
+    Parameters
+    ----------
+    seed : int
+        Of the simulation.
+    start : float
+        Start of the frame [s].
+    """
+
+    seed: int
+    start: float
+
+    def normal(self, effect: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """Numbers of mean 0 and deviation 1."""
+        numbers = _core.normal(prod(shape), seed=_key(self.seed, _EFFECTS.index(effect)), start=self.start)
+        return numbers.reshape(shape)
+
+    def complex_normal(self, effect: str, shape: tuple[int, ...]) -> NDArray[np.complex64]:
+        """Circular numbers whose real and imaginary parts have the deviation 1."""
+        numbers: NDArray[np.complex64] = self.normal(effect, (*shape, 2)).view(np.complex64)[..., 0]
+        return numbers
+
+
+def _key(seed: int, stream: int) -> int:
+    """Key of a stream.
+
+    The first has the seed itself, as a receiver with thermal noise alone. Others: SplitMix64 (Steele, Lea, Flood, Fast
+    splittable pseudorandom number generators, OOPSLA 2014).
+    """
+    if stream == 0:
+        return seed
+    word = (seed + stream * 0x9E3779B97F4A7C15) % _WORD
+    word = (word ^ word >> 30) * 0xBF58476D1CE4E5B9 % _WORD
+    word = (word ^ word >> 27) * 0x94D049BB133111EB % _WORD
+    return word ^ word >> 31
+
+
+def even_length(least: int) -> int:
+    """Smallest even number from `least` on without prime factors above 5: a fast length of transforms."""
+    number = max(2, least + least % 2)
+    while True:
+        rest = number
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+        number += 2
+
+
+def real_noise(normal: NDArray[np.float32], root: NDArray[np.float32], num_samples: int) -> NDArray[np.float32]:
+    """Real noise (..., sample) with the variance ``root[k]**2`` in the k-th of the equal bands from 0 to half the rate.
+
+    Parameters
+    ----------
+    normal : (..., 2 (n // 2 + 1)) float32
+        Standard normal numbers.
+    root : (n // 2 + 1,) float32
+        Deviation of the part at ``k / n`` of the sample rate, ``n`` even.
+    num_samples : int
+        Samples that are kept. Noise repeats itself after n of them: those lost should be more than it remembers.
+    """
+    length = 2 * (len(root) - 1)
+    spectrum = normal.view(np.complex64) * (0.5 * length * root)
+    # Both ends have one real number each, of the whole variance.
+    spectrum[..., [0, -1]] = 2.0 * spectrum[..., [0, -1]].real
+    return np.asarray(np.fft.irfft(spectrum, length, axis=-1)[..., :num_samples], np.float32)
+
+
+def complex_noise(normal: NDArray[np.float32], root: NDArray[np.float32], num_samples: int) -> NDArray[np.complex64]:
+    """Circular noise (..., sample) of the variance ``root[k]**2`` in either of the real parts, in n bands of the rate.
+
+    `normal` is (..., 2 n), `root` (n,) in the order of `numpy.fft.fftfreq`; otherwise as `real_noise`.
+    """
+    spectrum = normal.view(np.complex64) * (len(root) * root)
+    return np.asarray(np.fft.ifft(spectrum, axis=-1)[..., :num_samples], np.complex64)

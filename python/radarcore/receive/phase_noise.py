@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore.products import product
-from radarcore.receive.draws import Draws
-from radarcore.receive.spectrum import even_length, real_noise
+from radarcore.receive.noise import Draws, even_length, real_noise
 
 _SLOW_PER_DECADE = 16
 """Tones per decade of the offsets that turn by less than half a turn in a chirp."""

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
 from radarcore.output import Lock, already_exists, make_folder, new_file
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import FULL_SCALE, NUM_CODES, frame_shape, to_codes, to_samples
 from radarcore.recording.native import UNITS, Stored, parsed_json, warn_of_missing

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from radarcore.radar.presets import bgt60tr13c
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.registers import CHIP_ID, COMPARED, FIFO, chip_name, stuck_bits, unusual_resets
 from radarcore.sensor.bgt60.settings import Settings, choose_slice_size, registers_of

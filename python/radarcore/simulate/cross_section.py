@@ -11,8 +11,8 @@ from radarcore.motion.group import Motions
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
+from radarcore.simulate.beat import check_threads
 from radarcore.simulate.settings import check_max_bounces
-from radarcore.simulate.synthesis import check_threads
 
 
 def rcs(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.simulate.sectors import one_plane
+from radarcore.simulate.view import one_plane
 
 
 @dataclass(frozen=True, eq=False)

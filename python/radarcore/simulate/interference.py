@@ -12,13 +12,13 @@ from radarcore import _core
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
+from radarcore.receive.filters import low_pass_of
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
-from radarcore.receive.low_pass import low_pass_of
 from radarcore.scene.interferer import Interferer, chirps_between, sent_after
 from radarcore.scene.scene import Scene
-from radarcore.simulate.directions import angles
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.side_by_side import Ask
+from radarcore.simulate.view import angles
 from radarcore.units import SPEED_OF_LIGHT
 
 _CLEARANCE = 1e-3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,8 @@ from radarcore.motion.protocol import Motion, newest_of
 from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
 
-_BYTES_AHEAD = 64_000_000
-"""Largest memory of the poses of frames that are placed together [bytes]."""
-
 _FRAMES_AHEAD = 16
 """Largest number of frames that are placed together: beyond it a call costs little beside its work."""
-
-_FLOAT = 8
-"""Bytes of a number."""
 
 
 class Placement:
@@ -37,7 +31,6 @@ class Placement:
 
     def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
         self._parts, self._waveform = scene.parts, waveform
-        self._vertex_numbers = sum(self._parts.meshed[mesh].mesh.vertices.size for mesh in self._parts.deforming)
         self._kept_offsets: dict[int, NDArray[np.float64]] = {}
         self._interfering = [interferer.motion for interferer in scene.interferers]
         # The sensor is the last of them.
@@ -53,30 +46,35 @@ class Placement:
         """Duration of a frame [s]."""
         return self._waveform.duration
 
-    def frames_ahead(self, num_times: int) -> int:
-        """Number of frames that are worth placing together: live ones may be updated before the next."""
-        if self.newest is not None:
-            return 1
-        per_frame = num_times * 12 * (len(self._parts.meshed) + 1) + _num_vertex_times(num_times) * self._vertex_numbers
-        return max(1, min(_FRAMES_AHEAD, _BYTES_AHEAD // (_FLOAT * per_frame)))
+    @property
+    def frames_ahead(self) -> int:
+        """Number of frames that are worth placing together.
 
-    def frames(
-        self, starts: Sequence[float], num_times: int, look: Callable[[NDArray[np.float64]], None] | None = None
-    ) -> Iterator[_core.Placement]:
-        """Placements at `num_times` times of each frame that starts at `starts` [s].
-
-        `look` receives the poses in the middle of the frames, of the bodies and of the sensor, (frame, body + 1, 3, 4).
+        Live ones may be updated before the next, and vertices are many.
         """
-        first = np.array(starts)[:, None]
-        times = first + self._offsets(num_times)
+        return 1 if self.newest is not None or self._parts.deforming else _FRAMES_AHEAD
+
+    def frames(self, starts: Sequence[float], num_times: int) -> list[_core.Placement]:
+        """Placements at `num_times` times of each frame that starts at `starts` [s]."""
+        times = np.array(starts)[:, None] + self._offsets(num_times)
         poses = self._motions.poses_at(times.ravel()).reshape(len(starts), num_times, -1, 3, 4)
-        if look is not None:
-            look(poses[:, num_times // 2])
+        placements = []
         for frame, start in enumerate(starts):
             vertices: list[NDArray[np.float64]] = []
             if self._parts.deforming:
                 vertices = self._vertices(start + self._offsets(_num_vertex_times(num_times)))
-            yield self._placed(poses[frame], self._points(times[frame]), vertices)
+            placements.append(self._placed(poses[frame], self._points(times[frame]), vertices))
+        return placements
+
+    def frame(self, start: float, num_times: int) -> _core.Placement:
+        """Placement at `num_times` times of a frame that starts at `start` [s]."""
+        return self.frames([start], num_times)[0]
+
+    def poses_in_the_middle(self, starts: Sequence[float]) -> NDArray[np.float64]:
+        """Poses, as of `poses_at`, in the middle of frames that start at `starts` [s], (frame, body + 1, 3, 4)."""
+        middles = np.array(starts) + 0.5 * self._waveform.duration
+        poses: NDArray[np.float64] = self._motions.poses_at(middles)
+        return poses
 
     def poses_at(self, time: float) -> NDArray[np.float64]:
         """Poses of the bodies with meshes and, last, of the sensor, at one time [s], (body + 1, 3, 4), to the world."""
@@ -87,13 +85,6 @@ class Placement:
         """Placement at one time [s]."""
         times = np.array([time])
         return self._placed(self._motions.poses_at(times), self._points(times), self._vertices(times))
-
-    def seen_from(self, sensor: NDArray[np.float64], time: float) -> _core.Placement:
-        """Placement at one time [s] with the sensor at another pose, (3, 4), to the world."""
-        times = np.array([time])
-        poses = self._motions.poses_at(times).copy()
-        poses[:, -1] = sensor
-        return self._placed(poses, self._points(times), self._vertices(times))
 
     def rates_at(self, time: float) -> _core.Placement:
         """Time derivatives of the placement at one time [s]."""

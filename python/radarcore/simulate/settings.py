@@ -9,8 +9,8 @@ import numpy as np
 
 from radarcore import check
 from radarcore.geometry.camera import checked_field_of_view
-from radarcore.simulate.sectors import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
-from radarcore.simulate.synthesis import METHODS, check_threads, check_tolerance
+from radarcore.simulate.beat import METHODS, check_threads, check_tolerance
+from radarcore.simulate.view import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
 
 SAMPLINGS = ("adaptive", "fast", "footprint", "point")
 """Ways to cast rays and to sample the surface around a hit."""

@@ -13,10 +13,15 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 Ask = Callable[[Callable[[], Any]], Any]
-"""Runs a function in the thread that takes the results, and returns what it returns."""
+"""Runs a function in the thread that takes the results, and returns its result."""
 
 _AHEAD = 2
 """Items per worker whose results may wait for those before them: items that take longer leave nobody idle."""
+
+
+def directly(function: Callable[[], Any]) -> Any:
+    """`Ask` of a thread that takes the results itself."""
+    return function()
 
 
 def in_order(
@@ -40,7 +45,7 @@ def in_order(
     """
     if len(workers) == 1:
         for item in items:
-            yield work(workers[0], item, lambda function: function())
+            yield work(workers[0], item, directly)
         return
     free: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:

@@ -6,9 +6,8 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from math import hypot
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,19 +24,16 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
-from radarcore.simulate.doubts import Doubts
+from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
 from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.ramps import ramps_of, received
-from radarcore.simulate.sectors import Angles, is_beyond, whole_tiles
-from radarcore.simulate.settings import Settings, changed_settings, core_settings
-from radarcore.simulate.side_by_side import Ask, in_order
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import at_receivers, frame_times, ramps_of, received
+from radarcore.simulate.settings import Settings, changed_settings
+from radarcore.simulate.side_by_side import Ask, directly, in_order
+from radarcore.simulate.view import Angles, is_beyond, whole_tiles
+from radarcore.simulate.warnings import Warnings
 from radarcore.summary import html_table
-
-Placed = tuple[float, tuple[_core.Placement, ...]]
-"""Start of a frame [s] and the motion in it, at the times of every sub-sequence."""
 
 Engines = list[_core.Simulator]
 """Counterparts in the core, one per sub-sequence."""
@@ -48,8 +44,22 @@ _BYTES_SIDE_BY_SIDE = 3_000_000_000
 _BYTES_PER_RAY, _BYTES_PER_SAMPLE = 300, 32
 """Memory of a frame, about [bytes]."""
 
-_NUM_TIMES = 17
-"""Times of a frame at which motion is placed at first; a motion too fast for them is placed again."""
+
+class Placed(NamedTuple):
+    """Start of a frame [s], and the motion of bodies and sensor in it, for every sub-sequence."""
+
+    start: float
+    motions: list[_core.Placement]
+
+
+class Simulated(NamedTuple):
+    """Start of a frame [s], its ideal frames and samples, counts of interference, and use of the ADC."""
+
+    start: float
+    ideals: list[_core.IdealFrame]
+    cube: NDArray[Any]
+    interference: Counts
+    use: Use | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,9 +220,11 @@ class Simulator(Settings):
         [1.5]
         """
         start = self._start(time)
-        frame = next(self._frames(self._placed([start]), 1))
+        self._warnings.before_first_frame(self._placement, start)
+        (placed,) = self._place([start])
+        frame = self._deliver(self._simulate(self._engines, placed))
         if not sees_anything(frame):
-            self._doubts.of_sight(self.scene, self._placement, start)
+            self._warnings.nothing_visible(self._placement, start)
         return frame
 
     def frames(self, start: float, stop: float, rate: float | None = None) -> Iterator[Frame]:
@@ -277,8 +289,8 @@ class Simulator(Settings):
         """
         rate = frame_rate(self.radar.waveform) if rate is None else rate
         times = frame_times(start, stop, rate)
-        self._doubts.of_rate(rate)
-        frames, source = self._told(times, progress), self._source() | (source or {})
+        self._warnings.overlapping_frames(rate)
+        frames, source = self._recorded(times, progress), self._source() | (source or {})
         if path is None:
             return Recording.from_frames(list(frames), source=source)
         with RecordingWriter(path, self.radar, num_frames=len(times), source=source, overwrite=overwrite) as writer:
@@ -308,12 +320,12 @@ class Simulator(Settings):
         (3, 1) 10.01 ns
         """
         start = self._start(time)
-        self._doubts.of_materials(self.scene)
-        self._doubts.of_place(self.scene, self._placement, start)
+        self._warnings.unknown_materials()
+        self._warnings.refuse_place(self._placement, start)
         place = self._placement
-        frame = next(place.frames([start], _NUM_TIMES))
-        delay, rate, amplitude, body, order = self._engine.paths(frame, place.at(start), place.rates_at(start))
-        # With phase noise the core has more rows, see `Radar._core`.
+        placed = place.frame(start, NUM_TIMES), place.at(start), place.rates_at(start)
+        delay, rate, amplitude, body, order = self._engines[0].paths(*placed)
+        # With phase noise the core has more rows, see `responses`.
         own = slice(len(self.radar.tx) * len(self.radar.rx))
         delay, rate, amplitude = delay[own], rate[own], amplitude[own]
         channels = (len(delay), 1)
@@ -339,9 +351,9 @@ class Simulator(Settings):
         2.000 m, 100% of the pixels
         """
         at = self._start(time)
-        self._doubts.of_materials(self.scene)
+        self._warnings.unknown_materials()
         parts = self.scene.parts
-        distance, cos_incidence, body, surface_distance, normals = self._engine.image(self._placement.at(at))
+        distance, cos_incidence, body, surface_distance, normals = self._engines[0].image(self._placement.at(at))
         # The core numbers bodies with meshes alone.
         numbers = np.append(parts.mesh_numbers, np.int32(-1))
         return DepthImage(
@@ -385,7 +397,7 @@ class Simulator(Settings):
         at = self._start(time)
         world, sensor = check.array("points", points, (None, 3)), self._motion.at(at)
         local = (world - sensor.position) @ sensor.rotation - self.radar.array_center
-        return self._engine.occluded(self._placement.at(at), np.ascontiguousarray(local))
+        return self._engines[0].occluded(self._placement.at(at), np.ascontiguousarray(local))
 
     def _start(self, time: float | None) -> float:
         """A time [s] that was given, or that of the newest update of what is live, or 0."""
@@ -395,43 +407,58 @@ class Simulator(Settings):
         # Before the first update, the motion itself says that it needs one.
         return 0.0 if newest is None or newest == -np.inf else newest
 
-    def _frames(self, placed: Iterator[Placed], side_by_side: int) -> Iterator[Frame]:
-        """Frames of placed motions, in their order: place, simulate, receive. Several are simulated side by side."""
-        self._doubts.of_materials(self.scene)
-        self._doubts.of_meshes(self.scene)
-        engines = [[self._engine, *self._more_engines]]
-        if side_by_side > 1:
-            # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
-            threads = max(1, self._num_threads // side_by_side)
-            engines = [self._new_engines(threads) for _ in range(side_by_side)]
-        for start, ideals, cube, others, use in in_order(self._received, placed, engines, _stop):
-            for ideal in ideals:
-                self._doubts.of_frame(ideal, self.scene.names)
-            stats = stats_of(*ideals) | {"field_of_view_deg": self.view_deg} | others | self._doubts.of_adc(use)
-            self._doubts.of_sampling(stats.get("cells_not_split", 0))
-            self._doubts.of_interference(stats.get("strongest_interferer", 0.0))
-            rows = ideals[0].truth
-            assert rows is not None  # as every scene has one
-            self._hide_points(rows)
-            self._doubts.of_velocities(self.scene.names, rows[1])
-            truth = truth_of_rows(self.scene.names, rows)
-            yield frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
-
-    def _placed(self, starts: list[float]) -> Iterator[Placed]:
-        """Starts [s] and placed motions of frames: a few at a time are placed together."""
-        self._doubts.of_place(self.scene, self._placement, starts[0])
-        self._doubts.of_backs(self.scene, self._placement, starts[0])
-        size = self._placement.frames_ahead(_NUM_TIMES)
-        for first in range(0, len(starts), size):
-            some = starts[first : first + size]
-            first_of_all = self._placement.frames(some, _NUM_TIMES, self._look)
-            others = (placement.frames(some, _NUM_TIMES) for placement in self._placements[1:])
-            yield from zip(some, zip(first_of_all, *others, strict=True), strict=True)
-
-    def _look(self, poses: NDArray[np.float64]) -> None:
-        """Warn of bodies outside of a field of view that was chosen, from the poses of frames."""
+    def _place(self, starts: list[float]) -> list[Placed]:
+        """Motion of bodies and sensor in the frames that start at `starts` [s]."""
         if self.field_of_view_deg is not None:
-            self._doubts.of_view(self.scene, poses, self.field_of_view_deg)
+            self._warnings.bodies_out_of_view(self._placement, starts, self.field_of_view_deg)
+        by_sequence = [placement.frames(starts, NUM_TIMES) for placement in self._placements]
+        return [Placed(start, motions) for start, *motions in zip(starts, *by_sequence, strict=True)]
+
+    def _simulate(self, engines: Engines, placed: Placed, ask: Ask = directly) -> Simulated:
+        """Samples of a placed frame; `ask` calls motions, which are functions of users."""
+        ideals: list[_core.IdealFrame] = []
+        arriving: list[NDArray[Any]] = []
+        counts: list[Counts] = []
+        for number, (engine, radar) in enumerate(zip(engines, self._sequences, strict=True)):
+            ideal = self._ideal(engine, placed.motions[number], self._placements[number], placed.start, ask)
+            samples = at_receivers(ideal.cube, radar)
+            if self.scene.interferers:
+                counts.append(self._interferences[number].add_to(samples, engine, placed.start, ask))
+            ideals.append(ideal)
+            arriving.append(samples)
+        cube, use = received(arriving, self.radar, placed.start, seed=self.seed)
+        return Simulated(placed.start, ideals, cube, counted(counts), use)
+
+    @staticmethod
+    def _ideal(
+        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float, ask: Ask
+    ) -> _core.IdealFrame:
+        """Ideal frame of a sub-sequence that starts at `start` [s]."""
+
+        def place(num_times: int) -> _core.Placement:
+            again: _core.Placement = ask(partial(placement.frame, start, num_times))
+            return again
+
+        rates = None if placement.duration > 0.0 else ask(partial(placement.rates_at, start))
+        return ideal_frame(engine, motion, place, rates)
+
+    def _deliver(self, simulated: Simulated) -> Frame:
+        """Frame with its truth and counts, after warnings of what does not hold."""
+        start, ideals, cube, interference, use = simulated
+        stats = counts_of(ideals) | {"field_of_view_deg": self.view_deg} | interference
+        if use is not None and self.radar.receiver is not None:
+            stats |= use.stats(self.radar.receiver)
+            self._warnings.unsuitable_gain(use)
+        for ideal in ideals:
+            self._warnings.unresolved(ideal)
+        self._warnings.unsplit_cells(stats.get("cells_not_split", 0))
+        self._warnings.strong_interferer(stats.get("strongest_interferer", 0.0))
+        rows = ideals[0].truth
+        assert rows is not None  # as every scene has one
+        self._hide_points(rows)
+        self._warnings.too_fast(rows[1])
+        truth = truth_of_rows(self.scene.names, rows)
+        return frame_of(cube, start, self.radar, truth, stats, adc_codes(cube, self.radar))
 
     def _hide_points(self, rows: NDArray[np.float64]) -> None:
         """Set the truth (field, body) of point targets outside of the field of view to NaN, as for bodies."""
@@ -442,53 +469,36 @@ class Simulator(Settings):
         if (lost := is_beyond(azimuth, elevation, self.view_deg)).any():
             if self.field_of_view_deg is not None:
                 names = [self.scene.names[number] for number in numbers[lost]]
-                self._doubts.of_points(names, azimuth[lost], elevation[lost], self.field_of_view_deg)
+                self._warnings.points_out_of_view(names, azimuth[lost], elevation[lost], self.field_of_view_deg)
             rows[:, numbers[lost]] = np.nan
 
-    def _received(
-        self, engines: Engines, placed: Placed, ask: Ask
-    ) -> tuple[float, tuple[_core.IdealFrame, ...], NDArray[Any], Counts, Use | None]:
-        """Start [s], ideal frames of sub-sequences, cube, counts of interference, and use of the ADC.
+    def _recorded(self, times: list[float], progress: bool) -> Iterator[Frame]:
+        """Frames of a recording: placed in blocks, simulated side by side, delivered in order.
 
-        It runs in a worker thread: `ask` calls motions, which are functions of users.
+        The bar of progress is moved on by hand, so that warnings find the user's line.
         """
-        start, motions = placed
-        parts = zip(engines, motions, self._placements, strict=True)
-        ideals = tuple(self._ideal(engine, motion, placement, start, ask) for engine, motion, placement in parts)
-        counts: list[Counts] = []
-
-        def interfere(number: int, cube: NDArray[Any]) -> None:
-            counts.append(self._interferences[number].add_to(cube, engines[number], start, ask))
-
-        disturb = interfere if self.scene.interferers else None
-        cube, use = received([ideal.cube for ideal in ideals], self.radar, start, seed=self.seed, disturb=disturb)
-        return start, ideals, cube, counted(counts), use
-
-    @staticmethod
-    def _ideal(
-        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float, ask: Ask
-    ) -> _core.IdealFrame:
-        """Ideal frame of a placed motion that starts at `start` [s]."""
-        rates = None if placement.duration > 0.0 else ask(lambda: placement.rates_at(start))
-        ideal, num_times = engine.frame(motion, rates), _NUM_TIMES
-        while ideal is None:  # too few times for the motion
-            num_times = 2 * num_times - 1
-            ideal = engine.frame(ask(partial(next, placement.frames([start], num_times))), None)
-        return ideal
-
-    def _told(self, times: list[float], progress: bool) -> Iterator[Frame]:
-        """Frames, and a bar of their progress, which is moved on by hand so that warnings find the user's line."""
-        number = min(len(times), self._num_threads, self._most_side_by_side)
-        if self._placement.newest is not None:
-            number = 1  # what is live may be updated between frames
+        self._warnings.before_first_frame(self._placement, times[0])
+        size = self._placement.frames_ahead
+        placed = (each for first in range(0, len(times), size) for each in self._place(times[first : first + size]))
+        sees = False
         with notice.progress(None, "simulating", "frame", total=len(times), shown=progress) as bar:
-            sees = False
-            for frame in self._frames(self._placed(times), max(1, number)):
+            for simulated in in_order(self._simulate, placed, self._side_by_side(len(times)), _stop):
+                frame = self._deliver(simulated)
                 sees |= sees_anything(frame)
                 yield frame
                 bar.update()
         if not sees:
-            self._doubts.of_sight(self.scene, self._placement, times[0])
+            self._warnings.nothing_visible(self._placement, times[0])
+
+    def _side_by_side(self, num_frames: int) -> list[Engines]:
+        """Engines for frames that are simulated side by side, at most `num_frames`."""
+        number = min(num_frames, self._num_threads, self._most_side_by_side)
+        # What is live may be updated between frames.
+        if number <= 1 or self._placement.newest is not None:
+            return [self._engines]
+        # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
+        own_threads = max(1, self._num_threads // number)
+        return [self._new_engines(own_threads) for _ in range(number)]
 
     @property
     def _num_threads(self) -> int:
@@ -521,31 +531,20 @@ class Simulator(Settings):
         return as_motion("radar_motion", self.radar_motion)
 
     @cached_property
-    def _engine(self) -> _core.Simulator:
-        """Counterpart in the core, which keeps the samples of bodies at rest from frame to frame."""
-        return self._new_engine()
+    def _engines(self) -> Engines:
+        """Counterparts in the core, which keep the samples of bodies at rest from frame to frame."""
+        return self._new_engines()
 
-    @cached_property
-    def _more_engines(self) -> Engines:
-        """Counterparts of the sub-sequences after the first."""
-        return [self._new_engine(number) for number in range(1, len(self._sequences))]
-
-    def _new_engines(self, own_threads: int) -> Engines:
-        """Counterparts of all sub-sequences, with threads that no other has."""
-        return [self._new_engine(number, own_threads=own_threads) for number in range(len(self._sequences))]
-
-    def _new_engine(self, sequence: int = 0, *, own_threads: int | None = None, **debug: Any) -> _core.Simulator:
-        radar = self._sequences[sequence]
-        return _core.Simulator(
-            self.scene._core,
-            self._materials_at(radar.waveform.center_frequency),
-            antennas=radar._core,
-            waveform=ramps_of(radar)._core,
-            center=radar.array_center.tolist(),
-            settings=core_settings(self, **debug),
-            threads=own_threads or self.threads,
-            own_threads=own_threads is not None,
-        )
+    def _new_engines(self, own_threads: int | None = None, **debug: Any) -> Engines:
+        """Counterparts in the core of all sub-sequences."""
+        engines = []
+        for radar in self._sequences:
+            materials = self._materials_at(radar.waveform.center_frequency)
+            center = radar.array_center.tolist()
+            engines.append(
+                new_engine(self.scene._core, materials, radar, self, center=center, own_threads=own_threads, **debug)
+            )
+        return engines
 
     @cached_property
     def _interferences(self) -> list[Interference]:
@@ -554,8 +553,8 @@ class Simulator(Settings):
         return [Interference(self.scene, radar, self._motion, placement, self.seed) for radar, placement in parts]
 
     @cached_property
-    def _doubts(self) -> Doubts:
-        return Doubts(self.radar, self.tolerance)
+    def _warnings(self) -> Warnings:
+        return Warnings(self.scene, self.radar, self.tolerance)
 
     def _materials_at(self, frequency: float) -> list[_core.Material]:
         """Materials of the bodies with meshes at a frequency, the centre of a band [Hz]."""
@@ -591,7 +590,7 @@ class Simulator(Settings):
         return source if receiver is None or receiver.unit is None else {**source, "cube_unit": receiver.unit}
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_engine", "_more_engines", "_placements", "_materials", "_interferences")
+        made = ("_engines", "_placements", "_materials", "_interferences")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
 
@@ -602,22 +601,9 @@ def _num_cores() -> int:
 
 def sees_anything(frame: Frame) -> bool:
     """True for a simulated frame in which rays met a body, or a point lies in the field of view."""
-    is_met = any(frame.stats.get(name, 0) > 0 for name in ("rays_hit", "bounce_paths"))
-    return is_met or (frame.truth is not None and not np.isnan(frame.truth.range).all())
-
-
-def stats_of(*ideals: _core.IdealFrame) -> dict[str, Any]:
-    """Counts of a frame, for `Frame.stats`: sums over its sub-sequences, the worst residual, and the plans of all."""
-    total: dict[str, Any] = dict(ideals[0].counts)
-    for ideal in ideals[1:]:
-        for name, number in ideal.counts.items():
-            before = total.get(name, 0)
-            total[name] = max(before, number) if name.endswith("_nodes") else before + number
-    floors = [ideal.rcs_floor for ideal in ideals if ideal.rcs_floor is not None]
-    if floors:
-        total["rcs_floor"] = max(floors)
-    residual = max(hypot(*ideal.series_errors) for ideal in ideals)
-    return {**total, "series_residual": residual, "plan": "\n".join(ideal.plan for ideal in ideals)}
+    if frame.stats.get("rays_hit", 0) > 0 or frame.stats.get("bounce_paths", 0) > 0:
+        return True
+    return frame.truth is not None and not np.isnan(frame.truth.range).all()
 
 
 def _stop(engines: Engines) -> None:

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.radar.baseband import phase_noise_delays
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, measured_receiver
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver, is_plain
 from radarcore.receive.chain import receive
+from radarcore.receive.filters import phase_noise_delays
 from radarcore.recording.frame import FULL_SCALE_VOLT, to_codes
 from radarcore.sensor.emulator.source import MIDDLE, NO_POWER_DBM, codes_of
 from radarcore.simulate.simulator import Simulator

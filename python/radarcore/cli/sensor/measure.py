@@ -30,7 +30,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import check_room
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
 
 if TYPE_CHECKING:
     from radarcore.scenefile.simulation import Simulation

@@ -14,8 +14,8 @@ from cyclopts import Group, Parameter
 
 from radarcore import check
 from radarcore.cli.options import Count, Metres
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.design import WishError
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.units import SPEED_OF_LIGHT, frequency_of, quantity

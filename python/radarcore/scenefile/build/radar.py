@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.radar.leakage import Leakage
+from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
-from radarcore.radar.preset_tr24 import bgt60tr24
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import Leakage, Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located

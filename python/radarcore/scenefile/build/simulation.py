@@ -15,9 +15,9 @@ from radarcore.scenefile.build.motions import Recorded, sensor_motion_of
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.simulation import Simulation
 from radarcore.scenefile.tables import RunTable, SceneTable
-from radarcore.simulate.clearance import check_antennas
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.times import frame_times
+from radarcore.simulate.schedule import frame_times
+from radarcore.simulate.warnings import check_antennas
 
 
 def simulation(table: SceneTable, file: Path, recorded: Recorded | None = None, kept: Kept | None = None) -> Simulation:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radarcore import check
-from radarcore.radar.bgt60 import (
+from radarcore.radar.bgt60_chip import (
     CLOCK,
     FIRST_SAMPLE,
     HIGHEST_FREQUENCY,
@@ -26,8 +26,8 @@ from radarcore.radar.bgt60 import (
     MAX_SAMPLES,
     MIN_DIVIDER,
 )
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.registers import (
     ADC0,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radarcore.radar.bgt60 import CLOCK
+from radarcore.radar.bgt60_chip import CLOCK
 
 
 class LimitError(ValueError):

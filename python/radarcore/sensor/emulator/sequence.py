@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar.bgt60 import CLOCK, FIRST_SAMPLE, MIN_DIVIDER
+from radarcore.radar.bgt60_chip import CLOCK, FIRST_SAMPLE, MIN_DIVIDER
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS
-from radarcore.radar.presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform

@@ -1,13 +1,14 @@
-"""Ramps of all transmitters of a frame, and what the receivers get of them: schedules before and after the core."""
+"""Times of a run: starts of its frames, ramps of all transmitters, and what the receivers get of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.receive.adc import Use, use_of_all
@@ -27,37 +28,27 @@ def ramps_of(radar: Radar) -> Waveform:
 
 
 def received(
-    cubes: Sequence[NDArray[Any]],
-    radar: Radar,
-    start: float,
-    *,
-    seed: int,
-    disturb: Callable[[int, NDArray[Any]], None] | None = None,
+    samples: Sequence[NDArray[Any]], radar: Radar, start: float, *, seed: int
 ) -> tuple[NDArray[Any], Use | None]:
     """Cube of a frame as the receivers deliver it, (channel, chirp, sample), and its use of the ADC's range.
 
     Parameters
     ----------
-    cubes : sequence of arrays
-        Of every sub-sequence, as the core gives them for its `ramps_of`.
+    samples : sequence of arrays
+        `at_receivers`, of every sub-sequence.
     radar : Radar
     start : float
         Start of the frame [s].
     seed : int
-    disturb : function, optional
-        Of the number of a sub-sequence and the samples at its receivers, to which it adds what others send.
     """
     parts: list[NDArray[Any]] = []
     uses: list[Use] = []
-    for number, (cube, part) in enumerate(zip(cubes, radar.sequences(), strict=True)):
-        samples = _at_receivers(cube, part)
-        if disturb is not None:
-            disturb(number, samples)
-        parts.append(receive(samples, part, start, seed=(seed + number * _SEED_STEP) % 2**64, uses=uses))
+    for number, (arriving, part) in enumerate(zip(samples, radar.sequences(), strict=True)):
+        parts.append(receive(arriving, part, start, seed=(seed + number * _SEED_STEP) % 2**64, uses=uses))
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), use_of_all(uses)
 
 
-def _at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
+def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
     """Samples that arrive at the receivers, (channel, chirp, sample), in the precision of the cube.
 
     `cube`: (TX-RX pair, ramp, sample), every transmitter received by itself in all of the `ramps_of` a radar. With
@@ -90,3 +81,20 @@ def _takes_turns(radar: Radar) -> bool:
 def _starts(radar: Radar) -> NDArray[np.float64]:
     """Starts of the ramps of transmitters in turn [s], (tx, chirp)."""
     return np.add.outer(radar.channel_offsets[:: len(radar.rx)], radar.waveform.chirp_times)
+
+
+_MAX_FRAMES = 10_000_000
+"""Largest number of frames of a recording: a day at 100 Hz."""
+
+
+def frame_times(start: float, stop: float, rate: float) -> list[float]:
+    """Starts of the frames before `stop` [s]."""
+    first, last = check.number("start", start, "s"), check.number("stop", stop, "s")
+    per_second = check.positive("rate", rate, "Hz")
+    if last <= first:
+        raise ValueError(f"stop: expected a time after start {first:g} s, got {last:g} s")
+    # A stop that is a whole number of frames away, but for rounding, is not the start of one more.
+    num_frames = max(1.0, float(np.ceil((last - first) * per_second - 1e-6)))
+    if num_frames > _MAX_FRAMES:
+        raise ValueError(f"rate, stop: expected at most {_MAX_FRAMES} frames, got {num_frames:.3g}")
+    return [first + i / per_second for i in range(int(num_frames))]

@@ -1,16 +1,17 @@
-"""Presets of real sensors."""
+"""Presets of Infineon's radars at 60 GHz."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from radarcore import check
-from radarcore.radar import bgt60, design
+from radarcore.radar import bgt60_chip, design
 from radarcore.radar.bgt60_receiver import receiver_of
 from radarcore.radar.pattern import GaussianPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
+from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 
 _BGT60_BAND = (57e9, 64e9)
@@ -111,7 +112,7 @@ def bgt60tr13c(
         "sample_rate": 2e6,
         "num_samples": 128,
         "num_chirps": 64,
-        "adc_delay": bgt60.FIRST_SAMPLE / bgt60.CLOCK,
+        "adc_delay": bgt60_chip.FIRST_SAMPLE / bgt60_chip.CLOCK,
     } | waveform
     lowest, highest = _BGT60_BAND
     if "start_frequency" not in settings:
@@ -166,12 +167,12 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
         )
     if "start_frequency" in others:
         start = check.frequency("start_frequency", others["start_frequency"])
-        lowest, highest = bgt60.LOWEST_FREQUENCY, bgt60.HIGHEST_FREQUENCY
+        lowest, highest = bgt60_chip.LOWEST_FREQUENCY, bgt60_chip.HIGHEST_FREQUENCY
         if not lowest <= start < highest:
             raise ValueError(f"start_frequency: expected {lowest:g} to {highest:g} [Hz], got {start:.6g}")
     if "sample_rate" in others:
-        return _designed(bgt60.divider_of(others["sample_rate"]), wishes, others)
-    slow, fast = map(bgt60.divider_of, _SAMPLE_RATES)
+        return _designed(bgt60_chip.divider_of(others["sample_rate"]), wishes, others)
+    slow, fast = map(bgt60_chip.divider_of, _SAMPLE_RATES)
     try:
         return _designed(slow, wishes, others)
     except design.WishError as error:
@@ -184,7 +185,7 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
 
 def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
     """Waveform that meets wishes at a number of clock cycles per sample."""
-    limits = bgt60.limits(divider)
+    limits = bgt60_chip.limits(divider)
     given: dict[str, Any] = wishes | {
         name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
     }
@@ -205,7 +206,7 @@ def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) ->
 
 def _shortest(settings: dict[str, Any]) -> float:
     """Shortest time from chirp to chirp that leaves the chip its time after the samples [s]."""
-    return _sweep(settings) + bgt60.IDLE_TIME
+    return _sweep(settings) + bgt60_chip.IDLE_TIME
 
 
 def _sweep(settings: dict[str, Any]) -> float:
@@ -223,3 +224,81 @@ def _check_band(name: str, value: object) -> float:
     if not lowest <= frequency <= highest:
         raise ValueError(f"{name}: expected {lowest:g} to {highest:g} [Hz] of a BGT60TR13C, got {frequency:.6g}")
     return frequency
+
+
+_PITCH = 3.5e-3
+"""Side of the square of receivers [m]."""
+
+
+def bgt60tr24(
+    *,
+    tx_power_dbm: float = 4.0,
+    receiver: str | Receiver = "thermal",
+    if_gain_db: int | None = None,
+    high_pass: float | None = None,
+    schedule: Schedule | None = None,
+    **waveform: Any,
+) -> Radar:
+    """Infineon BGT60TR24: two TX, four RX in a square of 3.5 mm, real samples.
+
+    There is no public data sheet. Receivers are at the places that published code has: RX1 upper right, RX2 upper
+    left, RX3 lower right, RX4 lower left, seen along the beam. The transmitters are put 7 mm apart, above the square,
+    so that the channels make a row of four by two without gaps: **an assumption**. Power, gain, beam widths and noise
+    figure are those of the BGT60TR13C. Without a schedule both transmitters are told apart without error.
+
+    Defaults: 58 to 63.5 GHz sampled, 64 samples at 2 MHz, 16 chirps every 591 us, 25 ms from frame to frame.
+
+    Parameters
+    ----------
+    tx_power_dbm : float
+        Power of one transmitter [dBm].
+    receiver : "thermal", "measured" or Receiver
+        Thermal: real samples with thermal noise of 12 dB. Measured: the chain of a BGT60TR13C as measured, with RX4
+        like RX3 and all receivers in phase, **an assumption** too.
+    if_gain_db, high_pass : optional
+        Of the measured chain, as in `bgt60tr13c`.
+    schedule : Schedule, optional
+        How the transmitters share the time, as in `Radar`.
+    **waveform
+        Keywords of `Waveform` in place of the defaults.
+
+    See Also
+    --------
+    bgt60tr13c : One transmitter and three receivers.
+    Schedule : How transmitters share the time.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr24(schedule=rc.Schedule.tdm())
+    >>> radar
+    <Radar 58 to 63.5 GHz, 16 chirps of 64 samples, 2 TX, 4 RX, 40 Hz>
+    >>> radar.num_channels
+    8
+    """
+    settings: dict[str, Any] = {
+        "start_frequency": 58e9,
+        "slope": 5.5e9 / 32e-6,
+        "sample_rate": 2e6,
+        "num_samples": 64,
+        "num_chirps": 16,
+    } | waveform
+    names = [field.name for field in fields(Waveform)]
+    check.keywords("bgt60tr24", waveform, ["tx_power_dbm", "receiver", "if_gain_db", "high_pass", "schedule", *names])
+    if "chirp_times" not in settings:
+        settings.setdefault("chirp_interval", 591.125e-6)
+    if "frame_interval" not in settings:
+        settings["frame_interval"] = max(25e-3, Waveform(**settings).frame_interval)
+    shape = Waveform(**settings)
+    chain = receiver_of(receiver, if_gain_db, high_pass, bandwidth=shape.bandwidth)
+    if receiver == "measured":
+        chain = replace(chain.of_receivers([0, 1, 2, 2]), rx_phase_deg=None)
+    half = 0.5 * _PITCH
+    return Radar(
+        shape,
+        tx=[[0.0, -_PITCH, 3.0 * _PITCH], [0.0, _PITCH, 3.0 * _PITCH]],
+        rx=[[0.0, -half, half], [0.0, half, half], [0.0, -half, -half], [0.0, half, -half]],
+        pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
+        tx_power_dbm=tx_power_dbm,
+        receiver=chain,
+        schedule=schedule,
+    )

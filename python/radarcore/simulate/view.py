@@ -1,4 +1,4 @@
-"""Sectors of the field of view: image planes of the core, each with axes of its own, and their pixels."""
+"""Field of view: image planes of the core that cover it, each with axes of its own, and their pixels."""
 
 from __future__ import annotations
 
@@ -213,3 +213,9 @@ def _plane(shape: tuple[int, int], u: tuple[float, float], v: tuple[float, float
 
 def _whole(count: float) -> int:
     return max(1, int(np.ceil(count - 1e-9)))
+
+
+def angles(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Azimuth and elevation [rad] of vectors (..., 3) of any length in a sensor frame, positive to the left and up."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))

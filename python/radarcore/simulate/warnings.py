@@ -1,0 +1,416 @@
+"""Warnings about the validity of results, one of each kind, and refusals of antennas inside of bodies."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import _core, notice
+from radarcore.motion.protocol import poses_at
+from radarcore.radar import beam
+from radarcore.radar.radar import Radar
+from radarcore.receive.adc import Use
+from radarcore.scene import library
+from radarcore.scene.scene import Scene
+from radarcore.simulate.placement import Placement
+from radarcore.simulate.view import Angles, angles, is_outside
+
+_PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
+"""Corners of a box and points between them, in parts of its sides."""
+
+_FRAMES_PER_LOOK = 8
+"""Single frames between searches for bodies outside of the field of view: one takes a twentieth of a frame."""
+
+_FARTHEST_MEDIAN, _FAR_BEYOND = 100.0, 10.0
+"""Median distance of an image [m], also over that of the radar, above which it is hardly in metres."""
+
+_COMPRESSES = 1e-4
+"""Power at a receiver [W] above which real ones are not linear: -10 dBm, as in their data sheets."""
+
+_CLIPS = 1e-3
+"""Share of clipped samples above which the spectrum is distorted."""
+
+_FEWEST_CODES = 2
+"""Number of ADC codes that contain only the sign of a signal."""
+
+_EPOCH, _LOST = 1e8, 1e6
+"""Times that may count from 1970 [s], and distances that are implausible for a body [m]."""
+
+_UNRESOLVED = 0.2
+"""Error of paths of several reflections relative to their field that is warned of: about 1.6 dB."""
+
+_MOST_NAMES = 3
+"""Names of bodies in one warning, at most."""
+
+_ROOM = 2.0
+"""Diagonal of the bounds of a body above which it may be a room around the sensor [m]."""
+
+_CLEARANCE = 1e-3
+"""Smallest distance of a surface or point from an antenna at the start of a run [m]."""
+
+
+class Warnings:
+    """Warnings of a simulation, each given once.
+
+    Parameters
+    ----------
+    scene : Scene
+        Empty for a depth image.
+    radar : Radar
+    tolerance : float
+        Bound on the error of the synthesis.
+    """
+
+    def __init__(self, scene: Scene, radar: Radar, tolerance: float) -> None:
+        self._scene, self._radar, self._tolerance = scene, radar, tolerance
+        self._given: set[str] = set()
+        self._boxes: NDArray[np.float64] | None = None
+        self._num_looks = 0
+
+    def before_first_frame(self, placement: Placement, time: float) -> None:
+        """Refuse antennas inside of bodies at the first time [s]; warn of materials, meshes and reflectors."""
+        if "first frame" in self._given:
+            return
+        self.unknown_materials()
+        self._empty_meshes()
+        self.refuse_place(placement, time)
+        self._reflectors_from_behind(placement, time)
+        self._given.add("first frame")
+
+    def unknown_materials(self) -> None:
+        """Warn of materials at frequencies for which they are not known."""
+        if "materials" in self._given:
+            return
+        self._given.add("materials")
+        used = (body.material for body in self._scene.parts.meshed)
+        if text := library.extrapolation(used, self._radar.waveform.center_frequency):
+            notice.warn(text)
+
+    def refuse_place(self, placement: Placement, time: float) -> None:
+        """Refuse antennas, interferers' too, inside of a body or at its surface at the first time [s] simulated."""
+        if "place" in self._given:
+            return
+        scene, poses = self._scene, placement.poses_at(time)
+        _check_epoch(scene, poses, time)
+        check_antennas(scene, poses, self._radar, time)
+        for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
+            others = np.concatenate([poses[:-1], poses_at(interferer.motion, [time])])
+            check_antennas(scene, others, interferer.radar, time, name=f"motion of {name!r}")
+        self._given.add("place")
+
+    def bodies_out_of_view(self, placement: Placement, starts: list[float], view: Angles) -> None:
+        """Warn of bodies that the antennas see beyond a field of view [degrees], in the middle of frames."""
+        meshed = self._scene.parts.meshed
+        if "view" in self._given or not meshed:
+            return
+        self._num_looks += 1
+        if len(starts) == 1 and self._num_looks % _FRAMES_PER_LOOK != 1:
+            return
+        # Places on the bounding boxes of all bodies, in the sensor frame about the middle of the array.
+        if self._boxes is None:
+            low, high = np.array([body.mesh.bounds for body in meshed]).swapaxes(0, 1)
+            self._boxes = low[:, None] + _PLACES * (high - low)[:, None]
+        poses = placement.poses_in_the_middle(starts)
+        bodies, mount = poses[:, :-1], poses[:, -1:]
+        world = self._boxes @ bodies[..., :3].swapaxes(-1, -2) + bodies[..., None, :, 3]
+        seen = (world - mount[..., None, :, 3]) @ mount[..., :3] - self._radar.array_center
+
+        radar = self._radar
+        is_lost = is_outside(seen, view)
+        is_lost[is_lost] = beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen[is_lost]).any(axis=-1)
+        if not is_lost.any():
+            return
+        frame, body = (int(index) for index in np.argwhere(is_lost)[0])
+        others = set(np.flatnonzero(is_lost.any(axis=0)).tolist()) - {body}
+        names = [self._name_of_mesh(each) for each in (body, *others)]
+        azimuth, elevation = angles(seen[frame, body, len(_PLACES) // 2])
+        self._out_of_view(names, (float(azimuth), float(elevation)), view, "it returns nothing")
+
+    def points_out_of_view(
+        self, names: list[str], azimuth: NDArray[np.float64], elevation: NDArray[np.float64], view: Angles
+    ) -> None:
+        """Warn of point targets in directions [rad] in the beam, but beyond a field of view [degrees]."""
+        if "view" in self._given:
+            return
+        across = np.cos(elevation)
+        directions = np.stack([np.cos(azimuth) * across, np.sin(azimuth) * across, np.sin(elevation)], axis=-1)
+        seen = np.flatnonzero(beam.is_in_beam(self._radar.tx_patterns, self._radar.rx_patterns, directions)).tolist()
+        if seen:
+            at = azimuth[seen[0]], elevation[seen[0]]
+            self._out_of_view([names[point] for point in seen], at, view, "its truth is NaN")
+
+    def nothing_visible(self, placement: Placement, time: float) -> None:
+        """Warn of a scene of which nothing is seen: where the nearest of its bodies lies at a time [s]."""
+        scene = self._scene
+        if not scene.bodies or "sight" in self._given:
+            return
+        parts, poses = scene.parts, placement.poses_at(time)
+        sensor = poses[-1]
+        middles = dict(zip(parts.point_numbers.tolist(), parts.positions + time * parts.velocities, strict=True))
+        for mesh, number in enumerate(parts.mesh_numbers.tolist()):
+            middle, pose = parts.bounds_at(mesh, time).mean(axis=0), poses[mesh]
+            if not np.isnan(middle).any():
+                middles[number] = pose[:, :3] @ middle + pose[:, 3]
+        seen = {number: (middle - sensor[:, 3]) @ sensor[:, :3] for number, middle in middles.items()}
+        if not seen:
+            self._warn("sight", "no body is seen: none of them has a surface")
+            return
+        nearest = min(seen, key=lambda number: float(np.linalg.norm(seen[number])))
+        azimuth, elevation = np.rad2deg(angles(seen[nearest]))
+        self._warn(
+            "sight",
+            f"no body is seen: the middle of the nearest, {scene.names[nearest]!r}, lies at "
+            f"{np.linalg.norm(seen[nearest]):.4g} m, azimuth {azimuth:.0f} and elevation {elevation:.0f} degrees from "
+            f"the x axis that the radar looks along, at {time:g} s",
+        )
+
+    def too_fast(self, range_rates: NDArray[np.float64]) -> None:
+        """Warn of bodies, (body,) [m/s], that are too fast for the chirps of a frame."""
+        wf, limit = self._radar.waveform, self._radar.max_velocity
+        if "velocity" in self._given or wf.num_chirps < 2 or not wf.has_uniform_chirps:
+            return
+        speeds = np.abs(range_rates)
+        if (speeds > limit).any():  # NaN of bodies that no ray hit is not beyond the limit
+            fastest = int(np.nanargmax(speeds))
+            self._warn(
+                "velocity",
+                f"{self._scene.names[fastest]!r} has a radial speed of {speeds[fastest]:.3g} m/s, beyond max_velocity "
+                f"{limit:.3g} m/s of the waveform: it appears at wrong velocities",
+            )
+
+    def overlapping_frames(self, rate: float) -> None:
+        """Warn of frames that overlap at a rate [Hz]."""
+        duration = self._radar.duration
+        if duration * rate > 1.0 + 1e-9:  # back to back, but for rounding
+            notice.warn(
+                f"frames of {1e3 * duration:.2f} ms overlap at {rate:g} frames per second; no real sensor can do that"
+            )
+
+    def unresolved(self, ideal: _core.IdealFrame) -> None:
+        """Warn of unresolved motion, reflections and cells of a frame, and of echoes from beyond the largest range."""
+        phase, weight = ideal.series_errors
+        if (residual := hypot(phase, weight)) > self._tolerance:
+            bodies = ", ".join(repr(self._scene.names[body]) for body in ideal.fast_varying[:_MOST_NAMES])
+            of = f" of {bodies}" if bodies else ""
+            phases = f"phases (fast motion{of}, or large absolute times)"
+            series = phases if phase > weight else f"amplitudes (turning edges{of})"
+            self._warn(
+                "series",
+                f"{series} are interpolated within a frame with an error of {residual:.1e}, above the tolerance of "
+                f"{self._tolerance:.1e}",
+            )
+        if ideal.bounce_error > _UNRESOLVED:
+            self._warn(
+                "bounces",
+                f"paths of several reflections have not converged: ray tubes ran out with an error of "
+                f"{ideal.bounce_error:.0%} of their field; a narrower field_of_view_deg or a larger resolution "
+                "resolves more, a smaller max_bounces asks for less",
+            )
+        self._too_far(ideal)
+
+    def unsplit_cells(self, number: int) -> None:
+        """Warn of cells that adaptive sampling should have refined, and could not."""
+        if number > 0:
+            self._warn(
+                "sampling",
+                f"adaptive sampling ended at its finest cells or its ray_budget: {number} cells have a larger "
+                "residual error than rcs_floor asks for",
+            )
+
+    def distances_not_in_metres(self, distance: NDArray[np.float64]) -> None:
+        """Warn of an image whose distances along the rays, infinite without a return, are hardly in metres."""
+        seen = distance[np.isfinite(distance)]
+        median, limit = float(np.median(seen)) if seen.size > 0 else 0.0, self._radar.max_range
+        if median > max(_FARTHEST_MEDIAN, _FAR_BEYOND * limit):
+            self._warn(
+                "range",
+                f"distance: expected metres, got a median of {median:.4g} m for a radar with a max_range of "
+                f"{limit:.4g} m; scale=1e-3 takes millimetres",
+            )
+
+    def unsuitable_gain(self, use: Use) -> None:
+        """Warn of a signal that clips or uses few codes of the ADC."""
+        receiver = self._radar.receiver
+        bits = 0 if receiver is None or receiver.adc_bits is None else receiver.adc_bits
+        if use.clipped_share > _CLIPS:
+            self._warn(
+                "clipping",
+                f"receiver.full_scale: {100.0 * use.clipped_share:.3g} % of the samples are beyond it and clip; less "
+                "gain_db or a larger full_scale keeps them",
+            )
+        if bits > 1 and use.lowest < use.highest and use.num_codes(bits) <= _FEWEST_CODES:
+            self._warn(
+                "codes",
+                f"receiver.adc_bits: the signal uses {use.num_codes(bits)} of {2**bits} codes; more gain_db or a "
+                "smaller full_scale resolves it",
+            )
+
+    def strong_interferer(self, power: float) -> None:
+        """Warn of an interferer whose power at a receiver [W] drives real ones out of their linear range."""
+        if power > _COMPRESSES:
+            self._warn(
+                "interference",
+                f"an interferer is received with {10.0 * np.log10(power) + 30.0:.0f} dBm: real receivers compress what "
+                "is above about -10 dBm, this one is linear",
+            )
+
+    def _empty_meshes(self) -> None:
+        """Warn of bodies without triangles; `nothing_visible` warns if the scene has only these."""
+        scene = self._scene
+        empty = [index for index, body in enumerate(scene.parts.meshed) if len(body.mesh.triangles) == 0]
+        if 0 < len(empty) < len(scene.bodies):
+            names = ", ".join(repr(self._name_of_mesh(index)) for index in empty[:_MOST_NAMES])
+            self._warn("meshes", f"the mesh of {names} has no triangles: it returns nothing")
+
+    def _reflectors_from_behind(self, placement: Placement, time: float) -> None:
+        """Warn of a corner reflector in the beam that shows only its back at a time [s]."""
+        parts, radar = self._scene.parts, self._radar
+        reflectors = [mesh for mesh, body in enumerate(parts.meshed) if body.mesh.is_reflector]
+        if not reflectors:
+            return
+        poses = placement.poses_at(time)
+        sensor = poses[-1]
+        for mesh in reflectors:
+            turn, place = poses[mesh, :, :3], poses[mesh, :, 3]
+            corners = parts.vertices_at(mesh, time)[parts.meshed[mesh].mesh.triangles]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            is_front = np.einsum("ij,ij->i", normals, (sensor[:, 3] - place) @ turn - corners[:, 0]) > 0.0
+            seen = (place - sensor[:, 3]) @ sensor[:, :3]
+            if not is_front.any() and beam.is_in_beam(radar.tx_patterns, radar.rx_patterns, seen[None])[0]:
+                self._warn(
+                    "backs",
+                    f"{self._name_of_mesh(mesh)!r} shows its back to the radar: a corner reflector opens towards -x, "
+                    "and Pose.look_at turns +x to its target; half a turn more about z, as by "
+                    "@ Pose.from_rpy([0, 0, 0], [0, 0, pi]), opens it towards the target",
+                )
+
+    def _out_of_view(self, names: list[str], direction: tuple[float, float], view: Angles, effect: str) -> None:
+        """Warn of targets outside of a field of view [degrees]; azimuth and elevation [rad] of the first."""
+        azimuth, elevation = np.rad2deg(direction)
+        more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        self._warn(
+            "view",
+            f"{names[0]!r}{more} lies in the beam of the antennas, at azimuth {azimuth:.0f} and elevation "
+            f"{elevation:.0f} degrees, but outside of field_of_view_deg ({view[0]:g}, {view[1]:g}): {effect}; "
+            "without a given field of view all that the antennas see is simulated",
+        )
+
+    def _too_far(self, ideal: _core.IdealFrame) -> None:
+        """Warn of echoes from beyond the largest range, and of bodies there without an echo."""
+        farthest, limit, effect = ideal.farthest, self._radar.max_range, "echoes from there appear at wrong ranges"
+        if farthest == 0.0 and ideal.counts.get("rays_hit", 0) > 0:
+            # Rays met bodies, but no path returns: far bodies are smaller than the finest cells.
+            farthest, effect = _nearest(ideal), "bodies there are too small for an echo"
+        if farthest > limit and "range" not in self._given:
+            if _nearest(ideal) > limit:
+                self._given.add("sampling")  # same cause
+            self._warn(
+                "range",
+                f"the scene reaches to {farthest:.2f} m, beyond max_range {limit:.2f} m of the waveform: {effect}",
+            )
+
+    def _name_of_mesh(self, mesh: int) -> str:
+        return self._scene.names[int(self._scene.parts.mesh_numbers[mesh])]
+
+    def _warn(self, kind: str, text: str) -> None:
+        """Warn once of each kind."""
+        if kind not in self._given:
+            self._given.add(kind)
+            notice.warn(text)
+
+
+def check_antennas(
+    scene: Scene, poses: NDArray[np.float64], radar: Radar, time: float, *, name: str = "radar_motion"
+) -> None:
+    """Refuse a surface or a point at an antenna when a run begins, at a time [s]; `name` is what places the radar.
+
+    Nor may the antennas be inside a body, unless it is large enough to be a room around them. `poses`, those of the
+    bodies with meshes and of the sensor at that time, (body + 1, 3, 4), to the world.
+    """
+    antennas = np.concatenate([radar.tx, radar.rx])
+    parts, sensor = scene.parts, poses[-1]
+    world = antennas @ sensor[:, :3].T + sensor[:, 3]
+    for mesh, number in enumerate(parts.mesh_numbers):
+        pose = poses[mesh]
+        local = (world - pose[:, 3]) @ pose[:, :3]
+        # Few antennas are near the box around a body, and few triangles near these antennas.
+        low, high = parts.bounds_at(mesh, time)
+        near = local[((local > low - _CLEARANCE) & (local < high + _CLEARANCE)).all(axis=1)]
+        if len(near) == 0:
+            continue
+        corners = parts.vertices_at(mesh, time)[parts.meshed[mesh].mesh.triangles]
+        lowest, highest = corners.min(axis=1) - _CLEARANCE, corners.max(axis=1) + _CLEARANCE
+        for antenna in near:
+            beside = corners[((antenna > lowest) & (antenna < highest)).all(axis=1)]
+            _check_gap(_distance_to_triangles(antenna, beside), name, scene.names[number])
+        if np.linalg.norm(high - low) < _ROOM and any(_is_inside(antenna, corners) for antenna in near):
+            raise ValueError(
+                f"{name}: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
+                f"got them inside {scene.names[number]!r}"
+            )
+    points = parts.positions + time * parts.velocities
+    for point, number in zip(points, parts.point_numbers, strict=True):
+        _check_gap(float(np.linalg.norm(point - world, axis=1).min()), name, scene.names[number])
+
+
+def _check_epoch(scene: Scene, poses: NDArray[np.float64], time: float) -> None:
+    """Refuse times since 1970 if a body has moved far away by then."""
+    if abs(time) < _EPOCH:
+        return
+    parts, sensor = scene.parts, poses[-1, :, 3]
+    places = np.concatenate([poses[:-1, :, 3], parts.positions + time * parts.velocities]) - sensor
+    numbers = [*parts.mesh_numbers.tolist(), *parts.point_numbers.tolist()]
+    distances = np.linalg.norm(places, axis=1)
+    if len(distances) > 0 and distances.max() > _LOST:
+        raise ValueError(
+            f"time: expected seconds from about 0 on, where motions begin, got {time:.10g} s, as times since 1970 are: "
+            f"{scene.names[numbers[int(distances.argmax())]]!r} has moved to {distances.max():.3g} m by then; subtract "
+            "the time of the first frame"
+        )
+
+
+def _nearest(ideal: _core.IdealFrame) -> float:
+    """Range of the nearest visible body [m]; 0 without any."""
+    ranges = np.empty(0) if ideal.truth is None else ideal.truth[0][np.isfinite(ideal.truth[0])]
+    return float(ranges.min()) if ranges.size > 0 else 0.0
+
+
+def _check_gap(gap: float, name: str, body: str) -> None:
+    if gap < _CLEARANCE:
+        raise ValueError(
+            f"{name}: expected all antennas at least {1e3 * _CLEARANCE:g} mm from every surface when the run begins, "
+            f"got {1e3 * gap:.2g} mm to {body!r}"
+        )
+
+
+def _is_inside(point: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
+    """True when closed triangles (n, 3, 3) enclose a point: the solid angles add up to 4 pi, not to zero.
+
+    Van Oosterom, Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30 (1983).
+    """
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(-1)
+    cosines = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    return bool(abs(np.arctan2(volume, cosines).sum()) > np.pi)
+
+
+def _distance_to_triangles(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+    """Smallest distance of a point to triangles (n, 3, 3), none of them degenerate; inf without any."""
+    from_point = corners - point
+    edges = np.roll(from_point, -1, axis=1) - from_point
+
+    # Distance to the nearest point of every edge.
+    along = np.clip(-(from_point * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
+    to_edges = np.linalg.norm(from_point + along[..., None] * edges, axis=-1)
+
+    # Distance to the planes whose foot point lies inside the triangle.
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    heights = (from_point[:, 0] * normals).sum(axis=-1)
+    feet = heights[:, None] * normals
+    sides = (np.cross(edges, feet[:, None] - from_point) * normals[:, None]).sum(axis=-1)
+    to_planes = np.abs(heights[(sides >= 0.0).all(axis=1)])
+    return float(min(to_edges.min(initial=np.inf), to_planes.min(initial=np.inf)))
