@@ -18,7 +18,7 @@ FILES = {
     for path in sorted(PACKAGE.rglob("*.py"))
 }
 
-EVERYWHERE = {"check", "output", "units", "products", "summary", "twin", "sealed", "notice", "lazy", "_core"}
+EVERYWHERE = {"check", "output", "units", "products", "records", "notice", "lazy", "_core"}
 DESCRIPTIONS = {"recording", "radar"}
 BODIES = {"scene", "motion", "geometry"}
 MAY_IMPORT = {
@@ -44,7 +44,7 @@ MAY_IMPORT["cli"] = {*MAY_IMPORT, "cli"}
 
 COUNTERPARTS = {"_core", "_core_at"}
 """The core's counterparts of meshes, scenes, materials, radars: theirs, but for those who hand them to the core."""
-CORE_USERS = ("simulate.", "depth.", "scene.scene", "geometry.report")
+CORE_USERS = ("simulate.", "depth.", "scene.scene", "geometry.mesh_report")
 NAMED_TUPLE = {"_replace", "_asdict", "_fields"}
 """Public methods of named tuples."""
 

@@ -8,7 +8,7 @@ import pytest
 import radarcore as rc
 from radarcore.comparison.nearest_point import nearest_points
 from radarcore.comparison.reference import MovingTargets, RecordedTruth
-from radarcore.motion.inverse import Inverse
+from radarcore.motion.attached import Inverse
 
 TIMES = np.array([0.0, 0.1, 0.35])
 NAN = np.nan

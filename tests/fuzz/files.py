@@ -14,7 +14,7 @@ import numpy as np
 
 import radarcore as rc
 from fuzz.cases import Case, damaged_tree
-from radarcore.geometry.files import load_mesh, load_meshes
+from radarcore.geometry.mesh_files import load_mesh, load_meshes
 from radarcore.models.robots.arm import RobotArm
 from radarcore.radar.pattern import TabulatedPattern
 from scene_files import EXAMPLES, PARTS

@@ -11,11 +11,9 @@ import pytest
 
 import radarcore as rc
 from radarcore.models.robots.arm import RobotArm
-from radarcore.motion.function import derivative
-from radarcore.motion.group import Motions
-from radarcore.motion.inverse import Inverse
-from radarcore.motion.protocol import poses_at
-from radarcore.motion.static import is_static
+from radarcore.motion.attached import Inverse
+from radarcore.motion.group import Motions, is_static
+from radarcore.motion.protocol import derivative, poses_at
 
 TIMES = np.array([0.2, 0.9, 1.7])
 

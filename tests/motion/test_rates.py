@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.motion.attached import Inverse
 from radarcore.motion.group import Motions
-from radarcore.motion.inverse import Inverse
 from radarcore.motion.protocol import poses_at
 
 BEYOND = (None, "hold", "continue", "error")

@@ -16,9 +16,9 @@ from radarcore import check
 from radarcore.adapters.images import ROS_OPTICAL_AXES
 from radarcore.geometry.camera import Camera
 from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.pose import Matrix, Pose
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion
+from radarcore.geometry.pose import Pose
+from radarcore.geometry.rotation import Matrix
+from radarcore.motion.protocol import AnyMotion, as_motion
 from radarcore.output import check_file, make_folder
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_doppler

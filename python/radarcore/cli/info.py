@@ -19,15 +19,15 @@ from radarcore.cli.terminal import show, show_facts
 from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
-from radarcore.geometry.files import STEP_SUFFIXES, SUFFIXES, load_mesh
-from radarcore.geometry.report import mesh_report
+from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
+from radarcore.geometry.mesh_report import mesh_report
 from radarcore.recording.bare import Description
 from radarcore.recording.recording import RecordingReader, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.read import values_of
 from radarcore.simulate.schedule import frame_times
-from radarcore.summary import line
+from radarcore.units import line
 
 
 def run(

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.comparison.nearest_point import nearest_points
 from radarcore.geometry.pose import Pose
-from radarcore.motion.function import as_motion
 from radarcore.motion.linear import Linear
-from radarcore.motion.protocol import AnyMotion, Motion, poses_at, with_factors
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at, with_factors
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
 from radarcore.scene.body import Body, PointTarget
 

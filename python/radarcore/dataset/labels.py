@@ -18,7 +18,7 @@ from radarcore.dataset.echoes import Caster
 from radarcore.dataset.joints import JOINTS, People
 from radarcore.dataset.visibility import are_rough, visibilities
 from radarcore.geometry.pose import Pose
-from radarcore.motion.function import as_motion
+from radarcore.motion.protocol import as_motion
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import TRUTH_FIELDS, Frame
 from radarcore.simulate.simulator import Simulator

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
 from radarcore.depth.image import Image
-from radarcore.geometry.pose import cross_matrix, rotations_about, transforms
+from radarcore.geometry.pose import transforms
+from radarcore.geometry.rotation import rate_jacobian, rotations_about
 from radarcore.recording.frame import Truth
 
 
@@ -72,16 +73,5 @@ def _rigid_motions(twists: NDArray[np.float64], times: NDArray[np.float64]) -> N
 
     Murray, Li, Sastry, A Mathematical Introduction to Robotic Manipulation, eqs. (2.14) and (2.36).
     """
-    linear, angular = twists[:, :3], twists[:, 3:]
-    cross = cross_matrix(angular)
-    t = times[:, None]
-    angle = np.linalg.norm(angular, axis=1) * t
-    # (1 - cos a)/w^2 and (a - sin a)/w^3: a power of t times an even function of the angle a = w t.
-    small = np.abs(angle) < 1e-2
-    safe, a2 = np.where(small, 1.0, angle), angle**2
-    second = t**2 * np.where(small, 0.5 - a2 / 24.0 + a2**2 / 720.0, (1.0 - np.cos(safe)) / safe**2)
-    third = t**3 * np.where(small, 1.0 / 6.0 - a2 / 120.0 + a2**2 / 5040.0, (safe - np.sin(safe)) / safe**3)
-    second, third = second[..., None, None], third[..., None, None]
-    integral = t[..., None, None] * np.eye(3) + second * cross + third * (cross @ cross)
-    rotation = rotations_about((t[..., None] * angular).reshape(-1, 3)).reshape(*angle.shape, 3, 3)
-    return transforms(rotation, (integral @ linear[:, :, None])[..., 0])
+    moved, turned = np.moveaxis(times[:, None, None, None] * twists.reshape(-1, 2, 3), 2, 0)
+    return transforms(rotations_about(turned), (rate_jacobian(turned) @ moved[..., None])[..., 0])

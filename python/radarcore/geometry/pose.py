@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radarcore import check
+from radarcore.geometry.rotation import Matrix, rotations_of
 from radarcore.products import product
-
-Matrix = NDArray[np.float64]
 
 _FARTHEST = 1e15
 """Largest coordinate [m], as of meshes: its square is still a number."""
@@ -296,38 +295,6 @@ def transforms(rotations: Matrix, positions: Matrix) -> Matrix:
     return np.concatenate([rotations, positions[..., None]], axis=-1)
 
 
-def cross_matrix(v: Matrix) -> Matrix:
-    """The matrix of ``v x``, (..., 3, 3)."""
-    matrix = np.zeros((*v.shape, 3))
-    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
-        matrix[..., k, j], matrix[..., j, k] = v[..., i], -v[..., i]
-    return matrix
-
-
-def rotations_about(vectors: Matrix) -> Matrix:
-    """Rotations by rotation vectors (n, 3) [rad], (n, 3, 3): Rodrigues' formula."""
-    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
-    k = cross_matrix(vectors / np.where(angle[..., 0] > 0.0, angle[..., 0], 1.0))
-    # 1 - cos as 2 sin^2 keeps small angles exact.
-    turned: Matrix = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(0.5 * angle) ** 2 * (k @ k)
-    return turned
-
-
-def rotations_of(quaternions: Matrix) -> Matrix:
-    """Rotations (..., 3, 3) of unit quaternions (..., 4), order (w, x, y, z)."""
-    w, cross = quaternions[..., :1, None], cross_matrix(quaternions[..., 1:])
-    rotations: Matrix = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
-    return rotations
-
-
-def quaternion_of(rotation: Matrix) -> Matrix:
-    """Unit quaternion (4,), order (w, x, y, z) and w not negative, of a rotation (3, 3): `rotations_of` undone."""
-    from scipy.spatial.transform import Rotation
-
-    quaternion: Matrix = Rotation.from_matrix(rotation).as_quat(canonical=True)
-    return np.roll(quaternion, 1)
-
-
 def checked_maps(name: str, values: ArrayLike, number: int) -> Matrix:
     """Maps ``[rotation | position]`` (number, 3, 4) from those or from homogeneous matrices (number, 4, 4).
 
@@ -360,11 +327,3 @@ def _deviations(rotations: Matrix) -> Matrix:
     largest: Matrix = np.abs(products - np.eye(3)).max(axis=(1, 2))
     largest[huge | (np.linalg.det(rotations) < 0.0)] = np.inf
     return largest
-
-
-def rotation_vectors(rotations: Matrix) -> Matrix:
-    """Rotation vectors (..., 3) [rad] of rotations (..., 3, 3), up to half a turn long: `rotations_about` undone."""
-    from scipy.spatial.transform import Rotation
-
-    vectors: Matrix = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec()
-    return vectors.reshape(rotations.shape[:-1])

@@ -1,12 +1,14 @@
-"""Motions relative to another motion."""
+"""Motions composed of others: one relative to another, and the inverse."""
 
 from __future__ import annotations
 
-from radarcore.geometry.pose import Matrix, Pose
-from radarcore.motion.function import as_motion
+import numpy as np
+
+from radarcore.geometry.pose import Pose, transforms
+from radarcore.geometry.rotation import Matrix
 from radarcore.motion.group import Composed
-from radarcore.motion.protocol import AnyMotion, Motion
-from radarcore.sealed import sealed
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion
+from radarcore.records import sealed
 
 
 @sealed
@@ -53,3 +55,32 @@ class Attached(Composed):
         rates: Matrix = parent_rate[..., :3] @ own + parent[..., :3] @ own_rate
         rates[..., 3] += parent_rate[..., 3]
         return rates
+
+
+@sealed
+class Inverse(Composed):
+    """Motion of the world as seen from a body: the inverse pose at every time.
+
+    Parameters
+    ----------
+    motion : motion
+        Any motion.
+    """
+
+    def __init__(self, motion: AnyMotion) -> None:
+        self.motion: Motion = as_motion("motion", motion)
+
+    @property
+    def factors(self) -> tuple[Motion]:
+        """The motion."""
+        return (self.motion,)
+
+    def poses_of(self, maps: Matrix) -> Matrix:
+        """Inverses of maps ``[rotation | position]``, (..., 3, 4)."""
+        back = np.swapaxes(maps[..., :3], -1, -2)
+        return transforms(back, (-back @ maps[..., 3:])[..., 0])
+
+    def rates_of(self, maps: Matrix, rates: Matrix) -> Matrix:
+        """Time derivatives of `poses_of`, (..., 3, 4)."""
+        back, turning = (np.swapaxes(values[..., :3], -1, -2) for values in (maps, rates))
+        return transforms(turning, -(turning @ maps[..., 3:] + back @ rates[..., 3:])[..., 0])

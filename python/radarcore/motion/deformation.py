@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.motion.ends import Ends, check_steps
-from radarcore.motion.function import derivative
-from radarcore.sealed import sealed
+from radarcore.motion.protocol import derivative
+from radarcore.motion.series import Ends, check_steps
+from radarcore.records import sealed
 
 Vertices = NDArray[np.float64]
 

@@ -10,13 +10,11 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore.geometry.pose import Matrix, Pose, as_pose
-from radarcore.motion.linear import Linear
-from radarcore.motion.links import LinkMotion, Links
+from radarcore.geometry.pose import Pose, as_pose
+from radarcore.geometry.rotation import Matrix
+from radarcore.motion.linear import Linear, Uniform
 from radarcore.motion.live import Live, Together
-from radarcore.motion.protocol import Motion, factors_of, newest_of, poses_at, with_factors
-from radarcore.motion.static import is_static
-from radarcore.motion.uniform import Uniform
+from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, newest_of, poses_at, with_factors
 
 Members = NDArray[np.intp] | slice
 """Indices of the members of a group."""
@@ -224,3 +222,14 @@ def _members(numbers: list[int]) -> Members:
     """Indices as a slice where they follow each other, which numpy copies faster."""
     start, stop = numbers[0], numbers[-1] + 1
     return slice(start, stop) if numbers == list(range(start, stop)) else np.array(numbers)
+
+
+def is_static(motion: Motion) -> bool:
+    """True when the pose is known to be the same at all times."""
+    return all(_is_at_rest(part) for part in with_factors([motion]) if not factors_of(part))
+
+
+def _is_at_rest(motion: Motion) -> bool:
+    if type(motion) is Linear:
+        return not (motion.velocity.any() or motion.angular_velocity.any())
+    return type(motion) is Pose  # a subclass may move

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose, as_pose, cross_matrix, not_a_pose, rotations_about, transforms
-from radarcore.motion.ends import Ends, check_steps, steps_between
-from radarcore.motion.pieces import Pieces
-from radarcore.sealed import sealed
+from radarcore.geometry.pose import Pose, as_pose, not_a_pose, transforms
+from radarcore.geometry.rotation import Matrix, cross_matrix, rotations_about
+from radarcore.motion.series import Ends, Pieces, check_steps, steps_between
+from radarcore.records import sealed
 
 WITHIN_GAPS = ("error", "interpolate")
 """Ways to treat times within a gap."""

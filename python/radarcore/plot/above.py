@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.mesh import used_by
 from radarcore.geometry.pose import Pose
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion, poses_at
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.scene.body import Body, PointTarget

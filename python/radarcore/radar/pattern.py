@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
-from radarcore.twin import Twinned
+from radarcore.records import Twinned
 from radarcore.units import power_from_db
 
 _BEAMWIDTHS = (1e-3, 360.0)

@@ -16,8 +16,7 @@ from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict
 from radarcore.radar.receiver import Receiver, check_receivers
 from radarcore.radar.schedule import Schedule, check_sequences, require_fit, shortest_interval
 from radarcore.radar.waveform import Waveform
-from radarcore.summary import html_table
-from radarcore.units import power_from_dbm, quantity
+from radarcore.units import html_table, power_from_dbm, quantity
 
 _FARTHEST_ANTENNA = 1e6
 """Largest coordinate of an antenna in the sensor frame [m]."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
 from radarcore.radar import design
-from radarcore.twin import Twinned
+from radarcore.records import Twinned
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from radarcore import check
 from radarcore.radar.radar import Radar
-from radarcore.summary import html_table
+from radarcore.units import html_table
 
 TRUTH_FIELDS = ("range", "velocity", "azimuth", "elevation")
 CUBE_TYPES = ("float32", "float64", "complex64", "complex128")

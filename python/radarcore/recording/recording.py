@@ -40,7 +40,7 @@ from radarcore.recording.native import Stored, format_of, load_directory, load_n
 from radarcore.recording.npy import Converted
 from radarcore.recording.radar_files import is_setup
 from radarcore.recording.writer import RecordingWriter, open_as
-from radarcore.summary import html_table
+from radarcore.units import html_table
 
 _FILES = (".npz", ".npy", ".mat", ".bin")
 """Suffixes of files with samples."""

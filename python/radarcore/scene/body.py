@@ -12,8 +12,7 @@ from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, checked_position
 from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material
 from radarcore.units import SPEED_OF_LIGHT

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.radar.radar import Radar
 
 START_PHASES = ("chirp", "frame")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from radarcore import check
-from radarcore.scene.material import Material
-from radarcore.scene.permittivity import ColeCole, ItuPermittivity, Permittivity
+from radarcore.scene.material import ColeCole, ItuPermittivity, Material, Permittivity
 
 _ITU = "ITU-R P.2040-3, table 3"
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.geometry.mesh import bounds_of
-from radarcore.motion.static import is_static
+from radarcore.motion.group import is_static
+from radarcore.records import sealed
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
-from radarcore.sealed import sealed
 
 
 @dataclass(frozen=True, eq=False)

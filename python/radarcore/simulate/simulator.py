@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
 from radarcore.geometry.pose import Pose
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion, Motion
+from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
@@ -33,7 +32,7 @@ from radarcore.simulate.settings import Settings, changed_settings
 from radarcore.simulate.side_by_side import Ask, directly, in_order
 from radarcore.simulate.view import Angles, is_beyond, whole_tiles
 from radarcore.simulate.warnings import Warnings
-from radarcore.summary import html_table
+from radarcore.units import html_table
 
 Engines = list[_core.Simulator]
 """Counterparts in the core, one per sub-sequence."""

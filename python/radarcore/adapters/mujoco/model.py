@@ -23,11 +23,11 @@ from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.recording.frame import Frame
+from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.library import materials as library
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
-from radarcore.sealed import sealed
 
 
 def names_of(model: Any, kind: str) -> list[str]:

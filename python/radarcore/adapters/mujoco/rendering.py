@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.adapters.images import PlanarDepth, from_mujoco_pixels
 from radarcore.adapters.mujoco.model import LiveModel, gl_context, mujoco_module, no_graphics, number_of
-from radarcore.geometry.pose import Matrix
+from radarcore.geometry.rotation import Matrix
 from radarcore.motion.protocol import Motion
 
 _SPARE_GEOMS = 200

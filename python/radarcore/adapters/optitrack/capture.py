@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.geometry.pose import as_pose, rotations_of, transforms
+from radarcore.geometry.pose import as_pose, transforms
+from radarcore.geometry.rotation import rotations_of
 from radarcore.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]

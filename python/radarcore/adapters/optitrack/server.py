@@ -13,9 +13,9 @@ import numpy as np
 from radarcore import check
 from radarcore.adapters.optitrack.capture import AXES, motive_positions, motive_quaternions
 from radarcore.adapters.optitrack.natnet import SIZED, Kind, NatNetError, Version, checked_version, packet_kind
-from radarcore.geometry.pose import Pose, quaternion_of
-from radarcore.motion.function import as_motion
-from radarcore.motion.protocol import AnyMotion
+from radarcore.geometry.pose import Pose
+from radarcore.geometry.rotation import quaternion_of
+from radarcore.motion.protocol import AnyMotion, as_motion
 
 _FREQUENCY = 10_000_000
 """Ticks per second of the stamps, as those of Windows."""

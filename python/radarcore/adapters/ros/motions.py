@@ -25,10 +25,9 @@ from radarcore.adapters.ros.poses import (
 )
 from radarcore.check import near_names
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached
-from radarcore.motion.inverse import Inverse
+from radarcore.motion.attached import Attached, Inverse
 from radarcore.motion.protocol import Motion
-from radarcore.sealed import sealed
+from radarcore.records import sealed
 
 _OPTICAL = "_optical_frame"
 """End of the names of frames with z forward (REP 103)."""

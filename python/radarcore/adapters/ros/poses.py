@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.adapters.ros.message_times import message_times, unpacked, warn_of_gap
 from radarcore.adapters.ros.messages import Types, header, header_nanoseconds, make, seconds
-from radarcore.geometry.pose import Pose, as_pose, quaternion_of, rotations_of, transforms
+from radarcore.geometry.pose import Pose, as_pose, transforms
+from radarcore.geometry.rotation import quaternion_of, rotations_of
 from radarcore.motion.trajectory import Trajectory
 
 

@@ -13,8 +13,7 @@ from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people import gait
 from radarcore.models.people.path import FloorPath
-from radarcore.motion.links import LinkMotion
-from radarcore.motion.protocol import Motion
+from radarcore.motion.protocol import LinkMotion, Motion
 from radarcore.scene.body import Body
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material

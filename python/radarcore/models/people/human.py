@@ -16,9 +16,9 @@ from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats,
 from radarcore.models.people.path import FloorPath
 from radarcore.models.people.real_man import real_man, real_skeleton, support
 from radarcore.motion.protocol import Motion
+from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
-from radarcore.sealed import sealed
 
 _TALLEST = 3.0
 """Height above which it is hardly that of a person in metres [m]."""

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.sealed import sealed
+from radarcore.records import sealed
 
 _Floats = NDArray[np.float64]
 _Phasors = NDArray[np.complex128]

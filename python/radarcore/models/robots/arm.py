@@ -11,16 +11,15 @@ from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.pose import Matrix, Pose, as_pose
+from radarcore.geometry.pose import Pose, as_pose
+from radarcore.geometry.rotation import Matrix
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
 from radarcore.models.robots.joint_trajectory import JointTrajectory
 from radarcore.motion.attached import Attached
-from radarcore.motion.function import as_motion, derivative
-from radarcore.motion.links import LinkMotion
-from radarcore.motion.protocol import AnyMotion, Motion, newest_of, poses_at
+from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, newest_of, poses_at
+from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
-from radarcore.sealed import sealed
 
 RADAR_AT_TOOL0 = Pose(rotation=[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Pose of a radar that looks along the flange: its x, y and z axes are z, x and y of ``tool0``.

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh_files import load_mesh
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots import urdf
 

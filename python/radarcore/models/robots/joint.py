@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, Pose, scaled
+from radarcore.geometry.pose import Pose, scaled
+from radarcore.geometry.rotation import Matrix
 
 JointAngles = Mapping[str, float] | Sequence[float] | Matrix
 """One angle [rad] (prismatic: [m]) per moving joint, in order; or by name, those left out being zero."""

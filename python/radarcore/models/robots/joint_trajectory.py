@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
-from radarcore.geometry.pose import Matrix
+from radarcore.geometry.rotation import Matrix
 from radarcore.models.robots.joint import Joint, Jointed
-from radarcore.motion.ends import Ends, check_steps
-from radarcore.sealed import sealed
+from radarcore.motion.series import Ends, check_steps
+from radarcore.records import sealed
 
 
 @sealed

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
-from radarcore.geometry.pose import Matrix, scaled
+from radarcore.geometry.pose import scaled
+from radarcore.geometry.rotation import Matrix
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.joint import JointAngles
 from radarcore.models.robots.joint_trajectory import JointTrajectory

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from radarcore import notice
 from radarcore.geometry import shapes
-from radarcore.geometry.files import load_mesh
 from radarcore.geometry.mesh import Mesh, merged_mesh
+from radarcore.geometry.mesh_files import load_mesh
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.urdf_files import parsed, warn_of_no_shapes
 from radarcore.models.robots.joint import Joint

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 from radarcore import check
 from radarcore.geometry import shapes
-from radarcore.geometry.files import load_mesh, load_meshes
 from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh_files import load_mesh, load_meshes
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
 from radarcore.models.robots.catalogue import arm_names

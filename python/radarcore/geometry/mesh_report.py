@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.geometry.edges import position_hashes, sides_by_edge
-from radarcore.geometry.mesh import Mesh
+from radarcore.geometry.mesh import Mesh, position_hashes
 from radarcore.units import SPEED_OF_LIGHT
 
 _WANTED_SAGITTA = 1e-4
@@ -259,7 +258,7 @@ def _sagittas(
     proportional to the distances of their circumcentres from the edge, as on a sphere. A triangle much higher than its
     neighbour is straight up to the edge, such as the side of a tube up to a chamfer.
     """
-    order, edge = sides_by_edge(corners)
+    order, edge = _sides_by_edge(corners)
     pairs = order[(np.bincount(edge, minlength=1) == 2)[edge]].reshape(-1, 2).T
     triangle, side = np.divmod(pairs, 3)
     is_consistent = corners[triangle[0], side[0]] != corners[triangle[1], side[1]]
@@ -280,6 +279,18 @@ def _sagittas(
     np.add.at(sums, triangle, heights * parts * angle)
     is_smooth[triangle[:, np.abs(angle) > _PLANE_ANGLE]] = True
     return np.where(is_smooth, np.abs(sums) / 4.5, 0.0), is_smooth
+
+
+def _sides_by_edge(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sides of triangles in the order of their edges, and the number of the edge of each, (3 triangle,) both.
+
+    `corners` (triangle, 3) are numbers of positions. Side ``3 t + k`` runs from corner k of triangle t to the next one.
+    """
+    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    key = np.minimum(starts, ends) * (corners.max(initial=0) + 1) + np.maximum(starts, ends)
+    order = key.argsort(kind="stable")
+    key = key[order]
+    return order, np.concatenate([[0], np.cumsum(key[1:] != key[:-1])])[: len(key)]
 
 
 def _number(count: int, thing: str) -> str:

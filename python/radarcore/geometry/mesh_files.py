@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable
+import zipfile
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
-from radarcore.geometry.collada import TO_Z_UP, load_collada
 from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.three_mf import load_3mf
 
 SUFFIXES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
 """Ends of the names of mesh files."""
 
 _FORMS = {".stl": " of an STL file (binary, or text from 'solid' to 'endsolid')"}
 """Forms of a file, for messages."""
-
-_READERS: dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[Any]]]] = {
-    ".dae": load_collada,
-    ".3mf": load_3mf,
-}
-"""Readers of formats in metres with z up."""
 
 _Y_UP = (".glb", ".gltf")
 """Formats with y up (glTF 2.0, 3.4)."""
@@ -157,7 +150,7 @@ def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
     kind = path.suffix.lower()
     try:
-        vertices, triangles = _READERS.get(kind, _load_with_trimesh)(path)
+        vertices, triangles = {".dae": _load_collada, ".3mf": _load_3mf}.get(kind, _load_with_trimesh)(path)
     except ImportError:
         raise
     except Exception as error:  # whatever their many readers raise, the user wants the path
@@ -187,7 +180,7 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if mesh.units is not None:
         vertices = vertices * trimesh.units.unit_conversion(mesh.units, "m")
-    return vertices @ TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
+    return vertices @ _TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
 
 
 def _miscounted_stl(path: Path) -> NDArray[np.float32] | None:
@@ -233,3 +226,147 @@ def _beginning(path: Path) -> str:
 
 def _is_text(data: bytes) -> bool:
     return all(byte >= 32 or byte in b"\t\n\r" for byte in data)
+
+
+# Axes of a file (columns: its x, y and z) in those with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and
+# towards the viewer are -y, x, z (X_UP), x, y, z (Y_UP) and x, z, -y (Z_UP).
+_TO_Z_UP = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "Z_UP": np.eye(3),
+}
+
+
+def _load_collada(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (n, 3) [m] and triangles (m, 3) of all geometry that the scene of a file shows.
+
+    Transforms of the nodes, the unit and the up axis of the file are applied; one without the latter has y up.
+    Polygons become fans of triangles; lines, materials and skins are left out. Parts that are mirrored by their
+    transforms keep their normals outwards.
+
+    Raises
+    ------
+    ImportError
+        Without pycollada; what else it raises is about the content of the file.
+    """
+    try:
+        from collada import Collada, common, polylist, triangleset
+    except ImportError as error:
+        raise ImportError(f"{path}: reading .dae files needs pycollada: pip install radarcore[mesh]") from error
+    # Textures that are missing, cameras of other programs and the like are no matter.
+    document = Collada(str(path), ignore=[common.DaeUnsupportedError, common.DaeBrokenRefError])
+    about = document.assetInfo
+    to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * _TO_Z_UP[about.upaxis]
+    vertices, triangles, num_vertices = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    for geometry in [] if document.scene is None else document.scene.objects("geometry"):
+        placed = np.asarray(geometry.matrix, dtype=np.float64)
+        linear = to_metres @ placed[:3, :3]
+        is_mirrored = np.linalg.det(linear) < 0.0
+        for part in geometry.original.primitives:
+            if isinstance(part, polylist.Polylist):
+                part = part.triangleset()  # the same surface
+            if not isinstance(part, triangleset.TriangleSet) or part.vertex is None or len(part) == 0:
+                continue
+            vertices.append(np.asarray(part.vertex, dtype=np.float64) @ linear.T + to_metres @ placed[:3, 3])
+            rows = np.asarray(part.vertex_index, dtype=np.int64) + num_vertices
+            triangles.append(rows[:, ::-1] if is_mirrored else rows)
+            num_vertices += len(vertices[-1])
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
+_CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
+_PRODUCTION = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}"
+_RELATIONSHIP = "{http://schemas.openxmlformats.org/package/2006/relationships}Relationship"
+_MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+
+_UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
+"""Metres per unit."""
+
+_MOST_PARTS = 10_000
+"""Largest number of objects in a build: nested components may multiply without limit."""
+
+_Part = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+
+def _load_3mf(path: Path) -> _Part:
+    """Vertices (n, 3) [m] and triangles (m, 3) of all items of a file's build, each at its place.
+
+    Supports are left out. Parts with a mirroring transform keep their normals outwards.
+    """
+    with zipfile.ZipFile(path) as package:
+        relations = ET.fromstring(package.read("_rels/.rels"))
+        root = next(
+            (each.get("Target", "") for each in relations.iter(_RELATIONSHIP) if each.get("Type") == _MODEL), ""
+        )
+        build = _Build(package)
+        model = build.model(root)
+        unit = model.get("unit", "millimeter")
+        if unit not in _UNITS:
+            raise ValueError(f"unit: expected {', '.join(_UNITS)}, got {unit!r}")
+        build.unit = _UNITS[unit]
+        for item in model.iterfind(f"{_CORE}build/{_CORE}item"):
+            build.add(item, root, np.eye(4))
+    vertices = [np.empty((0, 3)), *(vertices for vertices, _ in build.parts)]
+    starts = np.cumsum([len(part) for part in vertices])
+    triangles = [rows + start for (_, rows), start in zip(build.parts, starts, strict=False)]
+    return np.concatenate(vertices), np.concatenate([np.empty((0, 3), np.int64), *triangles])
+
+
+class _Build:
+    """Collects the objects of a build, each transformed to its place."""
+
+    def __init__(self, package: zipfile.ZipFile) -> None:
+        self.package = package
+        self.unit = 1.0
+        self.parts: list[_Part] = []
+        self._models: dict[str, ET.Element] = {}
+        self._meshes: dict[int, _Part] = {}
+
+    def model(self, name: str) -> ET.Element:
+        """Root of a part of the package."""
+        if name not in self._models:
+            self._models[name] = ET.fromstring(self.package.read(name.lstrip("/")))
+        return self._models[name]
+
+    def add(
+        self, reference: ET.Element, name: str, placed: NDArray[np.float64], above: tuple[ET.Element, ...] = ()
+    ) -> None:
+        """Add the object that an item or a component refers to."""
+        name = reference.get(f"{_PRODUCTION}path", name)
+        wanted = reference.get("objectid")
+        found = (one for one in self.model(name).iterfind(f"{_CORE}resources/{_CORE}object") if one.get("id") == wanted)
+        if (element := next(found, None)) is None or element in above:
+            raise ValueError(f"expected an object {wanted!r}, got {'one within itself' if above else 'none'}")
+        if element.get("type") in ("support", "solidsupport"):
+            return
+        placed = placed @ _transform(reference.get("transform"))
+        for component in element.iterfind(f"{_CORE}components/{_CORE}component"):
+            self.add(component, name, placed, (*above, element))
+        if (mesh := element.find(f"{_CORE}mesh")) is not None:
+            if len(self.parts) >= _MOST_PARTS:
+                raise ValueError(f"expected at most {_MOST_PARTS} objects in the build, got more")
+            vertices, triangles = self._mesh(mesh)
+            linear, shift = placed[:3, :3], placed[:3, 3]
+            is_mirrored = np.linalg.det(linear) < 0.0
+            self.parts.append(
+                (self.unit * (vertices @ linear.T + shift), triangles[:, ::-1] if is_mirrored else triangles)
+            )
+
+    def _mesh(self, mesh: ET.Element) -> _Part:
+        if id(mesh) not in self._meshes:
+            corners = [[vertex.attrib[axis] for axis in "xyz"] for vertex in mesh.iter(f"{_CORE}vertex")]
+            rows = [[face.attrib[corner] for corner in ("v1", "v2", "v3")] for face in mesh.iter(f"{_CORE}triangle")]
+            vertices = np.array(corners, np.float64).reshape(-1, 3)
+            triangles = np.array(rows, np.int64).reshape(-1, 3)
+            if ((triangles < 0) | (triangles >= len(vertices))).any():
+                raise ValueError(f"expected vertex numbers from 0 to {len(vertices) - 1}, got {triangles.max()}")
+            self._meshes[id(mesh)] = vertices, triangles
+        return self._meshes[id(mesh)]
+
+
+def _transform(text: str | None) -> NDArray[np.float64]:
+    """Matrix (4, 4) for column vectors; the file has twelve numbers for row vectors, the shift last."""
+    matrix = np.eye(4)
+    if text is not None:
+        matrix[:3] = np.array(text.split(), np.float64).reshape(4, 3).T
+    return matrix

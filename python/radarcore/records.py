@@ -1,4 +1,4 @@
-"""Descriptions whose attributes are read-only once they are made, as those of frozen dataclasses are."""
+"""Descriptions whose attributes are read-only once they are made, and their counterparts in the core."""
 
 from __future__ import annotations
 
@@ -39,3 +39,10 @@ def sealed(kind: _Kind) -> _Kind:
     kind.__setattr__ = put  # type: ignore[assignment]
     kind.__delattr__ = remove  # type: ignore[assignment]
     return kind
+
+
+class Twinned:
+    """A description whose counterpart in the core is the cached property `_core`."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_core"}
