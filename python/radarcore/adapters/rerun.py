@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.adapters.images import ROS_OPTICAL_AXES
+from radarcore.direction import unit_vectors
 from radarcore.geometry.camera import Camera
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
@@ -331,7 +332,7 @@ class Viewer:
     def _show_truth(self, truth: Truth) -> None:
         rr = self._rerun
         seen = np.flatnonzero(np.isfinite(truth.range))
-        places = np.array([_place(truth.range[k], truth.azimuth[k], truth.elevation[k]) for k in seen]).reshape(-1, 3)
+        places = truth.range[seen, None] * unit_vectors(truth.azimuth[seen], truth.elevation[seen])
         names = [truth.names[k] for k in seen]
         points = rr.Points3D(places, radii=_DOT, labels=names, colors=_TRUTH, show_labels=False)
         self._log(f"{_RADAR}/truth", points)
@@ -409,12 +410,6 @@ def _some_hits(distance: ArrayLike, camera: Camera, number: int) -> Matrix:
     directions = np.stack([np.ones(number), u[columns], v[rows]], axis=-1)
     ends: Matrix = ranges[rows, columns, None] * directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     return ends
-
-
-def _place(distance: float, azimuth: float, elevation: float) -> Matrix:
-    """Point in radar axes [m]."""
-    across = distance * np.cos(elevation)
-    return np.array([across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation)])
 
 
 def _levels_db(power: Matrix) -> Matrix:

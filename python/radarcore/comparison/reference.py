@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.comparison.nearest_point import nearest_points
+from radarcore.direction import angles
 from radarcore.geometry.pose import Pose
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at, with_factors
@@ -97,12 +98,12 @@ class MovingTargets:
         # Its place and velocity as the radar has them, and the range rate along the line of sight.
         place = np.einsum("tij,tj->ti", target[:, :, :3], points) - to_radar
         velocity = np.einsum("tij,tj->ti", target_rate[:, :, :3], points) + target_rate[:, :, 3] - radar_rate[:, :, 3]
-        x, y, z = np.einsum("tji,tj->it", radar[:, :, :3], place)
+        seen_from_radar = np.einsum("tji,tj->ti", radar[:, :, :3], place)
         distance = np.linalg.norm(place, axis=1)
         rate = np.einsum("ti,ti->t", place, velocity) / np.maximum(distance, 1e-12)
         nearer = distance - self._radii.get(name, 0.0)
-        seen = np.array([nearer, rate, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
-        return np.where((x > _FRONT) & (nearer > _FRONT), seen, np.nan)
+        seen = np.array([nearer, rate, *angles(seen_from_radar)])
+        return np.where((seen_from_radar[:, 0] > _FRONT) & (nearer > _FRONT), seen, np.nan)
 
 
 class RecordedTruth:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.plot import canvas
 from radarcore.plot.frame import mark
 from radarcore.processing.angles.maps import range_angle
@@ -113,8 +114,8 @@ def range_angle_map(
     canvas.color_bar(ax, picture, scale.label.replace("Power", what))
     ax.set_title(f"{what} in front at {frame.time:.3f} s")
     if frame.truth is not None:
-        across = frame.truth.range * np.cos(frame.truth.elevation)
-        left, forward = across * np.sin(frame.truth.azimuth), across * np.cos(frame.truth.azimuth)
+        places = frame.truth.range[..., None] * unit_vectors(frame.truth.azimuth, frame.truth.elevation)
+        forward, left, _ = np.moveaxis(places, -1, 0)
         canvas.place_names(ax, mark(ax, left, forward, frame.truth.names))
     return ax
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.tracking.tracks import Track, Tracks
@@ -97,8 +98,8 @@ def _draw_track(ax: Axes, track: Track, color: str) -> None:
 
 def _draw_truth(ax: Axes, truth: Truth) -> list[Name]:
     """True ways of all bodies, and their names."""
-    across = truth.range * np.cos(np.where(np.isnan(truth.elevation), 0.0, truth.elevation))
-    x, y = (np.atleast_2d(values) for values in (across * np.cos(truth.azimuth), across * np.sin(truth.azimuth)))
+    places = truth.range[..., None] * unit_vectors(truth.azimuth, np.nan_to_num(truth.elevation))
+    x, y, _ = map(np.atleast_2d, np.moveaxis(places, -1, 0))
     names = []
     for name, way in zip(truth.names, np.stack([x, y], axis=-1).transpose(1, 0, 2), strict=True):
         known = way[np.isfinite(way).all(axis=1)]

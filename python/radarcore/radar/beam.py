@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.direction import angles
 from radarcore.radar.pattern import Pattern, TabulatedPattern
 
 DEPTH_DB = 20.0
@@ -42,7 +43,7 @@ def is_in_beam(
     x, y, z = np.moveaxis(directions, -1, 0)
     widest = np.tan(np.deg2rad(0.5 * WIDEST_DEG))
     can_be_seen = (np.abs(y) <= widest * x) & (np.abs(z) <= widest * np.maximum(x, np.abs(y))) & (x > 0.0)
-    gain = _gain(*distinct, np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)))
+    gain = _gain(*distinct, *angles(directions))
     in_beam: NDArray[np.bool_] = can_be_seen & (gain >= _beam(*distinct)[0])
     return in_beam
 

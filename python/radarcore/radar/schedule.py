@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.radar.waveform import Waveform
 
 KINDS = ("tdm", "ddm", "steered")
@@ -212,8 +213,7 @@ class Schedule:
             return np.broadcast_to(self.weights, (num_chirps, num_tx)).copy()
         azimuth = 0.0 if self.azimuth is None else self.azimuth
         elevation = 0.0 if self.elevation is None else self.elevation
-        x, y, z = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
-        direction = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+        direction = unit_vectors(azimuth, elevation)
         # The transmitter nearer to the target lags, so that its field arrives with those of the others.
         turns = direction @ (tx - tx.mean(axis=0)).T / wavelength
         return np.broadcast_to(np.exp(-2j * np.pi * turns), (num_chirps, num_tx)).copy()

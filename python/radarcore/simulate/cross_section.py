@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
+from radarcore.direction import unit_vectors
 from radarcore.geometry.mesh import Mesh
 from radarcore.motion.group import Motions
 from radarcore.scene.body import Body
@@ -158,9 +159,7 @@ def _directions(
     except ValueError:
         message = f"elevation_deg: expected a shape that fits {azimuth.shape} of azimuth_deg, got {elevation.shape}"
         raise ValueError(message) from None
-    across = np.cos(elevation)
-    units = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=-1)
-    return np.atleast_1d(azimuth).shape, units.reshape(-1, 3)
+    return np.atleast_1d(azimuth).shape, unit_vectors(azimuth, elevation).reshape(-1, 3)
 
 
 def _angles(name: str, angles: ArrayLike | None) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
+from radarcore.direction import angles
 from radarcore.motion.protocol import Motion, poses_at
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
@@ -18,7 +19,6 @@ from radarcore.scene.interferer import Interferer, chirps_between, sent_after
 from radarcore.scene.scene import Scene
 from radarcore.simulate.placement import Placement
 from radarcore.simulate.side_by_side import Ask
-from radarcore.simulate.view import angles
 from radarcore.units import SPEED_OF_LIGHT
 
 _CLEARANCE = 1e-3

@@ -213,9 +213,3 @@ def _plane(shape: tuple[int, int], u: tuple[float, float], v: tuple[float, float
 
 def _whole(count: float) -> int:
     return max(1, int(np.ceil(count - 1e-9)))
-
-
-def angles(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Azimuth and elevation [rad] of vectors (..., 3) of any length in a sensor frame, positive to the left and up."""
-    x, y, z = np.moveaxis(directions, -1, 0)
-    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, notice
+from radarcore.direction import angles, unit_vectors
 from radarcore.motion.protocol import poses_at
 from radarcore.radar import beam
 from radarcore.radar.radar import Radar
@@ -15,7 +16,7 @@ from radarcore.receive.adc import Use
 from radarcore.scene import library
 from radarcore.scene.scene import Scene
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.view import Angles, angles, is_outside
+from radarcore.simulate.view import Angles, is_outside
 
 _PLACES = np.stack(np.meshgrid(*3 * [np.linspace(0.0, 1.0, 3)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Corners of a box and points between them, in parts of its sides."""
@@ -134,8 +135,7 @@ class Warnings:
         """Warn of point targets in directions [rad] in the beam, but beyond a field of view [degrees]."""
         if "view" in self._given:
             return
-        across = np.cos(elevation)
-        directions = np.stack([np.cos(azimuth) * across, np.sin(azimuth) * across, np.sin(elevation)], axis=-1)
+        directions = unit_vectors(azimuth, elevation)
         seen = np.flatnonzero(beam.is_in_beam(self._radar.tx_patterns, self._radar.rx_patterns, directions)).tolist()
         if seen:
             at = azimuth[seen[0]], elevation[seen[0]]

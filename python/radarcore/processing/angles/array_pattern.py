@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.processing.angles.steering import (
     checked_angles,
     steering_vectors,
     steering_weights,
     uniform_row,
-    unit_vectors,
 )
 from radarcore.processing.spectra.windows import Window, symmetric_window
 from radarcore.radar.pattern import Pattern

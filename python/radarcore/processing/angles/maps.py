@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.processing.angles import beamforming
 from radarcore.processing.angles.beamforming import Beamformer, range_covariances, smoothed
-from radarcore.processing.angles.steering import checked_angles, steering_vectors, uniform_row, unit_vectors
+from radarcore.processing.angles.steering import checked_angles, steering_vectors, uniform_row
 from radarcore.processing.inputs import Samples, checked_samples, cube_and_radar, transform_length
 from radarcore.processing.spectra.windows import Window
 from radarcore.radar.radar import Radar

@@ -6,18 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.products import product
 from radarcore.radar.radar import Radar
 
 _UNEQUAL = 1e-3
 """Steps between elements that differ by less than this part of their mean are equal: rounded positions."""
-
-
-def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
-    """Directions (..., 3) in the sensor frame (x forward, y left, z up) of angles [rad], broadcast together."""
-    az, el = np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64)
-    across = np.cos(el)
-    return np.stack(np.broadcast_arrays(across * np.cos(az), across * np.sin(az), np.sin(el)), axis=-1)
 
 
 def steering_vectors(

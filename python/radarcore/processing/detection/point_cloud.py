@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 
 COORDINATES = ("range", "velocity", "azimuth", "elevation")
 """Coordinates of a detection, in the order of its covariance."""
@@ -90,10 +91,7 @@ class Detections:
     @property
     def position(self) -> NDArray[np.float64]:
         """Points in the sensor frame, (detection, 3) [m]; an elevation that is not told counts as 0."""
-        elevation = np.nan_to_num(self.elevation)
-        across = self.range * np.cos(elevation)
-        points = (across * np.cos(self.azimuth), across * np.sin(self.azimuth), self.range * np.sin(elevation))
-        return np.stack(points, axis=-1)
+        return self.range[:, None] * unit_vectors(self.azimuth, np.nan_to_num(self.elevation))
 
 
 def detections_of_rows(

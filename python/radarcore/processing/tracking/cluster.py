@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.direction import unit_vectors
 from radarcore.processing.detection.point_cloud import COORDINATES, Detections
-from radarcore.processing.tracking.kalman import Array, normalized_squares, points_at
+from radarcore.processing.tracking.kalman import Array, normalized_squares
 
 Indices = NDArray[np.int64]
 
@@ -219,7 +220,10 @@ def pairs_within(
     """
     number = len(values)
     has_points = values.shape[1] > 2 and not np.isnan(values[:, 2]).any()
-    points = points_at(values) if has_points else values[:, :1]
+    points = values[:, :1]
+    if has_points:
+        elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
+        points = points * unit_vectors(values[:, 2], elevation)
     if distance is None or number**2 <= _MOST_PAIRS:
         near = np.ones((number, number), dtype=bool)
         if distance is not None:

@@ -301,25 +301,6 @@ def cartesian(state: Array) -> tuple[Array, Array]:
     return position, motion
 
 
-def directions(azimuth: Array, elevation: Array) -> Array:
-    """Unit vectors (..., 3) towards angles [rad]: x ahead, y to the left, z up."""
-    across = np.cos(elevation)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=-1)
-
-
-def points_at(values: Array) -> Array:
-    """Points [m] at ranges, velocities, azimuths and perhaps elevations (target, 3 or 4): in the plane, or in space.
-
-    An unknown elevation counts as 0.
-    """
-    across = values[:, 0]
-    if values.shape[1] > 3:
-        elevation = np.where(np.isnan(values[:, 3]), 0.0, values[:, 3])
-        up, across = across * np.sin(elevation), across * np.cos(elevation)
-        return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2]), up]).T
-    return np.array([across * np.cos(values[:, 2]), across * np.sin(values[:, 2])]).T
-
-
 Indices = NDArray[np.int64]
 
 

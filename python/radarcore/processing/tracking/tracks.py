@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.tracking.kalman import Array, cartesian, directions, polar
+from radarcore.direction import unit_vectors
+from radarcore.processing.tracking.kalman import Array, cartesian, polar
 from radarcore.recording.frame import Truth
 
 _COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed")
@@ -337,7 +338,7 @@ def _nearest_body(track: Track, truth: Truth, limit: float) -> str | None:
     apart = np.abs(seen.range - track.range[:, None])
     if not np.isnan(track.azimuth).any():
         elevation = np.where(np.isnan(track.elevation)[:, None], 0.0, seen.elevation)
-        points = seen.range[..., None] * directions(seen.azimuth, elevation)
+        points = seen.range[..., None] * unit_vectors(seen.azimuth, elevation)
         distance = np.linalg.norm(points - track.position[:, None], axis=2)
         apart = np.where(np.isnan(distance), apart, distance)
     medians = [np.median(body[~np.isnan(body)]) if np.isfinite(body).any() else np.inf for body in apart.T]
