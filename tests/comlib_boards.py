@@ -12,7 +12,7 @@ from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.emulator.comlib import ComLibEmulator
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.errors import SensorDisconnectedError
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from radarcore.sensor.strata.link import REQUEST_TIMEOUT, RETRIES, StreamLink
 from radarcore.sensor.strata.packets import Request
+from radarcore.sensor.strata.stream import REQUEST_TIMEOUT, RETRIES, StreamLink
 
 
 def shorten_requests(

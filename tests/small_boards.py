@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from doubles.usb_bus import Stall
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 
 HANG = 20.0
 """Longest time of any call [s]; none takes a tenth of it."""
@@ -46,6 +46,9 @@ class Loopback:
             data = bytes(self.echo[:size])
             del self.echo[:size]
             return data
+
+    def hang_up(self) -> None:
+        """What was received is still sent back."""
 
 
 class Requests:

@@ -6,7 +6,7 @@ import math
 import time
 
 from doubles.usb_bus import Stall
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.strata import Controller
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Info, Kind, Request, Response

@@ -24,7 +24,8 @@ from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.errors import ProtocolError, RequestError
 from radarcore.sensor.interface import Board
-from radarcore.sensor.strata import byte_stream, link, packets
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata import stream as strata_stream
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.packets import DataPacket, Kind, Response
 from radarcore.sensor.strata.slices import SliceAssembler
@@ -87,11 +88,11 @@ def strata_seeds() -> list[Case]:
 def read_strata(folder: Path) -> None:
     data = (folder / "stream.bin").read_bytes()
     assembler = SliceAssembler(3000)
-    for parser in (byte_stream.HostParser(), byte_stream.BoardParser()):
+    for parser in (strata_stream.HostParser(), strata_stream.BoardParser()):
         num_bytes = 0
         for piece in _pieces(data):
             for item in parser.feed(piece):
-                if isinstance(item, byte_stream.Damage):
+                if isinstance(item, strata_stream.Damage):
                     num_bytes += item.num_bytes
                 elif isinstance(item, DataPacket):
                     num_bytes += len(item.payload)
@@ -192,7 +193,7 @@ QUICK = 0.005
 """Time-out of an answer [s]: a file has it at once, or never."""
 
 
-class _QuickLink(link.StreamLink):
+class _QuickLink(strata_stream.StreamLink):
     """A link that asks once."""
 
     def ask(self, request: packets.Request, timeout: float = QUICK, *, retries: int = 0) -> bytes:
@@ -228,8 +229,8 @@ def _captures() -> list[Case]:
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "capture.jsonl"
         controller = Controller(Numbered(), speed=None)
-        with patch.multiple(link, _POLL=QUICK, _LATE=QUICK):
-            _talk(StrataBoard(link.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), _strata_radar())
+        with patch.object(strata_stream, "_LATE", QUICK):
+            _talk(StrataBoard(strata_stream.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), _strata_radar())
         controller.close()
         strata = path.read_bytes()
         _talk(ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path), timeout=0.1, board_timeout=0.2), _comlib_radar())
@@ -280,7 +281,7 @@ def read_capture(folder: Path) -> None:
     stream = Replay(path, checks_writes=False)
     try:
         if is_strata:
-            with patch.multiple(link, _POLL=QUICK, _LATE=QUICK):
+            with patch.object(strata_stream, "_LATE", QUICK):
                 opened = _QuickLink(stream)
                 try:
                     _talk(StrataBoard(opened), _strata_radar())

@@ -24,7 +24,7 @@ from radarcore.sensor.comlib.payloads import (
     encode_number,
 )
 from radarcore.sensor.emulator.comlib import ComLibEmulator
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 
 
 def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[Message | StatusMessage]:

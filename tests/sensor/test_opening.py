@@ -25,8 +25,7 @@ from radarcore.sensor import (
     opening,
     virtual_board,
 )
-from radarcore.sensor.emulator.peripheral import Unplugged
-from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.pty import PtyPort, Unplugged
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
 from radarcore.sensor.strata import packets
@@ -45,7 +44,7 @@ class Heard:
     def __init__(self, board: Any) -> None:
         self.board = board
         self.bytes = bytearray()
-        self.send = board.send
+        self.send, self.hang_up = board.send, board.hang_up
 
     def receive(self, data: bytes) -> None:
         self.bytes += data

@@ -11,13 +11,13 @@ from chip_settings import power_up
 from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.bgt60.registers import FIFO_RESET, FSM_RESET, FSTAT, MAIN, start_words, write_word
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.board import StrataBoard
-from radarcore.sensor.strata.link import StreamLink
 from radarcore.sensor.strata.packets import Code, Component, DataPacket, Info, Kind, Request
+from radarcore.sensor.strata.stream import StreamLink
 
 # Request, value, index : payload, as in "Life cycle, message by message" (Strata).
 PROBE = [
@@ -153,6 +153,8 @@ class Delayed:
         self.num_written = 0
 
     def write(self, data, timeout):
+        if self.board._is_gone:
+            raise SensorDisconnectedError("the board is gone")
         self.num_written += 1
         delay = self.delays.pop(0) if self.delays else 0.0
         if delay is not None:

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from radarcore.sensor.errors import ProtocolError, RequestError
 from radarcore.sensor.strata import packets as strata
-from radarcore.sensor.strata.byte_stream import BoardParser, Damage, HostParser
 from radarcore.sensor.strata.packets import (
     Avian,
     Code,
@@ -29,6 +28,7 @@ from radarcore.sensor.strata.packets import (
     Status,
 )
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
+from radarcore.sensor.strata.stream import BoardParser, Damage, HostParser
 
 # Equal examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
 fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -85,8 +85,7 @@ def feed_all(parser: Any, parts: Sequence[bytes]) -> list[Any]:
     for part in parts:
         found += parser.feed(part)
         assert parser.num_held == len(parser._buffer) <= parser._largest
-        assert len(parser._awaited) <= len(parser._buffer)
-        assert len(parser._awaited_by_end) <= parser._largest
+        assert len(parser._candidates) <= len(parser._buffer)
     return found
 
 

@@ -245,26 +245,44 @@ def test_missing_permission_names_the_group(tmp_path: Path) -> None:
 # Ptys
 
 
-def test_link_leads_to_the_pty_and_is_removed(tmp_path: Path) -> None:
-    link = tmp_path / "radar"
-    link.symlink_to("/dev/pts/999999" if sys.platform == "linux" else "/dev/ttys999")  # of a process that was killed
-    with PtyPort(Loopback(), link=link) as port:
+def test_link_leads_to_the_pty_and_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link, folder = tmp_path / "radar", tmp_path / "folder"
+    folder.mkdir()
+    monkeypatch.chdir(tmp_path)
+    with PtyPort(Loopback(), link="radar") as port:
+        monkeypatch.chdir(folder)  # a relative name stays in its folder
         assert link.resolve() == Path(port.path).resolve()
         stream = SerialStream(str(link))
         stream.write(b"abc", HANG)
         assert read_all(stream, 3) == b"abc"
         stream.close()
-        with pytest.raises(FileExistsError, match=r"served by .*/radar"):
+        with pytest.raises(FileExistsError, match="expected a name that is free, got the name of a link; --force"):
             PtyPort(Loopback(), link=link)
-        assert link.is_symlink()
+        assert str(link.readlink()) == port.path
     assert not link.is_symlink()
 
 
-def test_file_is_no_name_for_a_link(tmp_path: Path) -> None:
-    file = tmp_path / "file"
+def test_link_is_replaced_if_asked_and_removed_by_its_last_owner(tmp_path: Path) -> None:
+    link = tmp_path / "radar"
+    link.symlink_to("/dev/pts/999999")  # of a process that was killed
+    with PtyPort(Loopback(), link=link, replace_link=True), PtyPort(Loopback()) as last:
+        link.unlink()
+        link.symlink_to(last.path)
+    assert str(link.readlink()) == last.path
+
+
+def test_links_are_made_nowhere_but_where_nothing_is(tmp_path: Path) -> None:
+    file, folder = tmp_path / "file", tmp_path / "folder"
     file.write_bytes(b"abc")
-    with pytest.raises(FileExistsError, match="expected a name that is free, got that of a file"):
-        PtyPort(Loopback(), link=file)
+    folder.mkdir()
+    for link, message in (
+        (file, "expected a name that is free, got the name of a file"),
+        (folder, "expected a name that is free, got the name of a folder"),
+        (tmp_path / "none" / "radar", f"expected a link in a folder that exists, got none named {tmp_path}/none"),
+    ):
+        with pytest.raises(OSError, match=message) as raised:
+            PtyPort(Loopback(), link=link, replace_link=True)
+        assert raised.value.filename == str(link)
     assert file.read_bytes() == b"abc"
 
 

@@ -23,8 +23,8 @@ from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.interface import RawFrame
 from radarcore.sensor.strata import packets
-from radarcore.sensor.strata.byte_stream import BoardParser
 from radarcore.sensor.strata.packets import Avian, Code, Data, DataPacket, Kind, Request
+from radarcore.sensor.strata.stream import BoardParser
 from short_requests import shorten_requests
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)

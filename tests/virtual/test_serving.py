@@ -18,7 +18,6 @@ from radarcore.cli.main import main
 from radarcore.sensor import SensorTimeoutError, open_sensor, virtual_board
 from radarcore.sensor.bgt60.registers import start_words
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
-from radarcore.sensor.emulator.link import server_of
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.strata import packets
@@ -287,85 +286,32 @@ def test_board_is_closed_while_a_frame_takes_long(monkeypatch):
 # Links
 
 
-def test_link_of_a_killed_server_is_taken_over_and_that_of_a_living_one_is_refused(recording, tmp_path, capsys, board):
+def test_link_of_a_killed_server_is_refused_and_replaced_if_asked(recording, tmp_path, capsys):
     link = tmp_path / "radar"
     with serving(recording, "--link", link) as server:
-        assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
-        message = f"radarcore: {link}: served by process {server.pid}; end that one, or choose another name\n"
-        assert capsys.readouterr().err == message
         end(server, signal.SIGKILL)
     left = link.readlink()  # nobody could remove it
-    # Another terminal may get the number of the port meanwhile.
-    others = [os.openpty() for _ in range(3)]
-    try:
-        assert str(left) in [os.ttyname(slave) for _, slave in others]
-        assert server_of(link) is None
-        with PtyPort(board, link=link) as port:
-            assert str(link.readlink()) == port.path != str(left)
-            assert server_of(link) == os.getpid()
-    finally:
-        for file in sum(others, ()):
-            os.close(file)
+    assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
+    assert "expected a name that is free, got the name of a link; --force" in capsys.readouterr().err
+    assert link.readlink() == left
+    with serving(recording, "--link", link, "--force") as server:
+        assert link.is_char_device()
+        end(server, signal.SIGTERM)
     assert not link.is_symlink()
-    # Or the next server itself gets it, or nobody.
-    link.symlink_to(left)
-    with PtyPort(board, link=link) as port:
-        assert str(link.readlink()) == port.path
-    assert not link.is_symlink()
-
-
-def test_links_are_made_nowhere_but_where_nothing_is(tmp_path, monkeypatch, board):
-    file, folder, foreign, device = (tmp_path / name for name in ("file", "folder", "foreign", "device"))
-    file.write_bytes(b"abc")
-    folder.mkdir()
-    device.symlink_to("/dev/ttyACM999")  # a board that is not plugged in, by a name that its owner gave
-    master, slave = os.openpty()
-    foreign.symlink_to(os.ttyname(slave))  # as another program makes one for its pty
-    for link, message in (
-        (file, "expected a name that is free, got that of a file"),
-        (folder, "expected a name that is free, got that of a folder"),
-        (foreign, f"got a link to {os.ttyname(slave)}, which no server of radarcore has made"),
-        (device, "got a link to /dev/ttyACM999, which no server of radarcore has made"),
-        (tmp_path / "none" / "radar", f"expected a link in a folder that exists, got none named {tmp_path}/none"),
-    ):
-        with pytest.raises(OSError, match=message) as raised:
-            PtyPort(board, link=link)
-        assert raised.value.filename == str(link)
-    os.close(master)
-    os.close(slave)
-    assert file.read_bytes() == b"abc"
-    assert str(device.readlink()) == "/dev/ttyACM999"
-
-    # A relative name is that of its folder, wherever the program goes.
-    monkeypatch.chdir(folder)
-    with PtyPort(board, link="radar"):
-        assert (folder / "radar").is_char_device()
-        monkeypatch.chdir(tmp_path)
-    assert list(folder.iterdir()) == []
 
 
 # Clients
 
 
-def test_server_takes_its_time_and_tells_of_programs_that_share_the_port_without_a_lock(recording, tmp_path):
+def test_server_takes_its_time(recording, tmp_path):
     link = tmp_path / "radar"
-    with serving(recording, "--link", link, "--latency", "0.3", "--receiver", "ideal") as server:
+    with serving(recording, "--link", link, "--latency", "0.3", "--receiver", "ideal"):
         file = os.open(link, os.O_RDWR | os.O_NOCTTY)
         began = time.monotonic()
         os.write(file, VERSION)
         assert os.read(file, 1) == b"\xc0"
         assert time.monotonic() - began >= 0.3
         os.close(file)
-        clients = []
-        for _ in range(2):
-            with link.open("rb") as file:
-                clients.append(subprocess.Popen(["sleep", "60"], stdin=file))
-        line = server.stderr.readline()
-        for client in clients:
-            assert f"sleep (process {client.pid})" in line
-            client.kill()
-            client.wait()
-        assert "is open in several programs" in line
 
 
 def client_of(port, data):

@@ -17,7 +17,7 @@ from radarcore.sensor.device import Sensor
 from radarcore.sensor.errors import ProtocolError, SensorError, SensorNotFoundError, SensorTimeoutError
 from radarcore.sensor.interface import Board, BoardInfo
 from radarcore.sensor.strata.board import StrataBoard
-from radarcore.sensor.strata.link import Link, StreamLink, VendorLink
+from radarcore.sensor.strata.stream import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import Capture, Port, Replay, Stream
 
 PROTOCOLS = ("comlib", "strata")

@@ -11,9 +11,8 @@ from radarcore.scenefile.simulation import Simulation
 from radarcore.sensor.emulator.chip import PACE_TIME, Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
-from radarcore.sensor.emulator.peripheral import LATENCY
 from radarcore.sensor.emulator.source import FrameSource, Playback
-from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.emulator.strata import LATENCY, CdcBoard, Controller
 from radarcore.simulate.simulator import Simulator
 from radarcore.virtual.source import RECEIVERS, Simulated
 

@@ -15,13 +15,12 @@ from cyclopts import Parameter
 
 from radarcore import check
 from radarcore.cli.ending import hold_signals, raise_if_ended
-from radarcore.cli.options import Count, Seconds, Source
+from radarcore.cli.options import Count, Flag, Seconds, Source
 from radarcore.cli.sensor.options import Speed
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
     from radarcore.scenefile.simulation import Simulation
-    from radarcore.sensor.emulator.pty import PtyPort
 
 _BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
 """Chip and protocol of the boards."""
@@ -33,6 +32,7 @@ def run(
     *,
     protocol: Literal["strata", "comlib"] = "strata",
     link: Annotated[Path | None, Parameter(metavar="PATH")] = None,
+    force: Flag = False,
     speed: Speed = 1.0,
     latency: Annotated[float, Parameter(metavar="S")] = 1e-3,
     receiver: Literal["measured", "ideal"] = "measured",
@@ -49,6 +49,8 @@ def run(
         of the board
     link : path
         also make a symbolic link to the port
+    force : bool
+        replace a symbolic link of that name, as a killed server leaves one behind
     speed : float
         factor of real time, or max: as fast as the client reads (default: 1)
     latency : float
@@ -76,7 +78,7 @@ def run(
             receiver=receiver,
             latency=latency,
         ) as board,
-        PtyPort(board, link=link) as port,
+        PtyPort(board, link=link, replace_link=force) as port,
     ):
         try:
             with _terminal_may_close():
@@ -84,7 +86,7 @@ def run(
                 print(f"listening on {name}")
                 print(f"{source} as a {chip}, protocol {language}; {settings}")
                 print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
-                _wait(duration, _Clients(port).news, board.news)
+                _wait(duration, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
         finally:
@@ -106,15 +108,14 @@ def _terminal_may_close() -> Iterator[None]:
             raise
 
 
-def _wait(duration: float | None, *news: Callable[[], list[str]]) -> None:
+def _wait(duration: float | None, news: Callable[[], list[str]]) -> None:
     """Print news as they come, for a duration or until an interrupt."""
     deadline = math.inf if duration is None else time.monotonic() + duration
     while time.monotonic() < deadline:
         time.sleep(0.2)
         raise_if_ended()
-        for lines in news:
-            for line in lines():
-                print(line, file=sys.stderr, flush=True)
+        for line in news():
+            print(line, file=sys.stderr, flush=True)
 
 
 def _source(path: Path) -> tuple[Simulation | Recording, str]:
@@ -134,27 +135,3 @@ def _source(path: Path) -> tuple[Simulation | Recording, str]:
     rate = 1.0 / recording.radar.waveform.frame_interval
     shape = f"{num_rx} receivers, {num_chirps} chirps and {num_samples} samples"
     return recording, f"{len(raw)} frames over and over, recorded at {rate:.4g} Hz; the client must set {shape}"
-
-
-class _Clients:
-    """News of programs that have the port open side by side, as a program that does not lock it may."""
-
-    def __init__(self, port: PtyPort) -> None:
-        self._port = port
-        self._next = 0.0
-        self._told: set[int] = set()
-
-    def news(self) -> list[str]:
-        """A line when another program joins."""
-        began = time.monotonic()
-        if began < self._next:
-            return []
-        found = self._port.clients()
-        # Looking through all processes shall take a fiftieth of the time at most.
-        self._next = began + max(0.5, 50.0 * (time.monotonic() - began))
-        has_joined = len(found) > 1 and not self._told >= found.keys()
-        self._told = set(found) if len(found) > 1 else set()
-        if not has_joined:
-            return []
-        programs = ", ".join(f"{name} (process {number})" for number, name in found.items())
-        return [f"{self._port.path} is open in several programs, each gets a part of the answers: {programs}"]

@@ -30,7 +30,7 @@ from radarcore.sensor.comlib.payloads import (
     encode_endpoints,
     encode_number,
 )
-from radarcore.sensor.emulator.peripheral import Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 
 _BASE, _FMCW, _ADC = 1, 2, 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import sys
@@ -10,10 +11,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
-from radarcore.sensor.emulator.clients import clients_of
-from radarcore.sensor.emulator.link import announce, make_link, remove_link
-from radarcore.sensor.emulator.peripheral import HearsHangUp, StreamPeripheral, Unplugged
 from radarcore.sensor.errors import SensorError
 
 _WAIT = 0.05
@@ -26,6 +25,23 @@ _SILENCE = 0.005
 """Silence after which nothing is left in the terminal's buffers [s]."""
 
 
+class Unplugged(Exception):  # noqa: N818  # what has happened
+    """The board is gone from its port."""
+
+
+class StreamPeripheral(Protocol):
+    """A board behind a byte stream: CDC or UART. Calls raise `Unplugged` when it is gone, in any thread."""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, cut anywhere."""
+
+    def send(self, size: int, timeout: float) -> bytes:
+        """Bytes of one transfer to the host: 1 to `size`, none when nothing is to be sent within `timeout` [s]."""
+
+    def hang_up(self) -> None:
+        """The client has gone: forget incomplete requests and unsent answers, and go on."""
+
+
 class PtyPort:
     """A pty with a board at its other end, from now until `close` or until the board is unplugged.
 
@@ -36,9 +52,11 @@ class PtyPort:
     Parameters
     ----------
     peripheral : StreamPeripheral
-        The board. Its two calls come from two threads. One that hears of it is told when a client has gone.
+        The board, called by two threads.
     link : path, optional
-        Symbolic link to the pty, removed at the end. One that a killed server has left behind is replaced.
+        Symbolic link to the pty, removed at the end.
+    replace_link : bool
+        Replace a symbolic link of that name, as a killed server leaves one behind.
 
     Attributes
     ----------
@@ -50,10 +68,16 @@ class PtyPort:
     SensorError
         The system has no ptys (Windows).
     OSError
-        Somebody serves `link`, there is something else of that name, or it cannot be made.
+        There is something named `link`, or it cannot be made.
     """
 
-    def __init__(self, peripheral: StreamPeripheral, *, link: str | os.PathLike[str] | None = None) -> None:
+    def __init__(
+        self,
+        peripheral: StreamPeripheral,
+        *,
+        link: str | os.PathLike[str] | None = None,
+        replace_link: bool = False,
+    ) -> None:
         try:
             import tty
         except ImportError as error:
@@ -68,14 +92,12 @@ class PtyPort:
         """True while the client does not read."""
         self._master, slave = os.openpty()
         self._slave: int | None = slave
-        self._mark = None
         try:
             tty.setraw(slave)
             os.set_blocking(self._master, False)
             self.path: str = os.ttyname(slave)
-            self._mark = announce(self.path)
             if self._link is not None:
-                make_link(self._link, self.path)
+                _make_link(self._link, self.path, replace_link)
         except BaseException:
             self._close_files()
             raise
@@ -92,15 +114,12 @@ class PtyPort:
         for thread in self._threads:
             thread.start()
 
-    def clients(self) -> dict[int, str]:
-        """Numbers and names of the processes that have the port open, as far as Linux tells this user."""
-        return clients_of(self.path)
-
     def close(self) -> None:
         """Hang up; may be called twice."""
         self._closed.set()
-        if self._link is not None:
-            remove_link(self._link, self.path)
+        # Another server may have replaced the link.
+        if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.path:
+            self._link.unlink()
         for thread in self._threads:
             thread.join()
 
@@ -168,8 +187,7 @@ class PtyPort:
             return
         with self._writing:
             self._has_client.clear()
-            if isinstance(self._peripheral, HearsHangUp):
-                self._peripheral.hang_up()
+            self._peripheral.hang_up()
             # What it has not read lies at the other end.
             with suppress(OSError):
                 slave = os.open(self.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -183,5 +201,21 @@ class PtyPort:
         os.close(self._master)
         if self._slave is not None:
             os.close(self._slave)
-        if self._mark is not None:
-            self._mark.close()
+
+
+def _make_link(link: Path, path: str, replace: bool) -> None:
+    """Make a symbolic link, in place of another one if asked."""
+    if replace and link.is_symlink():
+        link.unlink()
+    try:
+        link.symlink_to(path)
+    except FileExistsError:
+        kind = "link" if link.is_symlink() else "folder" if link.is_dir() else "file"
+        remedy = "; --force (replace_link=True) replaces a link that a killed server has left" if kind == "link" else ""
+        reason = f"expected a name that is free, got the name of a {kind}{remedy}"
+        raise FileExistsError(errno.EEXIST, reason, str(link)) from None
+    except FileNotFoundError as error:
+        reason = f"expected a link in a folder that exists, got none named {link.parent}"
+        raise FileNotFoundError(error.errno, reason, str(link)) from None
+    except OSError as error:
+        raise OSError(error.errno, f"no link can be made there: {error.strerror}", str(link)) from None

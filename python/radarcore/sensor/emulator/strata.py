@@ -10,11 +10,10 @@ from dataclasses import dataclass, field, replace
 from radarcore import check
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.faults import Faults
-from radarcore.sensor.emulator.peripheral import LATENCY, Unplugged
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.errors import RequestError
 from radarcore.sensor.strata import packets
-from radarcore.sensor.strata.byte_stream import BoardParser
 from radarcore.sensor.strata.packets import (
     Avian,
     Code,
@@ -30,6 +29,10 @@ from radarcore.sensor.strata.packets import (
     Version,
 )
 from radarcore.sensor.strata.slices import pack_msb
+from radarcore.sensor.strata.stream import BoardParser
+
+LATENCY = 1e-3
+"""Shortest time from a request to its answer [s]: boards take about that, and some hosts fail with less."""
 
 # Slices kept for a host that does not read, by the controller and by the buffers of a host's USB, which a pty does not
 # have; then the chip's FIFO overflows.

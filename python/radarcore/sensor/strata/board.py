@@ -28,11 +28,9 @@ from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_siz
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
 from radarcore.sensor.interface import BoardInfo, Lost, RawFrame, check_options
 from radarcore.sensor.strata import packets
-from radarcore.sensor.strata.byte_stream import Damage
-from radarcore.sensor.strata.damage import DamageCount
-from radarcore.sensor.strata.link import DAMAGED, REQUEST_TIMEOUT, RETRIES, Link
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError, unpack_msb
+from radarcore.sensor.strata.stream import DAMAGED, REQUEST_TIMEOUT, RETRIES, Damage, DamageCount, Link
 
 _Decoded = TypeVar("_Decoded")
 
