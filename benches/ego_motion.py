@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.cli.demo.experiment import scene_text
+from radarcore.cli.demo import scene_text
 
 RANGE_MARGIN, VELOCITY_MARGIN = 0.2, 0.3
 """A peak is on the person within these of the ranges [m] and velocities [m/s] of the segments that are seen."""

@@ -101,7 +101,7 @@ def _commands_without_extra_skip(request: pytest.FixtureRequest, monkeypatch: py
         from radarcore.cli import main
 
         lines = main._lines
-        monkeypatch.setattr(main, "_lines", lambda error: skip_without_extra(error) or lines(error))
+        monkeypatch.setattr(main, "_lines", lambda error, names: skip_without_extra(error) or lines(error, names))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -18,7 +18,7 @@ FILES = {
     for path in sorted(PACKAGE.rglob("*.py"))
 }
 
-EVERYWHERE = {"check", "direction", "output", "units", "products", "records", "notice", "lazy", "_core"}
+EVERYWHERE = {"check", "direction", "output", "units", "products", "records", "notice", "lazy", "table", "_core"}
 DESCRIPTIONS = {"recording", "radar"}
 BODIES = {"scene", "motion", "geometry"}
 MAY_IMPORT = {

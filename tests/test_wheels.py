@@ -209,4 +209,4 @@ def test_only_a_tag_publishes_and_only_what_was_tested_installed_and_run():
 
 
 def test_wheel_of_this_checkout_would_hold_typed_python_and_its_data():
-    assert {"radarcore/__init__.pyi", "radarcore/py.typed", "radarcore/cli/demo/experiment.toml"} <= package_files()
+    assert {"radarcore/__init__.pyi", "radarcore/py.typed", "radarcore/cli/experiment.toml"} <= package_files()

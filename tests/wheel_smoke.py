@@ -23,13 +23,12 @@ from radarcore.scenefile import schema  # noqa: E402  # after the check of what 
 
 assert "body[].shape.radius" in schema.text()
 
-from radarcore.cli.commands import examples  # noqa: E402
-from radarcore.cli.main import main  # noqa: E402
+from radarcore.cli.main import COMMANDS, main  # noqa: E402
 
-for command in examples():
+for command in COMMANDS:
     with contextlib.redirect_stdout(io.StringIO()) as printed:
-        assert main([*command.split(), "--help"]) == 0, command
-    assert printed.getvalue().startswith(f"Usage: radarcore {command.split()[0]}"), command
+        assert main([*command.words.split(), "--help"]) == 0, command
+    assert printed.getvalue().startswith(f"Usage: radarcore {command.words}"), command
 
 # The main job runs: a mesh in, samples and a peak out.
 sphere = radarcore.Body(radarcore.shapes.sphere(0.1), motion=radarcore.Pose([2.0, 0.0, 0.0]))

@@ -74,7 +74,7 @@ def test_scene_of_a_sample_gives_its_frames(folder: Path, tmp_path: Path, capsys
     dataset = rc.dataset.open_dataset(folder / "out")
     np.testing.assert_array_equal(rc.load_scene(tmp_path / "two.toml").record(progress=False).cube, dataset.cube(2))
     assert main(["dataset", "scene", str(folder / "out"), "3"]) == 1
-    assert "index: expected an index below 3, got 3" in capsys.readouterr().err
+    assert "INDEX: expected an index below 3, got 3" in capsys.readouterr().err
 
 
 def test_failed_samples_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

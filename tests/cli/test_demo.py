@@ -1,14 +1,12 @@
 """The demo command, run as a user does, without and with the real robot meshes."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.cli.demo import experiment
+from radarcore.cli import demo
 from radarcore.cli.main import main
 from radarcore.models import robots
 from radarcore.recording.writer import RecordingWriter
@@ -18,16 +16,10 @@ needs_robots = pytest.mark.skipif(
 )
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "radarcore", *arguments], capture_output=True, text=True, check=False, timeout=300
-    )
-
-
 def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     lines: list[str] = []
-    result = experiment.run(tmp_path, duration=0.25, with_robots=False, say=lambda content: lines.append(str(content)))
+    result = demo.experiment(tmp_path, duration=0.25, with_robots=False, say=lambda content: lines.append(str(content)))
     cylinder, person = result["targets"]
     assert (cylinder["name"], person["name"]) == ("cylinder", "person")
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 10
@@ -43,7 +35,7 @@ def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: 
 
 
 def test_cylinder_is_tracked_while_the_arm_moves_and_the_person_is_near(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
+    (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
     simulation = rc.load_scene(tmp_path / "scene.toml")
     recording = simulation.simulator().record(2.0, 2.1, 40.0, progress=False)
     assert recording.truth is not None
@@ -56,7 +48,7 @@ def test_cylinder_is_tracked_while_the_arm_moves_and_the_person_is_near(tmp_path
 
 
 def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cylinder(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(experiment.scene_text(with_robots=False))
+    (tmp_path / "scene.toml").write_text(demo.scene_text(with_robots=False))
     simulation = rc.load_scene(tmp_path / "scene.toml")
     rate = simulation.radar_motion.rate_at(2.5)
     np.testing.assert_allclose(rate[:, 3], [0.25, 0.0, 0.0], atol=1e-4)  # the line's own bound
@@ -65,7 +57,7 @@ def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cyl
 
 @needs_robots
 def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path) -> None:
-    result = experiment.run(tmp_path, duration=0.1, with_robots=True, say=lambda _: None)
+    result = demo.experiment(tmp_path, duration=0.1, with_robots=True, say=lambda _: None)
     assert result["frames"] == 4
     assert result["triangles"] > 100_000  # 5862 of the arm, 109 000 of the man
     cylinder = result["targets"][0]
@@ -77,29 +69,6 @@ def test_human_stands_upright_on_the_floor() -> None:
     corners = np.concatenate([link.vertices @ link.pose[:3, :3].T + link.pose[:3, 3] for link in robots.human_links()])
     assert corners[:, 2].min() == pytest.approx(0.0, abs=1e-12)
     assert 1.6 < corners[:, 2].max() < 1.9
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--ray-budget", "0"], "ray_budget: expected at least 1, got 0"),
-        (["--duration", "-1"], "duration: expected a positive number [s], got -1.0"),
-        (["--duration", "nan"], "duration: expected a finite number [s], got nan"),
-        (["-o", "/dev/null/demo"], "/dev/null/demo"),
-    ],
-)
-def test_bad_input_is_one_line_without_a_traceback(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["demo", "--no-robots", *arguments]) == 1
-    errors = capsys.readouterr().err
-    assert message in errors
-    assert len(errors.splitlines()) == 1, errors
-
-
-def test_help_names_the_commands_and_no_command_is_an_error() -> None:
-    assert "demo" in run("--help").stdout
-    assert run().returncode == 2
 
 
 def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -142,22 +142,3 @@ def test_interrupt_leaves_the_frames_before_it(
     assert main(["process", str(recording), "-o", str(tmp_path)]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert {row["frame"] for row in rows(tmp_path / "detections.csv")} == set("01234")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none"], "none: no such recording"),
-        (["RECORDING", "--false-alarm-rate", "2"], "false_alarm_rate: expected a probability below 1, got 2.0"),
-        (["RECORDING", "--max-range", "-1"], "max_range: expected"),
-        (["RECORDING", "--config", "radar.x"], "recording is no bare file, got 'radar.x'"),
-    ],
-)
-def test_faults_are_one_line(
-    recording: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    words = [str(recording) if word == "RECORDING" else word for word in arguments]
-    assert main(["process", *words]) == 1
-    error = capsys.readouterr().err
-    assert message in error
-    assert len(error.splitlines()) == 1

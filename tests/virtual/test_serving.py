@@ -140,7 +140,7 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
 TERMINAL_CLOSES = """
 import errno, os, signal, sys
 from radarcore.cli.main import main
-from radarcore.cli.sensor import serve
+from radarcore.cli import serve
 
 def status(call):
     "Exit status of a server that cannot write its second line; the signal of the terminal comes some calls later."
@@ -178,7 +178,7 @@ def test_signal_of_a_terminal_that_has_closed_leaves_nothing_behind_at_any_call(
 DROPPED = """
 import os, signal, sys
 from radarcore.cli.main import main
-from radarcore.cli.sensor import serve
+from radarcore.cli import serve
 
 def tidied():
     try:

@@ -6,7 +6,6 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,21 +32,6 @@ def simulated(
         if scene is not None:
             return _scene(bag, scene, output, overwrite=overwrite, threads=threads)
         return _depth(bag, options, output, overwrite=overwrite, threads=threads)
-
-
-def facts(path: Path) -> dict[str, Any]:
-    """Content of a bag, by name with unit."""
-    with BagReader(path) as bag:
-        start = datetime.fromtimestamp(bag.start_ns // 10**9, UTC).isoformat()
-        return {
-            "bag": str(path),
-            "ROS": bag.version,
-            "start": start if bag.topics else None,
-            "start [ns]": bag.start_ns,
-            "duration [s]": 1e-9 * (bag.stop_ns - bag.start_ns),
-            "messages": sum(topic.num_messages for topic in bag.topics.values()),
-            "topics": {topic.name: f"{topic.num_messages} {topic.type}" for topic in bag.topics.values()},
-        }
 
 
 def _scene(
@@ -84,7 +68,7 @@ def _depth(
         chosen = frame_images(counted, rate, max_age=max_age)
         # The first frame tells whether all arguments are right, before anything is written.
         if (found := next(chosen, None)) is None:
-            raise ValueError(f"--max-age: expected two depth images within it somewhere, got {max_age:g} s")
+            raise ValueError(f"max_age: expected two depth images within it somewhere, got {max_age:g} s")
         frame = _frame(found, radar, reflectance, threads)
         with RecordingWriter(output, radar, source=source, overwrite=overwrite) as writer:
             writer.append(frame)

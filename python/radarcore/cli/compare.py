@@ -10,14 +10,18 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.adapters.ros.bags import is_bag
-from radarcore.cli.captured import motions_of, name_of
+from radarcore.adapters.optitrack.csv import read_motive_csv
+from radarcore.adapters.ros.bags import BagReader, is_bag
+from radarcore.adapters.ros.messages import nearest_nanoseconds
+from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
+from radarcore.adapters.ros.poses import pose_series, rigid_body_series
 from radarcore.cli.options import File, Flag, Json, Method, Metres, OutputFile, Overwrite, Seconds
-from radarcore.cli.source import load_recording
-from radarcore.cli.terminal import Table, show
+from radarcore.cli.sources import load_recording, only_radar, path_and_topic
+from radarcore.cli.terminal import show
 from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
-from radarcore.comparison.comparison import Comparison, compare
+from radarcore.comparison.comparison import compare
+from radarcore.motion.protocol import Motion
 from radarcore.output import check_file
 from radarcore.processing.detection.detect import detect
 
@@ -27,6 +31,13 @@ _RADAR = "radar"
 _PAGE, _PICTURES = ".html", (".png", ".pdf", ".svg")
 _FALSE_ALARM_RATE = 1e-4
 """As in `compare`, which has no limits of range."""
+
+
+_LONGEST_GAP = 0.1
+"""Bodies that motion capture does not see for longer have a gap [s]."""
+
+_POSE = "pose"
+"""Last part of topics that are called for a body: ``/natnet_ros/NAME/pose``."""
 
 
 def run(
@@ -101,19 +112,15 @@ def run(
     if as_json:
         print(json.dumps(compared.to_dict(), indent=2, allow_nan=False))
     else:
-        _show(compared)
+        for number, table in enumerate(report.tables(compared)):
+            if number:
+                print()
+            show(table)
     if output is not None:
         write = compared.report if output.suffix.lower() == _PAGE else compared.figure
         write(output, time=time, max_range=max_range, overwrite=overwrite)
         if not as_json:
             show(f"\n{output}")
-
-
-def _show(compared: Comparison) -> None:
-    for number, table in enumerate(report.tables(compared)):
-        if number:
-            print()
-        show(Table(table.header, table.rows, report.lines(table), table.title, table.note))
 
 
 def _check_output(path: Path | None, overwrite: bool) -> None:
@@ -134,15 +141,15 @@ def _truth(path: Path | None, reference: str, radar: str | None, radius: str | N
     for name, value in (("radar", radar), ("radius", radius)):
         if value is not None:
             got = "none" if path is None else path
-            raise ValueError(f"--{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
+            raise ValueError(f"{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
     return {} if path is None else {"truth": load_recording(path)}
 
 
 def _captured(path: Path, reference: str, radar: str, radius: str | None) -> dict[str, Any]:
     """Motions of the bodies that motion capture saw, and of the one that is the radar."""
-    motions = motions_of(path, reference)
+    motions = _motions_of(path, reference)
     if radar not in motions:
-        raise ValueError(f"--radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
+        raise ValueError(f"radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
     if len(motions) == 1:
         raise ValueError(f"--truth: expected a body of {path} besides the radar {radar!r}, got none")
     radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(radius)}
@@ -163,7 +170,7 @@ def _pairs(name: str, text: str | None) -> dict[str, str] | None:
         return None
     pairs = [entry.strip().partition("=") for entry in text.split(",")]
     if any(not key for key, _, _ in pairs):
-        raise ValueError(f"--{name}: expected names with commas between them, got {text!r}")
+        raise ValueError(f"{name}: expected names with commas between them, got {text!r}")
     return {key: value or key for key, _, value in pairs}
 
 
@@ -171,7 +178,7 @@ def _float(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"--{name}: expected a number, got {text!r}") from None
+        raise ValueError(f"{name}: expected a number, got {text!r}") from None
 
 
 def _offset(text: str | None) -> Any:
@@ -186,5 +193,52 @@ def _names(text: str | None, sources: list[str]) -> list[str] | None:
     """Names of the recordings; None where they are alike."""
     if text is not None:
         return [name.strip() for name in text.split(",")]
-    names = [name_of(source) for source in sources]
+    names = [_name_of(source) for source in sources]
     return names if len(set(names)) == len(names) else None
+
+
+def _name_of(text: str) -> str:
+    """Name of a recording: the last part of its topic, or of its path."""
+    path, topic = path_and_topic(text)
+    return topic.rpartition("/")[2] if topic else path.resolve().stem
+
+
+def _motions_of(path: Path, reference: str) -> dict[str, Motion]:
+    """Motions of the bodies that a take of Motive, or a bag, holds, by their names.
+
+    Times of a bag are those of the frames of `reference`, if that is in the same bag; else they count from its first
+    stamp.
+    """
+    if not is_bag(path):
+        capture = read_motive_csv(path)
+        seen = [name for name in capture.names if capture[name].is_tracked.sum() >= 2]
+        return {name: capture.trajectory(name) for name in seen}
+    with BagReader(path) as bag:
+        of_frames, topic = path_and_topic(reference)
+        is_same = is_bag(of_frames) and of_frames.resolve() == path.resolve()
+        start = _start_of_frames(bag, topic or only_radar(bag)) if is_same else first_stamp_ns(bag)
+        series = {}
+        for found in bag.topics.values():
+            messages = bag.messages(found.name)
+            if found.type in POSES:
+                series[_body_of(found.name)] = pose_series(messages)
+            elif found.type in RIGID_BODIES:
+                series |= rigid_body_series(messages)
+        if not series:
+            bag.only_topic(*POSES, *RIGID_BODIES, argument="--truth")  # says which topics there are
+        return {name: one.trajectory(start, max_gap=_LONGEST_GAP) for name, one in series.items()}
+
+
+def _body_of(topic: str) -> str:
+    """Name of the body of a topic: the last part that is not ``pose``."""
+    parts = [part for part in topic.split("/") if part]
+    return parts[-2] if len(parts) > 1 and parts[-1] == _POSE else parts[-1]
+
+
+def _start_of_frames(bag: BagReader, topic: str) -> int:
+    """Stamp of time 0 of the frames on a topic [ns]."""
+    name = bag.topic(f"{topic}/time").name
+    first = next(iter(bag.messages(name)), None)
+    if first is None:
+        raise ValueError(f"{bag.path}, {topic}: expected at least one frame, got none")
+    return first.time_ns - nearest_nanoseconds(float(first.message.data))

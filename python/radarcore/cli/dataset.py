@@ -11,12 +11,13 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from radarcore.cli.options import Count, Flag, Json, Output, Seconds, whole_number
-from radarcore.cli.terminal import complain, show, show_facts
+from radarcore.cli.terminal import complain, show
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.layout import STATUS
 from radarcore.dataset.making import make
 from radarcore.dataset.opened import open_dataset
 from radarcore.dataset.verification import verify
+from radarcore.table import Table
 
 _SHOWN = 3
 """Failed samples that are told of; the others are in the dataset."""
@@ -143,7 +144,8 @@ def run_info(dataset: Folder, /, *, as_json: Json = False) -> None:
     }
     del texts["failed"]
     rows = [(name, str(text)) for name, text in texts.items()]
-    show_facts([*rows, *(("failed", f"sample {each.sample}: {each.error}") for each in failed)], 9)
+    rows += [("failed", f"sample {each.sample}: {each.error}") for each in failed]
+    show(Table((), rows, num_left=2))
 
 
 def run_scene(dataset: Folder, index: Annotated[int, Parameter(metavar="INDEX", converter=whole_number)], /) -> None:
@@ -203,5 +205,5 @@ def labels_of_names(names: str) -> Labels:
     chosen = [] if names == "none" else [name.strip() for name in names.split(",")]
     for name in chosen:
         if name not in known:
-            raise ValueError(f"--labels: expected {', '.join(known)} or none, got {name!r}")
+            raise ValueError(f"labels: expected {', '.join(known)} or none, got {name!r}")
     return Labels(**{name: name in chosen for name in known})

@@ -1,32 +1,33 @@
-"""The command `radarcore info`: content of a recording, a scene file, a bag or a mesh."""
+"""The commands `radarcore info` and `schema`: content of recordings, scenes, bags and meshes; keys of scene files."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from radarcore.adapters.ros.bags import is_bag
-from radarcore.cli import bag
-from radarcore.cli.folder_info import folder_facts
-from radarcore.cli.measured import measured_facts
+from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.cli.options import Json, Source
-from radarcore.cli.source import NOT_BARE, BareSamples, load_recording, path_and_topic
-from radarcore.cli.terminal import show, show_facts
+from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, path_and_topic
+from radarcore.cli.terminal import show
 from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
 from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.mesh_report import mesh_report
-from radarcore.recording.bare import Description
+from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.infineon import settings_of
 from radarcore.recording.recording import RecordingReader, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
+from radarcore.scenefile import schema
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.read import values_of
 from radarcore.simulate.schedule import frame_times
+from radarcore.table import Table
 from radarcore.units import line
 
 
@@ -54,7 +55,17 @@ def run(
     if as_json:
         print(json.dumps(facts, indent=2))
     else:
-        show_facts(_texts(facts), max(map(len, facts)))
+        show(Table((), list(_texts(facts)), num_left=2))
+
+
+def run_schema(
+    *,
+    as_json: Annotated[
+        bool, Parameter(name="--json", show_default=False, help="print the JSON schema, for editors")
+    ] = False,
+) -> None:
+    """List every key of a scene file with unit and default."""
+    print(json.dumps(schema.json_schema(), indent=2) if as_json else schema.text())
 
 
 def _texts(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -72,9 +83,25 @@ def _facts(path: Path, config: Description) -> dict[str, Any]:
     if path.suffix == ".toml":
         return _scene_facts(path)
     if is_bag(path):
-        return bag.facts(path)
-    found = recordings_in(path)
-    return folder_facts(path, found, config) if found else _recording_facts(path, config)
+        return _bag_facts(path)
+    if found := recordings_in(path):
+        return {"folder": str(path), "recordings": {place.name: _recording_line(place, config) for place in found}}
+    return _recording_facts(path, config)
+
+
+def _bag_facts(path: Path) -> dict[str, Any]:
+    """Content of a bag, by name with unit."""
+    with BagReader(path) as bag:
+        start = datetime.fromtimestamp(bag.start_ns // 10**9, UTC).isoformat()
+        return {
+            "bag": str(path),
+            "ROS": bag.version,
+            "start": start if bag.topics else None,
+            "start [ns]": bag.start_ns,
+            "duration [s]": 1e-9 * (bag.stop_ns - bag.start_ns),
+            "messages": sum(topic.num_messages for topic in bag.topics.values()),
+            "topics": {topic.name: f"{topic.num_messages} {topic.type}" for topic in bag.topics.values()},
+        }
 
 
 def _show_mesh(path: Path, scale: float, as_json: bool) -> None:
@@ -124,3 +151,66 @@ def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
         "lost frames": "not counted" if recording.lost is None else int(recording.lost.sum()),
         "source": source,
     }
+
+
+def _recording_line(place: Path, config: Description) -> str:
+    """One line about a recording, or its error."""
+    try:
+        reader = _reader(place, config)
+    except (ValueError, TypeError, OSError, ImportError) as error:
+        return str(error).splitlines()[0].removeprefix(f"{place}: ")
+    num_frames, *row = reader.shape
+    wf = reader.radar.waveform
+    seconds = float(reader.time[-1] - reader.time[0]) + wf.frame_interval if num_frames else 0.0
+    sensor = f", {text}" if (text := measured_facts(reader.source).get("sensor")) else ""
+    shape = " x ".join(map(str, row))
+    return f"{num_frames} frames of {shape}, {seconds:.3g} s, {wf.start_frequency * 1e-9:.6g} GHz{sensor}"
+
+
+def _reader(place: Path, config: Description) -> RecordingReader:
+    """Reader of a recording, with the description if it is bare."""
+    try:
+        return RecordingReader(place, **vars(NOTHING_SAID))
+    except (ValueError, TypeError):
+        if not config.given or place.is_dir() or place.suffix == ".npz":
+            raise
+        return RecordingReader(place, **vars(config))
+
+
+def measured_facts(source: Mapping[str, Any]) -> dict[str, Any]:
+    """Board, date, receivers and gains by name with unit, if a sensor made the recording.
+
+    Settings are in the texts of Infineon's folders, and beside the frames of `Sensor.record`.
+    """
+    known: dict[str, Any] = {}
+    for part in _settings(source.get("infineon")):
+        known |= part
+    sensor: Any = source.get("sensor")
+    firmware = known.get("firmware_version")
+    if isinstance(sensor, dict):
+        sensor, firmware = sensor.get("name"), sensor.get("firmware")
+    facts = {
+        "sensor": sensor if sensor is None or firmware is None else f"{sensor}, firmware {firmware}",
+        "date": source.get("date", known.get("date_captured")),
+        "RX antennas": known.get("rx_antennas"),
+        "IF gain [dB]": known.get("if_gain_dB"),
+        "high-pass [Hz]": known.get("hp_cutoff_Hz"),
+        "low-pass [Hz]": known.get("aaf_cutoff_Hz"),
+        "transmit power level": known.get("tx_power_level"),
+    }
+    return {name: value for name, value in facts.items() if value is not None}
+
+
+def _settings(kept: Any) -> Iterator[dict[str, Any]]:
+    """Settings that are kept beside the frames, and those in the texts of a folder."""
+    if not isinstance(kept, dict):
+        return
+    yield kept
+    for name, text in (kept.get("texts") or {}).items():
+        if name.endswith(".json"):
+            try:
+                values = settings_of(text, name) if name.endswith("config.json") else json.loads(text)
+            except ValueError:  # a file of the user
+                continue
+            if isinstance(values, dict):
+                yield values

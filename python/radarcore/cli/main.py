@@ -1,20 +1,199 @@
-"""The command `radarcore`."""
+"""The command `radarcore`: its commands, how they are called and how they end. The file of a command loads on use."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import NamedTuple
 
-from cyclopts import CycloptsError
+from cyclopts import App, CycloptsError, Group, Parameter
 
-from radarcore.cli.commands import application, lacks_command, parse
-from radarcore.cli.ending import exit_status, interrupted_by_signals
-from radarcore.cli.terminal import complain
+from radarcore._core import __version__
+from radarcore.cli.options import OPTIONS
+from radarcore.cli.terminal import complain, is_coloured
 
-_WRITERS = (["demo"], ["simulate"], ["process"], ["view"], ["sensor", "record"], ["dataset", "make"])
-"""Commands whose results are written as they come."""
+_SIMULATE, _LOOK, _EVALUATE, _BOARDS, _MORE = (
+    Group(name, sort_key=place) for place, name in enumerate(("Simulate", "Look", "Evaluate", "Boards", "More"))
+)
+
+
+class _Command(NamedTuple):
+    """A command: its words, its function, its group in the help, a sentence and an example."""
+
+    words: str
+    function: str
+    group: Group
+    help: str
+    example: str
+
+
+COMMANDS = (
+    _Command(
+        "demo",
+        "demo:run",
+        _SIMULATE,
+        "simulate the experiment and compare it with the truth",
+        "radarcore demo --duration 1 -o out/short",
+    ),
+    _Command(
+        "simulate",
+        "simulate:run",
+        _SIMULATE,
+        "simulate a scene file, or depth images of a bag, into a recording",
+        "radarcore simulate scene.toml -o out/recording",
+    ),
+    _Command("schema", "info:run_schema", _SIMULATE, "list every key of a scene file", "radarcore schema --json"),
+    _Command(
+        "info",
+        "info:run",
+        _LOOK,
+        "summarise a recording, a scene file or a bag, or report on a mesh",
+        "radarcore info out/recording --json",
+    ),
+    _Command(
+        "plot",
+        "plot:run",
+        _LOOK,
+        "draw a recording or a scene file",
+        "radarcore plot out/recording -o map.png --kind map --frame -1 --max-range 5",
+    ),
+    _Command(
+        "view",
+        "view:run",
+        _LOOK,
+        "show a scene file or a recording in the viewer Rerun (extra `rerun`)",
+        "radarcore view out/recording -o recording.rrd",
+    ),
+    _Command(
+        "process",
+        "process:run",
+        _EVALUATE,
+        "find detections and tracks in a recording of any length",
+        "radarcore process adc_data.bin --config profile.cfg -o out/results",
+    ),
+    _Command(
+        "compare",
+        "compare:run",
+        _EVALUATE,
+        "compare recordings with each other and with the truth",
+        "radarcore compare out/simulated out/measured --offset auto -o report.html",
+    ),
+    _Command(
+        "dataset make",
+        "dataset:run_make",
+        _SIMULATE,
+        "simulate samples of a scene file in which values are distributions",
+        "radarcore dataset make scene.toml -o out/set --count 10000 --workers 2",
+    ),
+    _Command(
+        "dataset verify",
+        "dataset:run_verify",
+        _SIMULATE,
+        "check checksums and numbers of a dataset, and simulate samples of it again",
+        "radarcore dataset verify out/set --again 20",
+    ),
+    _Command(
+        "dataset info", "dataset:run_info", _SIMULATE, "summarise a dataset", "radarcore dataset info out/set --json"
+    ),
+    _Command(
+        "dataset scene",
+        "dataset:run_scene",
+        _SIMULATE,
+        "print the scene file of a sample, which gives the same frames alone",
+        "radarcore dataset scene out/set 17",
+    ),
+    _Command(
+        "dataset export",
+        "dataset:run_export",
+        _SIMULATE,
+        "write a dataset as HDF5, as WebDataset, or a sample of it as MCAP",
+        "radarcore dataset export out/set -o set.h5 --format hdf5",
+    ),
+    _Command("sensor list", "sensor:run_list", _BOARDS, "list the boards that respond", "radarcore sensor list"),
+    _Command(
+        "sensor info",
+        "sensor:run_info",
+        _BOARDS,
+        "print type and temperature of a board",
+        "radarcore sensor info /dev/ttyACM0",
+    ),
+    _Command(
+        "sensor report",
+        "sensor:run_report",
+        _BOARDS,
+        "collect the USB descriptors of the boards, for a bug report",
+        "radarcore sensor report -o report.json",
+    ),
+    _Command(
+        "sensor record",
+        "sensor:run_record",
+        _BOARDS,
+        "record from a board, until Ctrl-C or for a duration",
+        "radarcore sensor record -o out/rec --duration 10 --max-range 5 --rate 20",
+    ),
+    _Command(
+        "sensor view",
+        "sensor:run_view",
+        _BOARDS,
+        "live view of a board, a recording or a scene",
+        "radarcore sensor view out/rec --speed 0.5",
+    ),
+    _Command(
+        "sensor serve",
+        "serve:run",
+        _BOARDS,
+        "serve a simulated scene or a recording by a board's protocol",
+        "radarcore sensor serve scene.toml --link out/radar",
+    ),
+    _Command(
+        "sensor selftest",
+        "sensor:run_selftest",
+        _BOARDS,
+        "check a board: identity, registers, test pattern, noise, frame rate\n\n"
+        "Prints PASS, FAIL or SKIP for each check, as measured and as expected. It takes less than 20 s; nothing "
+        "should be within half a metre of the board. The exit status is 1 if a check failed.",
+        "radarcore sensor selftest --only noise -o report.json",
+    ),
+)
+
+
+def application() -> App:
+    """The command line, without the files of its commands."""
+    app = App(
+        name="radarcore",
+        help="FMCW radar simulation for robotics.",
+        version=f"radarcore {__version__}",
+        version_flags="--version",
+        help_format="plaintext",
+        help_formatter=None if is_coloured() else "plain",
+        group_parameters=OPTIONS,
+        default_parameter=Parameter(negative=(), allow_repeating=True),  # the last of an option counts
+        result_action="return_value",
+        exit_on_error=False,
+        print_error=False,
+    )
+    app.command(App(name="dataset", help="datasets of many labelled frames of a varying scene", group=_SIMULATE))
+    app.command(App(name="sensor", help="real sensors, and virtual sensors of simulated scenes", group=_BOARDS))
+    for command in COMMANDS:
+        *owners, name = command.words.split()
+        owner = app[owners[0]] if owners else app
+        owner.command(
+            f"radarcore.cli.{command.function}",
+            name=name,
+            help=command.help,
+            group=command.group,
+            help_epilogue=f"Example:\n  {command.example}",
+        )
+    app.register_install_completion_command(help="make shells complete commands and options", group=_MORE)
+    for flag in ("--version", "--help"):
+        app[flag].group = _MORE
+    return app
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,55 +202,77 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     status : int
-        Exit status: 0, 1 for bad input, 2 for words that are no command, 130 when interrupted, 143 when told to end.
+        Exit status: 0, 1 for bad input, 2 for words that are no command, 130 when interrupted, 143 after SIGTERM.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with interrupted_by_signals(), warnings.catch_warnings():
+        with _interrupted_by_signals(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
             status = _run(words)
             sys.stdout.flush()
             return status
     except KeyboardInterrupt as interrupt:
-        hint = "; what was written so far is readable" if any(words[: len(w)] == w for w in _WRITERS) else ""
-        complain(f"{str(interrupt) or 'interrupted'}{hint}")
-        return exit_status(interrupt)
-    except BrokenPipeError:  # whoever reads our output has had enough: `radarcore schema | head`
+        number = signal.Signals(interrupt.args[0] if interrupt.args else signal.SIGINT)
+        complain("interrupted" if number == signal.SIGINT else f"ended by {number.name}")
+        return 128 + number
+    except BrokenPipeError:  # the reader of our output has ended: `radarcore schema | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
-        for line in _lines(error):
-            complain(line)
         return 1
 
 
 def _run(words: list[str]) -> int:
     app = application()
-    if lacks_command(words):
+    if words in ([], ["dataset"], ["sensor"]):
         app.help_print(words, console=app.error_console)
         complain("expected a command")
         return 2
     try:
-        function, bound = parse(app, words)
+        function, bound, _ = app.parse_args(words)
     except CycloptsError as error:
-        from radarcore.cli import usage  # takes longer to load than the rest
-
-        for line in usage.lines(error, app):
-            complain(line)
+        error.verbose = False
+        command = " ".join(["radarcore", *(error.command_chain or ())])
+        complain(f"{' '.join(str(error).split())} See `{command} --help`.")
         return 2
-    return int(function(*bound.args, **bound.kwargs) or 0)
+    try:
+        return int(function(*bound.args, **bound.kwargs) or 0)
+    except BrokenPipeError:
+        raise
+    except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+        arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()
+        options = {argument.field_info.name: argument.name for argument in arguments}
+        for line in _lines(error, options):
+            complain(line)
+        return 1
+
+
+def _lines(error: BaseException, options: dict[str, str]) -> list[str]:
+    """The message of an error, a line per fault, with options in place of the arguments that it names."""
+    text = str(error) or type(error).__name__
+    if isinstance(error, OSError) and error.filename is not None:
+        text = f"{error.filename}: {error.strerror}"
+    name, colon, rest = text.partition(": ")
+    text = f"{options.get(name, name)}{colon}{rest}"
+    return text.replace("overwrite=True", "--overwrite").replace("resume=True", "--resume").splitlines()
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     complain(str(message), "warning")
 
 
-def _lines(error: BaseException) -> list[str]:
-    """The message of an error, a line per fault; for the system's, file and reason without the number."""
-    text = str(error)
-    if isinstance(error, OSError):
-        if error.filename is not None:
-            text = f"{error.filename}: {error.strerror}"
-        # Python's keyword is an option here.
-        text = text.replace("overwrite=True", "--overwrite").replace("resume=True", "--resume")
-    return text.splitlines() or [type(error).__name__]
+@contextmanager
+def _interrupted_by_signals() -> Iterator[None]:
+    """End at SIGTERM, and when the terminal closes, as Ctrl-C does; signals that are ignored, as by nohup, stay so."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise KeyboardInterrupt(number)
+
+    is_main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
+    caught = [number for number in numbers if is_main and signal.getsignal(number) is signal.SIG_DFL]
+    for number in caught:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in caught:
+            signal.signal(number, signal.SIG_DFL)

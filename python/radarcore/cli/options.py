@@ -68,3 +68,24 @@ def _only_one(arguments: Any) -> None:
     except ValueError:
         given = arguments.filter_by(value_set=True)
         raise ValueError(f"expected one of {' and '.join(one.name for one in given)}, got both") from None
+
+
+def factor_of_real_time(_: Any, tokens: Sequence[Token]) -> float | None:
+    """Factor of real time, None for as fast as it goes."""
+    text = tokens[0].value
+    try:
+        return None if text == "max" else float(text)
+    except ValueError:
+        raise ValueError(f"expected a number or max, got {text!r}") from None
+
+
+Port = Annotated[
+    str | None,
+    Parameter(
+        metavar="PORT",
+        help="/dev/ttyACM0, COM3, usb:BUS-ADDRESS or usb:VENDOR:PRODUCT (default: the first board that responds)",
+    ),
+]
+
+Speed = Annotated[float | None, Parameter(metavar="X", converter=factor_of_real_time, show_default=False)]
+"""Factor of real time, or max."""

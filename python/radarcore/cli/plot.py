@@ -12,8 +12,7 @@ from cyclopts import Parameter
 
 from radarcore import check, plot
 from radarcore.cli.options import Count, Metres, Output, Overwrite, RemoveStatic, Source, whole_number
-from radarcore.cli.source import NOT_BARE, BareSamples, load_recording
-from radarcore.cli.static import moving, moving_frame, removes_static
+from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, removes_static
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas

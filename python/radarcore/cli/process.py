@@ -17,15 +17,23 @@ from cyclopts import Parameter
 from radarcore import check, notice
 from radarcore.cli.bag_results import ResultBag
 from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, RemoveStatic, Source, whole_number
-from radarcore.cli.source import NOT_BARE, AnyReader, BareSamples, open_recording, path_and_topic
-from radarcore.cli.static import moving, removes_static
-from radarcore.cli.terminal import Table, show
+from radarcore.cli.sources import (
+    NOT_BARE,
+    AnyReader,
+    BareSamples,
+    moving,
+    open_recording,
+    path_and_topic,
+    removes_static,
+)
+from radarcore.cli.terminal import show
 from radarcore.output import Lock, check_file, make_folder, refuse_source
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.tracker import Tracker
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.recording.frame import Frame
+from radarcore.table import Table
 
 FILES = ("detections.csv", "tracks.csv")
 """Files of the results."""
@@ -106,9 +114,9 @@ def run(
     num_detections = 0
     began = time.perf_counter()
     if samples and bag is None:
-        raise ValueError("--samples: expected --bag as well, got none")
+        raise ValueError("samples: expected --bag as well, got none")
     if bag is not None:
-        refuse_source("--bag", bag, path_and_topic(source)[0])
+        refuse_source("bag", bag, path_and_topic(source)[0])
     with ExitStack() as files:
         reader = files.enter_context(open_recording(source, bare.description))
         write = _writers(output, overwrite, files) if output is not None else None
@@ -158,9 +166,7 @@ def _table(tracks: dict[int, _Summary]) -> Table:
         )
         for number, track in sorted(tracks.items())
     ]
-    widths = list(map(len, header))
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in (header, *rows)]
-    return Table(header, rows, lines, num_left=0)
+    return Table(header, rows, num_left=0)
 
 
 def _processed(

@@ -8,8 +8,7 @@ from pathlib import Path
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.options import OutputFile, Overwrite, RemoveStatic, Source
-from radarcore.cli.source import NOT_BARE, BareSamples, open_recording
-from radarcore.cli.static import moving, removes_static
+from radarcore.cli.sources import NOT_BARE, BareSamples, moving, open_recording, removes_static
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import Tracker

@@ -7,13 +7,14 @@ import io
 import math
 from collections.abc import Iterator, Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 from radarcore._core import __version__
 from radarcore.comparison.figure import draw, over_time
 from radarcore.comparison.record import Record, Side
 from radarcore.comparison.statistics import TargetErrors
 from radarcore.plot import canvas
+from radarcore.table import Table, finite
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem }
@@ -25,38 +26,9 @@ img { max-width: 100%; height: auto } p { max-width: 50rem } .note { color: #666
 """
 
 
-class Table(NamedTuple):
-    """A table: its title, the header, rows of texts, and a note below it."""
-
-    title: str
-    header: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    note: str = ""
-
-
 def text(comparison: Record) -> str:
     """The tables as text."""
-    return "\n\n".join("\n".join(lines(table)) for table in tables(comparison))
-
-
-def lines(table: Table) -> list[str]:
-    """A table as lines of text: the title, the rows in columns, the note."""
-    return [table.title, *(_in_columns(table) if table.rows else []), *([table.note] if table.note else [])]
-
-
-def _in_columns(table: Table) -> list[str]:
-    """Lines of a table, the first column to the left, the others to the right."""
-    height = max(cell.count("\n") for cell in table.header) + 1
-    heads = [[*[""] * (height - 1), *cell.split("\n")][-height:] for cell in table.header]
-    rows = [*zip(*heads, strict=True), *table.rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.rjust(width) if k else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return "\n\n".join(map(str, tables(comparison)))
 
 
 def html(comparison: Record, *, time: float | None = None, max_range: float | None = None) -> str:
@@ -105,9 +77,9 @@ def facts(comparison: Record) -> dict[str, Any]:
         "targets": [
             {
                 "name": target.name,
-                "errors": [_finite(one.to_dict()) for one in target.errors],
-                "difference": None if target.difference is None else _finite(target.difference.to_dict()),
-                "echo": None if target.echo is None else _finite(dict(vars(target.echo))),
+                "errors": [finite(one.to_dict()) for one in target.errors],
+                "difference": None if target.difference is None else finite(target.difference.to_dict()),
+                "echo": None if target.echo is None else finite(dict(vars(target.echo))),
             }
             for target in comparison.targets
         ],
@@ -121,16 +93,16 @@ def tables(comparison: Record) -> Iterator[Table]:
     if len(sides) == 2:
         header = ("", *(side.name for side in sides))
         note = "" if comparison.differences else "None: the radars are alike."
-        yield Table("Settings that differ", header, comparison.differences, note)
+        yield Table(header, comparison.differences, "Settings that differ", note)
     for k, side in enumerate(sides):
         if comparison.truth_source:
             rows = [_errors(target.errors[k]) for target in comparison.targets]
             note = f"Truth: {comparison.truth_source}. Shares are of the frames in which a target was visible."
-            yield Table(f"Errors of {side.name} against the truth", _HEADER, rows, note)
+            yield Table(_HEADER, rows, f"Errors of {side.name} against the truth", note)
     if len(sides) == 2:
         a, b = (side.name for side in sides)
         differing = [_errors(target.difference) for target in comparison.targets if target.difference is not None]
-        yield Table(f"{b} less {a}", _HEADER, differing, f"Over the frames of {b} in which {a} tracks the target.")
+        yield Table(_HEADER, differing, f"{b} less {a}", f"Over the frames of {b} in which {a} tracks the target.")
         yield _echoes(comparison, a, b)
     yield _dropped(sides)
 
@@ -156,7 +128,7 @@ def _recordings(sides: Sequence[Side]) -> Table:
         )
     estimated = any(side.offset.is_estimated for side in sides)
     note = "Offsets with a deviation are estimated from velocities that change." if estimated else ""
-    return Table("Recordings, by the common time base", header, rows, note)
+    return Table(header, rows, "Recordings, by the common time base", note)
 
 
 _HEADER = (
@@ -204,7 +176,7 @@ def _echoes(comparison: Record, a: str, b: str) -> Table:
             )
         )
     note = f"{'; '.join(notes)}." if notes else ""
-    return Table(f"Echoes of {b} against those of {a}", header, rows, note[:1].upper() + note[1:])
+    return Table(header, rows, f"Echoes of {b} against those of {a}", note[:1].upper() + note[1:])
 
 
 def _dropped(sides: Sequence[Side]) -> Table:
@@ -214,7 +186,7 @@ def _dropped(sides: Sequence[Side]) -> Table:
         for one in side.dropped
     ]
     header = ("", "before frame", "at [s]", "frames", "known by")
-    return Table("Dropped frames", header, rows, "" if rows else "None.")
+    return Table(header, rows, "Dropped frames", "" if rows else "None.")
 
 
 def _number(value: float, form: str) -> str:
@@ -231,12 +203,3 @@ def _picture(figure: Any, description: str) -> str:
     canvas.write(figure, data, dpi=110)
     code = base64.b64encode(data.getvalue()).decode("ascii")
     return f'<img alt="{escape(description)}" src="data:image/png;base64,{code}">'
-
-
-def _finite(value: Any) -> Any:
-    """Copy of a value with None for numbers that are not finite."""
-    if isinstance(value, dict):
-        return {name: _finite(entry) for name, entry in value.items()}
-    if isinstance(value, tuple | list):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

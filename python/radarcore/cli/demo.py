@@ -1,4 +1,4 @@
-"""The demo: the paper's experiment in small, compared with its truth.
+"""The command `radarcore demo`: the paper's experiment in small, compared with its truth.
 
 A UR10 carries the radar at 250 mm/s towards a cylinder on a table while a person walks in and out; all of it is in
 ``experiment.toml``.
@@ -6,22 +6,27 @@ A UR10 carries the radar at 250 mm/s towards a cylinder on a table while a perso
 
 from __future__ import annotations
 
+import json
 import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli import terminal
+from radarcore.cli.options import Count, Flag, Json, Output, Seconds
+from radarcore.cli.terminal import show
 from radarcore.comparison.statistics import TargetErrors, target_errors
 from radarcore.comparison.targets import estimates, found_in
 from radarcore.models.robots import data
 from radarcore.output import check_file, write_text
 from radarcore.recording.writer import check_room
 from radarcore.scenefile.load import load_scene
+from radarcore.table import Table, finite
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
 """Compared targets, and the body whose truth counts for each."""
@@ -37,20 +42,56 @@ _HEADER = (
 """Columns of the errors, in colour."""
 
 
+def run(
+    *,
+    output: Output = Path("out/demo"),
+    duration: Seconds = None,
+    ray_budget: Count = None,
+    overwrite: Flag = False,
+    robots: Annotated[bool | None, Parameter(negative="--no-robots")] = None,
+    as_json: Json = False,
+) -> None:
+    """Simulate the experiment and compare it with the truth.
+
+    Parameters
+    ----------
+    output : path
+        directory
+    overwrite : bool
+        replace scene, recording and picture of an earlier run
+    duration : float
+        seconds (default: 5)
+    ray_budget : int
+        largest number of rays per cast (default: 400000)
+    robots : bool
+        real UR10 and human meshes, or shapes (default: meshes if the extra `robots` is installed)
+    """
+
+    def say(content: str | Table) -> None:
+        if not as_json:
+            show(content)
+
+    result = experiment(
+        output, duration=duration, ray_budget=ray_budget, with_robots=robots, overwrite=overwrite, say=say
+    )
+    if as_json:
+        print(json.dumps(finite(result), indent=2, allow_nan=False))
+
+
 def scene_text(with_robots: bool) -> str:
     """The scene file of the experiment."""
-    text = files("radarcore.cli.demo").joinpath("experiment.toml").read_text(encoding="utf-8")
+    text = files("radarcore.cli").joinpath("experiment.toml").read_text(encoding="utf-8")
     return text.replace("meshes = false", "meshes = true") if with_robots else text
 
 
-def run(
+def experiment(
     directory: Path,
     *,
     duration: float | None = None,
     ray_budget: int | None = None,
     with_robots: bool | None = None,
     overwrite: bool = False,
-    say: Callable[[str | terminal.Table], None] = terminal.show,
+    say: Callable[[str | Table], None],
 ) -> dict[str, Any]:
     """Simulate, record, compare and draw; results go to `say`, lines and a table, and are returned.
 
@@ -148,18 +189,8 @@ def run(
     }
 
 
-def _table(targets: Sequence[TargetErrors]) -> terminal.Table:
+def _table(targets: Sequence[TargetErrors]) -> Table:
     """The errors of the targets."""
-    lines = [
-        "            frames            range error [bins]  velocity error [bins]  frames with errors below",
-        "            visible  tracked   median    largest    median    largest    1/2 range bin  1 velocity bin",
-    ]
-    lines += [
-        f"{one.name:<10}  {one.num_frames:>7}  {one.num_tracked:>7}   {one.range.median_bins:6.3f}    "
-        f"{one.range.largest_bins:7.3f}    {one.velocity.median_bins:6.3f}    {one.velocity.largest_bins:7.3f}    "
-        f"{one.range.num_within:>13}  {one.velocity.num_within:>14}"
-        for one in targets
-    ]
     rows = [
         (
             *(one.name, str(one.num_frames), str(one.num_tracked)),
@@ -169,4 +200,4 @@ def _table(targets: Sequence[TargetErrors]) -> terminal.Table:
         )
         for one in targets
     ]
-    return terminal.Table(_HEADER, rows, lines)
+    return Table(_HEADER, rows)

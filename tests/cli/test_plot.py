@@ -1,4 +1,4 @@
-"""Recordings of a sensor through the commands: neither its leakage nor what stands still, unless asked for."""
+"""The command `plot`: every picture of scenes and recordings, and recordings of sensors without static echoes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,14 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from dca1000_files import Scene, commands
+from radarcore.cli import plot
 from radarcore.cli.main import main
 from radarcore.plot.live.stream import Stream
+from scene_files import APPROACHING
+
+pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+from matplotlib.figure import Figure
 
 START, SPEED, WALL = 2.0, 0.8, 3.0
 """Range [m] and velocity [m/s] of what moves, and range of what stands still and echoes more [m]."""
@@ -23,6 +29,56 @@ START, SPEED, WALL = 2.0, 0.8, 3.0
 def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures with relative names stay out of the checkout."""
     monkeypatch.chdir(tmp_path)
+
+
+def draw(source: Path, kind: str, *words: str) -> None:
+    picture = Path("new/picture.png")
+    assert main(["plot", str(source), "-o", str(picture), "--overwrite", "--kind", kind, *words]) == 0
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_every_picture_of_a_scene(scene: Path, kind: str) -> None:
+    draw(scene, kind)
+    assert Path("new/picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.fixture(scope="module")
+def of_two_sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A scene of a radar with two sub-sequences, and its recording."""
+    directory = tmp_path_factory.mktemp("sequences")
+    radar = 'preset = "bgt60tr24"\nnum_chirps = 8\nalternating = true\nschedule = { kind = "tdm" }\nslope = 20e12\n'
+    text = APPROACHING.replace('preset = "bgt60tr13c"\nstop_frequency = 60e9\nnum_chirps = 8\n', radar)
+    (directory / "scene.toml").write_text(text)
+    rc.load_scene(directory / "scene.toml").record(directory / "recording", progress=False)
+    return {"scene": directory / "scene.toml", "recording": directory / "recording"}
+
+
+# At 80 GHz the receivers of a BGT60 have a spacing of 0.7 wavelengths.
+@pytest.mark.filterwarnings("ignore:radar. expected a channel spacing below")
+@pytest.mark.parametrize("kind", plot.VIEWS)
+def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
+    of_two_sequences: dict[str, Path], kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    words = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
+    source = of_two_sequences["scene" if kind == "experiment" else "recording"]
+    draw(source, kind, *words, "--sequence", "1")
+    if kind == "chirp":
+        second = Path("new/picture.png").read_bytes()
+        draw(source, kind, *words)
+        assert Path("new/picture.png").read_bytes() != second
+        arguments = ["plot", str(of_two_sequences["scene"]), "-o", "a.png", "--kind", kind, "--sequence", "2"]
+        assert main(arguments) == 1
+        assert "--sequence: expected an index below 2, got 2" in capsys.readouterr().err
+
+
+def test_bare_samples_are_drawn_with_the_radar_of_a_file(scene: Path, recording: Path) -> None:
+    np.save("bare.npy", np.load(recording / "cube.npy"))
+    for config in (scene, recording / "meta.json"):
+        draw(Path("bare.npy"), "map", "--config", str(config))
+
+
+# --- Recordings of sensors: neither their leakage nor what stands still, unless asked for
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +111,6 @@ def faint(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Figures that are saved."""
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    from matplotlib.figure import Figure
-
     saved: list[Any] = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: saved.append(figure))
     return saved
@@ -78,8 +131,8 @@ def at(frame: int) -> float:
 
 @pytest.mark.parametrize("kind", ["overview", "detections"])
 def test_map_of_a_sensors_frame_shows_what_moves(leaky: Path, figures: list[Any], kind: str) -> None:
-    arguments = ["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "12"]
-    assert main(arguments) == main([*arguments, "--keep-static"]) == 0
+    draw(leaky, kind, "--frame", "12")
+    draw(leaky, kind, "--frame", "12", "--keep-static")
     bin_width = rc.Recording.load(leaky).radar.waveform.range_resolution
     moving, everything = (next(ax for ax in figure.axes if ax.images) for figure in figures)
     assert abs(range_of_brightest(moving.images[0]) - at(12)) < bin_width
@@ -90,7 +143,7 @@ def test_map_of_a_sensors_frame_shows_what_moves(leaky: Path, figures: list[Any]
 
 def test_history_and_profile_of_a_sensors_recording_show_what_moves(leaky: Path, figures: list[Any]) -> None:
     for kind in ("range-time", "range-profile"):
-        assert main(["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "12"]) == 0
+        draw(leaky, kind, "--frame", "12")
     history, profile = (figure.axes[0] for figure in figures)
     bin_width = rc.Recording.load(leaky).radar.waveform.range_resolution
     assert START - bin_width < range_of_brightest(history.images[0]) < at(20) + bin_width
@@ -98,16 +151,11 @@ def test_history_and_profile_of_a_sensors_recording_show_what_moves(leaky: Path,
     assert abs(ranges[np.argmax(levels)] - at(12)) < bin_width
 
 
-@pytest.mark.parametrize("kind", ["overview", "range-time", "range-profile"])
+@pytest.mark.parametrize("kind", ["overview", "range-time"])
 def test_offsets_of_chirps_are_not_what_is_seen_first(kind: str, faint: Path, figures: list[Any]) -> None:
     """At the default gain they are louder than a person, at 0 m and all velocities, and differ from chirp to chirp."""
-    assert main(["plot", str(faint), "-o", "picture.png", "--overwrite", "--kind", kind, "--frame", "2"]) == 0
-    drawn = next(ax for ax in figures[0].axes if kind != "overview" or ax.images)
-    if kind == "range-profile":
-        ranges, levels = drawn.lines[0].get_data()
-        seen = float(ranges[np.argmax(levels)])
-    else:
-        seen = range_of_brightest(drawn.images[0])
+    draw(faint, kind, "--frame", "2")
+    seen = range_of_brightest(next(ax for ax in figures[0].axes if ax.images).images[0])
     assert abs(seen - START) < 2.0 * rc.Recording.load(faint).radar.waveform.range_resolution
 
 
@@ -123,7 +171,7 @@ def test_live_view_leaves_out_offsets_of_chirps(faint: Path) -> None:
 
 
 def test_samples_of_a_sensor_are_drawn_as_they_are(leaky: Path, figures: list[Any]) -> None:
-    assert main(["plot", str(leaky), "-o", "picture.png", "--overwrite", "--kind", "chirp", "--frame", "3"]) == 0
+    draw(leaky, "chirp", "--frame", "3")
     drawn = figures[0].axes[0].lines[0].get_ydata()
     np.testing.assert_allclose(drawn, 1e3 * rc.Recording.load(leaky).cube[3, 0, 0], rtol=1e-6)
 
@@ -146,7 +194,7 @@ def test_tracks_of_a_sensors_recording_are_what_moves(leaky: Path, capsys: pytes
 def test_what_stands_still_in_a_simulation_stays(simulated: rc.Recording, figures: list[Any], tmp_path: Path) -> None:
     """It was put there; the truth of the recording tells."""
     simulated.save(tmp_path / "recording")
-    assert main(["plot", str(tmp_path / "recording"), "-o", "picture.png", "--overwrite", "--kind", "map"]) == 0
+    draw(tmp_path / "recording", "map")
     assert "static" not in figures[0].axes[0].get_title()
 
 
@@ -155,5 +203,23 @@ def test_single_chirp_of_a_sensor_is_drawn(leaky: Path, figures: list[Any], tmp_
     some = rc.Recording.load(leaky)[:1]
     radar = replace(some.radar, waveform=some.radar.waveform.replace(num_chirps=1, frame_interval=25e-3))
     rc.Recording(some.cube[:, :, :1], some.time, radar, source=some.source).save(tmp_path / "one")
-    assert main(["plot", str(tmp_path / "one"), "-o", "picture.png", "--overwrite", "--kind", "range-profile"]) == 0
+    draw(tmp_path / "one", "range-profile")
     assert "static" not in figures[0].axes[0].get_title()
+
+
+def test_leakage_of_a_capture_is_neither_drawn_nor_the_strongest_peak(tmp_path: Path, figures: list[Any]) -> None:
+    scene = Scene(num_frames=4)
+    (tmp_path / "profile.cfg").write_text(commands(scene))
+    # A tone of a tenth of a range bin, the same in every chirp, 20 dB over the target.
+    leak = np.exp(0.2j * np.pi * np.arange(64) / 64.0)
+    chirp = np.stack([leak.imag, leak.real], -1).reshape(32, 2, 2).transpose(0, 2, 1)  # Q Q I I
+    numbers = scene.numbers("lanes2", q_first=True).reshape(-1, 32, 2, 2)
+    (numbers + np.rint(1e4 * chirp).astype("<i2")).tofile(tmp_path / "adc_data.bin")
+    frame = rc.Recording.load(tmp_path / "adc_data.bin", config=tmp_path / "profile.cfg")[0]
+    loudest, peak = rc.strongest_peak(frame, min_range=0.0), rc.strongest_peak(frame)
+    assert loudest is not None
+    assert loudest.range_index == 0
+    assert peak is not None
+    assert peak.range == pytest.approx(scene.range, abs=0.02)
+    draw(tmp_path / "adc_data.bin", "map", "--config", str(tmp_path / "profile.cfg"))
+    assert "static echoes removed" in figures[0].axes[0].get_title()

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import errno
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from radarcore import check
-from radarcore.cli.ending import hold_signals, raise_if_ended
-from radarcore.cli.options import Count, Flag, Seconds, Source
-from radarcore.cli.sensor.options import Speed
+from radarcore.cli.options import Count, Flag, Seconds, Source, Speed
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -66,7 +62,7 @@ def run(
     from radarcore.virtual.board import virtual_board
 
     if duration is not None:
-        check.positive("--duration", duration, "s")
+        check.positive("duration", duration, "s")
     frames, settings = _source(source)
     chip, language = _BOARDS[protocol]
     with (
@@ -81,31 +77,16 @@ def run(
         PtyPort(board, link=link, replace_link=force) as port,
     ):
         try:
-            with _terminal_may_close():
-                name = link or port.path
-                print(f"listening on {name}")
-                print(f"{source} as a {chip}, protocol {language}; {settings}")
-                print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
-                _wait(duration, board.news)
+            name = link or port.path
+            print(f"listening on {name}")
+            print(f"{source} as a {chip}, protocol {language}; {settings}")
+            print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
+            _wait(duration, board.news)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
         finally:
-            try:
-                hold_signals()
-            except KeyboardInterrupt:  # of a signal that comes just now
-                hold_signals()
-            board.close()  # before the port: that waits for answers, and they for a frame that is being simulated
+            board.close()  # before the port, which waits for answers and thus for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
-
-
-@contextmanager
-def _terminal_may_close() -> Iterator[None]:
-    """End where the terminal has closed, whose signal is on its way."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno != errno.EIO:
-            raise
 
 
 def _wait(duration: float | None, news: Callable[[], list[str]]) -> None:
@@ -113,7 +94,6 @@ def _wait(duration: float | None, news: Callable[[], list[str]]) -> None:
     deadline = math.inf if duration is None else time.monotonic() + duration
     while time.monotonic() < deadline:
         time.sleep(0.2)
-        raise_if_ended()
         for line in news():
             print(line, file=sys.stderr, flush=True)
 

@@ -1,1 +1,0 @@
-"""The experiment that `radarcore demo` runs."""

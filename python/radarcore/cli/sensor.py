@@ -1,0 +1,377 @@
+"""The commands `radarcore sensor`: list, info, report, record, view and selftest."""
+
+from __future__ import annotations
+
+import errno
+import json
+import platform
+import re
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from cyclopts import Parameter
+
+from radarcore import check
+from radarcore._core import __version__
+from radarcore.cli.board_settings import NOT_SET, BoardSettings, gains_of, radar_of, refuse_settings, sight
+from radarcore.cli.options import (
+    OPTIONS,
+    Count,
+    Flag,
+    Json,
+    Output,
+    OutputFile,
+    OutputFolder,
+    Overwrite,
+    Port,
+    Speed,
+    one_of_several,
+)
+from radarcore.cli.terminal import complain, show, show_result
+from radarcore.output import check_file, write_text
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
+from radarcore.recording.writer import check_room
+from radarcore.simulate.schedule import frame_times
+from radarcore.table import Table
+
+if TYPE_CHECKING:
+    from radarcore.scenefile.simulation import Simulation
+    from radarcore.sensor.checks import Check
+
+_LENGTH = one_of_several()
+
+_Group = Literal["identity", "registers", "pattern", "noise", "frames"]
+
+
+def run_list(*, as_json: Json = False) -> int:
+    """List the boards that respond; the status is 1 if there is none."""
+    from radarcore.sensor import list_sensors
+
+    found = list_sensors()
+    if as_json:
+        print(json.dumps([vars(info) for info in found], indent=2))
+        return 0
+    if not found:
+        complain("no radar board answers; `radarcore sensor report` lists what is on USB")
+        return 1
+    header = ("port", "board", "chip", "firmware", "serial number")
+    rows = [(info.port, info.name, info.chip, info.firmware, info.serial_number) for info in found]
+    show(Table(header, rows, num_left=len(header)))
+    return 0
+
+
+def run_info(port: Port = None, /, *, as_json: Json = False) -> None:
+    """Print type and temperature of a board."""
+    from radarcore.sensor import open_sensor
+
+    with open_sensor(port) as sensor:
+        facts = {**vars(sensor.info), "temperature [deg C]": round(sensor.temperature(), 1)}
+    if as_json:
+        print(json.dumps(facts, indent=2))
+    else:
+        show(Table((), [(name.replace("_", " "), str(value)) for name, value in facts.items()], num_left=2))
+
+
+def run_report(*, output: OutputFile = None, overwrite: Overwrite = False) -> None:
+    """Collect the USB descriptors of the boards, for a bug report.
+
+    Parameters
+    ----------
+    output : path
+        report file (default: print the report)
+    """
+    from radarcore.sensor import transport
+
+    report = {
+        "radarcore": __version__,
+        "system": platform.platform(),
+        "ports": [vars(port) for port in transport.find_ports()],
+        "usb": transport.describe_usb(),
+    }
+    text = json.dumps(report, indent=2) + "\n"
+    if output is None:
+        print(text, end="")
+    else:
+        write_text(output, text, overwrite=overwrite)
+        print(f"{output}: {len(report['usb'])} boards on USB, {len(report['ports'])} ports")
+
+
+def run_record(
+    port: Port = None,
+    /,
+    *,
+    output: Output,
+    overwrite: Flag = False,
+    duration: Annotated[float | None, Parameter(metavar="S", group=(OPTIONS, _LENGTH))] = None,
+    frames: Annotated[Count, Parameter(group=(OPTIONS, _LENGTH))] = None,
+    capture: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    settings: BoardSettings = NOT_SET,
+) -> None:
+    """Record from a board, until Ctrl-C or for a duration.
+
+    Parameters
+    ----------
+    output : path
+        recording: a new directory
+    overwrite : bool
+        replace an existing recording
+    duration : float
+        seconds
+    frames : int
+        frames
+    capture : path
+        also log every byte of the conversation to FILE
+    """
+    from radarcore.sensor import open_sensor
+
+    # Faults that need no board are reported before one is opened.
+    wanted = radar_of(settings)
+    if frames is not None:
+        check.count("frames", frames)
+    if duration is not None:
+        check.positive("duration", duration, "s")
+    check_room(output, overwrite)
+    with open_sensor(port, capture=capture) as sensor:
+        achieved = sensor.configure(wanted, **gains_of(settings))
+        show(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
+        gain = sensor.source().get("infineon", {}).get("if_gain_dB")
+        for line in (*_differences(wanted, achieved), *_gain(settings.if_gain_db, gain), sight(achieved)):
+            show(f"  {line}")
+        began, before = time.perf_counter(), _written_at(output)
+        try:
+            recording = sensor.record(output, duration=duration, num_frames=frames, overwrite=overwrite)
+        except KeyboardInterrupt:
+            has_length = duration is not None or frames is not None
+            if has_length or _written_at(output) == before:  # it had not begun
+                raise
+            recording = Recording.load(output)
+        elapsed = time.perf_counter() - began
+        show(f"{output}: {len(recording)} frames in {elapsed:.1f} s, {sensor.num_lost} lost")
+
+
+def _written_at(path: Path) -> int | None:
+    """Time at which the description of a recording was written; None where there is none."""
+    try:
+        return (path / "meta.json").stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+def _differences(wanted: Radar, achieved: Radar) -> list[str]:
+    """Numbers of the waveform as asked for and as achieved."""
+    names = {
+        "center_frequency": ("centre of the band", 1e-9, "GHz"),
+        "bandwidth": ("sampled bandwidth", 1e-6, "MHz"),
+        "sample_rate": ("sample rate", 1e-3, "kHz"),
+        "chirp_interval": ("chirp interval", 1e6, "us"),
+        "frame_interval": ("frame interval", 1e3, "ms"),
+    }
+    lines = []
+    for name, (text, scale, unit) in names.items():
+        asked, got = (scale * getattr(radar.waveform, name) for radar in (wanted, achieved))
+        lines.append(f"{text:<19} {asked:.9g} {unit} asked, {got:.9g} {unit} achieved")
+    return lines
+
+
+def _gain(asked: int | None, achieved: int | None) -> list[str]:
+    """The gain that was asked for and its nearest step."""
+    if asked is None or achieved is None:
+        return []
+    return [f"{'IF gain':<19} {asked} dB asked, {achieved} dB achieved"]
+
+
+def run_view(
+    source: Annotated[str | None, Parameter(metavar="SOURCE")] = None,
+    /,
+    *,
+    output: OutputFolder = None,
+    overwrite: Flag = False,
+    frames: Count = None,
+    speed: Speed = 1.0,
+    every: Annotated[float, Parameter(metavar="S")] = 1.0,
+    remove_static: Annotated[bool | None, Parameter(negative=("--no-remove-static", "--keep-static"))] = None,
+    settings: BoardSettings = NOT_SET,
+) -> None:
+    """Live view of a board, a recording or a scene.
+
+    Parameters
+    ----------
+    source : str
+        recording, scene file (TOML), or port of a board (default: the first board that responds)
+    output : path
+        write pictures to DIR, open no window
+    overwrite : bool
+        replace pictures of an earlier view
+    frames : int
+        end after N frames
+    speed : float
+        replay speed of a recording or scene: factor of real time, or max (default: 1)
+    every : float
+        seconds between pictures
+    remove_static : bool
+        subtract static clutter, or leave it in (default: out of sensors and their recordings)
+    """
+    from radarcore import plot
+
+    plot.require()
+    if frames is not None:
+        check.count("frames", frames)
+    check.positive("every", every, "s")
+    with ExitStack() as stack:
+        # Pictures need not wait for anybody.
+        shown, title, is_sensor = _frames(source, None if output is not None else speed, settings, stack)
+        plot.view(
+            islice(shown, frames),
+            output=output,
+            overwrite=overwrite,
+            every=every,
+            title=title,
+            max_range=settings.max_range,
+            remove_static=remove_static,
+            hold=not is_sensor,
+            say=show,
+        )
+
+
+def _frames(
+    source: str | None, speed: float | None, settings: BoardSettings, stack: ExitStack
+) -> tuple[Iterator[Frame], str, bool]:
+    """Frames of a source, its name, and true for a sensor."""
+    if source is not None and not _is_port(source):
+        path = Path(source)
+        if path.suffix == ".toml":
+            refuse_settings(settings, source)
+            from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+
+            return _paced(load_scene(path), speed), path.name, False
+        if not path.exists():
+            raise FileNotFoundError(errno.ENOENT, "no such recording, scene file or port", source)
+        if not path.is_char_device():
+            refuse_settings(settings, source)
+            return Recording.load(path).replay(speed=speed), path.resolve().name, False
+    from radarcore.sensor import open_sensor
+
+    wanted = radar_of(settings)
+    sensor = stack.enter_context(open_sensor(source))
+    achieved = sensor.configure(wanted, **gains_of(settings))
+    show(f"{sensor.info.port}: {sensor.info.chip}, {sight(achieved)}")
+    return sensor.frames(), f"{sensor.info.chip} on {sensor.info.port}", True
+
+
+def _is_port(source: str) -> bool:
+    """True for the name of a port or a ``capture:``; ``COM3`` is a port, ``COMPLETE`` a file."""
+    return (
+        source.startswith(("usb:", "/dev/", "capture:")) or re.fullmatch(r"COM\d+", source, re.IGNORECASE) is not None
+    )
+
+
+def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:
+    """Frames of a scene when they are due, or later."""
+    speed = None if speed is None else check.positive("speed", speed)
+    run = simulation.run
+    simulator = simulation.simulator()
+    began = time.monotonic()
+    for at in frame_times(run.start, run.stop, run.rate):
+        frame = simulator.frame(at)
+        if speed is not None:
+            time.sleep(max(0.0, began + (at - run.start) / speed - time.monotonic()))
+        yield frame
+
+
+def run_selftest(
+    port: Port = None,
+    /,
+    *,
+    only: Annotated[list[_Group] | None, Parameter(metavar="GROUP")] = None,
+    duration: Annotated[float, Parameter(metavar="S")] = 2.5,
+    as_json: Json = False,
+    output: OutputFile = None,
+    overwrite: Overwrite = False,
+    capture: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+) -> int:
+    """Check a board: identity, registers, test pattern, noise, frame rate; the status is 1 if a check failed.
+
+    Parameters
+    ----------
+    only : list of str
+        one group of checks (default: all); may be repeated
+    duration : float
+        seconds of the frame rate check
+    output : path
+        also write a report (JSON) with all USB descriptors
+    capture : path
+        also log every byte of the conversation to FILE
+    """
+    from radarcore.sensor import SensorError, open_sensor
+    from radarcore.sensor.checks import Check
+
+    if output is not None:
+        check_file(output, overwrite=overwrite)
+    began = time.monotonic()
+    results: list[Check] = []
+    board: dict[str, Any] | None = None
+
+    def add(result: Check) -> None:
+        results.append(result)
+        if not as_json:
+            expected = f" (expected {result.expected})" if result.expected else ""
+            show_result(result.result, f"{result.name:<22} {result.measured}{expected}")
+
+    try:
+        with open_sensor(port, capture=capture) as sensor:
+            board = dict(vars(sensor.info))
+            seconds = time.monotonic() - began
+            text = f"{sensor.info.port} answers {sensor.info.protocol} in {seconds:.1f} s"
+            add(Check("open", "PASS", text, "a board"))
+            for result in sensor.selftest(only or get_args(_Group), duration=duration):
+                add(result)
+    except SensorError as error:
+        add(Check("open" if board is None else "close", "FAIL", " ".join(str(error).split()), "a board that answers"))
+    report = {
+        "radarcore": __version__,
+        "system": platform.platform(),
+        "seconds": round(time.monotonic() - began, 2),
+        "board": board,
+        "checks": [vars(result) for result in results],
+    }
+    has_failed = any(result.result == "FAIL" for result in results)
+    if as_json:
+        print(json.dumps(report, indent=2))
+    else:
+        count = Counter(result.result for result in results)
+        took = f"in {report['seconds']:.1f} s"
+        show(f"{count['PASS']} passed, {count['FAIL']} failed, {count['SKIP']} skipped {took}")
+    if output is not None:
+        write_text(output, json.dumps(report | _descriptors(), indent=2) + "\n", overwrite=overwrite)
+    if not as_json and (has_failed or output is not None):
+        show(_advice(port, output))
+    return int(has_failed)
+
+
+def _advice(port: str | None, output: Path | None) -> str:
+    if output is not None:
+        return f"{output}: attach it to an issue of the project; it contains the board's serial number"
+    words = f" {port}" if port else ""
+    return (
+        f"to report: `radarcore sensor selftest{words} -o report.json`, and attach that file to an issue of the project"
+    )
+
+
+def _descriptors() -> dict[str, Any]:
+    """Ports and USB descriptors as in `radarcore sensor report`, or why there are none."""
+    from radarcore.sensor import SensorError, transport
+
+    found: dict[str, Any] = {}
+    try:
+        found["ports"] = [vars(port) for port in transport.find_ports()]
+        found["usb"] = transport.describe_usb()
+    except (SensorError, ImportError) as error:
+        found["errors"] = [str(error)]
+    return found

@@ -1,1 +1,0 @@
-"""The commands of `radarcore sensor`, with a file per group of them."""
