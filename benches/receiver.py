@@ -85,7 +85,8 @@ def measured_like(waveform: rc.Waveform, *, as_codes: bool = False) -> rc.Radar:
         frame_interval=waveform.frame_interval,
         adc_delay=waveform.adc_delay,
     )
-    receiver = replace(preset.receiver, adc_odd_width=0.26 if as_codes else None)
+    errors = replace(preset.receiver.adc_errors, odd_width=0.26 if as_codes else None)
+    receiver = replace(preset.receiver, adc_errors=errors)
     return rc.Radar(
         preset.waveform, tx=preset.tx, rx=preset.rx, pattern=preset.pattern, tx_power_dbm=4.0, receiver=receiver
     )

@@ -45,4 +45,4 @@ def test_warning_has_the_line_of_the_call(run: Callable[[Path], object], scene_f
         warnings.simplefilter("always")
         run(scene_file)
     assert [warning.filename for warning in caught] == [__file__] * len(caught)
-    assert any("beyond max_range" in str(warning.message) for warning in caught)
+    assert any("beyond max_unambiguous_range" in str(warning.message) for warning in caught)

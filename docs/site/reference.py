@@ -41,7 +41,7 @@ FIRST = (
 
 
 CODE = re.compile(r"(<[^>]*>)?<code>(rc\.)?([A-Za-z_]\w*)((?:\.\w+)*)([^<]*)</code>")
-"""Words in code, with the tag before, as texts have them: `rc.detect`, `Radar.max_range`, `strongest_peak(...)`."""
+"""Words in code, with the tag before, as texts have them: `rc.detect`, `Radar.max_velocity`, `strongest_peak(...)`."""
 
 
 SEE_ALSO = re.compile(r'(<details class="see-also"[^>]*>\s*<summary>[^<]*</summary>)\s*<p>(.*?)</p>', flags=re.DOTALL)
@@ -182,7 +182,7 @@ def targets() -> dict[str, str]:
 
 
 def entry(name: str) -> str | None:
-    """Place where a name such as `Radar.max_range` or `plot.rcs` is defined; None for what has no entry."""
+    """Place where a name such as `Radar.max_unambiguous_range` or `plot.rcs` is defined; None for what has no entry."""
     parts = name.split(".")
     heads = (".".join(parts[:number]) for number in range(len(parts), 0, -1))
     head = next((head for head in heads if head in targets()), None)

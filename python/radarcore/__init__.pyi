@@ -74,6 +74,7 @@ from radarcore.radar.pattern import GaussianPattern as GaussianPattern
 from radarcore.radar.pattern import IsotropicPattern as IsotropicPattern
 from radarcore.radar.pattern import TabulatedPattern as TabulatedPattern
 from radarcore.radar.radar import Radar as Radar
+from radarcore.radar.receiver import AdcErrors as AdcErrors
 from radarcore.radar.receiver import Leakage as Leakage
 from radarcore.radar.receiver import Receiver as Receiver
 from radarcore.radar.schedule import Schedule as Schedule

@@ -192,10 +192,11 @@ def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
 
 
 def test_range_within_reach_of_iq_samples_is_not_warned_of(simulated: rc.Recording) -> None:
-    assert WF.max_range < 15.0 < RADAR.max_range
+    assert WF.max_range < 15.0 < RADAR.max_unambiguous_range
     rc.compare(simulated, truth={"ball": rc.Pose([15.0, 0.0, 0.0])}, progress=False)
     with pytest.warns(
-        UserWarning, match=f"expected ranges below {RADAR.max_range:.4g} m, the max_range of A, got 25 m"
+        UserWarning,
+        match=f"expected ranges below {RADAR.max_unambiguous_range:.4g} m, the max_unambiguous_range of A, got 25 m",
     ):
         rc.compare(simulated, truth={"ball": rc.Pose([25.0, 0.0, 0.0])}, progress=False)
 

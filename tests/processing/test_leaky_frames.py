@@ -101,9 +101,12 @@ def test_near_echo_behind_an_adc_without_leakage_is_a_peak(distance: float, outp
     assert abs(peak.range - distance) < (0.3 if output == "real" else 0.02) * radar.waveform.range_resolution
 
 
-@pytest.mark.parametrize("effect", [{"dc_offset": 0.05}, {"chirp_offset_lsb": 1.0}])
+@pytest.mark.parametrize(
+    "effect", [{"dc_offset": 0.05}, {"adc_errors": rc.AdcErrors(noise_lsb=0.9, chirp_offset_lsb=1.0)}]
+)
 def test_offset_of_the_adc_is_no_peak(effect: dict[str, Any]) -> None:
-    receiver = rc.Receiver(noise_figure_db=12.0, output="real", adc_noise_lsb=0.9, **ADC, **effect)
+    settings: dict[str, Any] = {"adc_errors": rc.AdcErrors(noise_lsb=0.9)} | ADC | effect
+    receiver = rc.Receiver(noise_figure_db=12.0, output="real", **settings)
     radar = replace(rc.bgt60tr13c(num_chirps=16), receiver=receiver)
     frame = rc.Simulator(rc.Scene([]), radar).frame()
     assert rc.strongest_peak(frame, min_range=0.0) is not None, "there is one at 0 m"

@@ -50,9 +50,9 @@ def test_default_radar_is_one_isotropic_watt_into_an_ideal_receiver() -> None:
 
 
 def test_iq_receiver_is_unambiguous_twice_as_far_as_a_real_one() -> None:
-    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")).max_range == WAVEFORM.max_range
-    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="iq")).max_range == 2.0 * WAVEFORM.max_range
-    assert rc.Radar(WAVEFORM).max_range == 2.0 * WAVEFORM.max_range
+    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real")).max_unambiguous_range == WAVEFORM.max_range
+    assert rc.Radar(WAVEFORM, receiver=rc.Receiver(output="iq")).max_unambiguous_range == 2.0 * WAVEFORM.max_range
+    assert rc.Radar(WAVEFORM).max_unambiguous_range == 2.0 * WAVEFORM.max_range
 
 
 def test_gaussian_beam_has_its_gain_on_boresight_and_half_at_half_the_full_width() -> None:
@@ -96,7 +96,7 @@ def test_bgt60tr13c_sees_ten_metres_at_40_hz() -> None:
     # 60 to 61 GHz in 3.1125 + 64 us, of which 64 us are sampled: 954 MHz, c / (2 B) = 0.1572 m, 64 bins of it.
     assert wf.start_frequency == 60e9
     assert wf.start_frequency + wf.slope * (wf.adc_delay + 64e-6) == pytest.approx(61e9, rel=1e-15)
-    assert radar.max_range == pytest.approx(10.06, abs=0.005)
+    assert radar.max_unambiguous_range == pytest.approx(10.06, abs=0.005)
     # 4.955 mm at 60.52 GHz over four times 300 us.
     assert wf.max_velocity == pytest.approx(4.128, abs=1e-3)
 
@@ -105,12 +105,14 @@ def test_largest_range_is_half_the_range_axis_of_real_samples_and_all_of_it_of_i
     wf = rc.bgt60tr13c().waveform
     axis = wf.range_axis()
     real, iq = (rc.Radar(wf, receiver=rc.Receiver(output=output)) for output in ("real", "iq"))
-    assert real.max_range == wf.max_range == pytest.approx(axis[len(axis) // 2], rel=1e-12)
-    assert iq.max_range == rc.Radar(wf).max_range == pytest.approx(axis[-1] + axis[1], rel=1e-12)
+    assert real.max_unambiguous_range == wf.max_range == pytest.approx(axis[len(axis) // 2], rel=1e-12)
+    assert (
+        iq.max_unambiguous_range == rc.Radar(wf).max_unambiguous_range == pytest.approx(axis[-1] + axis[1], rel=1e-12)
+    )
     # A wish is one of real samples.
     wished = rc.Waveform.design(max_range=5.0, range_resolution=0.1)
     assert wished.max_range == pytest.approx(5.0)
-    assert rc.Radar(wished).max_range == pytest.approx(10.0)
+    assert rc.Radar(wished).max_unambiguous_range == pytest.approx(10.0)
 
 
 def test_bgt60tr13c_has_a_gigahertz_where_one_end_is_given() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
@@ -262,8 +261,8 @@ def test_numbers_of_other_types_become_plain_ones_and_cannot_be_changed() -> Non
     )
     assert [type(getattr(wf, name)) for name in ("start_frequency", "slope", "sample_rate")] == [float] * 3
     assert type(wf.num_samples) is int
-    with pytest.raises(FrozenInstanceError):
-        wf.slope = 1.0  # type: ignore[misc]
+    with pytest.raises(AttributeError, match="slope"):
+        wf.slope = 1.0
 
 
 def test_samples_may_end_where_the_next_ramp_starts() -> None:

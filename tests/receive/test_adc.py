@@ -72,13 +72,13 @@ def test_codes_of_12_bits_are_those_of_recordings() -> None:
 
 
 def test_odd_codes_have_their_width_in_the_upper_three_quarters_and_even_ones_below() -> None:
-    codes = to_codes(received(adc(adc_odd_width=0.26), ramp() * 0.999))
+    codes = to_codes(received(adc(adc_errors=rc.AdcErrors(odd_width=0.26)), ramp() * 0.999))
     upper, lower = (codes >= 1026) & (codes < 4095), (codes <= 1022) & (codes > 0)
     # Steps of the ramp are 0.7 of a code: shares of thousands of codes within 1 %.
     assert np.mean(codes[upper] & 1) == pytest.approx(0.13, abs=0.01)
     assert np.mean(codes[lower] & 1) == pytest.approx(0.87, abs=0.01)
     # Equal widths are those of an ideal ADC, but for samples within rounding of the border.
-    differ = received(adc(adc_odd_width=1.0), ramp()) != received(adc(), ramp())
+    differ = received(adc(adc_errors=rc.AdcErrors(odd_width=1.0)), ramp()) != received(adc(), ramp())
     assert differ.mean() < 1e-3
     assert (np.diff(codes.ravel().astype(int)) >= 0).all()
 
@@ -86,7 +86,7 @@ def test_odd_codes_have_their_width_in_the_upper_three_quarters_and_even_ones_be
 @pytest.mark.parametrize("output", ["real", "iq"])
 def test_noise_of_the_adc_does_not_follow_the_gain(output: str) -> None:
     for gain_db in (0.0, 40.0):
-        samples = received(adc(output=output, adc_noise_lsb=5.0, gain_db=gain_db))
+        samples = received(adc(output=output, adc_errors=rc.AdcErrors(noise_lsb=5.0), gain_db=gain_db))
         numbers = samples.view(np.float32)
         # Rounding adds 1/12; 4 sqrt(1 / 2 / 20 000) = 2 % of a deviation.
         assert numbers.std() / LSB == pytest.approx(np.sqrt(25.0 + 1.0 / 12.0), rel=0.02)
@@ -96,7 +96,7 @@ def test_noise_of_the_adc_does_not_follow_the_gain(output: str) -> None:
 def test_offsets_hold_for_receivers_and_for_chirps(output: str) -> None:
     samples = received(rc.Receiver(output=output, full_scale=1.0, dc_offset=(0.1, -0.2)))
     np.testing.assert_allclose(samples.view(np.float32)[:, :, 3], np.repeat([[0.1], [-0.2]], NUM_CHIRPS, axis=1))
-    chirps = received(adc(output=output, adc_bits=24, chirp_offset_lsb=(1000.0, 0.0)))
+    chirps = received(adc(output=output, adc_bits=24, adc_errors=rc.AdcErrors(chirp_offset_lsb=(1000.0, 0.0))))
     assert (chirps == chirps[:, :, :1]).all()
     of_first = chirps.view(np.float32)[0, :, 0]
     assert of_first.std() / (2.0 / (2**24 - 1)) == pytest.approx(1000.0, rel=4.0 / np.sqrt(2 * NUM_CHIRPS))
@@ -105,7 +105,9 @@ def test_offsets_hold_for_receivers_and_for_chirps(output: str) -> None:
 
 def test_offsets_of_segments_hold_for_a_sixteenth_of_the_codes() -> None:
     chirp = np.linspace(-0.1209, 0.1209, NUM_SAMPLES, dtype=np.complex64)
-    quiet, moved = (received(adc(**more), chirp) for more in ({}, {"segment_offset_lsb": 30.0}))
+    quiet, moved = (
+        received(adc(**more), chirp) for more in ({}, {"adc_errors": rc.AdcErrors(segment_offset_lsb=30.0)})
+    )
     offset = (moved - quiet) / LSB
     segment = np.minimum(to_codes(quiet)[0, 0] // 256, 15)
     for number in range(1, 15):

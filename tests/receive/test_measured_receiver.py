@@ -68,14 +68,17 @@ def test_default_receiver_has_thermal_noise_alone_and_others_can_be_given() -> N
 
 @pytest.mark.parametrize(("gain_db", "before"), [(23, 0.56), (50, 7.3), (55, 12.98)])
 def test_noise_before_the_low_pass_is_that_of_the_recordings(gain_db: int, before: float) -> None:
-    quiet = {"leakage": None, "chirp_offset_lsb": None, "segment_offset_lsb": None, "kick_db": None, "dc_offset": None}
+    quiet = {"leakage": None, "adc_errors": rc.AdcErrors(noise_lsb=0.9), "dc_offset": None}
     raw = codes(measured(gain_db), 4, low_pass=None, **quiet)
     # Noise, the ADC's floor of 0.9, and rounding; 5e4 samples: 4 / sqrt(1e5) = 1.3 %.
     assert raw.std() == pytest.approx(np.sqrt(before**2 + 0.81 + 1.0 / 12.0), rel=0.014)
 
 
 def test_start_of_chirps_is_kicked_as_in_the_recordings() -> None:
-    raw = codes(measured(50), 8, low_pass=None, leakage=None, segment_offset_lsb=None, chirp_offset_lsb=None)
+    radar = measured(50)
+    assert radar.receiver is not None
+    errors = replace(radar.receiver.adc_errors, segment_offset_lsb=None, chirp_offset_lsb=None)
+    raw = codes(radar, 8, low_pass=None, leakage=None, adc_errors=errors)
     raw -= raw.mean(axis=(0, 2, 3), keepdims=True)
     found = raw.std(axis=(0, 1, 2))[:8]
     # 18 at the first sample, gone after 4, beside noise of 7.3: 1536 draws, 4 / sqrt(3072) = 7 %.
@@ -285,8 +288,9 @@ def test_virtual_sensor_leaves_out_what_is_switched_off() -> None:
     radar = power_up(num_chirps=4)
     full = measured(40).receiver
     assert full is not None
-    off = {"leakage": None, "phase_noise": None, "kick_db": None, "rx_phase_deg": None}
-    own = replace(measured(), receiver=replace(measured().receiver, **off, adc_odd_width=0.26))
+    off = {"leakage": None, "phase_noise": None, "rx_phase_deg": None}
+    off["adc_errors"] = replace(full.adc_errors, turn_on_db=None, odd_width=0.26)
+    own = replace(measured(), receiver=replace(measured().receiver, **off))
     found = Simulated(rc.Simulator(scene, own, resolution=8)).frame(radar, 0, 0.0, if_gain_db=40.0)
-    expected = replace(radar, receiver=replace(full, **off, adc_odd_width=0.26))
+    expected = replace(radar, receiver=replace(full, **off))
     np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))

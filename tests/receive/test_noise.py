@@ -82,7 +82,7 @@ def test_high_pass_leaves_noise_alone_and_gain_makes_it_louder() -> None:
 @pytest.mark.parametrize("output", ["real", "iq"])
 def test_kick_decays_from_its_level_and_is_one_draw_per_chirp(output: str) -> None:
     receiver = rc.Receiver(output=output, noise_figure_db=0.0)
-    kicked = replace(receiver, kick_db=20.0, kick_time=4.0 / RATE)
+    kicked = replace(receiver, adc_errors=rc.AdcErrors(turn_on_db=20.0, turn_on_time=4.0 / RATE))
     num_chirps = 20_000
     kick = (noise(kicked, num_chirps, 16) - noise(receiver, num_chirps, 16))[0].astype(complex)
     kick /= np.sqrt(receiver.noise_variance(RATE))

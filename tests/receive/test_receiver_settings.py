@@ -27,18 +27,15 @@ ALL: dict[str, Any] = {
     "high_pass_order": 2,
     "low_pass": 500e3,
     "low_pass_order": 5,
-    "kick_db": 10.0,
-    "kick_time": 1e-6,
     "iq_gain_db": 0.2,
     "iq_phase_deg": 1.0,
     "gain_db": 40.0,
     "full_scale": 1.0,
     "dc_offset": (0.01, -0.02),
     "adc_bits": 14,
-    "adc_noise_lsb": 0.7,
-    "chirp_offset_lsb": 0.5,
-    "segment_offset_lsb": 0.5,
-    "adc_odd_width": 0.9,
+    "adc_errors": rc.AdcErrors(
+        noise_lsb=0.7, chirp_offset_lsb=0.5, segment_offset_lsb=0.5, odd_width=0.9, turn_on_db=10.0, turn_on_time=1e-6
+    ),
 }
 RX = [[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]]
 WAVEFORM = rc.Waveform(
@@ -77,7 +74,7 @@ def test_effects_have_streams_of_their_own() -> None:
         "thermal noise",
         "phase noise",
         "slow phase noise",
-        "kick",
+        "turn-on",
         "chirp offset",
         "ADC noise",
         "segment offset",
@@ -106,7 +103,11 @@ def test_noise_stays_the_same_as_other_effects_are_switched_on() -> None:
 def test_settings_that_do_nothing_change_no_bit(output: str) -> None:
     plain = rc.Receiver(output=output, noise_figure_db=12.0)
     expected = simulator(plain).frame().cube
-    for more in ({"kick_time": 1.0}, {"low_pass_order": 2, "high_pass_order": 3}, {"rx_phase_deg": None}):
+    for more in (
+        {"adc_errors": rc.AdcErrors(turn_on_time=1.0)},
+        {"low_pass_order": 2, "high_pass_order": 3},
+        {"rx_phase_deg": None},
+    ):
         np.testing.assert_array_equal(simulator(replace(plain, **more)).frame().cube, expected)
     for more in ({"gain_db": 0.0}, {"dc_offset": 0.0}):
         np.testing.assert_array_equal(simulator(replace(plain, **more)).frame().cube, expected)
@@ -164,8 +165,6 @@ NAN, INF = float("nan"), float("inf")
         ({"low_pass_order": 0}, ValueError, "low_pass_order: expected at least 1, got 0"),
         ({"high_pass_order": 1.5}, TypeError, "high_pass_order: expected an integer, got 1.5"),
         ({"high_pass_order": 17}, ValueError, "high_pass_order: expected at most 16, got 17"),
-        ({"kick_db": 3.0}, ValueError, "noise_figure_db: expected a value, as kick_db is given, got None"),
-        ({"kick_time": -1.0}, ValueError, r"kick_time: expected a positive number \[s\]"),
         ({"iq_gain_db": INF}, ValueError, "iq_gain_db: expected a finite number"),
         ({"iq_phase_deg": 1.0, "output": "real"}, ValueError, "iq_phase_deg: expected None for a real receiver, got 1"),
         ({"gain_db": 1e4}, ValueError, "gain_db: expected -1000 to 1000"),
@@ -174,11 +173,6 @@ NAN, INF = float("nan"), float("inf")
         ({"adc_bits": 12}, ValueError, "full_scale: expected a value, as adc_bits is given, got None"),
         ({"adc_bits": 25, "full_scale": 1.0}, ValueError, "adc_bits: expected at most 24, got 25"),
         ({"adc_bits": True, "full_scale": 1.0}, TypeError, "adc_bits: expected an integer, got True"),
-        ({"adc_noise_lsb": 1.0}, ValueError, "adc_bits: expected a value, as adc_noise_lsb is given, got None"),
-        ({"adc_noise_lsb": -1.0}, ValueError, "adc_noise_lsb: expected zero or a positive number"),
-        ({"chirp_offset_lsb": (1.0, -1.0)}, ValueError, "chirp_offset_lsb: expected zero or a positive number"),
-        ({"segment_offset_lsb": NAN}, ValueError, "segment_offset_lsb: expected a finite number"),
-        ({"adc_odd_width": 2.5}, ValueError, "adc_odd_width: expected at most 2"),
         ({"phase_noise": [(1e5, 1.0)]}, ValueError, r"phase_noise\[0\]\[1\]: expected at most 0 \[dBc/Hz\], got 1"),
         ({"high_pass": 6e5, "low_pass": 5e5}, ValueError, "high_pass: expected less than low_pass, 500000 Hz, got 6"),
     ],
@@ -186,6 +180,23 @@ NAN, INF = float("nan"), float("inf")
 def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         rc.Receiver(**settings)
+
+
+@pytest.mark.parametrize(
+    ("errors", "message"),
+    [
+        ({"turn_on_db": 3.0}, r"noise_figure_db: expected a value, as adc_errors\.turn_on_db is given, got None"),
+        ({"turn_on_time": -1.0}, r"turn_on_time: expected a positive number \[s\]"),
+        ({"noise_lsb": 1.0}, "adc_bits: expected a value, as adc_errors is given, got None"),
+        ({"noise_lsb": -1.0}, "noise_lsb: expected zero or a positive number"),
+        ({"chirp_offset_lsb": (1.0, -1.0)}, r"chirp_offset_lsb\[1\]: expected zero or a positive number"),
+        ({"segment_offset_lsb": NAN}, "segment_offset_lsb: expected a finite number"),
+        ({"odd_width": 2.5}, "odd_width: expected 0 to 2"),
+    ],
+)
+def test_wrong_errors_of_the_adc_are_refused_by_name(errors: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rc.Receiver(adc_errors=rc.AdcErrors(**errors))
 
 
 @pytest.mark.parametrize(

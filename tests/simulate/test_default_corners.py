@@ -22,7 +22,7 @@ def corner_error_db(leg: float, place: list[float]) -> float:
     powers = []
     for target in (corner, rc.PointTarget(place, rcs=sigma)):
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".* (beyond max_range|ended at its finest cells)")
+            warnings.filterwarnings("ignore", ".* (beyond max_unambiguous_range|ended at its finest cells)")
             frame = rc.Simulator(rc.Scene([target]), radar, max_bounces=3).frame()
         powers.append(np.mean(np.abs(frame.cube) ** 2))
     return float(10.0 * np.log10(powers[0] / powers[1]))

@@ -310,7 +310,9 @@ def test_scene_beyond_the_largest_range_warns_with_both_numbers(receiver: Any, f
     radar = rc.Radar(waveform(), receiver=receiver)
     largest = factor * C * 2e6 / (4 * 2e13)
     beyond, within = largest + 0.5, largest - 0.01
-    with pytest.warns(UserWarning, match=rf"reaches to {beyond:.2f} m, beyond max_range {largest:.2f} m") as caught:
+    with pytest.warns(
+        UserWarning, match=rf"reaches to {beyond:.2f} m, beyond max_unambiguous_range {largest:.2f} m"
+    ) as caught:
         simulator([rc.PointTarget([beyond, 0.0, 0.0])], radar).frame()
     assert caught[0].filename == __file__, "the warning points at the caller"
     with warnings.catch_warnings():

@@ -145,7 +145,7 @@ def test_lone_body_beyond_the_largest_range_raises_a_warning(radius: float) -> N
     """No path of the small one comes back."""
     sim = rc.Simulator(rc.Scene([body(rc.shapes.sphere(radius), rc.Pose([2000.0, 0.0, 0.0]))]), RADAR)
     (said,) = warned(lambda: [sim.frame(time) for time in (0.0, 0.1)])
-    assert re.match(r"the scene reaches to 1999\.\d\d m, beyond max_range 47\.97 m of the waveform: ", said)
+    assert re.match(r"the scene reaches to 1999\.\d\d m, beyond max_unambiguous_range 47\.97 m of the radar: ", said)
 
 
 @pytest.mark.parametrize(

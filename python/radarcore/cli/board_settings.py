@@ -101,7 +101,7 @@ def sight(radar: Radar) -> str:
     wf = radar.waveform
     parts = []
     if not wf.is_cw:
-        parts.append(f"{quantity(radar.max_range, 'm')} in steps of {quantity(wf.range_resolution, 'm')}")
+        parts.append(f"{quantity(radar.max_unambiguous_range, 'm')} in steps of {quantity(wf.range_resolution, 'm')}")
     if wf.num_chirps > 1:
         steps = quantity(wf.velocity_resolution, "m/s")
         parts.append(f"+-{quantity(radar.max_velocity, 'm/s')} in steps of {steps}")

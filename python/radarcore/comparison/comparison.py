@@ -267,10 +267,12 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
             notice.warn(f"{side.name}: expected at least one track, got none in {len(side.time)} frames")
         elif not np.isfinite(side.truth.range).any():
             notice.warn(f"truth: expected some body before the radar at the times of {span}, got none")
-        elif (nearest := float(np.nanmin(side.truth.range))) > (limit := side.found.recording.radar.max_range):
+        elif (nearest := float(np.nanmin(side.truth.range))) > (
+            limit := side.found.recording.radar.max_unambiguous_range
+        ):
             notice.warn(
-                f"truth: expected ranges below {limit:.4g} m, the max_range of {side.name}, got {nearest:.4g} m or "
-                "more; are its lengths in metres?"
+                f"truth: expected ranges below {limit:.4g} m, the max_unambiguous_range of {side.name}, "
+                f"got {nearest:.4g} m or more; are its lengths in metres?"
             )
 
 

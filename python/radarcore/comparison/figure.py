@@ -214,7 +214,7 @@ def _range_end(comparison: Record) -> float:
     """A little beyond the farthest target [m]."""
     known = [values[np.isfinite(values)].max(initial=0.0) for values in _all(comparison, "range")]
     farthest = max(known, default=0.0)
-    return float(farthest * _ROOM) if farthest > 0.0 else comparison.sides[0].recording.radar.max_range
+    return float(farthest * _ROOM) if farthest > 0.0 else comparison.sides[0].recording.radar.max_unambiguous_range
 
 
 def _velocity_end(comparison: Record) -> float:

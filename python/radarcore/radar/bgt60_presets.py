@@ -91,7 +91,7 @@ def bgt60tr13c(
     >>> radar = rc.bgt60tr13c()
     >>> radar
     <Radar 60.05 to 61 GHz, 64 chirps of 128 samples, 1 TX, 3 RX, 40 Hz>
-    >>> print(f"up to {radar.max_range:.1f} m in bins of {radar.waveform.range_resolution:.3f} m")
+    >>> print(f"up to {radar.max_unambiguous_range:.1f} m in bins of {radar.waveform.range_resolution:.3f} m")
     up to 10.1 m in bins of 0.157 m
     >>> print(f"up to {radar.max_velocity:.2f} m/s in bins of {radar.waveform.velocity_resolution:.3f} m/s")
     up to 4.13 m/s in bins of 0.129 m/s

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import log10, sqrt
 
 from radarcore import check
-from radarcore.radar.receiver import Leakage, Receiver
+from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db, power_from_dbm
 
 HIGHPASS_CUTOFFS = (20e3, 45e3, 70e3, 80e3)
@@ -39,7 +39,7 @@ _NOISE_AT_50_DB = 7.3
 _NOISE_OF_LAST_STAGE = 0.45
 """Deviation of noise that the gain does not change [LSB], before the low-pass: 0.56 in all at 23 dB."""
 
-_KICK_AT_50_DB = 18.0
+_TURN_ON_AT_50_DB = 18.0
 """Deviation of the first sample of a chirp, as the chip turns on, at 50 dB [LSB]."""
 
 _NARROW_SWEEP = 1e9
@@ -109,15 +109,17 @@ def measured_receiver(if_gain_db: int = 23, high_pass: float = 80e3, *, bandwidt
         high_pass=HIGHPASS_CUTOFFS[highpass_index(check.non_negative("high_pass", high_pass, "Hz"))],
         low_pass=515e3,
         low_pass_order=4,
-        kick_db=20.0 * log10(_KICK_AT_50_DB * over_50 / noise),
-        kick_time=0.75e-6,
         gain_db=gain_db,
         full_scale=_FULL_SCALE,
         dc_offset=(-0.060, 0.040, 0.093),
         adc_bits=_BITS,
-        adc_noise_lsb=0.9,
-        chirp_offset_lsb=(0.78, 1.02, 0.18),
-        segment_offset_lsb=0.5,
+        adc_errors=AdcErrors(
+            noise_lsb=0.9,
+            chirp_offset_lsb=(0.78, 1.02, 0.18),
+            segment_offset_lsb=0.5,
+            turn_on_db=20.0 * log10(_TURN_ON_AT_50_DB * over_50 / noise),
+            turn_on_time=0.75e-6,
+        ),
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
-from radarcore.records import Twinned
+from radarcore.records import Twinned, sealed
 from radarcore.units import power_from_db
 
 _BEAMWIDTHS = (1e-3, 360.0)
@@ -28,7 +28,8 @@ _NUM_ANGLES = 180
 """Angles of either kind at which the gain is taken for the power."""
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class IsotropicPattern(Twinned):
     """Constant gain in all directions; more than 3 dBi is no antenna's, and warned of.
 
@@ -46,7 +47,7 @@ class IsotropicPattern(Twinned):
     gain_db: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", check.level("gain_db", self.gain_db, "dBi"))
+        self.gain_db = check.level("gain_db", self.gain_db, "dBi")
         _warn_of_gain(self, self.gain_db, "in all directions")
 
     def gain(self, azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
@@ -62,7 +63,8 @@ class IsotropicPattern(Twinned):
         return f"isotropic, {self.gain_db:g} dBi"
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class GaussianPattern(Twinned):
     """Gaussian beam ``G0 exp(-4 ln 2 [(az/BW_az)^2 + (el/BW_el)^2])``.
 
@@ -97,13 +99,13 @@ class GaussianPattern(Twinned):
     beamwidth_elevation_deg: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain_db", check.level("gain_db", self.gain_db, "dBi"))
+        self.gain_db = check.level("gain_db", self.gain_db, "dBi")
         for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
             width = check.positive(name, getattr(self, name), "degrees")
             if not _BEAMWIDTHS[0] <= width <= _BEAMWIDTHS[1]:
                 limits = " to ".join(f"{limit:g}" for limit in _BEAMWIDTHS)
                 raise ValueError(f"{name}: expected {limits} [degrees], got {width:g}")
-            object.__setattr__(self, name, width)
+            setattr(self, name, width)
         widths = self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg
         check.degrees("beamwidth_azimuth_deg, beamwidth_elevation_deg", widths)
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)
@@ -130,7 +132,8 @@ class GaussianPattern(Twinned):
         return f"Gaussian, {self.gain_db:g} dBi, {widths}"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@sealed
+@dataclass(eq=False, repr=False)
 class TabulatedPattern(Twinned):
     """Gains at angles, bilinear between them in azimuth, elevation and dB.
 
@@ -164,10 +167,9 @@ class TabulatedPattern(Twinned):
     gain_db: NDArray[np.float64]
 
     def __init__(self, azimuth: ArrayLike, elevation: ArrayLike, gain_db: ArrayLike) -> None:
-        put = object.__setattr__
-        put(self, "azimuth", _angles("azimuth", azimuth, np.pi, "rad"))
-        put(self, "elevation", _angles("elevation", elevation, 0.5 * np.pi, "rad"))
-        put(self, "gain_db", _gains(gain_db, (len(self.azimuth), len(self.elevation))))
+        self.azimuth = _angles("azimuth", azimuth, np.pi, "rad")
+        self.elevation = _angles("elevation", elevation, 0.5 * np.pi, "rad")
+        self.gain_db = _gains(gain_db, (len(self.azimuth), len(self.elevation)))
         _warn_of_gain(self, float(self.gain_db.max()), "with a beam as wide as that of the table")
 
     @classmethod

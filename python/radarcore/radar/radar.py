@@ -16,6 +16,7 @@ from radarcore.radar.pattern import IsotropicPattern, Pattern, pattern_from_dict
 from radarcore.radar.receiver import Receiver, check_receivers
 from radarcore.radar.schedule import Schedule, check_sequences, require_fit, shortest_interval
 from radarcore.radar.waveform import Waveform
+from radarcore.records import sealed
 from radarcore.units import html_table, power_from_dbm, quantity
 
 _FARTHEST_ANTENNA = 1e6
@@ -29,7 +30,8 @@ _WIDEST_APERTURE = 100.0
 """Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Radar:
     """Radar sensor; every TX-RX pair is a channel, ``channel = tx_index * num_rx + rx_index``.
 
@@ -129,20 +131,19 @@ class Radar:
             if not isinstance(value, kind):
                 expected = " or ".join(each.__name__ for each in get_args(kind))
                 raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
-        put = object.__setattr__
-        put(self, "waveform", waveform)
-        put(self, "tx", _positions("tx", tx))
-        put(self, "rx", _positions("rx", rx))
-        put(self, "pattern", pattern)
-        put(self, "tx_patterns", _patterns("tx_patterns", tx_patterns, pattern, len(self.tx)))
-        put(self, "rx_patterns", _patterns("rx_patterns", rx_patterns, pattern, len(self.rx)))
-        put(self, "tx_power_dbm", check.level("tx_power_dbm", tx_power_dbm, "dBm"))
-        put(self, "receiver", receiver)
-        put(self, "polarization", _polarization(polarization))
+        self.waveform = waveform
+        self.tx = _positions("tx", tx)
+        self.rx = _positions("rx", rx)
+        self.pattern = pattern
+        self.tx_patterns = _patterns("tx_patterns", tx_patterns, pattern, len(self.tx))
+        self.rx_patterns = _patterns("rx_patterns", rx_patterns, pattern, len(self.rx))
+        self.tx_power_dbm = check.level("tx_power_dbm", tx_power_dbm, "dBm")
+        self.receiver = receiver
+        self.polarization = _polarization(polarization)
         if receiver is not None:
             check_receivers(receiver, len(self.rx), (waveform, *more_waveforms))
-        put(self, "schedule", schedule)
-        put(self, "more_waveforms", tuple(more_waveforms))
+        self.schedule = schedule
+        self.more_waveforms = tuple(more_waveforms)
         if schedule is not None:
             for each in self.waveforms:
                 require_fit(schedule, len(self.tx), each.num_chirps)
@@ -179,7 +180,7 @@ class Radar:
             "chirp interval [s]": wf.chirp_interval,
             "frame interval [s]": wf.frame_interval,
             "range bin [m]": None if wf.is_cw else wf.range_resolution,
-            "largest range [m]": None if wf.is_cw else self.max_range,
+            "largest range [m]": None if wf.is_cw else self.max_unambiguous_range,
             "velocity bin [m/s]": wf.velocity_resolution,
             "largest velocity [m/s]": self.max_velocity,
             **({} if self.schedule is None else {"schedule": self.schedule.kind}),
@@ -191,12 +192,12 @@ class Radar:
         """Number of TX-RX pairs; of receivers where a schedule has all transmitters send at once."""
         return len(self.rx) if self._is_sum else len(self.tx) * len(self.rx)
 
-    @property
+    @cached_property
     def num_chirps(self) -> int:
         """Number of chirps of a frame, those of all sub-sequences."""
         return sum(waveform.num_chirps for waveform in self.waveforms)
 
-    @property
+    @cached_property
     def waveforms(self) -> tuple[Waveform, ...]:
         """Waveforms of the sub-sequences of a frame."""
         return self.waveform, *self.more_waveforms
@@ -263,7 +264,7 @@ class Radar:
         """
         return self.waveform.middle + 0.5 * float(self.channel_offsets.max())
 
-    @property
+    @cached_property
     def max_velocity(self) -> float:
         """Largest unambiguous velocity [m/s]: the least of the waveforms'; with DDM over the number of transmitters."""
         is_ddm = self.schedule is not None and self.schedule.kind == "ddm"
@@ -303,11 +304,11 @@ class Radar:
         """True when the receiver gives real samples."""
         return self.receiver is not None and self.receiver.output == "real"
 
-    @property
-    def max_range(self) -> float:
+    @cached_property
+    def max_unambiguous_range(self) -> float:
         """Largest unambiguous range [m]: ``c sample_rate / (4 abs(slope))`` of real samples, of I/Q samples twice that.
 
-        A radar knows its receiver: this is the one of its own samples, `Waveform.max_range` always that of real ones.
+        A radar knows its receiver: this is the range of its own samples, `Waveform.max_range` always that of real ones.
         Of several waveforms the least; inf for a CW radar.
         """
         return min(waveform.max_range for waveform in self.waveforms) * (1.0 if self.is_real else 2.0)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 from radarcore import check, notice
 from radarcore.radar.waveform import Waveform
+from radarcore.records import sealed
 from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
 PerReceiver = float | tuple[float, ...]
@@ -17,7 +20,8 @@ PER_RECEIVER = ("level_db", "phase_deg", "echo_db", "echo_phase_deg", "step_db",
 """Fields of `Leakage` that may have one number per receiver."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@sealed
+@dataclass(kw_only=True, unsafe_hash=True)
 class Leakage:
     """Leakage from a transmitter to the receivers: tones of very low frequency, and what turning on leaves.
 
@@ -71,15 +75,13 @@ class Leakage:
     step_time: float = 2e-6
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        for name in ("level_db", "echo_db", "step_db"):
-            if (value := getattr(self, name)) is not None:
-                put(self, name, per_receiver(name, value, "dB", one=check.non_positive_level))
-        for name in ("delay", "echo_delay"):
-            put(self, name, check.non_negative(name, getattr(self, name), "s"))
+        levels = partial(per_receiver, one=check.non_positive_level)
+        _check_given(self, ("level_db", "echo_db", "step_db"), levels, "dB")
+        self.delay = check.non_negative("delay", self.delay, "s")
+        self.echo_delay = check.non_negative("echo_delay", self.echo_delay, "s")
         for name in ("phase_deg", "echo_phase_deg", "step_phase_deg"):
-            put(self, name, per_receiver(name, getattr(self, name), "degrees"))
-        put(self, "step_time", check.positive("step_time", self.step_time, "s"))
+            setattr(self, name, per_receiver(name, getattr(self, name), "degrees"))
+        self.step_time = check.positive("step_time", self.step_time, "s")
 
     @property
     def tones(self) -> list[tuple[PerReceiver, float, PerReceiver]]:
@@ -118,7 +120,64 @@ MAX_BITS = 24
 """Most bits of an ADC: float32 holds every code."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@sealed
+@dataclass(kw_only=True, unsafe_hash=True)
+class AdcErrors:
+    """Errors of an ADC, in its steps (LSB), and noise of its start in every chirp; all off by default.
+
+    Parameters
+    ----------
+    noise_lsb : float, optional
+        Deviation of the ADC's own white noise before rounding; no filter or gain changes it.
+    chirp_offset_lsb : float or sequence of float, optional
+        Deviation of offsets that hold for a chirp of one receiver; one, or one per receiver.
+    segment_offset_lsb : float, optional
+        Deviation of offsets that hold for a chirp of one receiver and a sixteenth of the ADC's codes.
+    odd_width : float, optional
+        Width of the odd codes from a quarter of the codes on, and of the even ones below; at most 2. The others are as
+        much wider. None: 1.
+    turn_on_db : float, optional
+        Noise that turning on leaves in every chirp, at the first sample over the deviation of thermal noise before
+        the low-pass [dB]: it decays with `turn_on_time` and is one draw per chirp and receiver.
+    turn_on_time : float
+        Time in which this noise falls to 1/e [s].
+
+    See Also
+    --------
+    Receiver : Takes it as `adc_errors`.
+    bgt60tr13c : Has those of a real chip with ``receiver="measured"``.
+
+    Examples
+    --------
+    >>> errors = rc.AdcErrors(noise_lsb=0.9, chirp_offset_lsb=0.8)
+    >>> receiver = rc.Receiver(noise_figure_db=12.0, full_scale=1.0, adc_bits=12, adc_errors=errors)
+    """
+
+    noise_lsb: float | None = None
+    chirp_offset_lsb: PerReceiver | None = None
+    segment_offset_lsb: float | None = None
+    odd_width: float | None = None
+    turn_on_db: float | None = None
+    turn_on_time: float = 2e-6
+
+    def __post_init__(self) -> None:
+        steps = "steps of the ADC"
+        _check_given(self, ("noise_lsb", "segment_offset_lsb"), check.non_negative, steps)
+        _check_given(self, ("chirp_offset_lsb",), partial(per_receiver, one=check.non_negative), steps)
+        _check_given(self, ("turn_on_db",), check.level, "dB")
+        if self.odd_width is not None:
+            self.odd_width = check.within("odd_width", self.odd_width, 0.0, 2.0, steps)
+        self.turn_on_time = check.positive("turn_on_time", self.turn_on_time, "s")
+
+    @property
+    def are_of_codes(self) -> bool:
+        """True if an error needs the steps of an ADC."""
+        given = (self.noise_lsb, self.chirp_offset_lsb, self.segment_offset_lsb, self.odd_width)
+        return any(error is not None for error in given)
+
+
+@sealed
+@dataclass(kw_only=True, unsafe_hash=True)
 class Receiver:
     """Receiver of a radar; every effect is a setting, and off by default.
 
@@ -146,11 +205,6 @@ class Receiver:
         frequency, also beyond the sampled band: the low-pass is the anti-alias filter. Noise passes the low-pass alone.
     high_pass_order, low_pass_order : int
         Orders of the filters; 6 dB per octave each.
-    kick_db : float, optional
-        Noise that turning on leaves in every chirp, at the first sample over the deviation of thermal noise before
-        the low-pass [dB]: it decays with `kick_time` and is one draw per chirp and receiver.
-    kick_time : float
-        Time in which the kick falls to 1/e [s].
     iq_gain_db, iq_phase_deg : float, optional
         Gain of Q over I [dB] and its phase error [degrees]; of I/Q receivers.
     gain_db : float, optional
@@ -161,15 +215,8 @@ class Receiver:
         Added to the samples, in their unit; one, or one per receiver.
     adc_bits : int, optional
         Bits of the ADC; codes are spread evenly from -1 to 1, both included.
-    adc_noise_lsb : float, optional
-        Deviation of the ADC's own white noise before rounding, in steps of the ADC; no filter or gain changes it.
-    chirp_offset_lsb : float or sequence of float, optional
-        Deviation of offsets that hold for a chirp of one receiver, in steps of the ADC; one, or one per receiver.
-    segment_offset_lsb : float, optional
-        Deviation of offsets that hold for a chirp of one receiver and a sixteenth of the ADC's codes, in its steps.
-    adc_odd_width : float, optional
-        Width of the odd codes, in steps, from a quarter of the codes on; of the even ones below. The others are as much
-        wider. None: 1.
+    adc_errors : AdcErrors, optional
+        Errors of an ADC that is not ideal, and noise of its start in every chirp.
 
     Raises
     ------
@@ -187,6 +234,7 @@ class Receiver:
     --------
     Radar : Takes it as `receiver`.
     Leakage : From the transmitters into the receivers.
+    AdcErrors : Errors of the ADC.
     bgt60tr13c : Has a measured one with ``receiver="measured"``.
 
     Examples
@@ -205,75 +253,49 @@ class Receiver:
     high_pass_order: int = 1
     low_pass: float | None = None
     low_pass_order: int = 4
-    kick_db: float | None = None
-    kick_time: float = 2e-6
     iq_gain_db: float | None = None
     iq_phase_deg: float | None = None
     gain_db: float | None = None
     full_scale: float | None = None
     dc_offset: PerReceiver | None = None
     adc_bits: int | None = None
-    adc_noise_lsb: float | None = None
-    chirp_offset_lsb: PerReceiver | None = None
-    segment_offset_lsb: float | None = None
-    adc_odd_width: float | None = None
+    adc_errors: AdcErrors | None = None
 
     def __post_init__(self) -> None:
         check.choice("output", self.output, ("iq", "real"))
-        put = object.__setattr__
         if self.noise_figure_db is not None:
             check.non_negative("noise_figure_db", self.noise_figure_db, "dB")
-        for name in ("noise_figure_db", "kick_db", "iq_gain_db", "gain_db"):
-            if (value := getattr(self, name)) is not None:
-                put(self, name, check.level(name, value))
-        for name, unit in (("high_pass", "Hz"), ("low_pass", "Hz"), ("full_scale", "V")):
-            if (value := getattr(self, name)) is not None:
-                put(self, name, check.positive(name, value, unit))
-        for name in ("adc_noise_lsb", "segment_offset_lsb"):
-            if (value := getattr(self, name)) is not None:
-                put(self, name, check.non_negative(name, value, "steps of the ADC"))
-        if self.adc_odd_width is not None:
-            put(self, "adc_odd_width", check.non_negative("adc_odd_width", self.adc_odd_width, "steps of the ADC"))
-            if self.adc_odd_width > 2.0:
-                raise ValueError(f"adc_odd_width: expected at most 2 [steps of the ADC], got {self.adc_odd_width:g}")
-        for name in ("high_pass_order", "low_pass_order"):
-            put(self, name, _at_most(name, getattr(self, name), MAX_ORDER))
-        put(self, "kick_time", check.positive("kick_time", self.kick_time, "s"))
-        if self.iq_phase_deg is not None:
-            put(self, "iq_phase_deg", check.number("iq_phase_deg", self.iq_phase_deg, "degrees"))
+        _check_given(self, ("noise_figure_db", "iq_gain_db", "gain_db"), check.level, "dB")
+        _check_given(self, ("high_pass", "low_pass"), check.positive, "Hz")
+        _check_given(self, ("full_scale",), check.positive, "V")
+        _check_given(self, ("iq_phase_deg",), check.number, "degrees")
+        _check_given(self, ("dc_offset",), per_receiver, "")
+        self.high_pass_order = check.count("high_pass_order", self.high_pass_order, maximum=MAX_ORDER)
+        self.low_pass_order = check.count("low_pass_order", self.low_pass_order, maximum=MAX_ORDER)
         if self.adc_bits is not None:
-            put(self, "adc_bits", _at_most("adc_bits", self.adc_bits, MAX_BITS))
-        if self.dc_offset is not None:
-            put(self, "dc_offset", per_receiver("dc_offset", self.dc_offset, ""))
-        if self.chirp_offset_lsb is not None:
-            offsets = per_receiver("chirp_offset_lsb", self.chirp_offset_lsb, "steps of the ADC")
-            for offset in offsets if isinstance(offsets, tuple) else (offsets,):
-                check.non_negative("chirp_offset_lsb", offset, "steps of the ADC")
-            put(self, "chirp_offset_lsb", offsets)
+            self.adc_bits = check.count("adc_bits", self.adc_bits, maximum=MAX_BITS)
         if self.phase_noise is not None:
-            put(self, "phase_noise", _phase_noise(self.phase_noise))
+            self.phase_noise = _phase_noise(self.phase_noise)
         if self.rx_phase_deg is not None:
             phases = per_receiver("rx_phase_deg", self.rx_phase_deg, "degrees")
             if not isinstance(phases, tuple):
                 raise TypeError(f"rx_phase_deg: expected one number per receiver, got {self.rx_phase_deg!r}")
             check.degrees("rx_phase_deg", phases)
-            put(self, "rx_phase_deg", phases)
-        if not isinstance(self.leakage, Leakage | None):
-            raise TypeError(f"leakage: expected Leakage or None, got {type(self.leakage).__name__}")
+            self.rx_phase_deg = phases
+        for name, kind in (("leakage", Leakage), ("adc_errors", AdcErrors)):
+            if not isinstance(value := getattr(self, name), kind | None):
+                raise TypeError(f"{name}: expected {kind.__name__} or None, got {type(value).__name__}")
         self._check_together()
 
     def _check_together(self) -> None:
         """Refuse settings without those that give them a meaning."""
-        needs = {
-            "kick_db": "noise_figure_db",
-            "adc_bits": "full_scale",
-            "adc_noise_lsb": "adc_bits",
-            "chirp_offset_lsb": "adc_bits",
-            "segment_offset_lsb": "adc_bits",
-            "adc_odd_width": "adc_bits",
-        }
-        for name, needed in needs.items():
-            if getattr(self, name) is not None and getattr(self, needed) is None:
+        errors = AdcErrors() if self.adc_errors is None else self.adc_errors
+        for name, is_given, needed in (
+            ("adc_errors.turn_on_db", errors.turn_on_db is not None, "noise_figure_db"),
+            ("adc_bits", self.adc_bits is not None, "full_scale"),
+            ("adc_errors", errors.are_of_codes, "adc_bits"),
+        ):
+            if is_given and getattr(self, needed) is None:
                 raise ValueError(f"{needed}: expected a value, as {name} is given, got None")
         for name in ("iq_gain_db", "iq_phase_deg"):
             if getattr(self, name) is not None and self.output == "real":
@@ -284,14 +306,17 @@ class Receiver:
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
         """Settings of some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
 
-        def own(value: Any) -> Any:
-            return tuple(value[i] for i in indices) if isinstance(value, tuple) else value
+        def chosen(settings: Any, names: Sequence[str]) -> Any:
+            values = {name: getattr(settings, name) for name in names}
+            of_some = {name: tuple(v[i] for i in indices) for name, v in values.items() if isinstance(v, tuple)}
+            return replace(settings, **of_some)
 
-        chosen = {name: own(getattr(self, name)) for name in ("rx_phase_deg", "dc_offset", "chirp_offset_lsb")}
-        if self.leakage is not None:
-            leakage = replace(self.leakage, **{name: own(getattr(self.leakage, name)) for name in PER_RECEIVER})
-            return replace(self, leakage=leakage, **chosen)
-        return replace(self, **chosen)
+        receiver: Receiver = chosen(self, ("rx_phase_deg", "dc_offset"))
+        return replace(
+            receiver,
+            leakage=None if self.leakage is None else chosen(self.leakage, PER_RECEIVER),
+            adc_errors=None if self.adc_errors is None else chosen(self.adc_errors, ("chirp_offset_lsb",)),
+        )
 
     @property
     def has_codes(self) -> bool:
@@ -314,35 +339,36 @@ class Receiver:
 
     def to_dict(self) -> dict[str, Any]:
         """Output, noise figure and all settings that are not the default, for JSON."""
-        values = asdict(self)
-        if self.leakage is not None:
-            values["leakage"] = {name: _plain(value) for name, value in values["leakage"].items()}
         always = ("output", "noise_figure_db")
         return {
-            field.name: _plain(values[field.name])
-            for field in fields(self)
-            if field.name in always or getattr(self, field.name) != field.default
+            name: _plain(value)
+            for name, value in asdict(self).items()
+            if name in always or getattr(self, name) != _DEFAULTS[name]
         }
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Receiver:
         """The receiver that `to_dict` described."""
         given = dict(values)
-        if (leakage := given.get("leakage")) is not None:
-            given["leakage"] = Leakage(**leakage)
+        for name, kind in (("leakage", Leakage), ("adc_errors", AdcErrors)):
+            if given.get(name) is not None:
+                given[name] = kind(**given[name])
         return cls(**given)
 
 
 def is_plain(receiver: Receiver) -> bool:
     """True if nothing happens but thermal noise and taking the real part."""
-    return all(getattr(receiver, name) == value for name, value in _NEUTRAL)
+    is_without: bool = _effects_of(receiver) == _NO_EFFECTS
+    return is_without
 
 
 def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Waveform]) -> None:
     """Refuse settings that do not fit the receivers or ramps, and warn of filters beyond half the sample rate."""
     check_per_receiver("receiver.rx_phase_deg", receiver.rx_phase_deg, num_rx)
     check_per_receiver("receiver.dc_offset", receiver.dc_offset, num_rx)
-    check_per_receiver("receiver.chirp_offset_lsb", receiver.chirp_offset_lsb, num_rx)
+    if receiver.adc_errors is not None:
+        offset = receiver.adc_errors.chirp_offset_lsb
+        check_per_receiver("receiver.adc_errors.chirp_offset_lsb", offset, num_rx)
     if receiver.leakage is not None:
         for name in PER_RECEIVER:
             check_per_receiver(f"receiver.leakage.{name}", getattr(receiver.leakage, name), num_rx)
@@ -361,27 +387,28 @@ def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Wavefor
             )
 
 
-_MATTER_NOT_ALONE = ("high_pass_order", "low_pass_order", "kick_time")
-"""Settings without effect unless others are given."""
+_DEFAULTS = {field.name: field.default for field in fields(Receiver)}
 
-_NEUTRAL = tuple(
-    (field.name, field.default)
-    for field in fields(Receiver)
-    if field.name not in ("output", "noise_figure_db", *_MATTER_NOT_ALONE)
+_EFFECTS = tuple(
+    name for name in _DEFAULTS if name not in ("output", "noise_figure_db", "high_pass_order", "low_pass_order")
 )
-"""Values without effect of all settings that do more than add noise and take the real part."""
+"""Settings that do more than add noise and take the real part; orders of filters do not without filters."""
+
+_effects_of, _NO_EFFECTS = attrgetter(*_EFFECTS), tuple(_DEFAULTS[name] for name in _EFFECTS)
 
 
 def _plain(value: Any) -> Any:
     """Tuples as lists, inner ones too."""
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
     return [_plain(entry) for entry in value] if isinstance(value, tuple) else value
 
 
-def _at_most(name: str, value: object, most: int) -> int:
-    number = check.count(name, value)
-    if number > most:
-        raise ValueError(f"{name}: expected at most {most}, got {number}")
-    return number
+def _check_given(settings: Any, names: Sequence[str], checked: Callable[[str, object, str], Any], unit: str) -> None:
+    """Check those of some settings that are not None, and put the checked values in."""
+    for name in names:
+        if (value := getattr(settings, name)) is not None:
+            setattr(settings, name, checked(name, value, unit))
 
 
 def _phase_noise(value: Any) -> tuple[tuple[float, float], ...]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.direction import unit_vectors
 from radarcore.radar.waveform import Waveform
+from radarcore.records import sealed
 
 KINDS = ("tdm", "ddm", "steered")
 """Kinds of schedules."""
@@ -20,7 +21,8 @@ _LARGEST_WEIGHT = 1.0 + 1e-9
 """Largest magnitude of a weight, with room for its rounding: a transmitter sends its power or less."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@sealed
+@dataclass(kw_only=True, eq=False)
 class Schedule:
     """Which transmitter sends when, and in which phase; made by `tdm`, `ddm` and `steered`.
 
@@ -68,19 +70,18 @@ class Schedule:
         for name, kind in _KIND_OF.items():
             if getattr(self, name) is not None and kind != self.kind:
                 raise ValueError(f"{name}: expected none in a schedule of kind {self.kind!r}, as it is for {kind!r}")
-        put = object.__setattr__
         if self.interval is not None:
-            put(self, "interval", check.positive("interval", self.interval, "s"))
+            self.interval = check.positive("interval", self.interval, "s")
         if self.order is not None:
-            put(self, "order", _order(self.order))
+            self.order = _order(self.order)
         if self.turns is not None:
-            put(self, "turns", _turns(self.turns))
+            self.turns = _turns(self.turns)
         if self.weights is not None:
-            put(self, "weights", _weights(self.weights))
+            self.weights = _weights(self.weights)
         for name in ("azimuth", "elevation"):
             if (angles := getattr(self, name)) is not None:
                 shape: tuple[int | None, ...] = (None,) if np.ndim(angles) else ()
-                put(self, name, check.frozen(check.radians(name, check.array(name, angles, shape))))
+                setattr(self, name, check.frozen(check.radians(name, check.array(name, angles, shape))))
         if self.kind == "steered":
             has_angles = self.azimuth is not None or self.elevation is not None
             if (self.weights is not None) == has_angles:

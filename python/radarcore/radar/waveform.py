@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
 from radarcore.radar import design
-from radarcore.records import Twinned
+from radarcore.records import Twinned, sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 _MAX_COUNT = 2**24
@@ -34,7 +34,8 @@ _LONGEST_TIME = 1e9
 """Longest time of a waveform [s]: products of longer ones overflow."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@sealed
+@dataclass(kw_only=True, eq=False)
 class Waveform(Twinned):
     """A frame of FMCW chirps and its sampling.
 
@@ -99,16 +100,15 @@ class Waveform(Twinned):
     chirp_times: NDArray[np.float64] = field(default=None, repr=False)  # type: ignore[arg-type]  # likewise
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "start_frequency", check.frequency("start_frequency", self.start_frequency))
-        put(self, "slope", check.number("slope", self.slope, "Hz/s"))
-        put(self, "sample_rate", check.positive("sample_rate", self.sample_rate, "Hz"))
-        put(self, "num_samples", check.count("num_samples", self.num_samples))
-        put(self, "num_chirps", check.count("num_chirps", self.num_chirps))
+        self.start_frequency = check.frequency("start_frequency", self.start_frequency)
+        self.slope = check.number("slope", self.slope, "Hz/s")
+        self.sample_rate = check.positive("sample_rate", self.sample_rate, "Hz")
+        self.num_samples = check.count("num_samples", self.num_samples)
+        self.num_chirps = check.count("num_chirps", self.num_chirps)
         for name in ("num_samples", "num_chirps"):
             if getattr(self, name) > _MAX_COUNT:
                 raise ValueError(f"{name}: expected at most {_MAX_COUNT}, got {getattr(self, name)}")
-        put(self, "adc_delay", check.non_negative("adc_delay", self.adc_delay, "s"))
+        self.adc_delay = check.non_negative("adc_delay", self.adc_delay, "s")
         if self.num_samples > _LONGEST_TIME * self.sample_rate:
             raise ValueError(
                 f"sample_rate: expected {self.num_samples} samples within {_LONGEST_TIME:g} s, got "
@@ -127,15 +127,15 @@ class Waveform(Twinned):
                 f"that at {self.slope:g} Hz/s"
             )
 
-        put(self, "chirp_times", self._starts(sweep))
+        self.chirp_times = self._starts(sweep)
         if self.num_chirps > 1 and self.chirp_interval > _LONGEST_INTERVAL:
             notice.warn(
                 f"chirp_interval: expected at most {_LONGEST_INTERVAL:g} s, got {self.chirp_interval:g} s (60 us is "
                 "60e-6)"
             )
         if self.frame_interval is None:
-            put(self, "frame_interval", self._default_frame_interval)
-        put(self, "frame_interval", _time("frame_interval", check.positive("frame_interval", self.frame_interval, "s")))
+            self.frame_interval = self._default_frame_interval
+        self.frame_interval = _time("frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
         self._warn_of_ramp(sweep)
 
     def _warn_of_ramp(self, sweep: float) -> None:
@@ -155,11 +155,10 @@ class Waveform(Twinned):
 
     def _starts(self, sweep: float) -> NDArray[np.float64]:
         """Start of every chirp [s]; sets `chirp_interval` where it follows from the starts."""
-        put = object.__setattr__
         if self.chirp_times is None:
             name = "chirp_interval"
             interval = sweep if self.chirp_interval is None else self.chirp_interval
-            put(self, "chirp_interval", _time("chirp_interval", check.positive("chirp_interval", interval, "s")))
+            self.chirp_interval = _time("chirp_interval", check.positive("chirp_interval", interval, "s"))
             starts = self.chirp_interval * np.arange(self.num_chirps)
         else:
             name = "chirp_times"
@@ -174,7 +173,7 @@ class Waveform(Twinned):
                     f"at index {i} and {i + 1}"
                 )
             spacing = (starts[-1] - starts[0]) / (self.num_chirps - 1) if self.num_chirps > 1 else sweep
-            put(self, "chirp_interval", float(spacing))
+            self.chirp_interval = float(spacing)
         sampled = self.adc_delay + (self.num_samples - 1) / self.sample_rate
         if self.num_chirps > 1 and np.diff(starts).min() < sampled * (1.0 - 1e-9):
             raise ValueError(
@@ -401,8 +400,8 @@ class Waveform(Twinned):
     def max_range(self) -> float:
         """Largest unambiguous range [m]: ``c sample_rate / (4 abs(slope))`` of real samples, of I/Q samples twice that.
 
-        A waveform does not know its receiver: this is the one of real samples, `Radar.max_range` that of the radar's
-        own. Inf for a CW radar.
+        A waveform does not know its receiver: this is the range of real samples; `Radar.max_unambiguous_range` is the
+        range of the radar's own. Inf for a CW radar.
         """
         return np.inf if self.is_cw else SPEED_OF_LIGHT * self.sample_rate / (4.0 * abs(self.slope))
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import AdcErrors, Receiver
 from radarcore.receive.noise import Draws
 from radarcore.units import power_from_db
 
@@ -74,14 +74,14 @@ def offset(receiver: Receiver, numbers: NDArray[Any], num_rx: int) -> None:
     numbers += np.tile(values, len(numbers) // num_rx)[:, None, None]
 
 
-def adc_errors(receiver: Receiver, numbers: NDArray[Any], num_rx: int, draws: Draws) -> None:
+def add_errors(receiver: Receiver, errors: AdcErrors, numbers: NDArray[Any], num_rx: int, draws: Draws) -> None:
     """Add the ADC's offsets and noise, in place, to the real numbers (channel, chirp, number)."""
     step, parts = lsb(receiver), 1 if receiver.output == "real" else 2
     by_part = numbers.reshape(*numbers.shape[:2], -1, parts)
-    if receiver.segment_offset_lsb:
+    if errors.segment_offset_lsb:
         # Of the code that is met without offsets, so that the order of adding does not matter.
         offsets = draws.normal("segment offset", (numbers.shape[0] * numbers.shape[1], _SEGMENTS * parts))
-        offsets *= np.float32(receiver.segment_offset_lsb * step)
+        offsets *= np.float32(errors.segment_offset_lsb * step)
         segment = (0.5 * _SEGMENTS * by_part + 0.5 * _SEGMENTS).astype(np.int32)
         np.clip(segment, 0, _SEGMENTS - 1, out=segment)
         segment *= parts
@@ -92,19 +92,19 @@ def adc_errors(receiver: Receiver, numbers: NDArray[Any], num_rx: int, draws: Dr
         added = offsets.ravel().take(segment).reshape(by_part.shape)
     else:
         added = np.zeros((), numbers.dtype)
-    if receiver.chirp_offset_lsb is not None:
-        deviations = np.broadcast_to(np.asarray(receiver.chirp_offset_lsb, np.float32), num_rx) * np.float32(step)
+    if errors.chirp_offset_lsb is not None:
+        deviations = np.broadcast_to(np.asarray(errors.chirp_offset_lsb, np.float32), num_rx) * np.float32(step)
         offsets = draws.normal("chirp offset", (*numbers.shape[:2], 1, parts))
         offsets *= np.tile(deviations, len(numbers) // num_rx)[:, None, None, None]
         by_part += offsets
     by_part += added
-    if receiver.adc_noise_lsb:
+    if errors.noise_lsb:
         noise = draws.normal("ADC noise", numbers.shape)
-        noise *= np.float32(receiver.adc_noise_lsb * step)
+        noise *= np.float32(errors.noise_lsb * step)
         numbers += noise
 
 
-def quantise(receiver: Receiver, numbers: NDArray[Any]) -> Use:
+def quantise(receiver: Receiver, errors: AdcErrors, numbers: NDArray[Any]) -> Use:
     """Clip to full scale and round to codes, in place: sample ``2 code / (2^bits - 1) - 1``."""
     lowest, highest, num_clipped = float(numbers.min()), float(numbers.max()), 0
     if lowest < -1.0 or highest > 1.0:
@@ -114,10 +114,10 @@ def quantise(receiver: Receiver, numbers: NDArray[Any]) -> Use:
         codes = 2**receiver.adc_bits - 1
         numbers += 1.0
         numbers *= 0.5 * codes
-        if receiver.adc_odd_width is None:
+        if errors.odd_width is None:
             np.rint(numbers, out=numbers)
         else:
-            _round_unevenly(numbers, receiver.adc_odd_width, 0.25 * (codes + 1))
+            _round_unevenly(numbers, errors.odd_width, 0.25 * (codes + 1))
             np.clip(numbers, 0.0, codes, out=numbers)
         # As `recording.codes.to_samples`, so that both give the same bits.
         numbers *= 2.0
@@ -135,7 +135,7 @@ def _round_unevenly(levels: NDArray[Any], odd_width: float, first: float) -> Non
     levels[...] = even + np.where(np.abs(levels) >= half, np.copysign(1.0, levels), 0.0)
 
 
-def unbalance(samples: NDArray[Any], gain_db: float | None, phase_deg: float | None) -> None:
+def apply_iq_imbalance(samples: NDArray[Any], gain_db: float | None, phase_deg: float | None) -> None:
     """Give Q another gain and phase, in place: Q becomes ``g (Q cos(phi) + I sin(phi))``.
 
     A tone then has an image at the opposite frequency, of the relative power

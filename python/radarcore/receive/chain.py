@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver, is_plain
+from radarcore.radar.receiver import AdcErrors, Receiver, is_plain
 from radarcore.receive import adc
-from radarcore.receive.adc import unbalance
+from radarcore.receive.adc import apply_iq_imbalance
 from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
 from radarcore.receive.leakage import leakage_step, leakage_tones
-from radarcore.receive.noise import Draws, kick, thermal_noise
+from radarcore.receive.noise import Draws, thermal_noise, turn_on_noise
 from radarcore.receive.phase_noise import phase_differences
 
 
@@ -113,13 +113,13 @@ def _digitised(
     samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws, uses: list[adc.Use]
 ) -> NDArray[Any]:
     """Samples behind I/Q imbalance, noise, gain, offsets and ADC; in place."""
-    waveform, num_channels = radar.waveform, radar.num_channels
+    waveform, num_channels, errors = radar.waveform, radar.num_channels, receiver.adc_errors or AdcErrors()
     if receiver.iq_gain_db is not None or receiver.iq_phase_deg is not None:
-        unbalance(samples, receiver.iq_gain_db, receiver.iq_phase_deg)
+        apply_iq_imbalance(samples, receiver.iq_gain_db, receiver.iq_phase_deg)
     if receiver.noise_figure_db is not None:
         samples += thermal_noise(receiver, waveform, num_channels, draws)
-        if receiver.kick_db is not None:
-            samples += kick(receiver, waveform, num_channels, draws)
+        if errors.turn_on_db is not None:
+            samples += turn_on_noise(receiver, errors, waveform, num_channels, draws)
     # I and Q go through the rest by themselves.
     numbers = samples.view(samples.real.dtype)
     if (gain := adc.gain(receiver)) != 1.0:
@@ -127,7 +127,7 @@ def _digitised(
     if receiver.dc_offset is not None:
         adc.offset(receiver, numbers, len(radar.rx))
     if receiver.adc_bits is not None:
-        adc.adc_errors(receiver, numbers, len(radar.rx), draws)
+        adc.add_errors(receiver, errors, numbers, len(radar.rx), draws)
     if receiver.full_scale is not None:
-        uses.append(adc.quantise(receiver, numbers))
+        uses.append(adc.quantise(receiver, errors, numbers))
     return samples

@@ -13,6 +13,7 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
+from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 _FARTHEST_BEAT = 4.0
@@ -139,7 +140,8 @@ Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class LowPass:
     """Butterworth low-pass filter in front of the ADC, of either part of the beat signal.
 
@@ -155,8 +157,8 @@ class LowPass:
     order: int = 4
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cutoff", check.positive("cutoff", self.cutoff, "Hz"))
-        object.__setattr__(self, "order", check.count("order", self.order))
+        self.cutoff = check.positive("cutoff", self.cutoff, "Hz")
+        self.order = check.count("order", self.order)
         if self.order > _HIGHEST_ORDER:
             raise ValueError(f"order: expected at most {_HIGHEST_ORDER}, got {self.order}")
 

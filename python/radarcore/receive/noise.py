@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core
-from radarcore.radar.receiver import Receiver
+from radarcore.radar.receiver import AdcErrors, Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.receive.filters import low_pass_gain
 from radarcore.units import power_from_db
@@ -40,15 +40,17 @@ def thermal_noise(receiver: Receiver, waveform: Waveform, num_channels: int, dra
     return (real_noise if is_real else complex_noise)(rows, deviation * root, shape[2])
 
 
-def kick(receiver: Receiver, waveform: Waveform, num_channels: int, draws: Draws) -> NDArray[Any]:
-    """Kick at the start of chirps (channel, chirp, sample) [sqrt(W)]: a draw for every channel and chirp, decaying."""
-    assert receiver.kick_db is not None
+def turn_on_noise(
+    receiver: Receiver, errors: AdcErrors, waveform: Waveform, num_channels: int, draws: Draws
+) -> NDArray[Any]:
+    """Noise of turning on (channel, chirp, sample) [sqrt(W)]: a draw for every channel and chirp, decaying."""
+    assert errors.turn_on_db is not None
     draw = draws.normal if receiver.output == "real" else draws.complex_normal
-    level = _deviation(receiver, waveform.sample_rate) * power_from_db(receiver.kick_db) ** 0.5
-    decay = level * np.exp(-np.arange(waveform.num_samples) / (waveform.sample_rate * receiver.kick_time))
-    starts: NDArray[Any] = draw("kick", (num_channels, waveform.num_chirps, 1))
-    kicks: NDArray[Any] = starts * decay.astype(np.float32)
-    return kicks
+    level = _deviation(receiver, waveform.sample_rate) * power_from_db(errors.turn_on_db) ** 0.5
+    decay = level * np.exp(-np.arange(waveform.num_samples) / (waveform.sample_rate * errors.turn_on_time))
+    starts: NDArray[Any] = draw("turn-on", (num_channels, waveform.num_chirps, 1))
+    noise: NDArray[Any] = starts * decay.astype(np.float32)
+    return noise
 
 
 def _deviation(receiver: Receiver, sample_rate: float) -> float:
@@ -74,7 +76,15 @@ def _root(receiver: Receiver, sample_rate: float, num_samples: int) -> NDArray[n
     return root
 
 
-_EFFECTS = ("thermal noise", "phase noise", "slow phase noise", "kick", "chirp offset", "ADC noise", "segment offset")
+_EFFECTS = (
+    "thermal noise",
+    "phase noise",
+    "slow phase noise",
+    "turn-on",
+    "chirp offset",
+    "ADC noise",
+    "segment offset",
+)
 _WORD = 2**64
 
 

@@ -330,6 +330,19 @@ class LeakageTable(Table):
     step_time: float = _key(2e-6, "s", "in which the step falls to 1/e")
 
 
+class AdcErrorsTable(Table):
+    """Errors of an ADC, in its steps, and noise of its start in every chirp."""
+
+    noise_lsb: float | None = _key(None, "", "deviation of its noise; default: none")
+    chirp_offset_lsb: float | list[float] | None = _key(None, "", "deviation of offsets of chirps; default: none")
+    segment_offset_lsb: float | None = _key(
+        None, "", "deviation of offsets of chirps and sixteenths of the codes; default: none"
+    )
+    odd_width: float | None = _key(None, "", "width of odd codes; default: 1")
+    turn_on_db: float | None = _key(None, "dB", "noise at the start of chirps over thermal noise; default: none")
+    turn_on_time: float = _key(2e-6, "s", "in which that falls to 1/e")
+
+
 class ReceiverTable(Table):
     """Receiver."""
 
@@ -344,22 +357,13 @@ class ReceiverTable(Table):
     high_pass_order: int = _key(1, "", "of the high-pass, 6 dB per octave each")
     low_pass: float | None = _key(None, "Hz", "anti-alias filter, at -3 dB; default: none")
     low_pass_order: int = _key(4, "", "of the low-pass, 6 dB per octave each")
-    kick_db: float | None = _key(None, "dB", "noise at the start of chirps over thermal noise; default: none")
-    kick_time: float = _key(2e-6, "s", "in which that falls to 1/e")
     iq_gain_db: float | None = _key(None, "dB", "gain of Q over I; default: balanced")
     iq_phase_deg: float | None = _key(None, "degrees", "phase error of Q; default: balanced")
     gain_db: float | None = _key(None, "dB", "from the receiver's input to the ADC; default: 0")
     full_scale: float | None = _key(None, "V", "voltage of a sample of 1; default: samples in sqrt(W)")
     dc_offset: float | list[float] | None = _key(None, "", "added to samples, in their unit; default: none")
     adc_bits: int | None = _key(None, "", "bits of the ADC; default: not rounded")
-    adc_noise_lsb: float | None = _key(None, "", "deviation of the ADC's noise, in steps; default: none")
-    chirp_offset_lsb: float | list[float] | None = _key(
-        None, "", "deviation of offsets of chirps, in steps; default: none"
-    )
-    segment_offset_lsb: float | None = _key(
-        None, "", "deviation of offsets of chirps and sixteenths of the ADC's codes, in steps; default: none"
-    )
-    adc_odd_width: float | None = _key(None, "", "width of odd codes of the ADC, in steps; default: 1")
+    adc_errors: AdcErrorsTable | None = _key(None, "", "of the ADC, and noise of its start; default: none")
 
 
 class TdmTable(Table):

@@ -9,6 +9,7 @@ import numpy as np
 
 from radarcore import check
 from radarcore.geometry.camera import checked_field_of_view
+from radarcore.records import sealed
 from radarcore.simulate.beat import METHODS, check_threads, check_tolerance
 from radarcore.simulate.view import CELLS_AT_60, MOST_OF_A_PLANE, MOST_OF_ANTENNAS, Angles, Sectors, one_plane
 
@@ -40,7 +41,8 @@ _OF_ADAPTIVE = ("rcs_floor", "ray_budget")
 """Settings of adaptive sampling alone."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@sealed
+@dataclass(kw_only=True, eq=False)
 class Settings:
     """Settings of `Simulator`, which documents them."""
 
@@ -76,9 +78,9 @@ class Settings:
             "threads": check_threads(self.threads),
         }
         for name, value in checked.items():
-            object.__setattr__(self, name, value)
+            setattr(self, name, value)
         if self.ray_budget is not None:
-            object.__setattr__(self, "ray_budget", _ray_budget(self.ray_budget, self._cells))
+            self.ray_budget = _ray_budget(self.ray_budget, self._cells)
 
     @property
     def view_deg(self) -> Angles:

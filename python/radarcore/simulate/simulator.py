@@ -21,6 +21,7 @@ from radarcore.receive.adc import Use
 from radarcore.recording.frame import Frame, adc_codes, frame_of, truth_of_rows
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
+from radarcore.records import sealed
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
 from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
@@ -61,7 +62,8 @@ class Simulated(NamedTuple):
     use: Use | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@sealed
+@dataclass(eq=False, repr=False)
 class Simulator(Settings):
     """Simulator of the frames that a radar receives from a scene.
 
@@ -126,8 +128,8 @@ class Simulator(Settings):
     Warns
     -----
     UserWarning
-        Once each: for echoes beyond `Radar.max_range`, bodies faster than `Waveform.max_velocity`, a scene of which no
-        body is seen, and where the numbers behind the result do not hold.
+        Once each: for echoes beyond `Radar.max_unambiguous_range`, bodies faster than `Radar.max_velocity`, a scene of
+        which no body is seen, and where the numbers behind the result do not hold.
 
     See Also
     --------
@@ -158,7 +160,7 @@ class Simulator(Settings):
                 raise TypeError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
         super().__post_init__()
         motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
-        object.__setattr__(self, "radar_motion", motion)
+        self.radar_motion = motion
 
     def __repr__(self) -> str:
         changed = "".join(f", {name}={value!r}" for name, value in changed_settings(self).items())

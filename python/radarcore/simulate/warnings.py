@@ -222,12 +222,12 @@ class Warnings:
     def distances_not_in_metres(self, distance: NDArray[np.float64]) -> None:
         """Warn of an image whose distances along the rays, infinite without a return, are hardly in metres."""
         seen = distance[np.isfinite(distance)]
-        median, limit = float(np.median(seen)) if seen.size > 0 else 0.0, self._radar.max_range
+        median, limit = float(np.median(seen)) if seen.size > 0 else 0.0, self._radar.max_unambiguous_range
         if median > max(_FARTHEST_MEDIAN, _FAR_BEYOND * limit):
             self._warn(
                 "range",
-                f"distance: expected metres, got a median of {median:.4g} m for a radar with a max_range of "
-                f"{limit:.4g} m; scale=1e-3 takes millimetres",
+                f"distance: expected metres, got a median of {median:.4g} m for a radar with a "
+                f"max_unambiguous_range of {limit:.4g} m; scale=1e-3 takes millimetres",
             )
 
     def unsuitable_gain(self, use: Use) -> None:
@@ -299,7 +299,11 @@ class Warnings:
 
     def _too_far(self, ideal: _core.IdealFrame) -> None:
         """Warn of echoes from beyond the largest range, and of bodies there without an echo."""
-        farthest, limit, effect = ideal.farthest, self._radar.max_range, "echoes from there appear at wrong ranges"
+        farthest, limit, effect = (
+            ideal.farthest,
+            self._radar.max_unambiguous_range,
+            "echoes from there appear at wrong ranges",
+        )
         if farthest == 0.0 and ideal.counts.get("rays_hit", 0) > 0:
             # Rays met bodies, but no path returns: far bodies are smaller than the finest cells.
             farthest, effect = _nearest(ideal), "bodies there are too small for an echo"
@@ -308,7 +312,8 @@ class Warnings:
                 self._given.add("sampling")  # same cause
             self._warn(
                 "range",
-                f"the scene reaches to {farthest:.2f} m, beyond max_range {limit:.2f} m of the waveform: {effect}",
+                f"the scene reaches to {farthest:.2f} m, beyond max_unambiguous_range {limit:.2f} m of the radar: "
+                f"{effect}",
             )
 
     def _name_of_mesh(self, mesh: int) -> str:

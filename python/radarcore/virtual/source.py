@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
@@ -167,8 +167,11 @@ def _switched(chain: Receiver, own: Receiver) -> Receiver:
     """The chain without the effects that another receiver has switched off, and with its widths of codes."""
     kept = ("gain_db",) if own.has_codes else _OF_THE_ADC  # the gain is that of the registers
     names = [field.name for field in fields(own) if field.name not in kept]
-    off = {name: None for name in names if getattr(own, name) is None}
-    return replace(chain, **{"adc_odd_width": own.adc_odd_width} | off)  # type: ignore[arg-type]  # None is legal there
+    off: dict[str, Any] = {name: None for name in names if getattr(own, name) is None}
+    if own.adc_errors is not None and chain.adc_errors is not None:
+        none = {name: None for name, error in asdict(own.adc_errors).items() if error is None}
+        off["adc_errors"] = replace(chain.adc_errors, **{"odd_width": own.adc_errors.odd_width} | none)
+    return replace(chain, **off)
 
 
 def _places(radar: Radar) -> list[int]:

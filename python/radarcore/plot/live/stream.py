@@ -109,7 +109,7 @@ class Stream:
 
         # Cells of the map.
         wf = radar.waveform
-        last = radar.max_range
+        last = radar.max_unambiguous_range
         if max_range is not None:
             last = min(check.positive("max_range", max_range, "m"), last)
         ranges = wf.range_axis(_num_cells(wf.num_samples, _MOST_RANGES))

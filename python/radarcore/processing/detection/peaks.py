@@ -281,7 +281,8 @@ def _has_leakage(frame: Frame) -> bool:
     receiver = frame.radar.receiver
     if receiver is None or receiver.full_scale is None:
         return True
-    offsets = (receiver.dc_offset, receiver.chirp_offset_lsb)
+    errors = receiver.adc_errors
+    offsets = (receiver.dc_offset, None if errors is None else errors.chirp_offset_lsb)
     return receiver.leakage is not None or any(value is not None and np.any(value) for value in offsets)
 
 

@@ -12,7 +12,7 @@ from radarcore import check
 from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Leakage, Receiver
+from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.errors import located
@@ -112,10 +112,11 @@ def _measured(table: RadarTable) -> dict[str, Any]:
 
 
 def _receiver(table: ReceiverTable) -> Receiver:
-    values = table.model_dump(exclude={"leakage"})
-    if table.leakage is not None:
-        with located("leakage."):
-            values["leakage"] = Leakage(**table.leakage.model_dump())
+    values = table.model_dump()
+    for name, kind in (("leakage", Leakage), ("adc_errors", AdcErrors)):
+        if values[name] is not None:
+            with located(f"{name}."):
+                values[name] = kind(**values[name])
     return Receiver(**values)
 
 
