@@ -111,17 +111,6 @@ def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scen
         assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"
 
 
-def test_report_is_json(capsys, tmp_path):
-    pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
-    assert main(["sensor", "report"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert {"radarcore", "system", "ports", "usb"} <= report.keys()
-    path = tmp_path / "report.json"
-    assert main(["sensor", "report", "-o", str(path)]) == 0
-    assert json.loads(path.read_text())["radarcore"] == rc.__version__
-    assert str(path) in capsys.readouterr().out
-
-
 def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
     with virtual_board(Numbered(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
         assert main(["sensor", "record", port.path, "-o", str(tmp_path / "rec"), "--frames", "1", "--gain", "33"]) == 1

@@ -124,13 +124,6 @@ COMMANDS = (
         "radarcore sensor info /dev/ttyACM0",
     ),
     _Command(
-        "sensor report",
-        "sensor:run_report",
-        _BOARDS,
-        "collect the USB descriptors of the boards, for a bug report",
-        "radarcore sensor report -o report.json",
-    ),
-    _Command(
         "sensor record",
         "sensor:run_record",
         _BOARDS,

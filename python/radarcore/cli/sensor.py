@@ -1,4 +1,4 @@
-"""The commands `radarcore sensor`: list, info, report, record, view and selftest."""
+"""The commands `radarcore sensor`: list, info, record, view and selftest."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def run_list(*, as_json: Json = False) -> int:
         print(json.dumps([vars(info) for info in found], indent=2))
         return 0
     if not found:
-        complain("no radar board answers; `radarcore sensor report` lists what is on USB")
+        complain("no radar board answers; `radarcore sensor selftest -o FILE` writes down what is on USB")
         return 1
     header = ("port", "board", "chip", "firmware", "serial number")
     rows = [(info.port, info.name, info.chip, info.firmware, info.serial_number) for info in found]
@@ -77,30 +77,6 @@ def run_info(port: Port = None, /, *, as_json: Json = False) -> None:
         print(json.dumps(facts, indent=2))
     else:
         show(Table((), [(name.replace("_", " "), str(value)) for name, value in facts.items()], num_left=2))
-
-
-def run_report(*, output: OutputFile = None, overwrite: Overwrite = False) -> None:
-    """Collect the USB descriptors of the boards, for a bug report.
-
-    Parameters
-    ----------
-    output : path
-        report file (default: print the report)
-    """
-    from radarcore.sensor import transport
-
-    report = {
-        "radarcore": __version__,
-        "system": platform.platform(),
-        "ports": [vars(port) for port in transport.find_ports()],
-        "usb": transport.describe_usb(),
-    }
-    text = json.dumps(report, indent=2) + "\n"
-    if output is None:
-        print(text, end="")
-    else:
-        write_text(output, text, overwrite=overwrite)
-        print(f"{output}: {len(report['usb'])} boards on USB, {len(report['ports'])} ports")
 
 
 def run_record(
@@ -365,7 +341,7 @@ def _advice(port: str | None, output: Path | None) -> str:
 
 
 def _descriptors() -> dict[str, Any]:
-    """Ports and USB descriptors as in `radarcore sensor report`, or why there are none."""
+    """Ports and USB descriptors, or why there are none."""
     from radarcore.sensor import SensorError, transport
 
     found: dict[str, Any] = {}

@@ -5,10 +5,10 @@ imported when the first port is looked for, so that captures play without them.
 """
 
 from radarcore.sensor.transport.capture import Capture, Replay
-from radarcore.sensor.transport.describe import describe_usb
 from radarcore.sensor.transport.ports import (
     KNOWN_BOARDS,
     Port,
+    describe_usb,
     find_ports,
     may_be_usb,
     open_stream,

@@ -12,7 +12,14 @@ from radarcore import notice
 from radarcore.sensor.errors import SensorError
 from radarcore.sensor.transport.serialport import SerialStream, is_pty, serial_ports
 from radarcore.sensor.transport.stream import Stream, VendorPort
-from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, device_path, usb_devices, usb_strings
+from radarcore.sensor.transport.usbport import (
+    UsbStream,
+    UsbVendorPort,
+    device_path,
+    require_pyusb,
+    usb_devices,
+    usb_strings,
+)
 
 Kind = Literal["serial", "usb-cdc", "usb-vendor"]
 
@@ -91,6 +98,22 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
             if not any(_is_same(port, device, tty) for tty in ttys):
                 ports.append(port)
     return ports
+
+
+def describe_usb(*, usb_backend: Any = None) -> list[list[str]]:
+    """USB descriptors of the vendor's boards as lines of text, for bug reports; nothing is claimed, sent or changed.
+
+    Parameters
+    ----------
+    usb_backend : backend of pyusb, optional
+        As in `find_ports`.
+    """
+    found = []
+    for device in usb_devices(usb_backend):
+        if device.idVendor == INFINEON:
+            found.append(str(device).splitlines())
+            require_pyusb().util.dispose_resources(device)
+    return found
 
 
 def serial_port(path: str) -> Port:
