@@ -13,7 +13,7 @@ import radarcore as rc
 from radarcore.adapters.mujoco import spec_from_urdf
 from radarcore.adapters.mujoco.model import gl_context
 from radarcore.models import robots
-from radarcore.models.robots.data import UR10, data_file
+from radarcore.models.robots.named import UR10, data_file
 
 BACK_ENDS = {name: library for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if find_library(library)}
 

@@ -37,7 +37,7 @@ METHODS = (
     *("Recording.save", "Recording.load", "Recording.replay", "Recording.from_frames"),
     *("Material.lambertian", "Material.dielectric", "Material.with_surface", "Material.response"),
     *("Simulation.record", "models.Human.bodies", "models.RobotArm.from_urdf", "models.RobotArm.named"),
-    *("models.RobotArm.ur10", "models.RobotArm.ur10_meshes", "models.RobotArm.link_pose", "models.RobotArm.jacobian"),
+    *("models.RobotArm.ur10", "models.RobotArm.link_pose", "models.RobotArm.jacobian"),
     *("models.RobotArm.moving", "models.MovingArm.link_motion", "models.MovingArm.bodies"),
     *("Simulator.frame", "Simulator.frames", "Simulator.record", "Simulator.paths", "Simulator.depth_image"),
     *("dataset.Variation.load", "dataset.Variation.sample", "dataset.Sample.simulation", "dataset.Sample.save"),

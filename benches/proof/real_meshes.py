@@ -101,7 +101,7 @@ def views(run: Run) -> Iterator[View]:
 
 @cache
 def arm_of_meshes() -> RobotArm:
-    return RobotArm.ur10_meshes()
+    return RobotArm.named("ur10")
 
 
 def arm(posture_deg: Iterable[float], base: list[float]) -> list[rc.Body]:

@@ -13,7 +13,7 @@ import numpy as np
 
 import radarcore as rc
 from radarcore.adapters.mujoco import LiveModel, spec_from_urdf
-from radarcore.models.robots.data import UR10, data_file
+from radarcore.models.robots.named import UR10, data_file
 
 STEP = 1.0 / 480.0
 """Time step of the physics [s]."""

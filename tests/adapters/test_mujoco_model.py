@@ -357,7 +357,7 @@ def test_ur10_of_a_urdf_file_is_the_arm_of_the_models() -> None:
     def angles(time: float) -> NDArray[np.float64]:
         return data.qpos + time * data.qvel
 
-    arm = RobotArm.ur10_meshes().moving(angles, base=rc.Pose([0.0, 0.0, 0.8]))
+    arm = RobotArm.named("ur10").moving(angles, base=rc.Pose([0.0, 0.0, 0.8]))
     own = {body.name.rpartition("/")[2]: body for body in arm.bodies() if body.name}
     for body in live.bodies:
         other = own[str(body.name).partition("/")[0].removeprefix("ur_")]

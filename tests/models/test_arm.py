@@ -1,17 +1,14 @@
 """Robot arms: kinematics against published values, URDF, exact velocities, and straight lines of the tool."""
 
-import importlib.metadata
-import sys
-
 import numpy as np
 import pytest
 
 import radarcore as rc
 from arms import CHECK_POSE, ROUNDING, matrix, some_trajectory
 from radarcore.models import robots
-from radarcore.models.robots import data
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.line import cartesian_line
+from radarcore.models.robots.named import UR10, data_file
 from radarcore.motion.group import Motions
 
 needs_robots = pytest.mark.skipif(
@@ -36,12 +33,12 @@ def ur10():
 
 @pytest.fixture(scope="module")
 def ur10_meshes():
-    return RobotArm.ur10_meshes()
+    return RobotArm.named("ur10")
 
 
 @pytest.fixture
 def ur10_urdf():
-    return data.data_file(data.UR10)
+    return data_file(UR10)
 
 
 # Kinematics
@@ -275,31 +272,6 @@ def test_embedded_shapes_fill_the_boxes_of_the_real_meshes(ur10, ur10_meshes, li
     # Rounded covers and cable outlets are left out: the base's outlet is 17 mm, the shoulder's cover 10 mm high.
     allowed = 0.018 if link == "base_link" else 0.011
     np.testing.assert_allclose(ur10.links[link].bounds, ur10_meshes.links[link].bounds, atol=allowed)
-
-
-@needs_robots
-def test_urdf_of_the_ur10_gives_the_same_meshes_without_the_way_through_obj(ur10_meshes, ur10_urdf):
-    described = RobotArm.from_urdf(ur10_urdf)
-    for link in MESH_TRIANGLES:
-        # OBJ has eight digits after the point.
-        np.testing.assert_allclose(described.links[link].bounds, ur10_meshes.links[link].bounds, atol=1e-8)
-
-
-def test_missing_extra_names_what_to_install(monkeypatch):
-    def missing(name):
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(importlib.metadata, "files", missing)
-    with pytest.raises(ImportError, match=r"pip install radarcore\[robots\]"):
-        RobotArm.ur10_meshes()
-
-
-@needs_robots
-def test_missing_trimesh_names_what_to_install(monkeypatch):
-    data._read_mesh.cache_clear()
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(ImportError, match=r"pip install radarcore\[robots\]"):
-        RobotArm.ur10_meshes()
 
 
 def test_unknown_names_are_answered_with_near_ones(ur10):

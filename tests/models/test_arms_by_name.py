@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.models import RobotArm, robots
-from radarcore.models.robots import data, urdf
-from radarcore.models.robots.catalogue import ARMS
+from radarcore.models.robots import urdf
+from radarcore.models.robots.named import ARMS, data_file
 
 pytestmark = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -87,7 +87,7 @@ def test_flange_of_the_panda_is_where_its_parameters_put_it() -> None:
 @pytest.mark.parametrize("name", ["panda", "kinova", "xarm7", "so100", "so101"])
 def test_links_are_where_mujoco_puts_them(name: str) -> None:
     mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
-    root = ET.parse(data.data_file(ARMS[name].file)).getroot()
+    root = ET.parse(data_file(ARMS[name].file)).getroot()
     for link in root.iterfind("link"):
         for element in [*link.iterfind("visual"), *link.iterfind("collision")]:
             link.remove(element)  # shapes do not matter, and MuJoCo does not read all of them
@@ -151,7 +151,7 @@ def triangles_in(path: Path) -> int:
 def test_visual_shapes_have_all_triangles_of_their_files() -> None:
     counts = {}
     for name in ("ur5", "panda"):
-        model = urdf.read(data.data_file(ARMS[name].file), geometry="visual", held=ARMS[name].held)
+        model = urdf.read(data_file(ARMS[name].file), geometry="visual", held=ARMS[name].held)
         # Two of the smaller ones of each; all of them take seconds.
         files = sorted(
             {p.source for parts in model.links.values() for p in parts}, key=lambda path: path.stat().st_size
@@ -167,7 +167,7 @@ def test_visual_shapes_have_all_triangles_of_their_files() -> None:
 @needs_collada
 def test_visual_and_plain_shapes_lie_in_the_same_place() -> None:
     # Without the big links: only wrists are read.
-    model = urdf.read(data.data_file(ARMS["ur5"].file), geometry="visual")
+    model = urdf.read(data_file(ARMS["ur5"].file), geometry="visual")
     wrist = urdf.shapes_of(model._replace(links={"wrist_3_link": model.links["wrist_3_link"]}))["wrist_3_link"]
     plain = arm("ur5", "collision").links["wrist_3_link"]
     assert wrist is not None

@@ -69,15 +69,6 @@ def test_curves_are_near_monotone_cubics_and_hardly_overshoot(relative_speed):
         assert angle.min() - 0.1 < angles.min() <= angles.max() < angle.max() + 0.1, name
 
 
-def test_monotone_cubics_are_those_of_scipy():
-    rng = np.random.default_rng(6)
-    for number in (2, 3, 5, 8):
-        phase, values = np.sort(rng.random(number)), rng.normal(size=(number, 40))
-        samples = gait.monotone_cubic(phase, values)
-        cubic = PchipInterpolator(np.concatenate([phase - 1.0, phase, phase + 1.0]), np.tile(values, (3, 1)))
-        np.testing.assert_allclose(samples, cubic(np.arange(len(samples)) / len(samples)), atol=1e-11)
-
-
 @pytest.mark.parametrize("relative_speed", SPEEDS)
 def test_roll_is_near_the_papers_four_pieces(relative_speed):
     t = np.linspace(0.0, 1.0, 1001)[:-1]

@@ -22,7 +22,7 @@ from radarcore.cli.options import Count, Flag, Json, Output, Seconds
 from radarcore.cli.terminal import show
 from radarcore.comparison.statistics import TargetErrors, target_errors
 from radarcore.comparison.targets import estimates, found_in
-from radarcore.models.robots import data
+from radarcore.models.robots.named import is_available
 from radarcore.output import check_file, write_text
 from radarcore.recording.writer import check_room
 from radarcore.scenefile.load import load_scene
@@ -114,7 +114,7 @@ def experiment(
         check.count("ray_budget", ray_budget)
     plot.require()
     if with_robots is None:
-        with_robots = data.is_available()
+        with_robots = is_available()
     file, path, picture = directory / "scene.toml", directory / "recording", directory / "experiment.png"
     check_room(path, overwrite)
     check_file(picture, overwrite=overwrite)

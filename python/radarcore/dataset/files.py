@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from radarcore.dataset.distributions import is_distribution
-from radarcore.models.robots.catalogue import arm_names
+from radarcore.models.robots.named import arm_names
 from radarcore.scenefile.read import values_of
 from radarcore.scenefile.toml import toml_text
 

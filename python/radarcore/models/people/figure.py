@@ -178,24 +178,23 @@ def _maps(turns: Floats, root: Floats, reach: Floats) -> Floats:
     The first axis holds the value and, with two orders, the time derivative.
     """
     maps = np.empty((*turns.shape[:2], 3, turns.shape[-1], 4))  # order, time, row, segment, column
-    # Rz Rx Ry, the first two rows as one of complex numbers.
-    (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1), np.sin(turns[0]).swapaxes(0, 1)
-    across = np.empty((*cz.shape, 3), dtype=np.complex128)
-    across[..., 0], across[..., 1], across[..., 2] = cy + 1j * (sx * sy), 1j * cx, sy - 1j * (sx * cy)
-    forward = cz + 1j * sz
-    across *= forward[..., None]
     axes = maps[..., :3]
-    axes[0, :, 0], axes[0, :, 1] = across.real, across.imag
-    axes[0, :, 2, :, 0], axes[0, :, 2, :, 1], axes[0, :, 2, :, 2] = -cx * sy, sx, cx * cy
+    (cz, cx, cy), (sz, sx, sy) = np.cos(turns[0]).swapaxes(0, 1)[..., None], np.sin(turns[0]).swapaxes(0, 1)[..., None]
+    # Rows of Rx Ry, then Rz.
+    first = np.concatenate([cy, np.zeros_like(cy), sy], axis=-1)
+    second = np.concatenate([sx * sy, cx, -sx * cy], axis=-1)
+    axes[0, :, 0], axes[0, :, 1] = cz * first - sz * second, sz * first + cz * second
+    axes[0, :, 2] = np.concatenate([-cx * sy, sx, cx * cy], axis=-1)
     if len(turns) > 1:
         # Angular velocity: about the vertical, about x turned by it, about the segment's own y axis.
-        about_z, about_x, about_y = (turns[1, :, angle, :, None] for angle in range(3))
-        level = about_x * forward[..., None] + about_y * across[..., 1:2]
-        upright = about_z + about_y * sx[..., None]
-        height = axes[0, :, 2]
-        rate = 1j * (upright * across - level * height)
-        axes[1, :, 0], axes[1, :, 1] = rate.real, rate.imag
-        axes[1, :, 2] = level.real * axes[0, :, 1] - level.imag * axes[0, :, 0]
+        about_z, about_x, about_y = turns[1].swapaxes(0, 1)
+        angular = about_y[:, None] * axes[0, ..., 1]
+        angular[:, 0] += about_x * cz[..., 0]
+        angular[:, 1] += about_x * sz[..., 0]
+        angular[:, 2] += about_z
+        # Its cross product with the three axes.
+        after, last = [1, 2, 0], [2, 0, 1]
+        axes[1] = angular[:, after, :, None] * axes[0][:, last] - angular[:, last, :, None] * axes[0][:, after]
     # Origins lie fixed in the axes of other segments, which carry them.
     maps[..., 3] = root[..., None] + axes.reshape(*axes.shape[:3], -1) @ reach
     return maps.swapaxes(2, 3)

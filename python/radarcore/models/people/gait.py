@@ -183,7 +183,7 @@ def _series(relative_speed: float) -> _FourierSeries:
     RV = relative_speed
     late = 0.625 - stance_fraction(RV)
     angles = {
-        name: _smooth_curve({round(t % 1.0, 12): angle for t, angle in points}, monotone_cubic)
+        name: _smooth_curve({round(t % 1.0, 12): angle for t, angle in points}, _monotone_cubic)
         for name, points in control_points(RV).items()  # two of the hip coincide at RV = 1.3
     }
     roll = _smooth_curve({0.0: 0.0, 0.15: -3.32 * RV, 0.5: 0.0, 0.65: 3.32 * RV}, _half_cosines)
@@ -226,40 +226,20 @@ def _smoothed(samples: _Floats) -> _Phasors:
     return np.asarray(gaussian[:, None] * coefficients)
 
 
-def monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
+def _monotone_cubic(phases: _Floats, values: _Floats) -> _Floats:
     """Samples of periodic curves through values (point, column), (_NUM_SAMPLES, column), monotone between points."""
-    # PCHIP: where a curve turns it is level, elsewhere its slope is a harmonic mean. SciPy's takes long to load.
-    piece, following, u = _pieces(phases)
-    number = np.arange(len(phases))
-    before, after = number - 1, (number + 1) % len(phases)
-    width = ((phases[after] - phases) % 1.0)[:, None]
-    width_before = width[before]
-    slope = (values[after] - values) / width
-    slope_before = slope[before]
-    weighted = (2.0 * width + width_before) * slope + (width + 2.0 * width_before) * slope_before
-    product = np.maximum(slope * slope_before, 0.0)
-    tangent = 3.0 * (width + width_before) * product / np.where(product > 0.0, weighted, 1.0)
-    # Cubic Hermite basis: weights in every sample of the values and tangents at the ends of its piece.
-    of_values, of_tangents = np.zeros((2, _NUM_SAMPLES, len(phases)))
-    sample, rise, length = np.arange(_NUM_SAMPLES), u * u * (3.0 - 2.0 * u), width[piece, 0]
-    of_values[sample, piece], of_values[sample, following] = 1.0 - rise, rise
-    of_tangents[sample, piece] = length * u * (1.0 - u) ** 2
-    of_tangents[sample, following] = -length * u * u * (1.0 - u)
-    return np.asarray(of_values @ values + of_tangents @ tangent)
+    from scipy.interpolate import PchipInterpolator
+
+    turns, points = np.divmod(np.arange(-2, len(phases) + 2), len(phases))
+    return np.asarray(PchipInterpolator(phases[points] + turns, values[points])(_SAMPLE_PHASES))
 
 
 def _half_cosines(phases: _Floats, values: _Floats) -> _Floats:
     """Samples of periodic curves that go from value to value by halves of a cosine."""
-    piece, following, u = _pieces(phases)
-    return np.asarray(values[piece] + (0.5 - 0.5 * np.cos(np.pi * u))[:, None] * (values[following] - values[piece]))
-
-
-def _pieces(phases: _Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
-    """For every sample the points before and after it, and where it lies between these, 0 to 1."""
     piece = np.searchsorted(phases, _SAMPLE_PHASES, side="right") - 1
     following = (piece + 1) % len(phases)
     u = ((_SAMPLE_PHASES - phases[piece]) % 1.0) / ((phases[following] - phases[piece]) % 1.0)
-    return piece, following, u
+    return np.asarray(values[piece] + (0.5 - 0.5 * np.cos(np.pi * u))[:, None] * (values[following] - values[piece]))
 
 
 def _sine(amplitude: float, harmonic: int, ahead: float, mean: float = 0.0) -> _Phasors:

@@ -174,9 +174,9 @@ class Human:
     def mesh_bodies(self, material: Material | None = None, name: str = "human") -> list[Body]:
         """The person as 16 real meshes of a man, scaled to the height (extra `robots`; about 109 000 triangles).
 
-        They are those of `robots.human_links`, moved by the same joint angles, with that man's own proportions: the
-        joints of the limbs are within 0.1 m of those of `segment_motion`, pelvis and trunk have their origin at his
-        waist. Parameters and names as for `bodies`.
+        They follow the same joint angles, with the man's own proportions: the joints of the limbs are within 0.1 m of
+        those of `segment_motion`, pelvis and trunk have their origin at his waist. Parameters and names as
+        for `bodies`.
         """
         scale, meshes = _real_meshes(self.height)
         joints = real_skeleton(real_man()[0], scale)
@@ -210,9 +210,9 @@ def _lift(height: float, speed: float, mass: float) -> float:
 def _real_meshes(height: float) -> tuple[float, dict[str, Mesh]]:
     """Scale of the real man, and his segments in their own axes, at a body height [m]."""
     rest, parts = real_man()
-    scale = height / max(float(vertices[:, 2].max()) for vertices, _ in parts.values())
+    scale = height / max(mesh.bounds[1, 2] for mesh in parts.values())
     return scale, {
-        segment: Mesh(scale * (vertices - rest[segment]), rows) for segment, (vertices, rows) in parts.items()
+        segment: Mesh(scale * (mesh.vertices - rest[segment]), mesh.triangles) for segment, mesh in parts.items()
     }
 
 

@@ -1,14 +1,21 @@
-"""A real man, by the meshes and joints of `robots.human_links`: segments, scaled to a height."""
+"""A real man, by the joints and meshes of the package example-robot-data: segments, scaled to a height."""
 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radarcore.geometry.mesh import Mesh, merged_mesh
+from radarcore.geometry.pose import Pose
 from radarcore.models.people.figure import SEGMENTS, Floats, Skeleton, Support
-from radarcore.models.robots.links import human_joints, human_links
+from radarcore.models.robots import urdf
+from radarcore.models.robots.arm import RobotArm
+from radarcore.models.robots.named import data_file
+
+HUMAN = "human_description/robots/human.urdf"
+"""The man's file in the package."""
 
 # Segments that the links of the real man belong to; the mesh of the neck is part of his head's link.
 _SEGMENTS_OF_LINKS = {
@@ -25,31 +32,37 @@ _SEGMENTS_OF_LINKS = {
 }
 
 
-def _segment_of(link: str) -> str:
-    """Segment of a mesh of the real man, by its name ``link/mesh``."""
-    body, _, mesh = link.partition("/")
+_UPRIGHT = Pose(rotation=[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From the axes of the file (ISB: x forward, y up, z right) to x forward, y left, z up."""
+
+
+def _segment_of(link: str, mesh: str) -> str:
+    """Segment of a mesh of the real man, by the names of its link and of its file."""
     if mesh == "neck_mesh":
         return "neck"
-    side = body.split("_")[0] + "_" if body.startswith(("left_", "right_")) else ""
-    return side + _SEGMENTS_OF_LINKS[body.removeprefix(side)]
+    side = link.split("_")[0] + "_" if link.startswith(("left_", "right_")) else ""
+    return side + _SEGMENTS_OF_LINKS[link.removeprefix(side)]
 
 
 @cache
-def real_man() -> tuple[dict[str, Floats], dict[str, tuple[Floats, NDArray[np.int64]]]]:
+def real_man() -> tuple[dict[str, Floats], dict[str, Mesh]]:
     """Origins (3,) and meshes of the segments of the real man, standing upright on the floor [m]."""
-    origins = human_joints()
-    rest: dict[str, Floats] = {}
-    meshes: dict[str, list[tuple[Floats, NDArray[np.int64]]]] = {segment: [] for segment in SEGMENTS}
-    for link in human_links():
-        segment = _segment_of(link.name)
-        rest.setdefault(segment, origins[link.name.split("/")[0]])
-        before = sum(len(vertices) for vertices, _ in meshes[segment])
-        placed = link.vertices @ link.pose[:3, :3].T + link.pose[:3, 3]
-        meshes[segment].append((placed, link.triangles + before))
-    return rest, {
-        segment: (np.concatenate([v for v, _ in parts]), np.concatenate([rows for _, rows in parts]))
-        for segment, parts in meshes.items()
-    }
+    model = urdf.read(data_file(HUMAN), geometry="visual")
+    tree = RobotArm(model.joints, dict.fromkeys(model.links))
+    origins: dict[str, Floats] = {}
+    placed: dict[str, list[tuple[Mesh, Pose]]] = {segment: [] for segment in SEGMENTS}
+    for link, parts in model.links.items():
+        pose = _UPRIGHT @ tree.link_pose(link, {})
+        for part in parts:
+            segment = _segment_of(link, Path(str(part.source)).stem)
+            origins.setdefault(segment, pose.position)
+            placed[segment].append((part.mesh(), pose @ part.origin))
+    lowest = min(pose.apply(mesh.vertices)[:, 2].min() for each in placed.values() for mesh, pose in each)
+    up = Pose([0.0, 0.0, -lowest])
+    return (
+        {segment: up.apply(origin) for segment, origin in origins.items()},
+        {segment: merged_mesh([(mesh, up @ pose) for mesh, pose in each]) for segment, each in placed.items()},
+    )
 
 
 def real_skeleton(rest: dict[str, Floats], scale: float) -> Skeleton:

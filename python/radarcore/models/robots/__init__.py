@@ -1,4 +1,4 @@
-"""Models of robot arms, and real meshes of an arm and of a human (extra `robots`)."""
+"""Robot arms by name (extra `robots`)."""
 
 from radarcore.lazy import attach
 

@@ -181,10 +181,10 @@ class RobotArm:
         >>> rc.models.RobotArm.named("panda", meshes=None).joint_names[-1]
         'panda_joint7'
         """
-        from radarcore.models.robots import catalogue
+        from radarcore.models.robots import named
 
-        joints, shapes = catalogue.read(name, meshes)
-        return cls(joints, shapes, name=name)
+        joints, shapes = named.read(name, meshes)
+        return cls(_from_the_root(tuple(joints), shapes), shapes, name=name)
 
     @classmethod
     def ur10(cls) -> RobotArm:
@@ -192,8 +192,7 @@ class RobotArm:
 
         See Also
         --------
-        RobotArm.ur10_meshes : With its real meshes.
-        RobotArm.named : Other arms.
+        RobotArm.named : With its real meshes, and other arms.
 
         Examples
         --------
@@ -203,25 +202,6 @@ class RobotArm:
         from radarcore.models.robots import ur10
 
         return cls(ur10.joints(), ur10.shapes(), name="ur10")
-
-    @classmethod
-    def ur10_meshes(cls) -> RobotArm:
-        """A UR10 with its seven real collision meshes (``pip install radarcore[robots]``).
-
-        See Also
-        --------
-        RobotArm.ur10 : Needs nothing else.
-        RobotArm.named : Other arms.
-
-        Examples
-        --------
-        >>> arm = rc.models.RobotArm.ur10_meshes()
-        >>> sum(mesh is not None for mesh in arm.links.values())
-        7
-        """
-        from radarcore.models.robots import ur10
-
-        return cls(ur10.joints(), ur10.collision_meshes(), name="ur10")
 
     @property
     def moving_joints(self) -> tuple[Joint, ...]:

@@ -91,13 +91,3 @@ def shapes() -> dict[str, Mesh | None]:
             parts.append((sphere(radius, subdivisions=3), Pose(middle)))
         meshes[link] = merged_mesh(parts) if parts else None
     return meshes
-
-
-def collision_meshes() -> dict[str, Mesh | None]:
-    """The seven meshes of example-robot-data by link, taken through OBJ, which radarcore reads itself."""
-    from radarcore.models.robots import data, urdf
-
-    meshes: dict[str, Mesh | None] = dict.fromkeys(_CYLINDERS)
-    for mesh in data.meshes_of(urdf.read(data.data_file(data.UR10), geometry="collision")):
-        meshes[mesh.link] = data.through_obj(mesh.vertices, mesh.triangles)
-    return meshes

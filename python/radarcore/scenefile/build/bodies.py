@@ -14,9 +14,9 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.mesh_files import load_mesh, load_meshes
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
-from radarcore.models.robots.catalogue import arm_names
 from radarcore.models.robots.joint import JointAngles
 from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.named import arm_names
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer
 from radarcore.scene.material import Material
@@ -193,7 +193,7 @@ class Parts:
 
     def _arm_model(self, table: ArmTable) -> RobotArm:
         if table.model == "ur10":
-            return RobotArm.ur10_meshes() if table.meshes else RobotArm.ur10()
+            return RobotArm.named("ur10") if table.meshes else RobotArm.ur10()
         if table.model in arm_names():
             return RobotArm.named(table.model)
         path = self._directory / table.model

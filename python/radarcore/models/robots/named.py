@@ -1,13 +1,15 @@
-"""Arms of the package example-robot-data by name."""
+"""Arms by name, from the files of the package example-robot-data (extra `robots`)."""
 
 from __future__ import annotations
 
+import importlib.metadata
+import importlib.util
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.robots import urdf
-from radarcore.models.robots.data import data_file
 from radarcore.models.robots.joint import Joint
 
 
@@ -58,21 +60,43 @@ def arm_names() -> tuple[str, ...]:
 
 
 def read(name: str, geometry: Literal["collision", "visual"] | None) -> tuple[list[Joint], dict[str, Mesh | None]]:
-    """Joints, from the base outwards, and shapes by link; a KeyError that suggests near names."""
+    """Joints and shapes by link; a KeyError that suggests near names."""
     if name not in ARMS:
         raise KeyError(f"no arm {name!r}; {check.near_names(name, ARMS)}")
     arm = ARMS[name]
     model = urdf.read(data_file(arm.file), geometry=geometry, held=arm.held)
     shapes = urdf.shapes_of(model._replace(links={**model.links, **{link: [] for link in arm.bare}}))
-    return _outwards(model.joints), shapes
+    return model.joints, shapes
 
 
-def _outwards(joints: list[Joint]) -> list[Joint]:
-    """Joints in an order where every one follows that of its parent."""
-    children = {joint.child for joint in joints}
-    reached = {joint.parent for joint in joints} - children
-    ordered: list[Joint] = []
-    while len(ordered) < len(joints):
-        ordered += [joint for joint in joints if joint.parent in reached and joint not in ordered]
-        reached |= {joint.child for joint in ordered}
-    return ordered
+UR10 = "urdf/ur10_robot.urdf"
+"""The UR10's file in the package, as `data_file` finds it."""
+
+
+def is_available() -> bool:
+    """True when the extra `robots` is installed.
+
+    See Also
+    --------
+    models.robots.arm_names : Arms that it has.
+    models.RobotArm.named : One of them.
+
+    Examples
+    --------
+    >>> rc.models.robots.is_available()
+    True
+    """
+    try:
+        importlib.metadata.distribution("example-robot-data")
+    except ImportError:
+        return False
+    return importlib.util.find_spec("trimesh") is not None  # to import it takes half a second
+
+
+def data_file(end: str) -> Path:
+    """Path of the package's file whose path ends so, wherever the package is installed."""
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        raise ImportError("robot and human meshes need example-robot-data: pip install radarcore[robots]") from None
+    return Path(str(next(file.locate() for file in files if str(file).endswith("/" + end))))
