@@ -83,7 +83,7 @@ def scene() -> tuple[rc.Scene, rc.LiveGroup, Motions]:
     links = [body for body in arm.bodies() if len(body.mesh.triangles) > 0]
     lower, upper = person()
     walk = rc.Linear(rc.Pose([3.2, 0.8, 0.0]), [-0.3, -0.6, 0.0], [0.0, 0.0, 0.2])
-    sway = rc.Attached(walk, rc.Function(lambda t: rc.Pose.from_rpy([0, 0, 0], [0.03 * np.sin(5 * t), 0, 0])))
+    sway = rc.Attached(walk, lambda t: rc.Pose.from_rpy([0, 0, 0], [0.03 * np.sin(5 * t), 0, 0]))
     bodies = [(body.mesh, body.motion) for body in links]
     bodies += [(floor(6.0), rc.Pose([2.5, 0.0, 0.0])), (lower, walk), (upper, sway)]
     group = rc.LiveGroup(len(bodies))

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from meshes import Triangles, room, sphere
 from page import PERFORMANCE, machine, milliseconds, table, write_section
+from radarcore.motion.protocol import as_motion
 from radarcore.simulate.placement import Placement
 
 FIELD_OF_VIEW_DEG = 60.0
@@ -135,7 +136,7 @@ class Caster:
 def tracer(scene: rc.Scene, side: int, threads: int) -> Caster:
     """From the places of the bodies to the hits."""
     simulator = rc.Simulator(scene, RADAR, resolution=side, field_of_view_deg=(60.0, 60.0), threads=threads)
-    placement = Placement(scene, rc.Function(camera), RADAR.waveform)
+    placement = Placement(scene, as_motion("camera", camera), RADAR.waveform)
     # A view that is cast again is cast as a whole.
     engine = simulator._new_engines(reuse_tiles=False)[0]
     name = "radarcore tracer" + (f", {threads} threads" if threads > 1 else "")

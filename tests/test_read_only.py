@@ -39,7 +39,6 @@ ATTRIBUTES: list[tuple[Any, str]] = [
     (rc.Trajectory([0.0, 1.0], POSES), "times"),
     (rc.Trajectory([0.0, 1.0], POSES), "poses"),
     (rc.Deformation([0.0, 1.0], [PLATE.vertices] * 2), "vertices"),
-    (rc.Function(lambda _: rc.Pose()), "pose"),
     (rc.Attached(rc.Pose()), "parent"),
     (rc.Live(), "newest"),
     (rc.LiveGroup(2), "motions"),

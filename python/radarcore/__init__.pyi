@@ -21,7 +21,6 @@ from radarcore.motion.deformation import Deformation as Deformation
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.live import Live as Live
 from radarcore.motion.live import LiveGroup as LiveGroup
-from radarcore.motion.protocol import Function as Function
 from radarcore.motion.trajectory import Trajectory as Trajectory
 from radarcore.processing.angles.array_pattern import ArrayPattern as ArrayPattern
 from radarcore.processing.angles.array_pattern import array_pattern as array_pattern
@@ -88,8 +87,6 @@ from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget
 from radarcore.scene.interferer import Interferer as Interferer
 from radarcore.scene.library import materials as materials
-from radarcore.scene.material import ColeCole as ColeCole
-from radarcore.scene.material import ItuPermittivity as ItuPermittivity
 from radarcore.scene.material import Material as Material
 from radarcore.scene.scene import Scene as Scene
 from radarcore.scenefile.load import load_radar as load_radar

@@ -147,7 +147,7 @@ def within(name: str, value: object, low: float, high: float, unit: str = "") ->
     """A number from `low` to `high`, both included."""
     result = number(name, value, unit)
     if not low <= result <= high:
-        raise ValueError(f"{name}: expected {low:g} to {high:g}{f' [{unit}]' if unit else ''}, got {value!r}")
+        raise ValueError(f"{name}: expected a number from {low:g} to {high:g}{f' [{unit}]' if unit else ''}, got {value!r}")
     return result
 
 

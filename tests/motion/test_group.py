@@ -13,14 +13,14 @@ import radarcore as rc
 from radarcore.models.robots.arm import RobotArm
 from radarcore.motion.attached import Inverse
 from radarcore.motion.group import Motions, is_static
-from radarcore.motion.protocol import derivative, poses_at
+from radarcore.motion.protocol import FunctionMotion, derivative, poses_at
 
 TIMES = np.array([0.2, 0.9, 1.7])
 
 
 def test_attached_motions_of_all_depths_are_those_by_themselves() -> None:
     turning = rc.Linear(rc.Pose([1.0, 2.0, 3.0]), [1.0, 0.0, 0.0], [0.0, 0.3, 0.2])
-    swaying = rc.Function(lambda time: rc.Pose.from_rpy([np.sin(time), 0.0, 1.0], [0.1 * time, time, 0.0]))
+    swaying = FunctionMotion(lambda time: rc.Pose.from_rpy([np.sin(time), 0.0, 1.0], [0.1 * time, time, 0.0]))
     spline = rc.Trajectory([0.0, 1.0, 2.0], [rc.Pose(), rc.Pose.from_rpy([1, 1, 0], [0, 0.5, 0]), rc.Pose([0, 2, 1])])
     once = rc.Attached(turning, spline)
     twice = rc.Attached(once, swaying)
@@ -55,7 +55,7 @@ def test_function_that_carries_several_bodies_is_evaluated_once() -> None:
         asked.append(time)
         return rc.Pose([time, 0.0, 0.0])
 
-    platform = rc.Function(carrier)
+    platform = FunctionMotion(carrier)
     carried = [rc.Attached(platform, rc.Pose([0.0, y, 0.0])) for y in (0.0, 1.0, 2.0)]
     Motions([platform, *carried]).poses_at(TIMES)
     assert asked == TIMES.tolist()
@@ -73,7 +73,7 @@ class Counted:
 
     def rate_at(self, time: float) -> np.ndarray:
         self.asked["rates"] += 1
-        return derivative(lambda when: poses_at(rc.Function(Counted().at), [when])[0], time)
+        return derivative(lambda when: poses_at(FunctionMotion(Counted().at), [when])[0], time)
 
 
 def chain(links: list[Any]) -> Any:
@@ -134,7 +134,7 @@ def test_subclass_of_attached_has_the_poses_that_it_says() -> None:
             poses[:, 2, 3] += 1.0
             return poses
 
-    lifted = Lifted(rc.Pose([1.0, 0.0, 0.0]), rc.Function(lambda time: rc.Pose([time, 0.0, 0.0])))
+    lifted = Lifted(rc.Pose([1.0, 0.0, 0.0]), FunctionMotion(lambda time: rc.Pose([time, 0.0, 0.0])))
     for motion in (lifted, rc.Attached(lifted)):
         assert motion.at(0.5).position.tolist() == [1.5, 0.0, 1.0]
         assert Motions([motion]).poses_at(np.array([0.5]))[0, 0, :, 3].tolist() == [1.5, 0.0, 1.0]

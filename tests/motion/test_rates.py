@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from radarcore.motion.attached import Inverse
 from radarcore.motion.group import Motions
-from radarcore.motion.protocol import poses_at
+from radarcore.motion.protocol import FunctionMotion, poses_at
 
 BEYOND = (None, "hold", "continue", "error")
 STEP = 1e-5
@@ -98,9 +98,9 @@ def deformed(deformation: Any, times: Sequence[float] = ()) -> Case:
 def cases() -> Iterator[tuple[str, Case]]:
     yield "Pose", moved(POSES[1])
     yield "Linear", moved(TURNING)
-    yield "Function", moved(rc.Function(swaying))
-    yield "Attached", moved(rc.Attached(rc.Attached(TURNING, rc.Function(swaying)), TURNING))
-    yield "Inverse", moved(Inverse(rc.Attached(TURNING, Inverse(rc.Function(swaying)))))
+    yield "Function", moved(FunctionMotion(swaying))
+    yield "Attached", moved(rc.Attached(rc.Attached(TURNING, FunctionMotion(swaying)), TURNING))
+    yield "Inverse", moved(Inverse(rc.Attached(TURNING, Inverse(FunctionMotion(swaying)))))
     yield "Live", moved(live(), TIMES)
     yield "LiveGroup", moved(group(), TIMES)
     yield "transforms of ROS", moved(transforms(), TIMES)
@@ -118,7 +118,7 @@ def cases() -> Iterator[tuple[str, Case]]:
         yield f"Trajectory with gaps, {within}", moved(gaps, TIMES)
     line = rc.models.cartesian_line(UR10, [0.0, -1.57, 1.57, 1.57, 1.57, 0.0], [0.0, 0.0, -1.0], 0.2, 1.0)
     yield "cartesian_line", moved(UR10.moving(line).link_motion("tool0"), line.times.tolist())
-    sweep = UR10.moving(lambda time: [0.5 * time, -1.57, np.sin(time), 1.57, 1.57, 0.0], rc.Function(swaying))
+    sweep = UR10.moving(lambda time: [0.5 * time, -1.57, np.sin(time), 1.57, 1.57, 0.0], FunctionMotion(swaying))
     yield "RobotArm by a function", moved(sweep.link_motion("tool0"))
     yield "RobotArm at rest", moved(UR10.moving(np.ones(6), TURNING).link_motion("tool0"))
     for speed in (0.0, 1.4):
@@ -168,7 +168,7 @@ def test_rates_are_differences_of_poses(name: str, time: float) -> None:
 
 
 def test_motions_together_have_the_rates_of_each() -> None:
-    motions = [POSES[1], TURNING, rc.Function(swaying), live(), group(), transforms(), captured()]
+    motions = [POSES[1], TURNING, FunctionMotion(swaying), live(), group(), transforms(), captured()]
     motions += [
         UR10.moving(rc.models.JointTrajectory(TIMES, ANGLES, ends="moving", beyond="continue"), TURNING).link_motion(
             "tool0"

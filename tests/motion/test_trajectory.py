@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.motion.protocol import FunctionMotion
 from reference import point_echo_reference
 
 STEP = 1e-5
@@ -27,7 +28,7 @@ def swing(t: float) -> rc.Pose:
 
 MOTIONS = {
     "trajectory": lambda: wandering(0),
-    "function": lambda: rc.Function(swing),
+    "function": lambda: FunctionMotion(swing),
     "turning on a trajectory": lambda: rc.Attached(
         wandering(1), rc.Linear(rc.Pose([1.0, 2.0, 3.0]), velocity=[1.0, 0.0, 0.0], angular_velocity=[0.0, 3.0, 0.0])
     ),
@@ -46,11 +47,6 @@ def test_rates_are_the_derivatives_of_poses(motion: Callable[[], Any], time: flo
     # Differences over 2e-5 s are off by h^2/6 times third derivatives below 1e4 /s^3: 2e-7.
     moving = motion()
     np.testing.assert_allclose(moving.rate_at(time), finite_difference(moving, time), atol=1e-6)
-
-
-def test_given_rate_of_a_function_is_used() -> None:
-    rate = np.arange(12.0).reshape(3, 4)
-    np.testing.assert_array_equal(rc.Function(swing, lambda _: rate).rate_at(1.0), rate)
 
 
 def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None:
@@ -121,16 +117,10 @@ def test_bodies_ride_on_bodies() -> None:
         (lambda: rc.Trajectory([0.0, np.nan], [rc.Pose()] * 2), ValueError, "times: expected finite numbers"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose()]), ValueError, "poses: expected 2, one per time, got 1"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose(), 3]), TypeError, "poses: expected Pose, got int at index 1"),
-        (lambda: rc.Function(3), TypeError, "pose: expected a function of time, got int"),
         (
-            lambda: rc.Function(lambda t: t).at(0.5),
+            lambda: rc.Attached(lambda t: t).at(0.5),
             TypeError,
             "expected a function that returns Pose, got float at 0.5 s",
-        ),
-        (
-            lambda: rc.Function(swing, lambda t: [t]).rate_at(0.0),
-            ValueError,
-            r"rate: expected shape \(3, 4\), got \(1,\)",
         ),
         (
             lambda: rc.Attached("arm"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore.scene.material import ColeCole, ItuPermittivity
 
 
 @pytest.mark.parametrize(
@@ -107,7 +108,7 @@ def test_skin_follows_its_relaxations(frequency: float, eps: complex, reflectanc
 
 
 def test_relaxation_of_debye_has_its_largest_loss_where_w_tau_is_one() -> None:
-    law = rc.ColeCole(4.0, ((32.0, 7e-12, 1.0),))
+    law = ColeCole(4.0, ((32.0, 7e-12, 1.0),))
     assert law.at(1.0 / (2.0 * np.pi * 7e-12)) == pytest.approx(4.0 + 16.0 - 16.0j, rel=1e-12)
     assert law.at(1.0) == pytest.approx(36.0, rel=1e-9)
 
@@ -358,10 +359,10 @@ NAN, INF = float("nan"), float("inf")
             "cos_incidence: expected cosines from 0 to 1, got 1.5",
         ),
         (rc.materials["wood"].response, (60e9, NAN), ValueError, "cos_incidence: expected cosines.*got nan"),
-        (rc.ItuPermittivity, (0.0, 0.0, 0.1, 1.0), ValueError, "a: expected a positive number, got 0.0"),
-        (rc.ItuPermittivity, (2.0, 0.0, -0.1, 1.0), ValueError, r"c: expected zero or a positive number \[S/m\]"),
-        (rc.ColeCole, (4.0, ((32.0, -7e-12, 1.0),)), ValueError, r"relaxations: expected steps .*got \(32.0, -7e-12"),
-        (rc.ColeCole, (4.0, ((32.0, 7e-12, 1.5),)), ValueError, "exponents up to 1"),
+        (ItuPermittivity, (0.0, 0.0, 0.1, 1.0), ValueError, "a: expected a positive number, got 0.0"),
+        (ItuPermittivity, (2.0, 0.0, -0.1, 1.0), ValueError, r"c: expected zero or a positive number \[S/m\]"),
+        (ColeCole, (4.0, ((32.0, -7e-12, 1.0),)), ValueError, r"relaxations: expected steps .*got \(32.0, -7e-12"),
+        (ColeCole, (4.0, ((32.0, 7e-12, 1.5),)), ValueError, "exponents up to 1"),
         (rc.materials["perfect_conductor"].with_surface, (), ValueError, "permittivity: expected a dielectric, got"),
     ],
 )

@@ -270,7 +270,9 @@ def test_echo_is_within_the_tolerance_while_the_radar_s_acceleration_jumps() -> 
     def along(time: NDArray[np.float64]) -> NDArray[np.float64]:
         return 0.3 * time + 0.5 * acceleration * np.maximum(time - jump, 0.0) ** 2
 
-    motion = rc.Function(lambda time: rc.Pose([float(along(np.array(time))), 0.0, 0.0]))
+    def motion(time: float) -> rc.Pose:
+        return rc.Pose([float(along(np.array(time))), 0.0, 0.0])
+
     scene, tolerance = rc.Scene([rc.PointTarget([1.9, 0.7, -0.4])]), 1e-3
     frame = rc.Simulator(scene, radar, radar_motion=motion, resolution=16, tolerance=tolerance).frame()
     position = at_rest([1.9, 0.7, -0.4], radar.waveform).copy()

@@ -15,7 +15,7 @@ import radarcore as rc
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.robots.arm import RADAR_AT_TOOL0
 from radarcore.motion.group import Motions
-from radarcore.motion.protocol import Motion, poses_at
+from radarcore.motion.protocol import FunctionMotion, Motion, poses_at
 
 ROUNDING = 1e-12
 """Of places a few metres away, after chains of ten products [m]."""
@@ -64,7 +64,7 @@ MOTIONS: dict[str, Callable[[], Motion]] = {
     "linear": lambda: LINEAR,
     "linear that does not turn": lambda: rc.Linear(LINEAR.pose, [1.0, 0.0, 0.0]),
     "trajectory": lambda: TRAJECTORY,
-    "function": lambda: rc.Function(swaying),
+    "function": lambda: FunctionMotion(swaying),
     "attached": lambda: rc.Attached(LINEAR, TRAJECTORY),
     "attached to what is attached": lambda: rc.Attached(rc.Attached(TRAJECTORY, swaying), rc.Attached(LINEAR)),
     "link of an arm": lambda: moving_arm().link_motion("forearm_link"),
@@ -286,7 +286,7 @@ def test_another_simulator_has_its_radar_elsewhere() -> None:
 
 def test_people_and_arms_travel_to_other_processes() -> None:
     bodies, sensor = busy_scene(lambda motion: motion)
-    sim = simulator([body for body in bodies if not isinstance(getattr(body, "motion", None), rc.Function)], sensor)
+    sim = simulator([body for body in bodies if not isinstance(getattr(body, "motion", None), FunctionMotion)], sensor)
     cube = sim.frame(0.8).cube
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(sim)).frame(0.8).cube, cube)
 

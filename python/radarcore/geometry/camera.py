@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check, notice
+from radarcore.records import sealed
 
 _LIKE_RADIANS = (0.25, 2.0)
 """Angles of a field of view that are hardly meant in degrees: 15 to 115 degrees are such numbers of radians."""
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class Camera:
     """Pinhole camera that looks along +x; row 0 of its images is on top (+z), column 0 on the left (+y).
 
@@ -46,10 +48,8 @@ class Camera:
     cy: float
 
     def __post_init__(self) -> None:
-        for name in ("fx", "fy"):
-            object.__setattr__(self, name, check.positive(name, getattr(self, name), "pixels"))
-        for name in ("cx", "cy"):
-            object.__setattr__(self, name, check.number(name, getattr(self, name), "pixels"))
+        self.fx, self.fy = check.positive("fx", self.fx, "pixels"), check.positive("fy", self.fy, "pixels")
+        self.cx, self.cy = check.number("cx", self.cx, "pixels"), check.number("cy", self.cy, "pixels")
 
     @classmethod
     def from_field_of_view(cls, field_of_view_deg: tuple[float, float], rows: int, columns: int) -> Camera:

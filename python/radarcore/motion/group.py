@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix
-from radarcore.motion.linear import Linear, Uniform
+from radarcore.motion.linear import Linear, together
 from radarcore.motion.live import Live, Together
 from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, newest_of, poses_at, with_factors
 
@@ -43,14 +43,6 @@ class _Still:
 
     def rates_at(self, _: Matrix) -> Matrix:
         return np.zeros_like(self._poses)
-
-
-def _uniform(motions: Sequence[Linear]) -> Uniform:
-    """Constant velocities and angular velocities."""
-    poses = [motion.pose for motion in motions]
-    rotations, positions = np.array([pose.rotation for pose in poses]), np.array([pose.position for pose in poses])
-    rates = ([motion.velocity for motion in motions], [motion.angular_velocity for motion in motions])
-    return Uniform(rotations, positions, *(np.array(values) for values in rates))
 
 
 class _Linked:
@@ -209,7 +201,7 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     if still:
         found.append((_Still([motions[number] for number in still]), still))
     if uniform:
-        found.append((_uniform([cast(Linear, motions[number]) for number in uniform]), uniform))
+        found.append((together([cast(Linear, motions[number]) for number in uniform]), uniform))
     if live:
         found.append((Together([cast(Live, motions[number]) for number in live]), live))
     for numbers in linked.values():

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
 from radarcore.geometry.pose import Pose, as_pose, not_a_pose, transforms
-from radarcore.geometry.rotation import Matrix, cross_matrix, rotations_about
+from radarcore.geometry.rotation import Matrix, cross_matrix
+from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 FASTEST_TURN = 1e7
 """No body turns faster [rad/s]: the fastest rotors are a thousand times slower."""
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Linear:
     """Constant velocity and angular velocity in world axes, turning about the pose's origin.
 
@@ -32,7 +36,6 @@ class Linear:
     See Also
     --------
     Trajectory : Motion through several poses.
-    Function : Motion by a function of time.
     Attached : Motion relative to another.
 
     Examples
@@ -54,13 +57,12 @@ class Linear:
     ) -> None:
         if not isinstance(pose, Pose):
             raise not_a_pose("pose", "Pose", pose)
-        put = object.__setattr__
-        put(self, "pose", pose)
+        self.pose = pose
         for name, value, most, unit in (
             ("velocity", velocity, SPEED_OF_LIGHT, "m/s"),
             ("angular_velocity", angular_velocity, FASTEST_TURN, "rad/s"),
         ):
-            put(self, name, check.frozen(check.below(name, check.array(name, value, (3,)), most, unit)))
+            setattr(self, name, check.frozen(check.below(name, check.array(name, value, (3,)), most, unit)))
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -68,17 +70,27 @@ class Linear:
 
     def poses_at(self, times: ArrayLike) -> Matrix:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        elapsed = check.numbers("times", times)[:, None]
-        turned = rotations_about(elapsed * self.angular_velocity) @ self.pose.rotation
-        return transforms(turned, self.pose.position + elapsed * self.velocity)
+        return self._twist.poses_at(check.numbers("times", times))[:, 0]
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        turning = cross_matrix(self.angular_velocity) @ self.at(time).rotation
-        return transforms(turning, self.velocity)
+        rate: Matrix = self._twist.rates_at(check.numbers("times", [time]))[0, 0]
+        return rate
+
+    @cached_property
+    def _twist(self) -> ConstantTwist:
+        return together([self])
 
 
-class Uniform:
+def together(motions: Sequence[Linear]) -> ConstantTwist:
+    """Several motions, evaluated by one call."""
+    poses = [motion.pose for motion in motions]
+    rotations, positions = np.array([pose.rotation for pose in poses]), np.array([pose.position for pose in poses])
+    rates = ([motion.velocity for motion in motions], [motion.angular_velocity for motion in motions])
+    return ConstantTwist(rotations, positions, *(np.array(values) for values in rates))
+
+
+class ConstantTwist:
     """Poses that go on at constant velocity and angular velocity, turning about their origins.
 
     Parameters

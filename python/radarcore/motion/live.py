@@ -20,7 +20,7 @@ from radarcore.geometry.rotation import (
     rotation_vectors,
     rotations_about,
 )
-from radarcore.motion.linear import FASTEST_TURN, Uniform
+from radarcore.motion.linear import FASTEST_TURN, ConstantTwist
 from radarcore.motion.protocol import LinkMotion
 from radarcore.motion.series import LONG_STEP, steps_between, warn_of_milliseconds
 from radarcore.records import sealed
@@ -245,7 +245,7 @@ class Together:
     def __init__(self, motions: Sequence[Live]) -> None:
         self._motions = list(motions)
         # Replaced as a whole, so that another thread reads a consistent pair.
-        self._continued: tuple[list[Update], Uniform] | None = None
+        self._continued: tuple[list[Update], ConstantTwist] | None = None
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4)."""
@@ -259,7 +259,7 @@ class Together:
             return ends[0].rates_at(ends[1])
         return np.stack([motion.rates_at(times) for motion in self._motions], axis=1)
 
-    def _ends(self, times: Matrix) -> tuple[Uniform, Matrix] | None:
+    def _ends(self, times: Matrix) -> tuple[ConstantTwist, Matrix] | None:
         """Motions after the newest updates, and times since then (n, motion) [s], if that is all that is asked for."""
         known = [motion._group._known.of(times)[0] for motion in self._motions]
         newest = [updates[-1] for updates in known]
@@ -270,7 +270,7 @@ class Together:
         if continued is None or newest != continued[0]:  # updates compare by identity
             maps = np.concatenate([update.maps for update in newest])
             rates = (np.concatenate(values) for values in zip(*(update.past for update in newest), strict=True))
-            continued = self._continued = newest, Uniform(maps[..., :3], maps[..., 3], *rates)
+            continued = self._continued = newest, ConstantTwist(maps[..., :3], maps[..., 3], *rates)
         return continued[1], times[:, None] - starts
 
 
@@ -384,9 +384,9 @@ class Update:
         return any(values.any() for values in self.rates)
 
     @cached_property
-    def continued(self) -> Uniform:
+    def continued(self) -> ConstantTwist:
         """Motion at constant rates, from the time of the update on; of the past, also before it."""
-        return Uniform(self.maps[..., :3], self.maps[..., 3], *self.past)
+        return ConstantTwist(self.maps[..., :3], self.maps[..., 3], *self.past)
 
     @property
     def past(self) -> Rates:
@@ -495,7 +495,7 @@ def rates_at(updates: Sequence[Update], times: Matrix) -> Matrix:
 def _pieces(
     updates: Sequence[Update],
     times: Matrix,
-    of_end: Callable[[Uniform, Matrix], Matrix],
+    of_end: Callable[[ConstantTwist, Matrix], Matrix],
     of_segments: Callable[[Between], Matrix],
 ) -> Matrix:
     """Poses or rates at times, before the first update, between updates, and after the last: (time, body, 3, 4)."""

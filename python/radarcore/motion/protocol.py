@@ -138,33 +138,15 @@ class LinkMotion:
 
 
 @sealed
-class Function:
-    """A motion given by a function of time.
+class FunctionMotion:
+    """A motion given by a function that maps a time [s] to a `Pose`.
 
-    Parameters
-    ----------
-    pose : callable
-        Maps a time [s] to a `Pose`.
-    rate : callable, optional
-        Maps a time [s] to the time derivative of ``[rotation | position]``, (3, 4) [1/s | m/s]. Default: central
-        differences of fourth order over steps of 0.5 ms, off by 2e-15 of the motion's fifth derivative [m/s^5].
-
-    See Also
-    --------
-    Trajectory : Motion through several poses.
-    Live : Motion of a program that has a pose now.
-
-    Examples
-    --------
-    >>> swing = rc.Function(lambda time: rc.Pose([2.0 + 0.1 * np.sin(time), 0.0, 0.0]))
-    >>> swing.rate_at(0.0)[0, 3].round(6).item()
-    0.1
+    Its rates are central differences of fourth order over steps of 0.5 ms, off by 2e-15 of the motion's fifth
+    derivative [m/s^5].
     """
 
-    def __init__(self, pose: Callable[[float], Pose], rate: Callable[[float], ArrayLike] | None = None) -> None:
-        if not callable(pose):
-            raise TypeError(f"pose: expected a function of time, got {type(pose).__name__}")
-        self._pose, self._rate = pose, rate
+    def __init__(self, pose: Callable[[float], Pose]) -> None:
+        self._pose = pose
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -179,8 +161,6 @@ class Function:
 
     def rate_at(self, time: float) -> Matrix:
         """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        if self._rate is not None:
-            return check.array("rate", self._rate(time), (3, 4))
         return derivative(lambda when: self.poses_at([when])[0], time)
 
 
@@ -193,7 +173,7 @@ def as_motion(name: str, motion: object) -> Motion:
     if hasattr(motion, "at") and hasattr(motion, "rate_at"):
         return cast(Motion, motion)
     if callable(motion):
-        return Function(motion)
+        return FunctionMotion(motion)
     raise not_a_pose(name, "Pose, Linear, Trajectory, Attached, Live or a function of time", motion)
 
 

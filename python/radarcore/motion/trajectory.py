@@ -43,7 +43,6 @@ class Trajectory:
     See Also
     --------
     Linear : Constant velocity.
-    Function : Motion by a function of time.
     Live : Motion of a program that has a pose now.
 
     Examples

@@ -13,12 +13,14 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, checked_position
 from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion
+from radarcore.records import sealed
 from radarcore.scene.library import materials
 from radarcore.scene.material import Material
 from radarcore.units import SPEED_OF_LIGHT
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Body:
     """A mesh of one material that may move and change its shape.
 
@@ -32,7 +34,7 @@ class Body:
         Body to world; default: the world's own frame.
     deformation : Deformation or function of time, optional
         Vertices of the mesh over time in body coordinates; a function maps a time [s] to all vertices, (n, 3) [m].
-        Rates of a function are taken by differences, see `Function`. Default: the body is rigid. Speckle and smooth
+        Rates of a function are differences over 0.5 ms. Default: the body is rigid. Speckle and smooth
         shading belong to the mesh as it was given: where facets meet below the crease angle, its own vertices say.
     name : str, optional
         Name in tables and pictures.
@@ -68,22 +70,21 @@ class Body:
         name: str | None = None,
     ) -> None:
         material = materials["metal"] if material is None else material
-        check.instance("mesh", mesh, Mesh)
+        self.mesh = check.instance("mesh", mesh, Mesh)
         if not isinstance(material, Material):
             raise TypeError(f"material: expected Material (one of radarcore.materials), got {material!r}")
-        put = object.__setattr__
-        put(self, "mesh", mesh)
-        put(self, "material", material)
-        put(self, "motion", Pose() if motion is None else as_motion("motion", motion))
-        put(self, "deformation", None if deformation is None else as_deformation(deformation, len(mesh.vertices)))
-        put(self, "name", name)
+        self.material = material
+        self.motion = Pose() if motion is None else as_motion("motion", motion)
+        self.deformation = None if deformation is None else as_deformation(deformation, len(mesh.vertices))
+        self.name = name
 
     def vertices_at(self, time: float) -> NDArray[np.float64]:
         """Vertices of the mesh at a time [s], (n, 3) in body coordinates [m]."""
         return self.mesh.vertices if self.deformation is None else self.deformation.at(time)
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class PointTarget:
     """An ideal point of a given radar cross-section: no shadow, no phase of its own.
 
@@ -126,9 +127,8 @@ class PointTarget:
         *,
         name: str | None = None,
     ) -> None:
-        put = object.__setattr__
-        put(self, "position", check.frozen(checked_position("position", position)))
-        put(self, "rcs", check.non_negative("rcs", rcs, "m^2"))
+        self.position = check.frozen(checked_position("position", position))
+        self.rcs = check.non_negative("rcs", rcs, "m^2")
         speeds = check.below("velocity", check.array("velocity", velocity, (3,)), SPEED_OF_LIGHT, "m/s")
-        put(self, "velocity", check.frozen(speeds))
-        put(self, "name", name)
+        self.velocity = check.frozen(speeds)
+        self.name = name

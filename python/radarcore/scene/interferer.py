@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.radar.radar import Radar
+from radarcore.records import sealed
 
 START_PHASES = ("chirp", "frame")
 """Time for which the phase of an interferer's oscillator is known."""
@@ -19,7 +20,8 @@ _LARGEST_DRIFT = 1e4
 """Largest drift of a clock [ppm]: that of no crystal, but of an oscillator without one."""
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Interferer:
     """Another FMCW radar, which is received over the direct path and returns no echo of its own.
 
@@ -88,18 +90,14 @@ class Interferer:
             raise ValueError(f"radar: expected an interferer of one waveform, got {1 + len(radar.more_waveforms)}")
         if radar.schedule is not None and radar.schedule.is_sum:
             raise ValueError(f"radar: expected no schedule, or one of kind 'tdm', got {radar.schedule.kind!r}")
-        put = object.__setattr__
-        put(self, "radar", radar)
-        put(self, "motion", as_motion("motion", motion))
-        put(self, "start", check.number("start", start, "s"))
+        self.radar = radar
+        self.motion = as_motion("motion", motion)
+        self.start = check.number("start", start, "s")
         wf = radar.waveform
-        put(self, "rate", 1.0 / wf.frame_interval if rate is None else check.positive("rate", rate, "Hz"))
-        drift = check.number("drift_ppm", drift_ppm, "ppm")
-        if abs(drift) > _LARGEST_DRIFT:
-            raise ValueError(f"drift_ppm: expected {-_LARGEST_DRIFT:g} to {_LARGEST_DRIFT:g} [ppm], got {drift:g}")
-        put(self, "drift_ppm", drift)
-        put(self, "start_phase", check.choice("start_phase", start_phase, START_PHASES))
-        put(self, "name", name)
+        self.rate = 1.0 / wf.frame_interval if rate is None else check.positive("rate", rate, "Hz")
+        self.drift_ppm = check.within("drift_ppm", drift_ppm, -_LARGEST_DRIFT, _LARGEST_DRIFT, "ppm")
+        self.start_phase = check.choice("start_phase", start_phase, START_PHASES)
+        self.name = name
         duration = float(wf.chirp_times[-1]) + self.ramp_duration
         if duration * self.rate > 1.0 + 1e-9:
             raise ValueError(

@@ -9,27 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
+from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 VACUUM_PERMITTIVITY = 8.8541878128e-12
 """Permittivity of vacuum [F/m]."""
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class ItuPermittivity:
     """``eps' = a f^b`` and a conductivity of ``c f^d`` [S/m], f in GHz: the form of ITU-R P.2040.
 
-    See Also
-    --------
-    ColeCole : Law of tissue.
-    Material.dielectric : Takes it.
-    materials : Those with a name.
-
-    Examples
-    --------
-    >>> concrete = rc.ItuPermittivity(5.24, 0.0, 0.0462, 0.7822)
-    >>> print(f"{concrete.at(60e9):.2f}")
-    5.24-0.34j
+    `Material.dielectric` takes it.
     """
 
     a: float
@@ -38,11 +30,10 @@ class ItuPermittivity:
     d: float
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "a", check.positive("a", self.a))
-        put(self, "b", check.number("b", self.b))
-        put(self, "c", check.non_negative("c", self.c, "S/m"))
-        put(self, "d", check.number("d", self.d))
+        self.a = check.positive("a", self.a)
+        self.b = check.number("b", self.b)
+        self.c = check.non_negative("c", self.c, "S/m")
+        self.d = check.number("d", self.d)
 
     def at(self, frequency: float) -> complex:
         """``eps' - j eps''`` at a frequency [Hz]."""
@@ -51,7 +42,8 @@ class ItuPermittivity:
         return complex(self.a * f**self.b, -loss)
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class ColeCole:
     """Sum of relaxations, ``eps = high + sum step / (1 + (j w tau)^exponent) + conductivity / (j w eps0)``.
 
@@ -63,18 +55,6 @@ class ColeCole:
         Steps of the permittivity, their times [s], and exponents, 1 for Debye's.
     conductivity : float
         Conductivity for direct current [S/m].
-
-    See Also
-    --------
-    ItuPermittivity : Law of building materials.
-    Material.dielectric : Takes it.
-    materials : Those with a name.
-
-    Examples
-    --------
-    >>> water = rc.ColeCole(high=5.2, relaxations=[(73.2, 8.3e-12, 1.0)])
-    >>> print(f"{water.at(60e9):.1f}")
-    12.0-21.2j
     """
 
     high: float
@@ -89,10 +69,9 @@ class ColeCole:
                     "relaxations: expected steps of at least 0, positive times [s] and exponents up to 1, "
                     f"got {(step, tau, exponent)}"
                 )
-        put = object.__setattr__
-        put(self, "high", check.positive("high", self.high))
-        put(self, "relaxations", tuple(map(tuple, rows.tolist())))
-        put(self, "conductivity", check.non_negative("conductivity", self.conductivity, "S/m"))
+        self.high = check.positive("high", self.high)
+        self.relaxations = tuple(map(tuple, rows.tolist()))
+        self.conductivity = check.non_negative("conductivity", self.conductivity, "S/m")
 
     def at(self, frequency: float) -> complex:
         """``eps' - j eps''`` at a frequency [Hz]."""
@@ -134,7 +113,8 @@ _SEEN = {None: None, "te": (1.0, 0.0), "tm": (0.0, 1.0)}
 """Weights of both polarisations at the antennas; None: without a polarisation."""
 
 
-@dataclass(frozen=True)
+@sealed
+@dataclass(unsafe_hash=True)
 class Material:
     """Reflection of a wave by a surface: constant in angle and frequency, or that of a `dielectric`.
 
@@ -173,28 +153,19 @@ class Material:
     0.35
     """
 
-    reflection: complex
-    albedo: float
-    permittivity: Permittivity | None
-    roughness: float
-    thickness: float | None
-    scattering: float | None
-    name: str | None = field(compare=False)
-    source: str | None = field(compare=False)
-    valid_frequency: tuple[float, float] | None = field(compare=False)
+    reflection: complex = -1.0 + 0.0j
+    albedo: float = 0.0
+    permittivity: Permittivity | None = field(default=None, init=False)
+    roughness: float = field(default=0.0, init=False)
+    thickness: float | None = field(default=None, init=False)
+    scattering: float | None = field(default=None, init=False)
+    name: str | None = field(default=None, init=False, compare=False)
+    source: str | None = field(default=None, init=False, compare=False)
+    valid_frequency: tuple[float, float] | None = field(default=None, init=False, compare=False)
 
-    def __init__(self, reflection: complex = -1.0 + 0.0j, albedo: float = 0.0) -> None:
-        self._put(
-            reflection=check.complex_number("reflection", reflection),
-            albedo=check.non_negative("albedo", albedo),
-            permittivity=None,
-            roughness=0.0,
-            thickness=None,
-            scattering=None,
-            name=None,
-            source=None,
-            valid_frequency=None,
-        )
+    def __post_init__(self) -> None:
+        self.reflection = check.complex_number("reflection", self.reflection)
+        self.albedo = check.non_negative("albedo", self.albedo)
         if self.reflectance > 1.0 + 1e-12:
             raise ValueError(
                 f"reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got {self.reflectance:g}"
@@ -248,7 +219,6 @@ class Material:
         --------
         materials : Those with a name.
         Material.with_surface : A known one, rough or as a slab.
-        ItuPermittivity : Law of building materials.
 
         Examples
         --------
@@ -256,14 +226,26 @@ class Material:
         >>> print(f"{plastic.reflectance:.3f} of the power at normal incidence")
         0.059 of the power at normal incidence
         """
+        height = check.non_negative("roughness", roughness, "m")
+        if height > _ROUGHEST:
+            raise ValueError(
+                f"roughness: expected at most {_ROUGHEST:g} m, got {height:g}; micrometres? 50e-6 is 50 um"
+            )
+        part = None if scattering is None else check.within("scattering", scattering, 0.0, 1.0)
+        if part is not None and height > 0.0:
+            raise ValueError(f"scattering: expected either scattering or roughness, got both ({part:g}, {height:g} m)")
         material = cls()
-        material._put(
+        vars(material).update(
             permittivity=as_permittivity(permittivity),
+            roughness=height,
+            thickness=None if thickness is None else check.positive("thickness", thickness, "m"),
+            scattering=part,
             name=name,
             source=source,
             valid_frequency=None if valid_frequency is None else _band(valid_frequency),
         )
-        material._finish(roughness, thickness, scattering)
+        reflection, albedo = material.response(_REFERENCE_FREQUENCY)
+        vars(material).update(reflection=complex(reflection), albedo=float(albedo))
         return material
 
     def with_surface(
@@ -357,30 +339,6 @@ class Material:
             scattering=self.scattering,
             thickness=self.thickness,
         )
-
-    def _finish(self, roughness: float, thickness: float | None, scattering: float | None) -> None:
-        """Set the surface of a dielectric, and its reflection at normal incidence."""
-        height = check.non_negative("roughness", roughness, "m")
-        if height > _ROUGHEST:
-            raise ValueError(
-                f"roughness: expected at most {_ROUGHEST:g} m, got {height:g}; micrometres? 50e-6 is 50 um"
-            )
-        part = None if scattering is None else check.number("scattering", scattering)
-        if part is not None and not 0.0 <= part <= 1.0:
-            raise ValueError(f"scattering: expected a number from 0 to 1, got {scattering!r}")
-        if part is not None and height > 0.0:
-            raise ValueError(f"scattering: expected either scattering or roughness, got both ({part:g}, {height:g} m)")
-        self._put(
-            roughness=height,
-            thickness=None if thickness is None else check.positive("thickness", thickness, "m"),
-            scattering=part,
-        )
-        reflection, albedo = self.response(_REFERENCE_FREQUENCY)
-        self._put(reflection=complex(reflection), albedo=float(albedo))
-
-    def _put(self, **values: object) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
 
 def _band(value: tuple[float, float]) -> tuple[float, float]:

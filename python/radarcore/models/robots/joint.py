@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from radarcore import check
 from radarcore.geometry.pose import Pose, scaled
 from radarcore.geometry.rotation import Matrix
+from radarcore.records import sealed
 
 JointAngles = Mapping[str, float] | Sequence[float] | Matrix
 """One angle [rad] (prismatic: [m]) per moving joint, in order; or by name, those left out being zero."""
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Joint:
     """Joint between a link and its parent.
 
@@ -57,12 +59,11 @@ class Joint:
         limits: tuple[float, float] | None = None,
         max_velocity: float | None = None,
     ) -> None:
-        put = object.__setattr__
-        put(self, "name", name)
-        put(self, "parent", parent)
-        put(self, "child", child)
-        put(self, "origin", Pose() if origin is None else origin)
-        put(self, "kind", check.choice("kind", kind, ("revolute", "prismatic", "fixed")))
+        self.name = name
+        self.parent = parent
+        self.child = child
+        self.origin = Pose() if origin is None else origin
+        self.kind = check.choice("kind", kind, ("revolute", "prismatic", "fixed"))
         if (axis is None) != (kind == "fixed"):
             raise ValueError(
                 f"axis: expected {'None for a fixed' if kind == 'fixed' else f'a direction for a {kind}'} joint, "
@@ -73,11 +74,11 @@ class Joint:
             if not (length := np.linalg.norm(direction)) > 0.0:
                 raise ValueError(f"axis: expected a direction, got zero for {name!r}")
             axis = check.frozen(direction / length)
-        put(self, "axis", axis)
-        put(self, "limits", None if limits is None else (float(limits[0]), float(limits[1])))
+        self.axis = axis
+        self.limits = None if limits is None else (float(limits[0]), float(limits[1]))
         if kind == "revolute" and limits is not None:
             check.radians(f"limits of {name!r}", np.array(self.limits))
-        put(self, "max_velocity", None if max_velocity is None else float(max_velocity))
+        self.max_velocity = None if max_velocity is None else float(max_velocity)
 
     @property
     def unit(self) -> str:
