@@ -35,15 +35,14 @@ _PART_OF_PI = np.pi / 12.0
 
 def number(name: str, value: object, unit: str = "") -> float:
     """A finite number, or a ValueError (TypeError for what is no number at all)."""
-    unit = f" [{unit}]" if unit else ""
     if isinstance(value, bool | str | bytes) or value is None:
-        raise TypeError(f"{name}: expected a number{unit}, got {value!r}")
+        raise TypeError(f"{name}: expected a number{_in(unit)}, got {value!r}")
     try:
         result = float(value)  # type: ignore[arg-type]  # what float() refuses is reported below
     except (TypeError, ValueError):
-        raise TypeError(f"{name}: expected a number{unit}, got {value!r}") from None
+        raise TypeError(f"{name}: expected a number{_in(unit)}, got {value!r}") from None
     if not isfinite(result):
-        raise ValueError(f"{name}: expected a finite number{unit}, got {value!r}")
+        raise ValueError(f"{name}: expected a finite number{_in(unit)}, got {value!r}")
     return result
 
 
@@ -64,7 +63,7 @@ def positive(name: str, value: object, unit: str = "") -> float:
     """A finite number above zero."""
     result = number(name, value, unit)
     if result <= 0.0:
-        raise ValueError(f"{name}: expected a positive number{f' [{unit}]' if unit else ''}, got {value!r}")
+        raise ValueError(f"{name}: expected a positive number{_in(unit)}, got {value!r}")
     return result
 
 
@@ -72,7 +71,7 @@ def non_negative(name: str, value: object, unit: str = "") -> float:
     """A finite number that is zero or above."""
     result = number(name, value, unit)
     if result < 0.0:
-        raise ValueError(f"{name}: expected zero or a positive number{f' [{unit}]' if unit else ''}, got {value!r}")
+        raise ValueError(f"{name}: expected zero or a positive number{_in(unit)}, got {value!r}")
     return result
 
 
@@ -147,8 +146,13 @@ def within(name: str, value: object, low: float, high: float, unit: str = "") ->
     """A number from `low` to `high`, both included."""
     result = number(name, value, unit)
     if not low <= result <= high:
-        raise ValueError(f"{name}: expected a number from {low:g} to {high:g}{f' [{unit}]' if unit else ''}, got {value!r}")
+        raise ValueError(f"{name}: expected a number from {low:g} to {high:g}{_in(unit)}, got {value!r}")
     return result
+
+
+def _in(unit: str) -> str:
+    """Text of a unit after a number, for messages."""
+    return f" [{unit}]" if unit else ""
 
 
 def listing(words: Iterable[str]) -> str:
