@@ -326,7 +326,7 @@ def test_joint_angles_of_another_number_are_refused() -> None:
 
 
 def test_points_without_an_echo_do_not_reach_beyond_the_largest_range() -> None:
-    far = 2.0 * radar().max_range
+    far = 2.0 * radar().max_unambiguous_range
     silent = rc.PointTarget([far, 0.0, 0.0], rcs=0.0)
     simulator([rc.PointTarget([1.0, 0.0, 0.0]), silent]).frame()  # warnings are errors here
     with pytest.warns(UserWarning, match="beyond max_unambiguous_range"):
