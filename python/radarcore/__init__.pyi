@@ -81,7 +81,6 @@ from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth
 from radarcore.recording.recording import Recording as Recording
-from radarcore.recording.recording import RecordingReader as RecordingReader
 from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget

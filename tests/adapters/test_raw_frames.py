@@ -21,7 +21,7 @@ from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
-from radarcore.recording.recording import Recording, RecordingReader
+from radarcore.recording.recording import Recording
 from recordings import CODES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame
 from ros_bags import BAGS, cut, stamp_of
 
@@ -102,7 +102,7 @@ def test_a_second_reader_sees_the_same(tmp_path: Path, name: str) -> None:
 def test_a_recording_on_disk_goes_through_frame_by_frame(tmp_path: Path) -> None:
     recording(5).save(tmp_path / "take")
     with BagWriter(tmp_path / "bag") as bag:
-        write_frames(bag, RecordingReader(tmp_path / "take"))
+        write_frames(bag, Recording.load(tmp_path / "take"))
     with BagReader(tmp_path / "bag") as read:
         frames = iter(BagFrames(read))
         np.testing.assert_array_equal(next(frames).cube, recording(5).cube[0])

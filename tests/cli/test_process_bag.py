@@ -87,7 +87,7 @@ def test_a_bag_with_samples_is_a_recording(recording: Path, tmp_path: Path, caps
 def test_a_bag_with_samples_is_drawn(recording: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     with ros.BagWriter(tmp_path / "take") as bag:
-        ros.write_frames(bag, rc.RecordingReader(recording))
+        ros.write_frames(bag, rc.Recording.load(recording))
     picture = tmp_path / "map.png"
     assert main(["plot", str(tmp_path / "take"), "-o", str(picture), "--kind", "map"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")

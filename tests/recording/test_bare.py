@@ -43,7 +43,7 @@ def test_axes_come_into_the_order_of_a_recording(tmp_path: Path, shape: Any, ord
     loaded = rc.Recording.load(path, radar=RADAR, shape=shape)
     np.testing.assert_array_equal(loaded.cube, CUBE)
     assert loaded.cube.dtype == np.complex64
-    np.testing.assert_array_equal([f.cube for f in rc.RecordingReader(path, radar=RADAR, shape=shape)], CUBE)
+    np.testing.assert_array_equal([f.cube for f in rc.Recording.load(path, radar=RADAR, shape=shape)], CUBE)
 
 
 @pytest.mark.parametrize("order", ["frame,chirp,tx,rx,sample", "frame,tx,rx,chirp,sample", "rx,frame,sample,chirp,tx"])

@@ -43,7 +43,7 @@ def test_folder_of_recordings_is_refused_with_their_names(several: Path) -> None
     for index in range(12):
         recording(1).save(several / f"r{index:02}")
     with pytest.raises(ValueError, match="r03 and 8 more; give one of these"):
-        rc.RecordingReader(several)
+        rc.Recording.load(several)
 
 
 def test_info_lists_the_recordings_of_a_folder(several: Path, capsys: pytest.CaptureFixture[str]) -> None:

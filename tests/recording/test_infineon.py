@@ -196,7 +196,7 @@ def without(key: str) -> bytes:
 def test_what_is_damaged_is_refused_by_name(tmp_path: Path, files: Any, message: str) -> None:
     path = folder(tmp_path / "rec", **files)
     with pytest.raises(ValueError, match=message) as error:
-        Recording.load(path)
+        Recording.load(path).cube  # noqa: B018  # codes are read when they are used
     assert str(path) in str(error.value)
 
 
@@ -213,7 +213,7 @@ def test_damage_anywhere_is_a_value_error_or_a_recording(tmp_path: Path) -> None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                assert isinstance(Recording.load(whole), Recording)
+                assert Recording.load(whole).cube.ndim == 4
             except ValueError:
                 pass
             except Exception as error:

@@ -27,7 +27,7 @@ def test_reader_yields_the_frames_of_the_recording(tmp_path: Path, form: str) ->
     else:
         path, radar = tmp_path / "rec.npy", RADAR if form == "npy" else SENSOR
         np.save(path, recording(40).cube if form == "npy" else np.tile(CODES, (10, 1, 1, 1)))
-    whole, reader = rc.Recording.load(path, radar=radar), rc.RecordingReader(path, radar=radar)
+    whole, reader = rc.Recording.load(path, radar=radar), rc.Recording.load(path, radar=radar)
     assert len(reader) == len(whole) == 40
     assert (reader.radar, reader.source) == (whole.radar, whole.source)
     frames = list(reader)
@@ -57,7 +57,7 @@ def test_bare_file_has_the_times_of_its_radar_and_counts_as_numbers(tmp_path: Pa
 LARGE = """
 import resource, sys
 import radarcore as rc
-reader = rc.RecordingReader(sys.argv[1], radar=rc.load_radar(sys.argv[2]))
+reader = rc.Recording.load(sys.argv[1], radar=rc.load_radar(sys.argv[2]))
 next(iter(reader))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 total = sum(float(frame.cube.max()) for frame in reader)
@@ -83,12 +83,12 @@ def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path: Path) -> 
 def test_silly_bare_files_are_refused_by_name(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros((2, 3)))
     with pytest.raises(ValueError, match=r"a\.npy: expected shape \(n, 2, 4, 16\) .* of the radar, got \(2, 3\)"):
-        rc.RecordingReader(tmp_path / "a.npy", radar=RADAR)
+        rc.Recording.load(tmp_path / "a.npy", radar=RADAR)
     with pytest.raises(
         ValueError,
         match=r"a\.npy: expected the radar's settings, got an array \(2, 3\) of float64 without any; pass config=",
     ):
-        rc.RecordingReader(tmp_path / "a.npy")
+        rc.Recording.load(tmp_path / "a.npy")
     with pytest.raises(TypeError, match="radar: expected Radar, got dict"):
         rc.Recording.load(tmp_path / "a.npy", radar={})  # type: ignore[arg-type]
     np.save(tmp_path / "text.npy", np.full((1, 2, 4, 16), "x"))

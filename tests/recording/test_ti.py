@@ -127,7 +127,7 @@ def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -
         ValueError, match=r"Raw_1\.bin: expected the first file of a capture, got one that goes on from"
     ):
         rc.Recording.load(tmp_path / "adc_data_Raw_1.bin", config=path)
-    reader = rc.RecordingReader(path)
+    reader = rc.Recording.load(path)
     np.testing.assert_array_equal([frame.cube for frame in reader], recording.cube)
     assert parts_of(tmp_path / "other_0.bin") == (tmp_path / "other_0.bin",)  # another capture may be other_1.bin
 
@@ -373,7 +373,7 @@ def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
 LARGE = """
 import resource, sys
 import radarcore as rc
-reader = rc.RecordingReader(sys.argv[1], config=sys.argv[2])
+reader = rc.Recording.load(sys.argv[1], config=sys.argv[2])
 next(iter(reader))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 total = sum(1 for frame in reader)

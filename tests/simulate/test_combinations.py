@@ -43,7 +43,7 @@ def test_frames_are_the_same_alone_in_recordings_on_threads_and_from_files(
 
     for path in (tmp_path / "directory", tmp_path / "file.npz"):
         recording.save(path)
-        read = list(rc.RecordingReader(path))
+        read = list(rc.Recording.load(path))
         assert read[2].radar == radar
         for frame, expected in zip(read[2].sequences(), one.frame(0.05).sequences(), strict=True):
             assert frame.radar == expected.radar

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.cli.options import Json, Source
-from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, path_and_topic
+from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.terminal import show
 from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
@@ -21,7 +21,7 @@ from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.mesh_report import mesh_report
 from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.infineon import settings_of
-from radarcore.recording.recording import RecordingReader, facts_of_frames, recordings_in
+from radarcore.recording.recording import Recording, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
 from radarcore.scenefile import schema
 from radarcore.scenefile.load import load_scene
@@ -139,14 +139,13 @@ def _range(parameter: Varying) -> str:
 
 def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
     """Content of a recording, by name with unit; samples of files are not read."""
-    recording = load_recording(path) if path_and_topic(path)[1] else RecordingReader(path, **vars(config))
-    cube = recording if isinstance(recording, RecordingReader) else recording.cube
+    recording = load_recording(path, config)
     source = dict(recording.source)
     if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
         source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
     return {
         "recording": str(path),
-        **facts_of_frames(recording.time, cube.shape, cube.dtype, recording.truth, recording.radar),
+        **facts_of_frames(recording),
         **measured_facts(recording.source),
         "lost frames": "not counted" if recording.lost is None else int(recording.lost.sum()),
         "source": source,
@@ -156,25 +155,25 @@ def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
 def _recording_line(place: Path, config: Description) -> str:
     """One line about a recording, or its error."""
     try:
-        reader = _reader(place, config)
+        recording = _recording(place, config)
     except (ValueError, TypeError, OSError, ImportError) as error:
         return str(error).splitlines()[0].removeprefix(f"{place}: ")
-    num_frames, *row = reader.shape
-    wf = reader.radar.waveform
-    seconds = float(reader.time[-1] - reader.time[0]) + wf.frame_interval if num_frames else 0.0
-    sensor = f", {text}" if (text := measured_facts(reader.source).get("sensor")) else ""
+    num_frames, *row = recording.shape
+    wf = recording.radar.waveform
+    seconds = float(recording.time[-1] - recording.time[0]) + wf.frame_interval if num_frames else 0.0
+    sensor = f", {text}" if (text := measured_facts(recording.source).get("sensor")) else ""
     shape = " x ".join(map(str, row))
     return f"{num_frames} frames of {shape}, {seconds:.3g} s, {wf.start_frequency * 1e-9:.6g} GHz{sensor}"
 
 
-def _reader(place: Path, config: Description) -> RecordingReader:
-    """Reader of a recording, with the description if it is bare."""
+def _recording(place: Path, config: Description) -> Recording:
+    """Recording at a place, with the description if it is bare."""
     try:
-        return RecordingReader(place, **vars(NOTHING_SAID))
+        return Recording.load(place, **vars(NOTHING_SAID))
     except (ValueError, TypeError):
         if not config.given or place.is_dir() or place.suffix == ".npz":
             raise
-        return RecordingReader(place, **vars(config))
+        return Recording.load(place, **vars(config))
 
 
 def measured_facts(source: Mapping[str, Any]) -> dict[str, Any]:

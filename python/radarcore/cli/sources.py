@@ -18,9 +18,9 @@ from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame, is_of_adc
-from radarcore.recording.recording import Recording, RecordingReader
+from radarcore.recording.recording import Recording
 
-AnyReader = RecordingReader | BagFrames
+AnyReader = Recording | BagFrames
 """Frames that need not fit into memory."""
 
 _SETTINGS = "/settings"
@@ -99,33 +99,33 @@ def open_recording(source: Path, config: Description = NOTHING_SAID) -> Iterator
         with BagReader(path) as bag:
             yield BagFrames(bag, topic or only_radar(bag))
     else:
-        yield RecordingReader(path, **vars(config))
+        yield Recording.load(path, **vars(config))
 
 
 def _topics(bag: BagReader) -> str:
     return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
 
 
-def removes_static(frames: AnyReader | Recording, chosen: bool | None) -> bool:
+def removes_static(frames: AnyReader, chosen: bool | None) -> bool:
     """True when static echoes are to be removed: as chosen; else of frames that an ADC measured, more than a chirp.
 
     They have no truth; simulated ones have, and in these what stands still was put there.
     """
     if chosen is not None:
         return chosen
-    first = next(_frames(frames), None)
+    first = next(iter(frames), None)
     if first is None or first.truth is not None or not is_of_adc(first):
         return False
     return len(frames) * first.radar.num_chirps > 1
 
 
-def moving(frames: AnyReader | Recording) -> Iterator[Frame]:
+def moving(frames: AnyReader) -> Iterator[Frame]:
     """The frames without what stands still throughout: their mean over all chirps of the recording, taken off.
 
     Of an ADC's samples the offset of every chirp goes too, which differs a little from the next one's.
     """
     mean = _mean(frames)
-    for frame in _frames(frames):
+    for frame in frames:
         yield _without(frame, mean)
 
 
@@ -142,13 +142,9 @@ def _without(frame: Frame, mean: NDArray[Any] | float) -> Frame:
     return with_samples(frame, moving.astype(frame.cube.dtype), frame.radar)
 
 
-def _mean(frames: AnyReader | Recording) -> NDArray[Any] | float:
+def _mean(frames: AnyReader) -> NDArray[Any] | float:
     """Mean of all chirps, (channel, 1, sample)."""
     mean: NDArray[Any] | float = 0.0
-    for frame in _frames(frames):
+    for frame in frames:
         mean = mean + frame.cube.mean(axis=1, keepdims=True, dtype=np.result_type(frame.cube, np.float64)) / len(frames)
     return mean
-
-
-def _frames(frames: AnyReader | Recording) -> Iterator[Frame]:
-    return frames.frames() if isinstance(frames, Recording) else iter(frames)

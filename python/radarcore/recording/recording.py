@@ -7,9 +7,8 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import Any, ClassVar, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -106,7 +105,6 @@ class Recording(Stored):
     --------
     Recording.load : From disk.
     Simulator.record : A simulated one.
-    RecordingReader : One that does not fit into memory.
     Frame : One of its frames.
 
     Examples
@@ -119,19 +117,44 @@ class Recording(Stored):
     <Frame at 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
     """
 
+    _rows: ClassVar[NDArray[Any] | Converted]  # the samples, or those that are still on disk; of each instance
+
     def __post_init__(self) -> None:
         check_radar(self.radar)
-        object.__setattr__(self, "cube", checked_cube(self.cube, (None, *frame_shape(self.radar))))
-        times = check.array("time", self.time, (len(self.cube),))
+        shape = None, *frame_shape(self.radar)
+        if isinstance(self.cube, Converted):  # samples that `__getattr__` makes when they are used
+            checked_cube(self.cube[:0], shape)
+            object.__setattr__(self, "_rows", self.__dict__.pop("cube"))
+        else:
+            object.__setattr__(self, "cube", checked_cube(self.cube, shape))
+            object.__setattr__(self, "_rows", self.cube)
+        times = check.array("time", self.time, (len(self),))
         object.__setattr__(self, "time", check.in_order("time", times))
-        check_truth(self.truth, (len(self.cube),))
+        check_truth(self.truth, (len(self),))
         if not isinstance(self.source, dict):
             raise TypeError(f"source: expected a dict, got {type(self.source).__name__}")
         if self.lost is not None:
-            object.__setattr__(self, "lost", _counts("lost", self.lost, len(self.cube)))
+            object.__setattr__(self, "lost", _counts("lost", self.lost, len(self)))
+
+    def __getattr__(self, name: str) -> Any:
+        if name != "cube" or "_rows" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        object.__setattr__(self, "cube", self._rows[:])
+        object.__setattr__(self, "_rows", self.cube)
+        return self.cube
 
     def __len__(self) -> int:
-        return len(self.cube)
+        return len(self._rows)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of frames, channels, chirps and samples; reads no samples."""
+        return self._rows.shape
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples; reads none."""
+        return self._rows.dtype
 
     def __iter__(self) -> Iterator[Frame]:
         return self.frames()
@@ -140,17 +163,15 @@ class Recording(Stored):
         return np.array(self.cube, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
-        channels, chirps, samples = self.cube.shape[1:]
+        channels, chirps, samples = self.shape[1:]
         span = f" in {np.ptp(self.time):.6g} s" if len(self) > 1 else ""
         return (
             f"<Recording of {len(self)} frames{span}: {channels} channels x {chirps} chirps x {samples} samples, "
-            f"{self.cube.dtype}{bodies_text(self.truth)}>"
+            f"{self.dtype}{bodies_text(self.truth)}>"
         )
 
     def _repr_html_(self) -> str:
-        return html_table(
-            "Recording", facts_of_frames(self.time, self.cube.shape, self.cube.dtype, self.truth, self.radar)
-        )
+        return html_table("Recording", facts_of_frames(self))
 
     @overload
     def __getitem__(self, frame_index: int) -> Frame: ...
@@ -166,13 +187,14 @@ class Recording(Stored):
             raise ValueError(f"frame_index: expected a slice of frames that follow each other, got step {frames.step}")
         truth = None if self.truth is None else self.truth[frames]
         lost = None if self.lost is None else self.lost[frames]
-        return replace(self, cube=self.cube[frames], time=self.time[frames], truth=truth, lost=lost)
+        return replace(self, cube=self._rows[frames], time=self.time[frames], truth=truth, lost=lost)
 
     def _frame(self, frame_index: int) -> Frame:
         """Frame at an index; negative ones count from the end."""
         if not -len(self) <= (index := check.count("frame_index", frame_index, -(2**63))) < len(self):
             raise IndexError(f"frame_index: expected an index into {len(self)} frames, got {frame_index}")
-        cube = self.cube[index]
+        index %= len(self)
+        cube = self._rows[index : index + 1][0]
         stats: dict[str, Any] = {} if self.lost is None else {"lost_before": int(self.lost[index])}
         if not self._has_codes and (unit := self.source.get("cube_unit")) is not None:
             stats["cube_unit"] = unit
@@ -195,7 +217,7 @@ class Recording(Stored):
 
     @property
     def _has_codes(self) -> bool:
-        return self.source.get("cube_unit") == FULL_SCALE and self.cube.dtype.kind == "f"
+        return self.source.get("cube_unit") == FULL_SCALE and self.dtype.kind == "f"
 
     def sequences(self) -> tuple[Recording, ...]:
         """Recordings of the sub-sequences, see `Frame.sequences`."""
@@ -206,9 +228,11 @@ class Recording(Stored):
         return tuple(replace(self, cube=self.cube[:, :, chirps], radar=radar) for radar, chirps in parts)
 
     def frames(self) -> Iterator[Frame]:
-        """The frames in order, one at a time."""
-        for index in range(len(self)):
-            yield self[index]
+        """The frames in order, one at a time; few are in memory."""
+        for first in range(0, len(self), _CHUNK):
+            part = self[first : first + _CHUNK]
+            for index in range(len(part)):
+                yield part[index]
 
     def replay(self, *, speed: float | None = 1.0, loop: bool = False) -> Iterator[Frame]:
         """The frames in order, each when it is due: the first at once, the others by their times.
@@ -343,7 +367,7 @@ class Recording(Stored):
     ) -> Recording:
         """Read from disk; warns of no frames, and of frames that are missing because the writer was interrupted.
 
-        `RecordingReader` reads recordings that do not fit into memory.
+        Samples stay on disk until they are used: iterating keeps a few frames in memory, `cube` reads the rest.
 
         Parameters
         ----------
@@ -355,8 +379,7 @@ class Recording(Stored):
             ``[frame, channel, chirp, sample]``, or one, an interval apart; integers become float32 counts. A raw
             capture of TI's DCA1000, ``.bin``, with a `config` of TI, or its ``.setup.json``.
         mmap : bool
-            Leave the cube of a directory on disk and map it into memory, read-only; codes of an ADC are always
-            read and made samples.
+            Leave the samples on disk until they are used; the cube of a directory is mapped into memory, read-only.
         radar : Radar, optional
             Radar of bare samples; other recordings have their own.
         config : path, optional
@@ -384,7 +407,6 @@ class Recording(Stored):
         See Also
         --------
         Recording.save : Writes to disk.
-        RecordingReader : Reads a few frames at a time.
         load_radar : Radar of a file.
 
         Examples
@@ -394,25 +416,26 @@ class Recording(Stored):
         <Recording of 2 frames in 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
         """
         stored = stored_at(path, mmap=mmap, description=Description(radar, config, shape, dtype, variable))
-        cube: Any = stored.cube
         try:
-            return cls(**vars(replace(stored, cube=cube[:] if isinstance(cube, Converted) else cube)))
+            recording = cls(**vars(stored))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error
+        if not mmap:
+            recording.cube  # noqa: B018  # reads it
+        return recording
 
 
-def facts_of_frames(
-    time: NDArray[np.float64], shape: tuple[int, ...], dtype: np.dtype[Any], truth: Truth | None, radar: Radar
-) -> dict[str, Any]:
-    """Times, samples, truth and radar of frames, by name with unit."""
+def facts_of_frames(recording: Recording) -> dict[str, Any]:
+    """Times, samples, truth and radar of a recording's frames, by name with unit."""
+    times, truth = recording.time, recording.truth
     return {
-        "frames": shape[0],
-        "start [s]": float(time[0]) if shape[0] else None,
-        "last frame [s]": float(time[-1]) if shape[0] else None,
-        "cube [frame, channel, chirp, sample]": list(shape),
-        "dtype": str(dtype),
+        "frames": len(recording),
+        "start [s]": float(times[0]) if len(recording) else None,
+        "last frame [s]": float(times[-1]) if len(recording) else None,
+        "cube [frame, channel, chirp, sample]": list(recording.shape),
+        "dtype": str(recording.dtype),
         "bodies": None if truth is None else list(truth.names),
-        **radar.facts(),
+        **recording.radar.facts(),
     }
 
 
@@ -480,73 +503,3 @@ def _counts(name: str, values: ArrayLike, length: int) -> NDArray[np.int32]:
 
 _CHUNK = 16
 """Frames that are read at once."""
-
-
-class RecordingReader:
-    """Frames of a recording on disk, a few at a time in memory, however many there are.
-
-    Parameters
-    ----------
-    path : path
-        As for `Recording.load`. An ``.npz`` file is read whole.
-    radar, config, shape, dtype, variable : optional
-        Of bare samples, see `Recording.load`.
-
-    Attributes
-    ----------
-    radar : Radar
-    source : dict
-        Origin of the frames.
-    shape : tuple of int
-        Frames, channels, chirps, samples.
-    dtype : dtype
-        Of the samples.
-    time, truth, lost
-        Of all frames, see `Recording`.
-
-    See Also
-    --------
-    Recording.load : All of it.
-    RecordingWriter : Writes frame by frame.
-
-    Examples
-    --------
-    >>> rc.Recording(np.zeros((2, 3, 64, 128), np.float32), [0.0, 0.025], rc.bgt60tr13c()).save("made")
-    >>> [frame.time for frame in rc.RecordingReader("made")]
-    [0.0, 0.025]
-    """
-
-    def __init__(
-        self,
-        path: str | PathLike[str],
-        *,
-        radar: Radar | None = None,
-        config: str | PathLike[str] | None = None,
-        shape: str | Sequence[str | int] | None = None,
-        dtype: str | None = None,
-        variable: str | None = None,
-    ) -> None:
-        self._stored: Stored = stored_at(path, description=Description(radar, config, shape, dtype, variable))
-        Recording(**self._part(0))  # refuses what does not fit together
-        self.radar: Radar = self._stored.radar
-        self.source: dict[str, Any] = self._stored.source
-        self.shape: tuple[int, ...] = self._stored.cube.shape
-        self.dtype: np.dtype[Any] = self._stored.cube.dtype
-        self.time: NDArray[np.float64] = self._stored.time
-        self.truth: Truth | None = self._stored.truth
-        self.lost: NDArray[np.int32] | None = self._stored.lost
-
-    def __len__(self) -> int:
-        return len(self._stored.cube)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """The frames in order."""
-        for first in range(0, len(self), _CHUNK):
-            yield from Recording(**self._part(first)).frames()
-
-    def _part(self, first: int) -> dict[str, Any]:
-        """Fields of the recording of some frames."""
-        stored, rows = self._stored, slice(first, first + _CHUNK)
-        truth = None if stored.truth is None else stored.truth[rows]
-        lost = None if stored.lost is None else stored.lost[rows]
-        return vars(replace(stored, cube=stored.cube[rows], time=stored.time[rows], truth=truth, lost=lost))

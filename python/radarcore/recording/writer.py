@@ -48,7 +48,7 @@ class RecordingWriter:
 
     See Also
     --------
-    RecordingReader : Reads frame by frame.
+    Recording.load : Reads it, frame by frame too.
     Recording.save : Writes all at once.
     Simulator.record : Writes what it simulates with `path`.
 

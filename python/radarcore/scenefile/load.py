@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radarcore.radar.radar import Radar
 from radarcore.recording.radar_files import configuration
-from radarcore.recording.recording import RecordingReader
+from radarcore.recording.recording import Recording
 from radarcore.scenefile import read
 from radarcore.scenefile.build.errors import located
 from radarcore.scenefile.build.kept import Kept
@@ -88,7 +88,7 @@ def load_radar(path: str | PathLike[str]) -> Radar:
     """
     file = Path(path)
     if file.is_dir() or file.suffix == ".npz":
-        return RecordingReader(file).radar
+        return Recording.load(file).radar
     if file.suffix != ".toml":
         return configuration(file).radar
     table = read.table(file).radar

@@ -38,7 +38,7 @@ from radarcore.recording.frame import (
     unit_of,
 )
 from radarcore.recording.native import meta_text, parsed_json, radar_from_json
-from radarcore.recording.recording import Recording, RecordingReader
+from radarcore.recording.recording import Recording
 
 _LABELS = ("frame", "channel", "chirp", "sample")
 _IQ = "iq"
@@ -466,9 +466,7 @@ class FrameWriter:
         self._bag.write(f"{self._topic}/{name}", message, stamp)
 
 
-def write_frames(
-    bag: BagWriter, frames: Recording | RecordingReader, *, topic: str = "/radar", start_ns: int = 0
-) -> None:
+def write_frames(bag: BagWriter, frames: Recording, *, topic: str = "/radar", start_ns: int = 0) -> None:
     """Write a recording into a bag, frame by frame; parameters are those of `FrameWriter`.
 
     See Also
@@ -486,7 +484,7 @@ def write_frames(
     4
     """
     writer = FrameWriter(bag, frames.radar, source=frames.source, topic=topic, start_ns=start_ns)
-    for frame in frames.frames() if isinstance(frames, Recording) else frames:
+    for frame in frames:
         writer.append(frame)
     writer.close()
 
