@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import bz2
-import struct
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,11 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
 from radarcore.adapters.ros.bag_writer import BagWriter
-from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.bags import BagReader, typed
+from rosbags_types import typestore
 
-BAGS = {"mcap": "bag", "sqlite3": "bag", "ros1": "take.bag"}
-"""Names of bags by their format; folders for ROS 2."""
+FORMATS = ("mcap", "sqlite3")
+"""Of bags that are written."""
 
 START_NS = 1_700_000_000_123_456_789
 EVERY_NS = 25_000_000
@@ -32,7 +32,7 @@ def stamp_of(time_ns: int) -> dict[str, int]:
 
 
 def header_of(time_ns: int, frame_id: str = "world") -> dict[str, Any]:
-    return {"stamp": stamp_of(time_ns), "frame_id": frame_id}
+    return {"seq": 0, "stamp": stamp_of(time_ns), "frame_id": frame_id}
 
 
 def pose_of(position: Any, quaternion_xyzw: Any = (0.0, 0.0, 0.0, 1.0)) -> dict[str, Any]:
@@ -46,28 +46,30 @@ def array_of(number: int) -> dict[str, Any]:
     return {"layout": {"dim": [], "data_offset": 0}, "data": np.full(6000, number, np.int16)}
 
 
+def messages(num: int = NUM) -> Iterable[tuple[str, str, int, Any]]:
+    """`num` arrays that count on ``/array``, and as many poses on ``/arm/pose``: topic, type, time, message."""
+    for k in range(num):
+        time = START_NS + k * EVERY_NS
+        yield "/array", ARRAY, time, array_of(k)
+        yield "/arm/pose", POSE, time, {"header": header_of(time), "pose": pose_of([k, 0.0, 0.0])}
+
+
 def write_bag(path: Path, format: str, num: int = NUM) -> Path:
-    """`num` arrays that count on ``/array``, and as many poses on ``/arm/pose``."""
     with BagWriter(path, format) as bag:
-        for k in range(num):
-            time = START_NS + k * EVERY_NS
-            bag.write("/array", array_of(k), time, type=ARRAY)
-            bag.write("/arm/pose", {"header": header_of(time), "pose": pose_of([k, 0.0, 0.0])}, time, type=POSE)
+        for topic, kind, time, message in messages(num):
+            bag.write(topic, message, time, type=kind)
     return path
 
 
-def packed_bag(path: Path, num_zeros: int) -> Path:
-    """A ROS 1 bag of a chunk of zeros, packed by bz2, without its index: some hundred bytes."""
+def write_ros1_bag(path: Path, num: int = NUM) -> Path:
+    from rosbags.rosbag1 import Writer
 
-    def record(data: bytes, **fields: bytes) -> bytes:
-        named = [name.encode() + b"=" + value for name, value in fields.items()]
-        header = b"".join(struct.pack("<I", len(field)) + field for field in named)
-        return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
-
-    first = record(b"", op=b"\x03", index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4))
-    size = struct.pack("<I", num_zeros)
-    packed = record(bz2.compress(bytes(num_zeros)), op=b"\x05", compression=b"bz2", size=size)
-    path.write_bytes(b"#ROSBAG V2.0\n" + first + packed)
+    store, topics = typestore("ROS 1"), dict[str, Any]()
+    with Writer(path) as bag:
+        for topic, kind, time, message in messages(num):
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(topics[topic], time, store.serialize_ros1(typed(store, kind, message), kind))
     return path
 
 

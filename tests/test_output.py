@@ -103,7 +103,6 @@ WRITERS = (
     ),
     Writer("a.mcap", bag, "rosbags"),
     Writer("a.db3", bag, "rosbags"),
-    Writer("a.bag", bag, "rosbags"),
     Writer("a.rrd", viewer, "rerun", is_whole=False),
 )
 IDS = [writer.name for writer in WRITERS]

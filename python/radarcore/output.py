@@ -69,7 +69,7 @@ def check_folder_name(path: Path) -> None:
     """Refuse a new folder with the suffix of a file: other programs would take it for one."""
     kind = path.suffix.lower()
     if kind in {*_STARTS, *_SAME, *_OTHERS} and not path.exists():
-        bags = "; adapters.ros.write_frames writes frames into a bag" if kind in (".mcap", ".db3", ".bag") else ""
+        bags = "; adapters.ros.write_frames writes frames into a bag" if kind in (".mcap", ".db3") else ""
         raise ValueError(f"{path}: expected the name of a folder, got the suffix {kind} of a file{bags}")
 
 

@@ -1,4 +1,4 @@
-"""ROS bags: what is written comes back from all three formats, by a second reader too; cut ones up to the cut."""
+"""ROS bags: what is written comes back, by a second reader too; cut MCAP files up to the cut."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import os
 import shutil
 import subprocess
 import sys
-import tracemalloc
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,8 +19,8 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader, Topic, is_bag, typed, typestore
 from ros_bags import (
     ARRAY,
-    BAGS,
     EVERY_NS,
+    FORMATS,
     NUM,
     POSE,
     START_NS,
@@ -30,14 +28,13 @@ from ros_bags import (
     cut,
     file_of,
     header_of,
-    packed_bag,
-    pose_of,
     read_cut,
     write_bag,
+    write_ros1_bag,
 )
 
 
-@pytest.fixture(params=BAGS)
+@pytest.fixture(params=FORMATS)
 def format(request: pytest.FixtureRequest) -> str:  # noqa: A001  # the argument's name
     name: str = request.param
     return name
@@ -46,7 +43,8 @@ def format(request: pytest.FixtureRequest) -> str:  # noqa: A001  # the argument
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("bags")
-    return {kind: write_bag(folder / kind / name, kind) for kind, name in BAGS.items()}
+    whole = {kind: write_bag(folder / kind, kind) for kind in FORMATS}
+    return whole | {"ros1": write_ros1_bag(folder / "take.bag")}
 
 
 @pytest.fixture
@@ -63,10 +61,11 @@ def copied(bag: Path, folder: Path) -> Path:
 # --- Round trip
 
 
-def test_messages_come_back_in_order_with_their_times(path: Path, format: str) -> None:
-    with BagReader(path) as bag:
+@pytest.mark.parametrize("kind", [*FORMATS, "ros1"])
+def test_messages_come_back_in_order_with_their_times(bags: dict[str, Path], kind: str) -> None:
+    with BagReader(bags[kind]) as bag:
         assert bag.topics == {"/arm/pose": Topic("/arm/pose", POSE, NUM), "/array": Topic("/array", ARRAY, NUM)}
-        assert bag.version == (1 if format == "ros1" else 2)
+        assert bag.version == (1 if kind == "ros1" else 2)
         assert (bag.start_ns, bag.stop_ns) == (START_NS, START_NS + (NUM - 1) * EVERY_NS + 1)
         every = list(bag.messages())
         arrays, poses = ([m for m in every if m.topic == topic] for topic in ("/array", "/arm/pose"))
@@ -122,7 +121,7 @@ def test_a_second_reader_agrees(tmp_path: Path) -> None:
 def test_topics_of_other_encodings_are_left_out(tmp_path: Path) -> None:
     """Foxglove and others put JSON beside messages of ROS into an MCAP file."""
     writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
-    store = typestore(2)
+    store = typestore()
     data = bytes(store.serialize_cdr(typed(store, "std_msgs/msg/String", {"data": "x"}), "std_msgs/msg/String"))
     with (tmp_path / "a.mcap").open("wb") as file:
         other = writer.Writer(file)
@@ -151,7 +150,7 @@ module geometry_msgs {{ module msg {{ struct {kind} {{ double x; double y; doubl
 def test_definitions_in_idl_are_understood(tmp_path: Path, is_cut: bool) -> None:
     """Of one type, and of several with lines between them."""
     writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
-    store, path = typestore(2), tmp_path / "a.mcap"
+    store, path = typestore(), tmp_path / "a.mcap"
     data = bytes(store.serialize_cdr(typed(store, POINT, {"x": 1.0, "y": 2.0, "z": 3.0}), POINT))
     one = POINT_IDL.format(name=POINT, kind="Point")
     line = "=" * 80 + "\n"
@@ -173,10 +172,7 @@ def test_definitions_in_idl_are_understood(tmp_path: Path, is_cut: bool) -> None
     assert len(caught) == is_cut
 
 
-@pytest.mark.parametrize("share", [1.0, 0.5])
-def test_databases_without_definitions_are_read_by_those_of_ros(
-    tmp_path: Path, bags: dict[str, Path], share: float
-) -> None:
+def test_databases_without_definitions_are_read_by_those_of_ros(tmp_path: Path, bags: dict[str, Path]) -> None:
     """As those before ROS 2 Iron."""
     import apsw
 
@@ -185,10 +181,7 @@ def test_databases_without_definitions_are_read_by_those_of_ros(
     database.execute("DROP TABLE message_definitions; DROP TABLE schema; DROP TABLE metadata").fetchall()
     database.execute("ALTER TABLE topics DROP COLUMN type_description_hash").fetchall()
     database.close()
-    found, warned = read_cut(cut(file_of(path), share))
-    assert found == list(range(len(found)))
-    assert len(found) == NUM if share == 1.0 else 60 < len(found) < 77
-    assert len(warned) == (share < 1.0)
+    assert read_cut(file_of(path)) == (list(range(NUM)), [])
 
 
 POINT = "geometry_msgs/msg/Point"
@@ -196,82 +189,63 @@ RETURN = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
 
 
 def test_latched_topics_say_so(tmp_path: Path, format: str) -> None:
-    path = tmp_path / BAGS[format]
+    path = tmp_path / "bag"
     with BagWriter(path, format) as bag:
         bag.add_topic("/settings", "std_msgs/msg/String", latched=True)
         bag.write("/settings", {"data": "x"}, 1)
-    if format == "ros1":
-        assert b"latching=1" in path.read_bytes()
-    else:
-        assert b"durability: transient_local" in file_of(path).read_bytes()
-
-
-def test_messages_of_other_classes_are_made_those_of_the_bag(tmp_path: Path) -> None:
-    """A message of ROS 2 becomes one of ROS 1, whose headers count."""
-    two = typestore(2)
-    message = typed(two, POSE, {"header": header_of(7), "pose": pose_of([1, 2, 3])})
-    with BagWriter(tmp_path / "a.bag") as bag:
-        bag.write("/pose", message, 7)
-    with BagReader(tmp_path / "a.bag") as read:
-        (found,) = read.messages("/pose")
-    assert (found.message.header.seq, found.message.pose.position.z) == (0, 3.0)
+    assert b"durability: transient_local" in file_of(path).read_bytes()
 
 
 # --- Cut bags
 
 
+@pytest.mark.parametrize("packed", [None, "LZ4", "ZSTD"])
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_a_cut_bag_is_read_up_to_the_cut_with_one_warning(path: Path, share: float) -> None:
-    found, warned = read_cut(cut(path, share))
-    # Bytes lie in the order of time, but for the part of a page or of an index.
-    assert found == list(range(len(found)))
-    assert NUM * share * 0.95 - 4 < len(found) <= NUM * share + 1
-    (line,) = warned
-    assert line.startswith(f"{path}: a bag that is cut or damaged: ")
+def test_a_cut_mcap_is_read_up_to_the_chunk_with_the_cut(tmp_path: Path, share: float, packed: str | None) -> None:
+    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install radarcore[ros]")
+    kind = writer.CompressionType[packed or "NONE"]
+    store, path = typestore(), tmp_path / "a.mcap"
+    sent = np.random.default_rng(0).integers(-(2**15), 2**15, (NUM, 600)).astype(np.int16)
+    with path.open("wb") as file:
+        other = writer.Writer(file, chunk_size=12_000, compression=kind)  # some ten messages
+        other.start(profile="ros2")
+        schema = other.register_schema(ARRAY, "ros2msg", store.generate_msgdef(ARRAY, ros_version=2)[0].encode())
+        channel = other.register_channel("/array", "cdr", schema)
+        for k in range(NUM):
+            message = typed(store, ARRAY, array_of(k) | {"data": sent[k]})
+            other.add_message(channel, k, bytes(store.serialize_cdr(message, ARRAY)), k)
+        other.finish()
+    cut(path, share)
+    with pytest.warns(UserWarning, match="cut or damaged") as caught, BagReader(path) as bag:
+        found = [m.message.data for m in bag.messages()]
+    assert NUM * share - 15 < len(found) <= NUM * share + 1
+    assert all((values == sent[k]).all() for k, values in enumerate(found))
+    (warned,) = caught
+    assert str(warned.message).startswith(f"{path}: a bag that is cut or damaged: ")
+    assert str(warned.message).endswith(f"; {len(found)} messages are whole")
 
 
-@pytest.mark.parametrize("format", ["mcap", "ros1"])
-def test_a_bag_without_its_index_is_whole(path: Path, format: str) -> None:
+def test_an_mcap_without_its_index_is_whole(tmp_path: Path, bags: dict[str, Path]) -> None:
     """A recorder that was killed between two chunks."""
-    data = file_of(path).read_bytes()
-    if format == "mcap":
-        file_of(path).write_bytes(data[: data.rindex(b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0")])  # before DataEnd
-    else:
-        at = data.index(b"index_pos=") + 10
-        end = int.from_bytes(data[at : at + 8], "little")
-        file_of(path).write_bytes(data[:at] + bytes(8) + data[at + 8 : end])
-    found, warned = read_cut(path)
+    file = file_of(copied(bags["mcap"], tmp_path))
+    data = file.read_bytes()
+    file.write_bytes(data[: data.rindex(b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0")])  # before DataEnd
+    found, warned = read_cut(file)
     assert found == list(range(NUM))
     assert len(warned) == 1
 
 
-@pytest.mark.parametrize("packed", ["zstd", "lz4"])
-def test_cut_chunks_that_are_packed_are_read_as_far_as_they_go(tmp_path: Path, packed: str) -> None:
-    path = tmp_path / ("a.bag" if packed == "lz4" else "bag")
-    store = typestore(1 if packed == "lz4" else 2)
-    if packed == "lz4":
-        from rosbags.rosbag1 import Writer as Writer1
-
-        writer: Any = Writer1(path)
-        writer.set_compression(Writer1.CompressionFormat.LZ4)
-    else:
-        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-
-        writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    random = np.random.default_rng(0)
-    sent = random.integers(0, 4096, (NUM, 6000)).astype(np.int16)
-    with writer:
-        topic = writer.add_connection("/array", ARRAY, typestore=store)
-        for k in range(NUM):
-            message = typed(store, ARRAY, array_of(k) | {"data": sent[k]})
-            pack = store.serialize_ros1 if packed == "lz4" else store.serialize_cdr
-            writer.write(topic, k, pack(message, ARRAY))
-    cut(path, 0.5)
-    with pytest.warns(UserWarning, match="cut or damaged"), BagReader(path) as bag:
-        found = [m.message.data for m in bag.messages()]
-    assert 60 < len(found) < 85
-    assert all((values == sent[k]).all() for k, values in enumerate(found))
+@pytest.mark.parametrize(
+    ("kind", "command"),
+    [("ros1", r"`rosbag reindex .*take\.bag`"), ("sqlite3", r"`sqlite3 .*\.db3 \.recover \| sqlite3")],
+)
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_other_cut_bags_are_refused_with_the_command_that_mends_them(
+    tmp_path: Path, bags: dict[str, Path], kind: str, command: str, share: float
+) -> None:
+    path = cut(copied(bags[kind], tmp_path), share)
+    with pytest.raises(ValueError, match=f"expected a whole bag, got a damaged one .*; {command}"):
+        BagReader(path)
 
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
@@ -279,7 +253,7 @@ def test_cut_chunks_that_are_packed_are_read_as_far_as_they_go(tmp_path: Path, p
 def test_packed_files_and_messages_are_unpacked(tmp_path: Path, mode: str, plugin: str) -> None:
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-    store, path = typestore(2), tmp_path / "bag"
+    store, path = typestore(), tmp_path / "bag"
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
     writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with writer:
@@ -292,24 +266,13 @@ def test_packed_files_and_messages_are_unpacked(tmp_path: Path, mode: str, plugi
         assert read_cut(path)[0] == list(range(5))
         file = next(path.iterdir())
         file.write_bytes(file.read_bytes()[:-20])
-        found, warned = read_cut(path)
-        assert found == list(range(5 if plugin == "MCAP" else len(found)))
-        assert len(warned) == 1
+        if plugin == "MCAP":
+            found, warned = read_cut(path)
+            assert found == list(range(5))
+            assert len(warned) == 1
 
 
-def test_a_torn_page_in_the_middle_ends_what_is_read(tmp_path: Path, bags: dict[str, Path]) -> None:
-    path = copied(bags["sqlite3"], tmp_path)
-    file = file_of(path)
-    data = bytearray(file.read_bytes())
-    data[len(data) // 2 : len(data) // 2 + 65536] = bytes(65536)
-    file.write_bytes(data)
-    found, warned = read_cut(path)
-    assert found == list(range(len(found)))
-    assert 60 < len(found) < 80
-    assert len(warned) == 1
-
-
-def test_a_database_with_a_log_of_changes_is_read_with_them(tmp_path: Path) -> None:
+def test_a_database_with_a_log_of_changes_is_refused(tmp_path: Path) -> None:
     """As ROS 2 leaves it behind when its recorder is killed."""
     import apsw
 
@@ -322,10 +285,8 @@ def test_a_database_with_a_log_of_changes_is_read_with_them(tmp_path: Path) -> N
     for end in ("", "-wal"):
         copy.with_name(copy.name + end).write_bytes(path.with_name(path.name + end).read_bytes())
     database.close()
-    found, warned = read_cut(copy)
-    assert found == [*range(5), *range(5)]
-    assert len(warned) == 1
-    assert "its writer left copy.db3-wal" in warned[0]
+    with pytest.raises(ValueError, match=r"its writer left copy\.db3-wal\); `sqlite3 .*copy\.db3 \.recover"):
+        BagReader(copy)
 
 
 @pytest.mark.parametrize("pause", [0.0, 1.5])
@@ -342,7 +303,7 @@ def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: s
     )
     tests = str(Path(__file__).resolve().parents[1])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([tests, *sys.path])}
-    path = tmp_path / BAGS[format]
+    path = tmp_path / "bag"
     ended = subprocess.run(
         [sys.executable, "-c", program, path, format, str(pause)], env=environment, capture_output=True, check=False
     )
@@ -370,7 +331,7 @@ def test_a_killed_writer_loses_at_most_its_last_second(tmp_path: Path, format: s
 
 def test_bag_on_a_full_disk_is_never_finished(tmp_path: Path, format: str) -> None:
     """Not even with free space again: a record would follow an incomplete one."""
-    path = tmp_path / BAGS[format]
+    path = tmp_path / "bag"
     bag = BagWriter(path, format)
     bag.write("/array", array_of(0), 0, type=ARRAY)
     bag._flush()
@@ -391,7 +352,7 @@ def test_bag_on_a_full_disk_is_never_finished(tmp_path: Path, format: str) -> No
 
 
 def test_only_one_writer_has_a_bag(tmp_path: Path, format: str) -> None:
-    path = tmp_path / BAGS[format]
+    path = tmp_path / "bag"
     with BagWriter(path, format) as bag:
         bag.write("/array", array_of(0), 0, type=ARRAY)
         with pytest.raises(BlockingIOError, match=f"expected no other writer, got process {os.getpid()}, which writes"):
@@ -430,7 +391,7 @@ def test_only_bags_of_radarcore_are_replaced_and_only_their_files(tmp_path: Path
 
 
 def test_an_error_finishes_the_bag(tmp_path: Path, format: str) -> None:
-    path = tmp_path / BAGS[format]
+    path = tmp_path / "bag"
     with pytest.raises(ValueError, match="expected a known message"), BagWriter(path, format) as bag:  # noqa: PT012
         bag.write("/array", array_of(0), 0, type=ARRAY)
         bag.add_topic("/other", "nonsense")
@@ -462,7 +423,7 @@ def test_a_wrong_topic_names_those_that_there_are(path: Path) -> None:
     [
         ("a.mcap", b"", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got an empty file"),
         ("a.bag", b"#ROSBAG V1.2\n", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got another file"),
-        ("a.db3", b"SQLite format 3\0" + bytes(200), r"expected a bag, got a damaged one \(IOError"),
+        ("a.db3", b"SQLite format 3\0" + bytes(200), r"expected a whole bag, got a damaged one \("),
     ],
 )
 def test_other_files_are_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
@@ -513,12 +474,10 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", "mcap", 1)
     with pytest.raises(FileExistsError, match="overwrite=True replaces it"):
         BagWriter(tmp_path / "bag")
-    with pytest.raises(ValueError, match=r"path: expected \.bag for the format 'ros1', got"):
-        BagWriter(tmp_path / "take", "ros1")
     with pytest.raises(ValueError, match=r"path: expected \.db3 or a folder for the format 'sqlite3', got"):
         BagWriter(tmp_path / "take.mcap", "sqlite3")
-    for name in ("take.bg", "take.mcap.gz", "take.MCAP"):
-        with pytest.raises(ValueError, match=r"path: expected a bag \(\.bag, \.mcap, \.db3\) or a folder"):
+    for name in ("take.bag", "take.mcap.gz", "take.MCAP"):
+        with pytest.raises(ValueError, match=r"path: expected a bag \(\.mcap, \.db3\) or a folder"):
             BagWriter(tmp_path / name)
     with BagWriter(tmp_path / "2026.11.26"):
         pass
@@ -556,27 +515,3 @@ def test_writer_that_is_interrupted_before_it_begins_leaves_nothing(
     with pytest.raises(KeyboardInterrupt):
         BagWriter(tmp_path / "take.mcap")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_small_bags_do_not_fill_the_memory(tmp_path: Path) -> None:
-    """200 MB of zeros in some hundred bytes of bz2, in a bag without an index and in a whole one."""
-    small = packed_bag(tmp_path / "small.bag", 200_000_000)
-    assert small.stat().st_size < 1000
-    from rosbags.rosbag1 import Writer
-
-    writer = Writer(whole := tmp_path / "whole.bag")
-    writer.set_compression(writer.CompressionFormat.BZ2)
-    with writer as bag:
-        connection = bag.add_connection("/array", ARRAY, typestore=typestore(1))
-        bag.write(connection, START_NS, bytes(100_000_000))
-    tracemalloc.start()
-    with pytest.raises(
-        ValueError, match=r"small.bag: expected a bag, got a damaged one \(a chunk of \d+ bytes unpacks to"
-    ):
-        BagReader(small)
-    message = r"whole.bag: .* a chunk of \d+ bytes unpacks to more than 67108864"
-    with pytest.warns(UserWarning, match=message), BagReader(whole) as read:
-        assert list(read.messages()) == []
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 180e6

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from array import array
-from io import BytesIO
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -72,16 +71,6 @@ def rclpy_class(name: str) -> type:
     return type(name, (), {"__init__": make, "get_fields_and_field_types": dict})
 
 
-def genpy_class(name: str) -> type:
-    """Like a class of genpy: keywords, bytes for uint8[], lists or tuples for other arrays."""
-
-    def make(self: Any, **fields: Any) -> None:
-        assert not any(isinstance(value, np.ndarray) for value in fields.values())
-        vars(self).update(fields)
-
-    return type(name, (), {"__init__": make, "_slot_types": []})
-
-
 def install(patch: pytest.MonkeyPatch, make: Any, *names: str) -> None:
     """Put packages of messages in the place of those that are installed, if any are."""
     for package in {name.split("/")[0] for name in names}:
@@ -110,46 +99,6 @@ def test_messages_of_an_installed_ros_2_have_its_classes_and_arrays(monkeypatch:
     message = ros.to_samples_message(codes, types=ros.installed)
     assert message.data.typecode == "h"
     np.testing.assert_array_equal(ros.from_samples_message(message), codes[None])
-
-
-def test_messages_of_an_installed_ros_1_have_its_classes_and_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
-    install(monkeypatch, genpy_class, *IMAGE, *LAYOUT)
-    time = SimpleNamespace(Time=lambda secs, nsecs: SimpleNamespace(secs=secs, nsecs=nsecs))
-    monkeypatch.setitem(sys.modules, "genpy", time)
-    values = np.array([[1.0, 2.0], [3.0, 4.0]])
-    image = ros.to_map_image(values, time_ns=STAMP, types=ros.installed)
-    assert isinstance(image.data, bytes)
-    np.testing.assert_array_equal(ros.from_map_image(image), values)
-    assert ros.header_nanoseconds(image) == STAMP
-
-    codes = np.arange(24).reshape(2, 3, 4)
-    message = ros.to_samples_message(codes, types=ros.installed)
-    assert message.data == list(range(24))
-    np.testing.assert_array_equal(ros.from_samples_message(message), codes[None])
-
-
-def test_classes_of_ros_1_itself_write_and_read_what_is_made_of_them() -> None:
-    reason = "needs the messages of ROS 1 (Debian: python3-sensor-msgs, for the system's Python)"
-    pytest.importorskip("genpy", reason=reason)
-    pytest.importorskip("sensor_msgs", reason=reason)
-
-    def received(message: Any) -> Any:
-        wire = BytesIO()
-        message.serialize(wire)
-        return type(message)().deserialize(wire.getvalue())
-
-    codes = np.arange(24).reshape(2, 3, 4)
-    message = received(ros.to_samples_message(codes, types=ros.installed))
-    np.testing.assert_array_equal(ros.from_samples_message(message), codes[None])
-    values = np.array([[1.5, 2.5], [3.5, 4.5]])
-    image = received(ros.to_map_image(values, time_ns=STAMP, types=ros.installed))
-    np.testing.assert_array_equal(ros.from_map_image(image), values)
-    assert ros.header_nanoseconds(image) == STAMP
-    detections = rc.Detections([1.0], [0.5], [0.0], [0.0], [10.0])
-    cloud = received(ros.to_point_cloud(detections, time_ns=STAMP, types=ros.installed))
-    assert ros.from_point_cloud(cloud).velocity[0] == 0.5
-    pose = received(ros.to_pose_stamped(rc.Pose([1.0, 2.0, 3.0]), time_ns=STAMP, types=ros.installed))
-    assert ros.from_pose(pose) == rc.Pose([1.0, 2.0, 3.0])
 
 
 def test_ros_that_is_not_installed_is_an_import_error_that_says_what_to_do() -> None:

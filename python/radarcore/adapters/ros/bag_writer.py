@@ -1,4 +1,4 @@
-"""ROS bags written: ROS 1, and the SQLite and MCAP files of ROS 2.
+"""ROS bags written: the SQLite and MCAP files of ROS 2.
 
 Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
 """
@@ -19,11 +19,11 @@ from radarcore._core import __version__
 from radarcore.adapters.ros.bags import need_rosbags, typed, typestore
 from radarcore.output import PartFolder, already_exists, check_file, give_name
 
-FORMATS = ("mcap", "sqlite3", "ros1")
+FORMATS = ("mcap", "sqlite3")
 
-_BY_SUFFIX = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
+_BY_SUFFIX = {".mcap": "mcap", ".db3": "sqlite3"}
 
-_LAST_NS = {"mcap": 2**63 - 1, "sqlite3": 2**63 - 1, "ros1": 2**32 * 10**9 - 1}
+_LAST_NS = 2**63 - 1
 """Latest time of a message [ns since 1970]."""
 
 _METADATA, _MARK = "metadata.yaml", "radarcore"
@@ -43,8 +43,8 @@ class BagWriter:
     Parameters
     ----------
     path : path
-        A folder of ROS 2 (no suffix), a single ``.mcap`` or ``.db3`` file, or a ROS 1 ``.bag``.
-    format : "mcap", "sqlite3" or "ros1", optional
+        A folder of ROS 2 (no suffix), a single ``.mcap`` or ``.db3`` file.
+    format : "mcap" or "sqlite3", optional
         Default: by the suffix of `path`; MCAP for a folder.
     overwrite : bool
         Replace an existing bag: a single file, or a folder that radarcore has written. Only the files that its
@@ -54,8 +54,6 @@ class BagWriter:
     ----------
     path : Path
     format : str
-    version : int
-        1 or 2, of ROS.
     types : object
         Types of rosbags: ``types=`` of the functions that make messages.
 
@@ -81,8 +79,8 @@ class BagWriter:
     ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
     ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
     ...         bag.write("/ball", message, time_ns=k * 10**8)
-    >>> bag.path.name, bag.format, bag.version
-    ('poses', 'mcap', 2)
+    >>> bag.path.name, bag.format
+    ('poses', 'mcap')
     """
 
     def __init__(self, path: str | PathLike[str], format: str | None = None, *, overwrite: bool = False) -> None:
@@ -93,12 +91,10 @@ class BagWriter:
             ends = ", ".join(_BY_SUFFIX)
             raise ValueError(f"path: expected a bag ({ends}) or a folder without a suffix, got {str(path)!r}")
         self.format: str = check.choice("format", format or _BY_SUFFIX.get(suffix, "mcap"), FORMATS)
-        if _BY_SUFFIX.get(suffix, self.format) != self.format or (self.format == "ros1" and suffix != ".bag"):
+        if _BY_SUFFIX.get(suffix, self.format) != self.format:
             expected = next(end for end, kind in _BY_SUFFIX.items() if kind == self.format)
-            folder = "" if self.format == "ros1" else " or a folder"
-            raise ValueError(f"path: expected {expected}{folder} for the format {self.format!r}, got {str(path)!r}")
-        self.version = 1 if self.format == "ros1" else 2
-        self.types: Any = typestore(self.version)
+            raise ValueError(f"path: expected {expected} or a folder for the format {self.format!r}, got {str(path)!r}")
+        self.types: Any = typestore()
         self._overwrite = overwrite
         self._replaced()
         self._connections: dict[str, Any] = {}
@@ -109,7 +105,7 @@ class BagWriter:
         self._failure: Exception | None = None
         with ExitStack() as stack:
             self._part = stack.enter_context(PartFolder(self.path))
-            name = self.path.stem if suffix in _BY_SUFFIX and self.version == 2 else self.path.name
+            name = self.path.stem if suffix in _BY_SUFFIX else self.path.name
             self._inner = self._part.folder / name
             self._bag = self._opened()
 
@@ -131,7 +127,7 @@ class BagWriter:
         type : str
             Such as ``"radar_msgs/msg/RadarScan"``.
         latched : bool
-            Its last message is for those who come later, too: settings. In ROS 2: transient local.
+            Its last message is for those who come later, too: settings (transient local).
 
         See Also
         --------
@@ -155,7 +151,7 @@ class BagWriter:
             return
         options: dict[str, Any] = {"typestore": self.types}
         if latched:
-            options |= {"latching": 1} if self.version == 1 else {"offered_qos_profiles": [_transient_local()]}
+            options["offered_qos_profiles"] = [_transient_local()]
         with self._writing:
             self._connections[topic] = self._bag.add_connection(topic, type, **options)
 
@@ -195,8 +191,8 @@ class BagWriter:
         if self._closed:
             raise ValueError(f"{self.path}: expected an open bag, got one that is closed")
         time = check.count("time_ns", time_ns, 0)
-        if time > _LAST_NS[self.format]:
-            raise ValueError(f"time_ns: expected at most {_LAST_NS[self.format]} in a bag of {self.format}, got {time}")
+        if time > _LAST_NS:
+            raise ValueError(f"time_ns: expected at most {_LAST_NS}, got {time}")
         known = self._connections.get(topic)
         name = type or getattr(message, "__msgtype__", None) or (None if known is None else known.msgtype)
         if name is None:
@@ -204,8 +200,7 @@ class BagWriter:
         self.add_topic(topic, name)
         if not isinstance(message, self.types.types[name]):
             message = typed(self.types, name, message)
-        pack = self.types.serialize_ros1 if self.version == 1 else self.types.serialize_cdr
-        data = pack(message, name)
+        data = self.types.serialize_cdr(message, name)
         with self._writing:
             self._check_whole()
             with self._keeping_failure():
@@ -246,10 +241,7 @@ class BagWriter:
                 self._bag.abort()  # a full disk
                 raise
             replaced = self._replaced()  # again: another program may have written there meanwhile
-            if self._inner.is_file():  # ROS 1
-                give_name(self._inner, self.path, overwrite=self._overwrite)
-                self._part.remove()
-            elif self.path.suffix in _BY_SUFFIX:
+            if self.path.suffix in _BY_SUFFIX:
                 file = self._inner / f"{self._inner.name}{self.path.suffix}"
                 give_name(file, self.path, overwrite=self._overwrite)
                 self._part.remove()
@@ -261,15 +253,10 @@ class BagWriter:
 
     def _opened(self) -> Any:
         """The writer of rosbags."""
-        if self.version == 1:
-            from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import StoragePlugin, Writer
 
-            bag: Any = Writer1(self._inner)
-        else:
-            from rosbags.rosbag2 import StoragePlugin, Writer
-
-            bag = Writer(self._inner, version=9, storage_plugin=StoragePlugin[self.format.upper()])
-            bag.set_custom_data(_MARK, __version__)
+        bag: Any = Writer(self._inner, version=9, storage_plugin=StoragePlugin[self.format.upper()])
+        bag.set_custom_data(_MARK, __version__)
         bag.open()
         if self.format == "sqlite3":
             # The file is complete at any time: it changes only with a commit, which the timer may call.
@@ -305,13 +292,10 @@ class BagWriter:
         """Hand all messages over to the operating system, so that they survive a killed process."""
         if self.format == "sqlite3":
             self._bag.storage.conn.commit()
-        elif self.format == "mcap":
+        else:
             if self._bag.storage.chunk.bio.tell():
                 self._bag.storage.close_chunk()
             self._bag.storage.bio.flush()
-        else:
-            self._bag.write_chunk(self._bag.chunks[-1])
-            self._bag.bio.flush()
         self._num_waiting = 0
 
     def _replaced(self) -> list[Path]:

@@ -1,16 +1,17 @@
-"""ROS bags read: ROS 1, and the SQLite and MCAP files of ROS 2; whole, or up to where they are cut.
+"""ROS bags read: ROS 1, and the SQLite and MCAP files of ROS 2; MCAP also up to where it is cut.
 
-Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
+Needs rosbags and mcap: ``pip install radarcore[ros]``; ROS itself is not needed.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from heapq import merge
 from importlib.util import find_spec
 from io import BufferedReader, FileIO
@@ -23,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_bags import database_size, most_unpacked, sequential_reader, unpacked, unpacked_message
+from radarcore.adapters.ros.cut_mcap import CutMcap, reason
 from radarcore.adapters.ros.messages import DEFINITIONS
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -36,12 +37,12 @@ def need_rosbags() -> None:
 
 
 @cache
-def typestore(version: int) -> Any:
-    """The types of ROS 1 (Noetic) or ROS 2 (Humble), with those of `DEFINITIONS`."""
+def typestore() -> Any:
+    """The types of ROS 2 (Humble), with those of `DEFINITIONS`."""
     need_rosbags()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS2_HUMBLE)
     types: dict[str, Any] = {}
     for name in DEFINITIONS.keys() - store.types.keys():
         types |= get_types_from_msg(DEFINITIONS[name], name)
@@ -51,8 +52,6 @@ def typestore(version: int) -> Any:
 
 def typed(store: Any, name: str, source: Any) -> Any:
     """A message of the type `name` with the fields of `source`: a mapping, or an object with attributes.
-
-    ROS 1 has one field more in headers, ``seq``, which is zero where `source` has none.
 
     Raises
     ------
@@ -74,8 +73,6 @@ def _field(source: Any, field: str, name: str) -> Any:
             return source[field]
     elif hasattr(source, field):
         return getattr(source, field)
-    if field == "seq":
-        return 0
     if field == "structure_needs_at_least_one_member":  # of messages without fields
         return 0
     raise ValueError(f"{name}: expected the field {field!r}, got none")
@@ -112,8 +109,20 @@ _MOST_NAMES = 30
 _LONG = 1 << 20
 """Reads of more bytes than this are compared with the size of the file."""
 
-_LONGEST_REASON = 200
-"""Characters of another library's message."""
+_MAGICS = {"mcap": b"\x89MCAP0\r\n", "ros1": b"#ROSBAG V2.0\n", "sqlite3": b"SQLite format 3\0"}
+"""First bytes of the formats."""
+
+_REMEDIES = {
+    "ros1": "; `rosbag reindex {file}` makes its index anew",
+    "sqlite3": "; `sqlite3 {file} .recover | sqlite3 whole.db3` saves what is readable",
+}
+"""Commands that mend a file of a format."""
+
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""Start of a message that is packed; others of ROS 2 start with zero (CDR)."""
+
+_MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
+"""Limits of an unpacked MCAP chunk, in bytes and relative to its size: a few bytes may unpack to gigabytes of zeros."""
 
 
 @dataclass(frozen=True)
@@ -155,8 +164,9 @@ class BagMessage:
 class BagReader:
     """A ROS bag: its topics, and its messages in the order of their times.
 
-    Messages are read as they are asked for, so bags may be larger than memory. A bag that is cut, whose recorder was
-    killed or whose copy is not complete, is read up to the cut, with one warning.
+    Messages are read as they are asked for, so bags may be larger than memory. An MCAP file that is cut, because its
+    recorder was killed or its copy is not complete, is read up to the chunk with the cut, with one warning. Cut files
+    of the other formats raise an error with the command that mends them.
 
     Parameters
     ----------
@@ -180,7 +190,7 @@ class BagReader:
     ImportError
         When rosbags is missing.
     ValueError
-        When it is not a bag.
+        When it is not a bag, or one of ROS 1 or SQLite that is cut.
 
     See Also
     --------
@@ -318,7 +328,7 @@ class BagReader:
     def messages(
         self, topics: str | Iterable[str] | None = None, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[BagMessage]:
-        """Messages in the order of their times; in a bag that is cut, in that of its file.
+        """Messages in the order of their times; in a bag that is cut, in the order of its file.
 
         Parameters
         ----------
@@ -368,22 +378,22 @@ class BagReader:
         reader = own[0].owner
         try:
             for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
-                yield connection, time, data if self.version == 1 else unpacked_message(data)
+                yield connection, time, _unpacked(data) if data.startswith(_ZSTD_MAGIC) else data
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
-            self._warn(_line(error))
+            self._warn(reason(error))
 
     def _decoded(self, connection: Any, data: bytes) -> Any:
         from rosbags.serde import SerdeError
         from rosbags.typesys import TypesysError
 
         try:
-            store = _store(connection.msgtype, connection.msgdef, self.version)
+            store = _store(connection.msgtype, connection.msgdef)
             if self.version == 1:
                 return store.deserialize_ros1(data, connection.msgtype)
             return store.deserialize_cdr(data, connection.msgtype)
         except (SerdeError, TypesysError, KeyError, ValueError) as error:
             where = f"{check.printable(connection.msgtype)} on {connection.topic!r}"
-            raise ValueError(f"{self.path}: expected messages of {where}, got others ({_line(error)})") from error
+            raise ValueError(f"{self.path}: expected messages of {where}, got others ({reason(error)})") from error
 
     def _opened(self) -> tuple[list[Any], int]:
         """Readers of the bag, and the version of ROS."""
@@ -391,19 +401,17 @@ class BagReader:
         from rosbags.rosbag2 import Reader as Reader2
 
         files = _files(self.path)
-        # Which format it is, by the first bytes; refuses other files. Files that are packed as a whole rosbags unpacks.
-        fallbacks = [sequential_reader(file) for file in files if file.suffix != ".zstd"]
-        version = 1 if fallbacks and fallbacks[0].version == 1 else 2
-        is_described = (self.path / "metadata.yaml").is_file()
+        kind = _format(files[0])
+        version = 1 if kind == "ros1" else 2
+        is_described = version == 2 and (self.path / "metadata.yaml").is_file()
         try:
-            for file in files:
-                _check_database(file)
-            if version == 1:
-                readers: list[Any] = [Reader1(_Bounded(file)) for file in files]
-            elif is_described:
-                readers = [Reader2(_Bounded(self.path))]
-            else:
-                readers = [Reader2(_Bounded(file)) for file in files]
+            if kind == "sqlite3":
+                for file in files:
+                    _check_database(file, is_part=_part_of(self.path) is not None)
+            readers: list[Any] = [
+                (Reader1 if version == 1 else Reader2)(_Bounded(place))
+                for place in ([self.path] if is_described else files)
+            ]
             with ExitStack() as stack:
                 for reader in readers:
                     stack.enter_context(reader)
@@ -412,16 +420,19 @@ class BagReader:
         except PermissionError:
             raise
         except Exception as error:  # of rosbags and what it uses: whatever a damaged file leads to
-            if not fallbacks:
-                raise ValueError(f"{self.path}: expected a bag, got a damaged one ({_line(error)})") from error
-            readers = [self._stack.enter_context(reader) for reader in fallbacks]
-            cuts = [check.printable(reader.cut) for reader in readers if reader.cut is not None]
+            if kind != "mcap":
+                remedy = _REMEDIES.get(kind, "").format(file=files[0])
+                raise ValueError(
+                    f"{self.path}: expected a whole bag, got a damaged one ({reason(error)}){remedy}"
+                ) from error
+            readers = [CutMcap(file) for file in files]
+            cuts = [reader.cut for reader in readers if reader.cut is not None]
             if cuts and not any(reader.connections for reader in readers):
                 raise ValueError(f"{self.path}: expected a bag, got a damaged one ({cuts[0]})") from error
             # Whole files with topics of other encodings are read without those, and without a warning.
             if cuts or not isinstance(error, KeyError):
                 count = sum(reader.message_count for reader in readers)
-                self._warn(f"{cuts[0] if cuts else _line(error)}; {count} messages are whole")
+                self._warn(f"{cuts[0] if cuts else reason(error)}; {count} messages are whole")
         else:
             if self.path.is_dir() and version == 2 and not is_described:
                 self._warn("a folder without metadata.yaml, its recorder was interrupted")
@@ -446,9 +457,7 @@ class _Bounded(type(Path())):  # type: ignore[misc]  # Python 3.11 has no subcla
     """A path whose file never reads beyond its size: rosbags asks for the length in a damaged record."""
 
     def open(self, mode: str = "r", *args: Any, **options: Any) -> Any:
-        if mode != "rb":
-            return super().open(mode, *args, **options)
-        return _BoundedFile(FileIO(self, "rb"))
+        return _BoundedFile(FileIO(self, "rb")) if mode == "rb" else super().open(mode, *args, **options)
 
 
 class _BoundedFile(BufferedReader):
@@ -492,41 +501,58 @@ def _files(path: Path) -> list[Path]:
     raise ValueError(f"{path}: expected a bag, got a folder without {', '.join(_SUFFIXES)} files")
 
 
-def _check_database(file: Path) -> None:
-    """Raise a ValueError for a SQLite file that rosbags would read as if nothing was missing."""
-    if file.suffix != ".db3":
-        return
-    if (size := database_size(file)) > file.stat().st_size:
+def _format(file: Path) -> str:
+    """Format of a file by its first bytes: a key of `_MAGICS`, or ``"packed"``."""
+    if file.suffix == ".zstd":  # packed as a whole: rosbags unpacks it
+        return "packed"
+    with file.open("rb") as opened:
+        start = opened.read(16)
+    for name, magic in _MAGICS.items():
+        if start.startswith(magic):
+            return name
+    got = "another file" if start else "an empty file"
+    raise ValueError(f"{file}: expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got {got}")
+
+
+def _check_database(file: Path, *, is_part: bool) -> None:
+    """Raise a ValueError for a SQLite file that rosbags would read as if nothing was missing.
+
+    SQLite itself finishes a part that a killed `BagWriter` has left.
+    """
+    with file.open("rb") as opened:
+        head = opened.read(100)
+    # SQLite, "Database File Format", 1.3: size of a page and number of pages, valid if two counters agree.
+    page = int.from_bytes(head[16:18], "big")
+    size = (65536 if page == 1 else page) * int.from_bytes(head[28:32], "big")
+    if head[24:28] == head[92:96] and size > file.stat().st_size:
         raise ValueError(f"expected {size} bytes, got {file.stat().st_size}")
-    for end in ("-wal", "-journal"):  # what its writer, when it was killed, had not put in yet
-        left = file.with_name(file.name + end)
-        if left.exists() and left.stat().st_size > 0:
-            raise ValueError(f"its writer left {left.name}")
+    if is_part:
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        return
+    for end in ("-wal", "-journal"):  # changes that its writer, when it was killed, had not put in yet
+        changes = file.with_name(file.name + end)
+        if changes.exists() and changes.stat().st_size > 0:
+            raise ValueError(f"its writer left {changes.name}")
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse topics without a name, and make the reader refuse chunks that unpack to far more than their size."""
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag1.reader import decompressors
-
+    """Refuse topics without a name, and MCAP chunks that unpack to far more than their size."""
     if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
         raise ValueError("expected names of topics and types, got none")
-    if isinstance(reader, Reader1):
-        names = {function: name for name, function in decompressors.items()}
-        for place, chunk in reader.chunks.items():
-            bounded = partial(unpacked, names[chunk.decompressor])
-            reader.chunks[place] = chunk._replace(decompressor=bounded)
-        return
     for storage in [getattr(reader, "storage", None), *getattr(reader, "storages", ())]:
-        for chunk in getattr(storage, "chunks", ()):  # of MCAP
-            if chunk.uncompressed_size > most_unpacked(chunk.compressed_size):
+        for chunk in getattr(storage, "chunks", ()):
+            if chunk.uncompressed_size > max(_MOST_UNPACKED, _MOST_RATIO * chunk.compressed_size):
                 raise ValueError(f"a chunk of {chunk.compressed_size} bytes says it has {chunk.uncompressed_size}")
 
 
-def _line(error: Exception) -> str:
-    """An error of another library, which may run over many lines, as a short one."""
-    text = check.printable(" ".join(str(error).split())).rstrip(".") or type(error).__name__
-    return text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}..."
+def _unpacked(data: bytes) -> bytes:
+    """A message that is packed by itself: metadata.yaml says so, where there is one."""
+    try:
+        from compression import zstd
+    except ImportError:  # before Python 3.14
+        from backports import zstd
+    return bytes(zstd.decompress(data))
 
 
 def _owner(connection: Any) -> int:
@@ -543,13 +569,13 @@ def _topics(connections: Iterable[Any]) -> dict[str, Topic]:
 
 
 @lru_cache(maxsize=256)  # rosbags compiles a decoder for every type
-def _store(name: str, definition: Any, version: int) -> Any:
+def _store(name: str, definition: Any) -> Any:
     """Types that the definition of a message names; without one, those of ROS."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     if definition.format == MessageDefinitionFormat.NONE:
-        return typestore(version)
+        return typestore()
     types: dict[str, Any] = {}
     if definition.format == MessageDefinitionFormat.MSG:
         types |= get_types_from_msg(definition.data, name)

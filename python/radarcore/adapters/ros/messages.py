@@ -4,7 +4,7 @@
 
 - None: messages are `types.SimpleNamespace`, for anything that reads attributes;
 - rosbags' ``get_typestore(...)``, or its ``types``;
-- `installed`: the Python classes of a ROS 1 or ROS 2 that is installed, for publishers;
+- `installed`: the Python classes of a ROS 2 that is installed, for publishers;
 - any other mapping or function from names such as ``"std_msgs/msg/Header"`` to classes.
 """
 
@@ -134,11 +134,7 @@ def header(time: float | None, time_ns: int | None, frame_id: str, types: Types)
     if not -(2**31) <= whole < 2**32:
         raise ValueError(f"time_ns: expected nanoseconds within the 32 bits of seconds of a stamp, got {time_ns}")
     stamp = make(types, "builtin_interfaces/msg/Time", sec=whole, nanosec=part)
-    fields = {"stamp": stamp, "frame_id": frame_id}
-    # ROS 1 counts messages in its headers; rosbags has no default for that.
-    if types is not None and "seq" in getattr(_class(types, "std_msgs/msg/Header"), "__dataclass_fields__", ()):
-        fields["seq"] = 0
-    return make(types, "std_msgs/msg/Header", **fields)
+    return make(types, "std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
 
 
 def checked_frame_id(frame_id: str) -> str:
@@ -153,7 +149,7 @@ def checked_frame_id(frame_id: str) -> str:
 
 
 def installed(name: str) -> Callable[..., Any]:
-    """Class of a message of the ROS 1 or ROS 2 that is installed: ``types=installed``.
+    """Class of a message of the ROS 2 that is installed: ``types=installed``.
 
     See Also
     --------
@@ -170,13 +166,6 @@ def installed(name: str) -> Callable[..., Any]:
     'world'
     """
     package, *_, kind = name.split("/")
-    if package == "builtin_interfaces":
-        try:
-            time: Any = import_module("genpy").Time  # ROS 1 has no message for it
-        except ImportError:
-            pass
-        else:
-            return lambda sec, nanosec: time(sec, nanosec)
     try:
         found: Callable[..., Any] = getattr(import_module(f"{package}.msg"), kind)
     except ImportError as error:
@@ -202,11 +191,7 @@ def _class(types: Types, name: str) -> Callable[..., Any]:
 
 
 def _as_field(kind: Any, value: Any) -> Any:
-    """An array as the fields of a class have it: NumPy's, an `array.array` (ROS 2), or bytes and lists (ROS 1)."""
-    if not isinstance(value, np.ndarray):
-        return value
-    if hasattr(kind, "get_fields_and_field_types"):
+    """An array as the fields of a class have it: NumPy's, or an `array.array` of an installed ROS 2."""
+    if isinstance(value, np.ndarray) and hasattr(kind, "get_fields_and_field_types"):
         return array(value.dtype.char, value.tobytes())
-    if hasattr(kind, "_slot_types"):
-        return value.tobytes() if value.dtype == np.uint8 else value.tolist()
     return value

@@ -1,0 +1,105 @@
+"""MCAP files without a usable index: their records one after the other, as far as the file goes.
+
+A recorder that was killed leaves a file without its index; a full disk or a broken copy leaves a file that ends in the
+middle of a record. The chunk that is cut is lost.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from radarcore import check
+
+_FORMATS = ("ros2msg", "ros2idl", "omgidl")
+"""Encodings of the definitions of ROS messages."""
+
+_LONGEST_REASON = 200
+"""Characters of another library's message."""
+
+
+class CutMcap:
+    """An MCAP file, read from the start by mcap's reader of streams; stands in for a reader of rosbags.
+
+    Attributes
+    ----------
+    connections : list
+        Topics as rosbags describes them, with their numbers of messages.
+    cut : str or None
+        Reason why the file could not be read to its end.
+    start_time, end_time : int
+        Times of the first message and after the last one [ns].
+    message_count : int
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.cut: str | None = None
+        channels: dict[int, Any] = {}
+        counts: Counter[int] = Counter()
+        first, last = 2**63 - 1, -1
+        for channel, schema, message in self._records():
+            channels[channel.id] = channel, schema
+            if message is not None:
+                counts[channel.id] += 1
+                first, last = min(first, message.log_time), max(last, message.log_time)
+        self.start_time, self.end_time, self.message_count = first, last + 1, counts.total()
+        self.connections: list[Any] = [
+            _connection(self, channel, schema, counts[number]) for number, (channel, schema) in channels.items()
+        ]
+
+    def messages(
+        self, connections: Collection[Any], start: int | None = None, stop: int | None = None
+    ) -> Iterator[tuple[Any, int, bytes]]:
+        """Messages of some connections between two times [ns], in the order of the file."""
+        wanted = {connection.id: connection for connection in connections}
+        for channel, _, message in self._records():
+            if message is None or channel.id not in wanted:
+                continue
+            if (start is None or start <= message.log_time) and (stop is None or message.log_time < stop):
+                yield wanted[channel.id], message.log_time, message.data
+
+    def _records(self) -> Iterator[tuple[Any, Any, Any]]:
+        """Channel and schema of ROS messages, alone where the channel begins and with every message, up to the cut."""
+        from mcap.records import Channel, Header, Message, Schema
+        from mcap.stream_reader import StreamReader
+
+        schemas: dict[int, Any] = {}
+        channels: dict[int, tuple[Any, Any]] = {}
+        with self.path.open("rb") as file:
+            reader = StreamReader(file, validate_crcs=True, record_size_limit=self.path.stat().st_size)
+            try:
+                for record in reader.records:
+                    if isinstance(record, Header) and record.profile != "ros2":
+                        raise ValueError(f"expected the MCAP profile 'ros2', got {record.profile!r}")
+                    if isinstance(record, Schema):
+                        schemas[record.id] = record
+                    elif isinstance(record, Channel):
+                        schema = schemas.get(record.schema_id)
+                        if record.message_encoding == "cdr" and schema is not None and schema.encoding in _FORMATS:
+                            channels[record.id] = record, schema
+                            yield record, schema, None
+                    elif isinstance(record, Message) and record.channel_id in channels:
+                        yield *channels[record.channel_id], record
+            except Exception as error:  # of mcap and its decompressors: whatever a damaged file leads to
+                self.cut = reason(error)
+
+
+def reason(error: Exception) -> str:
+    """An error of another library, which may run over many lines, as a short one."""
+    text = check.printable(" ".join(str(error).split())).rstrip(".") or type(error).__name__
+    return text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}..."
+
+
+def _connection(owner: CutMcap, channel: Any, schema: Any, count: int) -> Any:
+    """A topic as rosbags describes it."""
+    from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+
+    kind = MessageDefinitionFormat.IDL if "idl" in schema.encoding else MessageDefinitionFormat.MSG
+    text = schema.data.decode(errors="replace")
+    definition = MessageDefinition(kind if text else MessageDefinitionFormat.NONE, text)
+    return Connection(
+        channel.id, channel.topic, schema.name, definition, "", count, ConnectionExtRosbag2("cdr", []), owner
+    )
