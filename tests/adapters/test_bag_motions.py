@@ -17,7 +17,7 @@ from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.motions import BagMotions
 from radarcore.adapters.ros.poses import to_pose_stamped, to_transforms
 from radarcore.models.robots.arm import RobotArm
-from ros_bags import BAGS, START_NS, header_of
+from ros_bags import FORMATS, START_NS, header_of
 from scene_files import RADAR
 
 STEP_NS = 20_000_000
@@ -78,9 +78,9 @@ def assert_close(motion: Any, pose: rc.Pose, time: float) -> None:
     np.testing.assert_allclose(motion.at(time).rotation, pose.rotation, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", BAGS)
+@pytest.mark.parametrize("kind", FORMATS)
 def test_every_kind_of_topic_gives_the_motion_that_was_sent(tmp_path: Path, kind: str) -> None:
-    with BagReader(write_motions(tmp_path / BAGS[kind], kind)) as bag:
+    with BagReader(write_motions(tmp_path / "bag", kind)) as bag:
         recorded = BagMotions(bag)
         assert recorded.start_ns == START_NS  # by the stamps, not by when they were recorded
         ball = recorded.motion(frame="ball", within="base")

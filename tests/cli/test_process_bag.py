@@ -14,7 +14,7 @@ import radarcore as rc
 from radarcore.adapters import ros
 from radarcore.cli.main import main
 from recordings import assert_same
-from ros_bags import BAGS, START_NS
+from ros_bags import FORMATS, START_NS
 
 NUM_FRAMES = 4
 
@@ -32,11 +32,11 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", BAGS)
+@pytest.mark.parametrize("kind", FORMATS)
 def test_detections_come_back_from_scans_and_points(
     recording: Path, tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / BAGS[kind]
+    path = tmp_path / "bag"
     # Folders of ROS 2 are MCAP here; SQLite by the suffix.
     path = path.with_suffix(".db3") if kind == "sqlite3" else path
     assert main(["process", str(recording), "--bag", str(path)]) == 0

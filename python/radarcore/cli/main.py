@@ -45,7 +45,7 @@ COMMANDS = (
         "simulate",
         "simulate:run",
         _SIMULATE,
-        "simulate a scene file, or depth images of a bag, into a recording",
+        "simulate a scene file into a recording",
         "radarcore simulate scene.toml -o out/recording",
     ),
     _Command("schema", "info:run_schema", _SIMULATE, "list every key of a scene file", "radarcore schema --json"),

@@ -1,32 +1,34 @@
-"""The command `radarcore simulate`: a scene file, or depth images of a bag, into a recording."""
+"""The command `radarcore simulate`: a scene file into a recording."""
 
 from __future__ import annotations
 
 import json
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from radarcore.cli import bag
-from radarcore.cli.bag_options import NO_BAG, BagOptions
+from radarcore import notice
+from radarcore.adapters.ros.bags import BagReader
+from radarcore.adapters.ros.motions import BagMotions
 from radarcore.cli.options import Count, Flag, Json, Output
 from radarcore.cli.terminal import show
 from radarcore.scenefile.load import load_scene
 
 
 def run(
-    scene: Annotated[Path | None, Parameter(metavar="SCENE")] = None,
+    scene: Annotated[Path, Parameter(metavar="SCENE")],
     /,
     *,
     output: Output,
     overwrite: Flag = False,
     threads: Count = None,
+    bag: Annotated[Path | None, Parameter(metavar="BAG")] = None,
     as_json: Json = False,
-    from_bag: BagOptions = NO_BAG,
 ) -> None:
-    """Simulate a scene file, or depth images of a bag, into a recording.
+    """Simulate a scene file into a recording.
 
     Parameters
     ----------
@@ -38,27 +40,31 @@ def run(
         replace an existing recording
     threads : int
         threads (default: all cores)
+    bag : path
+        ROS bag with the motions of kind "bag"
     """
-    from_bag.check(scene)
-    if from_bag.bag is not None:
+    with nullcontext() if bag is None else BagReader(bag) as reader:
+        recorded = None if reader is None else BagMotions(reader)
+        simulation = load_scene(scene, recorded=recorded)
+        source = None
+        if recorded is not None:
+            if recorded.span is None:
+                notice.warn(f"{scene}: expected a motion or joints of kind 'bag', got none: the bag is not used")
+            source = {"bag": {"path": str(bag), "start_ns": recorded.start_ns}}
         began = time.perf_counter()
-        recording, rate = bag.simulated(scene, from_bag, output, overwrite=overwrite, threads=threads)
-    else:
-        assert scene is not None  # or `check` would have refused
-        simulation = load_scene(scene)
-        began = time.perf_counter()
-        recording, rate = simulation.record(output, overwrite=overwrite, threads=threads), simulation.run.rate
+        recording = simulation.record(output, overwrite=overwrite, threads=threads, source=source)
+    rate = simulation.run.rate
     elapsed = time.perf_counter() - began
     ratio = len(recording) / rate / elapsed
     if as_json:
         summary = {
             "recording": str(output),
             "frames": len(recording),
-            "cube_shape": list(recording.cube.shape),
+            "cube_shape": list(recording.shape),
             "seconds": elapsed,
             "real_time_factor": ratio,
         }
         print(json.dumps(summary, indent=2))
     else:
-        shape = " x ".join(map(str, recording.cube.shape[1:]))
+        shape = " x ".join(map(str, recording.shape[1:]))
         show(f"{output}: {len(recording)} frames of {shape} samples in {elapsed:.1f} s, {ratio:.2f} x real time")
