@@ -18,8 +18,8 @@ from tempfile import TemporaryDirectory
 
 import radarcore as rc
 from page import machine, table
-from radarcore.dataset.executors import num_cores
-from radarcore.dataset.layout import samples_per_shard
+from radarcore.dataset.making import num_cores
+from radarcore.dataset.variables import samples_in_shard
 from radarcore.simulate.schedule import frame_times
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
@@ -122,7 +122,7 @@ def speeds(folder: Path, tiny: bool) -> str:
         # What planning and the end take is the same for any number of samples.
         first = made(scene, out, few, 1, few)[1]
         # Shards are as long as those of a large dataset.
-        per_shard = min(few + number, samples_per_shard(10**6, size_of(out) // few, None))
+        per_shard = min(few + number, samples_in_shard(10**6, size_of(out) // few, None))
         own = made(scene, out, few + number, 1, per_shard)[1] - first
         start = max(0.0, first - own * few / number)
         per_frame = size_of(out) / num_frames * number / (few + number)

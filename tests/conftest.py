@@ -53,8 +53,6 @@ def pytest_collection_finish() -> None:
 
 MODULES = {
     "coppelia": {"cbor2", "coppeliasim_zmqremoteapi_client", "zmq"},
-    "dask": {"dask", "distributed"},
-    "hdf5": {"h5py"},
     "mesh": {"collada", "trimesh"},
     "mujoco": {"mujoco"},
     "plot": {"matplotlib"},
@@ -62,7 +60,7 @@ MODULES = {
     "robots": {"example_robot_data"},
     "ros": {"apsw", "rosbags"},
     "usb": {"libusb_package", "serial", "usb"},
-    "zarr": {"google_crc32c", "numcodecs", "xarray", "zarr"},
+    "zarr": {"xarray", "zarr"},
 }
 """Modules of the extras, which some tests import by themselves."""
 

@@ -43,13 +43,6 @@ def capture() -> rc.adapters.optitrack.MotionCapture:
     return rc.adapters.optitrack.MotionCapture(np.arange(400) * 0.01, {"ball": ball})
 
 
-def dataset() -> rc.dataset.Dataset:
-    sample()
-    if Path("set").exists():
-        return rc.dataset.open_dataset("set")
-    return rc.dataset.make("scene.toml", "set", count=1, workers=1, progress=False)
-
-
 def bag(path: Path, overwrite: bool) -> None:
     with rc.adapters.ros.BagWriter(path, overwrite=overwrite) as writer:
         writer.write("/text", {"data": "text" * 2000}, 0, type="std_msgs/msg/String")
@@ -95,12 +88,6 @@ WRITERS = (
         "a.csv", lambda path, overwrite: rc.adapters.optitrack.write_motive_csv(path, capture(), overwrite=overwrite)
     ),
     Writer("a.toml", lambda path, overwrite: sample().save(path, overwrite=overwrite), is_whole=False),
-    Writer(
-        "a.h5",
-        lambda path, overwrite: rc.dataset.to_hdf5(dataset(), path, overwrite=overwrite),
-        "h5py",
-        is_whole=False,  # HDF5 itself may crash where it cannot write
-    ),
     Writer("a.mcap", bag, "rosbags"),
     Writer("a.db3", bag, "rosbags"),
     Writer("a.rrd", viewer, "rerun", is_whole=False),
@@ -112,8 +99,6 @@ IDS = [writer.name for writer in WRITERS]
 def writer(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Writer:
     chosen: Writer = request.param
     pytest.importorskip(chosen.needs, reason=f"needs {chosen.needs}")
-    if chosen.name in ("a.toml", "a.h5"):
-        pytest.importorskip("zarr", reason="needs the extra `zarr`: pip install radarcore[zarr]")
     (tmp_path / "work").mkdir()
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path / "work")
@@ -285,10 +270,7 @@ ALLOWED = {
     "recording/native.py": {"open"},  # into a new file
     "recording/npy.py": {"open", "write_bytes"},  # arrays of a recording, under its lock
     "dataset/files.py": {"copyfile"},  # into a part
-    "dataset/shardfile.py": {"unlink", "rmdir", "open", "write_bytes"},  # parts of shards, under the dataset's lock
-    "dataset/journal.py": {"open"},  # lines at the end
-    "dataset/hdf5.py": {"File"},  # into a new file
-    "dataset/webdataset.py": {"open"},  # into a part
+    "dataset/store.py": {"unlink"},  # files that zarr was writing when it was killed, under the dataset's lock
     "adapters/optitrack/csv.py": {"open"},  # into a new file
     "plot/canvas.py": {"savefig"},  # into a new file
     "plot/live/view.py": {"imsave"},  # into a new file

@@ -22,6 +22,6 @@ def write_scene(folder: Path, *lines: str) -> Path:
 
 
 def digests(dataset: Path) -> dict[str, str]:
-    """SHA-256 of all files of a dataset but those that say when it was made, by whom."""
-    files = [file for file in sorted(dataset.rglob("*")) if file.is_file() and file.name != "progress.jsonl"]
+    """SHA-256 of all files of a dataset."""
+    files = [file for file in sorted(dataset.rglob("*")) if file.is_file()]
     return {str(file.relative_to(dataset)): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}

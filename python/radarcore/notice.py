@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import current_thread, main_thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
@@ -57,3 +59,34 @@ def progress_if_long(description: str, unit: str, total: int, *, shown: bool = T
     finally:
         for bar in bars:
             bar.close()
+
+
+@contextmanager
+def gathered() -> Iterator[list[str]]:
+    """Warnings of a block, in a list that is filled when it ends.
+
+    Other threads than the main one share its filters: there, warnings are given as always.
+    """
+    messages: list[str] = []
+    if current_thread() is not main_thread():
+        yield messages
+        return
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield messages
+    messages.extend(str(each.message) for each in caught)
+
+
+class NewKinds:
+    """Warns of each kind once: messages of one kind differ only in names and numbers."""
+
+    def __init__(self) -> None:
+        self._kinds: set[str] = set()
+
+    def warn(self, messages: Iterable[str]) -> None:
+        """Warn, at the user's line, of kinds that are new."""
+        for message in messages:
+            kind = re.sub(r"'[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?", "", message)
+            if kind not in self._kinds:
+                self._kinds.add(kind)
+                warn(message)

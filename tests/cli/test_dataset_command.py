@@ -104,25 +104,10 @@ def test_failed_samples_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert f"{len(dataset.failed)} failed; " in printed.out
 
 
-def test_export(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    h5py = pytest.importorskip("h5py", reason="needs h5py: pip install radarcore[hdf5]")
-    out = folder / "set.h5"
-    assert main(["dataset", "export", str(folder / "out"), "-o", str(out), "--format", "hdf5"]) == 0
-    assert capsys.readouterr().out == f"{out}\n"
-    with h5py.File(out) as file:
-        np.testing.assert_array_equal(file["cube"][1], rc.dataset.open_dataset(folder / "out").cube(1))
-    assert main(["dataset", "export", str(folder / "out"), "-o", str(out), "--format", "hdf5"]) == 1
-    assert "--overwrite replaces it" in capsys.readouterr().err
-    assert main(["dataset", "export", str(folder / "out"), "-o", str(out), "--format", "hdf5", "--overwrite"]) == 0
-    command = ["dataset", "export", str(folder / "out"), "-o", str(folder / "tars"), "--format", "webdataset"]
-    assert main([*command, "--samples-per-tar", "1"]) == 0
-    assert len(list((folder / "tars").glob("*.tar"))) == len(rc.dataset.open_dataset(folder / "out"))
-
-
 def test_lost_worker_is_told_with_the_option_that_goes_on(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lost = ChildProcessError("out: shard 1: its worker was lost twice; resume=True goes on with the rest")
+    lost = ChildProcessError("a worker was lost; resume=True goes on with the rest")
     monkeypatch.setattr("radarcore.cli.dataset.verify", MagicMock(side_effect=lost))
     assert main(["dataset", "verify", str(folder / "out")]) == 1
     assert "--resume goes on with the rest" in capsys.readouterr().err

@@ -1,13 +1,14 @@
-"""Streams of frames: the same whatever makes them, labels beside them, one frame alone."""
+"""Frames for training: the same stored, simulated, in a loop, by index and in other processes, with their labels."""
 
 from __future__ import annotations
 
-import importlib.util
 import pickle
 import re
 import runpy
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -47,17 +48,16 @@ def same(one: rc.dataset.training.Item, other: rc.dataset.training.Item) -> bool
     return np.array_equal(frame, other_frame) and pickle.dumps(labels) == pickle.dumps(other_labels)
 
 
-def test_workers_an_index_and_a_loop_give_the_same_frames(scene: Path) -> None:
-    alone = list(rc.dataset.stream(scene, seed=3, count=3))
-    assert len(alone) == 6
-    ahead = rc.dataset.stream(scene, seed=3, count=3, workers=2)
-    assert all(same(*pair) for pair in zip(alone, ahead, strict=True))
-    at = rc.dataset.stream(scene, seed=3, count=3)
-    assert len(at) == 6
-    assert all(same(alone[k], at[k]) for k in (5, 0, 3))
-    assert same(alone[5], at[-1])
+def test_an_index_a_loop_and_other_processes_give_the_same_frames(scene: Path) -> None:
+    frames = rc.dataset.stream(scene, seed=3, count=3)
+    alone = list(frames)
+    assert len(alone) == len(frames) == 6
+    assert all(same(alone[k], frames[k]) for k in (5, 0, 3))
+    assert same(alone[5], frames[-1])
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert same(alone[4], next(pool.map(frames.__getitem__, [4])))
     with pytest.raises(ValueError, match="index: expected an index below 6, got 6"):
-        at[6]
+        frames[6]
 
 
 def test_frames_are_those_of_the_sample(scene: Path) -> None:
@@ -80,7 +80,7 @@ def test_drawn_values_are_labels_that_every_frame_has(scene: Path) -> None:
 
 def test_map_has_its_peak_where_the_labels_say(scene: Path) -> None:
     stream = rc.dataset.stream(scene, seed=2, count=4, output="range_doppler", labels=rc.dataset.Labels(boxes=True))
-    radar = stream.variation.sample(0).simulation().radar
+    radar = rc.dataset.Variation.load(scene).sample(0).simulation().radar
     ranges, velocities = radar.waveform.range_axis(), radar.waveform.velocity_axis(16)
     for image, labels in stream:
         power = (np.abs(image) ** 2).sum(axis=0)
@@ -120,7 +120,8 @@ def test_impossible_samples_are_left_out_with_one_warning(scene: Path) -> None:
         encoding="utf-8",
     )
     stream = rc.dataset.stream(scene, seed=1, count=12)
-    radii = [stream.variation.sample(k, seed=1).values["body.ball.shape.radius"] for k in range(12)]
+    variation = rc.dataset.Variation.load(scene)
+    radii = [variation.sample(k, seed=1).values["body.ball.shape.radius"] for k in range(12)]
     good = [k for k, radius in enumerate(radii) if radius > 0.0]
     assert 4 < len(good) < 12
     with pytest.warns(UserWarning, match=r"sample \d+ of seed 1: .*radius.* such samples are left out") as warned:
@@ -131,15 +132,14 @@ def test_impossible_samples_are_left_out_with_one_warning(scene: Path) -> None:
         stream[radii.index(min(radii))]
 
 
-@pytest.mark.parametrize("workers", [0, 1])
-def test_warnings_of_samples_come_once_of_each_kind(scene: Path, workers: int) -> None:
+def test_warnings_of_samples_come_once_of_each_kind(scene: Path) -> None:
     fast = SCENE.replace("stop = 0.04", "stop = 0.02").replace("[-2.0, 2.0]", "[6.0, 9.0]")
     scene.write_text(fast, encoding="utf-8")
     with pytest.warns(UserWarning, match="radial speed") as warned:
-        frames = list(rc.dataset.stream(scene, seed=1, count=3, workers=workers))
+        frames = list(rc.dataset.stream(scene, seed=1, count=3))
     assert len(frames) == 3
     (told,) = [str(each.message) for each in warned]
-    assert told.startswith("sample 0 of seed 1: 'ball' has a radial speed of")
+    assert told.startswith("sample 0: 'ball' has a radial speed of")
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,6 @@ def test_warnings_of_samples_come_once_of_each_kind(scene: Path, workers: int) -
     [
         ({"output": "map"}, "output: expected one of 'cube', 'range_doppler', got 'map'"),
         ({"count": 0}, "count: expected at least 1, got 0"),
-        ({"workers": -1}, "workers: expected at least 0, got -1"),
         ({"seed": -1}, "seed: expected at least 0, got -1"),
     ],
 )
@@ -204,22 +203,13 @@ def test_stored_frames_leave_out_samples_that_failed(scene: Path, tmp_path: Path
     assert [stored[k][1]["sample"] for k in (0, -1)] == [there[0], there[-1]]
 
 
-@pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="torch is installed")
-def test_tensors_without_torch_name_what_is_missing() -> None:
-    with pytest.raises(ImportError, match="tensors need torch: pip install torch"):
-        rc.dataset.TorchDataset("out")
-
-
-def test_torch_loads_streams_and_datasets(scene: Path, tmp_path: Path) -> None:
+def test_torch_loads_frames_simulated_and_stored(scene: Path, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch", reason="needs torch: pip install torch")
-    loader = torch.utils.data.DataLoader(rc.dataset.stream(scene, seed=1, count=2), batch_size=4)
-    cubes, labels = next(iter(loader))
-    assert cubes.shape == (4, 3, 16, 128)
-    assert labels["sample"].tolist() == [0, 0, 1, 1]
-    rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1, progress=False)
-    stored = rc.dataset.TorchDataset(tmp_path / "out")
-    assert len(stored) == 2
-    np.testing.assert_array_equal(stored[1][0].numpy(), cubes[2:].numpy())
+    dataset = rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1, progress=False)
+    for frames in (rc.dataset.stream(scene, seed=1, count=2), dataset.frames()):
+        cubes, labels = next(iter(torch.utils.data.DataLoader(frames, batch_size=4)))
+        assert cubes.shape == (4, 3, 16, 128)
+        assert labels["sample"].tolist() == [0, 0, 1, 1]
 
 
 def test_example_tells_arm_person_and_empty_room_apart(

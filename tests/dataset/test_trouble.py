@@ -1,27 +1,23 @@
-"""What goes wrong while a dataset is made: workers lost, disks full, schedulers away; and files that are damaged."""
+"""What goes wrong while a dataset is made: workers lost, disks full, two writers; and files that are damaged."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
-import socket
-import time
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 import pytest
 
 import radarcore as rc
-from deadly_work import Deadly
 from full_disk import largest_file
 from radarcore.cli.main import main
-from radarcore.dataset import executors
-from radarcore.dataset.shards import Done
 from varied_scenes import digests, write_scene
 
 pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
@@ -29,14 +25,41 @@ pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
 SETTINGS = {"count": 6, "seed": 1, "samples_per_shard": 2}
 
 
-def test_shard_of_a_lost_worker_is_made_once_more(tmp_path: Path) -> None:
-    made = executors.processes(Deadly(2, tmp_path / "marker"), range(5), 2, "shard {}".format)
-    assert sorted(done.shard for done in made) == [0, 1, 2, 3, 4]
+def test_lost_process_is_an_error_that_says_how_to_go_on(tmp_path: Path) -> None:
+    """A worker that is killed breaks the pool of processes."""
+    (tmp_path / "deadly.py").write_text(DEADLY.replace("OUT", str(tmp_path / "out")), encoding="utf-8")
+    scene = write_scene(tmp_path)
+    run = subprocess.run([sys.executable, str(tmp_path / "deadly.py"), str(scene)], capture_output=True, text=True)
+    assert "ChildProcessError: a worker was lost (killed, or out of memory); complete shards stay, resume=True" in (
+        run.stderr
+    )
+    path = tmp_path / "out"
+    assert set(rc.dataset.open_dataset(path).status.tolist()) <= {0, 1}
+    rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
+    rc.dataset.make(scene, tmp_path / "whole", **SETTINGS, workers=1)
+    assert digests(path) == digests(tmp_path / "whole")
 
 
-def test_shard_that_loses_its_worker_twice_is_named() -> None:
-    with pytest.raises(ChildProcessError, match=r"shard 2: its worker was lost twice .*resume=True goes on"):
-        list(executors.processes(Deadly(2), range(3), 1, "shard {}".format))
+DEADLY = """
+import os, signal, sys
+import radarcore as rc
+
+
+class Deadly(rc.dataset.Variation):
+    def sample(self, index, *, seed=0):
+        if index == 4 and __name__ != "__main__":
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().sample(index, seed=seed)
+
+    def __reduce__(self):
+        return Deadly, (self.path, self.parameters, self.body_names, self.run, self._tables)
+
+
+if __name__ == "__main__":
+    loaded = rc.dataset.Variation.load(sys.argv[1])
+    deadly = Deadly(loaded.path, loaded.parameters, loaded.body_names, loaded.run, loaded._tables)
+    rc.dataset.make(deadly, "OUT", count=6, seed=1, samples_per_shard=2, workers=2)
+"""
 
 
 class Broken(Executor):
@@ -54,9 +77,9 @@ class Broken(Executor):
         return future
 
 
-def test_broken_executor_is_an_error_that_names_the_shard_and_the_rest_can_be_resumed(tmp_path: Path) -> None:
+def test_run_of_a_broken_executor_can_be_resumed(tmp_path: Path) -> None:
     scene = write_scene(tmp_path)
-    with pytest.raises(ChildProcessError, match=r"out: shard [12] \(samples [24] to [35]\): its worker was lost twice"):
+    with pytest.raises(ChildProcessError, match="a worker was lost"):
         rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=Broken())
     assert rc.dataset.open_dataset(tmp_path / "out").status.tolist() == [1, 1, 0, 0, 0, 0]
     rc.dataset.make(scene, tmp_path / "out", **SETTINGS, workers=1, resume=True)
@@ -88,7 +111,7 @@ def test_only_one_process_makes_a_dataset(tmp_path: Path) -> None:
 
     for resume in (False, True):
         rc.dataset.make(scene, path, **SETTINGS, executor=Waiting(others), resume=resume)
-        (path / "progress.jsonl").unlink()
+        shutil.rmtree(path / "status" / "c")
     assert len(refused) == 4
     rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
     rc.dataset.make(scene, tmp_path / "whole", **SETTINGS, workers=1)
@@ -105,10 +128,10 @@ def test_foreign_files_beside_and_within_a_dataset_stay(tmp_path: Path) -> None:
     assert (part / "notes.txt").read_text() == "mine"
     part.rename(tmp_path / "other")
     rc.dataset.make(scene, path, **SETTINGS, workers=1)
-    (path / ".partial").mkdir()
-    (path / ".partial" / "notes.txt").write_text("mine")
+    mine = path / "cube" / "c" / "mine.partial"
+    mine.write_text("mine")
     rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
-    assert (path / ".partial" / "notes.txt").read_text() == "mine"
+    assert mine.read_text() == "mine"
 
 
 def test_full_disk_names_the_file_and_what_is_complete_stays(tmp_path: Path) -> None:
@@ -116,75 +139,50 @@ def test_full_disk_names_the_file_and_what_is_complete_stays(tmp_path: Path) -> 
     settings: dict[str, Any] = {**SETTINGS, "samples_per_shard": 4}  # the second shard has half as many samples
     rc.dataset.make(scene, tmp_path / "out", **settings, workers=1)
     expected = digests(tmp_path / "out")
-    lines = (tmp_path / "out" / "progress.jsonl").read_text().splitlines(keepends=True)
-    (tmp_path / "out" / "progress.jsonl").write_text(lines[1])
+    (tmp_path / "out" / "status" / "c" / "0").unlink()
     with largest_file(20_000), pytest.raises(OSError, match="File too large") as caught:
         rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
     assert caught.value.filename == str(tmp_path / "out" / "cube" / "c" / "0" / "0" / "0" / "0" / "0")
-    assert not (tmp_path / "out" / ".partial").exists()
+    assert not list((tmp_path / "out").rglob("*.partial"))
     assert rc.dataset.verify(tmp_path / "out").missing == 4
     rc.dataset.make(scene, tmp_path / "out", **settings, workers=1, resume=True)
     assert digests(tmp_path / "out") == expected
 
 
-def test_scheduler_that_is_not_there_is_an_error_in_time(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
-    began = time.monotonic()
-    with pytest.raises(
-        ConnectionError, match=rf"scheduler: expected one of dask at {address}, got no answer within 0.5"
-    ):
-        rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, scheduler=address, timeout=0.5)
-    assert time.monotonic() - began < 5.0
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize("name", ["cube", "time", "error", "status", "parameter.point.ball.position[0]"])
+@pytest.mark.parametrize("damage", ["bit", "cut", "gone"])
+def test_damage_of_any_file_is_found_and_named(tmp_path: Path, name: str, damage: str) -> None:
+    path = rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, workers=1).path
+    (file,) = (
+        each for each in (path / name / "c" / "1").parent.rglob("*") if each.is_file() and "1" in each.parts[-5:]
+    )
+    data = bytearray(file.read_bytes())
+    if damage == "gone":
+        file.unlink()
+    else:
+        data[len(data) // 2] ^= 1
+        file.write_bytes(data if damage == "bit" else data[: len(data) // 2])
+    found = rc.dataset.verify(path)
+    if (name, damage) == ("status", "gone"):
+        assert (found.faults, found.missing) == ((), 2)
+        return
+    (fault,) = found.faults
+    what = "a file, got none" if damage == "gone" else "the content that was written, got a damaged file"
+    assert fault.startswith(f"{file}: expected {what}")
 
 
-def test_service_that_is_no_scheduler_is_told_from_one_that_is_silent(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("distributed", reason="needs dask: pip install radarcore[dask]")
-    scene = write_scene(tmp_path)
+def test_samples_that_are_not_those_of_the_scene_are_found(tmp_path: Path) -> None:
+    """Changed samples with a checksum of their own are found by a simulation of the sample."""
+    import zarr
 
-    def answer(service: socket.socket) -> None:
-        connection, _ = service.accept()
-        connection.sendall(4 * b"HTTP/1.1 400 Bad Request\r\n\r\n")
-        connection.recv(1000)
-        connection.close()
-
-    with socket.create_server(("127.0.0.1", 0)) as service:
-        address = f"tcp://127.0.0.1:{service.getsockname()[1]}"
-        with pytest.raises(ConnectionError, match=rf"of dask at {address}, got no answer within 0\.3 s"):
-            rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler=address, timeout=0.3)
-    with socket.create_server(("127.0.0.1", 0)) as service:
-        address = f"tcp://127.0.0.1:{service.getsockname()[1]}"
-        Thread(target=answer, args=(service,), daemon=True).start()
-        with pytest.raises(ConnectionError, match=rf"of dask at {address}, got the answer of something else"):
-            rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler=address)
-    with pytest.raises(ValueError, match=r"scheduler: expected an address as tcp://HOST:8786, got 'nowhere'"):
-        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, scheduler="nowhere")
-    assert "Traceback" not in capfd.readouterr().err
-
-
-def test_damage_is_found_and_named(tmp_path: Path) -> None:
     path = rc.dataset.make(write_scene(tmp_path), tmp_path / "out", **SETTINGS, workers=1).path
     found = rc.dataset.verify(path, again=2)
     assert (found.is_good, found.missing, found.again) == (True, 0, (0, 5))
-    file = path / "cube" / "c" / "1" / "0" / "0" / "0" / "0"
-    data = bytearray(file.read_bytes())
-    data[100] ^= 1
-    file.write_bytes(data)
-    (fault,) = rc.dataset.verify(path).faults
-    assert fault == f"{file}: expected the content that was written, got another checksum"
-    (path / "time" / "c" / "2" / "0").unlink()
-    assert len(rc.dataset.verify(path).faults) == 2
-    # Whoever changes the sums as well is found by a simulation of the sample.
-    journal = path / "progress.jsonl"
-    lines = [json.loads(line) for line in journal.read_text().splitlines()]
-    lines[1]["files"]["cube/c/1/0/0/0/0"][1] = hashlib.sha256(data).hexdigest()
-    journal.write_text(json.dumps(lines[1]) + "\n")
-    assert rc.dataset.verify(path).faults == ("sample 2: expected the same bits when simulated again, got others",)
+    group = zarr.open_group(path, mode="r+")
+    group["cube"][0] = 2.0 * group["cube"][0]
+    assert rc.dataset.verify(path).faults == ("sample 0: expected the same bits when simulated again, got others",)
+    group["cube"][5] = np.nan
+    assert rc.dataset.verify(path, again=0).faults == ("sample 5: expected finite numbers in cube, got others",)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +206,7 @@ def test_damaged_group_is_one_line(
     group = json.loads((path / "zarr.json").read_text())
     damage(group)
     (path / "zarr.json").write_text(json.dumps(group))
-    for words in (["info"], ["verify"], ["scene", "0"], ["export", "-o", "out.h5", "--format", "hdf5"]):
+    for words in (["info"], ["verify"], ["scene", "0"]):
         assert main(["dataset", words[0], str(path), *words[1:]]) == 1
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{path}: expected a dataset, got " in line
@@ -244,7 +242,7 @@ def test_worker_with_another_disk_is_an_error(tmp_path: Path) -> None:
 
         def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
             future: Future[Any] = Future()
-            future.set_result(Done(int(given[0]), {"cube/c/0/0/0/0/0": (10, "")}))
+            future.set_result((int(given[0]), ()))
             return future
 
     with pytest.raises(OSError, match="all workers must reach the same directory"):

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore.dataset.files import toml_text
 from radarcore.dataset.variation import share_of
-from radarcore.scenefile.toml import toml_text
 from scene_files import EXAMPLES
 
 HEAD = 'run = { stop = 0.02, resolution = 32 }\n[radar]\npreset = "bgt60tr13c"\nnum_chirps = 8\n'

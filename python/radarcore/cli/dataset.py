@@ -1,4 +1,4 @@
-"""The commands of `radarcore dataset`: datasets made, verified, summarised and exported."""
+"""The commands of `radarcore dataset`: datasets made, verified and summarised."""
 
 from __future__ import annotations
 
@@ -6,24 +6,20 @@ import json
 import time
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from radarcore.cli.options import Count, Flag, Json, Output, Seconds, whole_number
+from radarcore.cli.options import Count, Flag, Json, Output, whole_number
 from radarcore.cli.terminal import complain, show
 from radarcore.dataset.labels import Labels
-from radarcore.dataset.layout import STATUS
 from radarcore.dataset.making import make
-from radarcore.dataset.opened import open_dataset
-from radarcore.dataset.verification import verify
+from radarcore.dataset.reading import open_dataset, verify
+from radarcore.dataset.variables import STATUS
 from radarcore.table import Table
 
 _SHOWN = 3
 """Failed samples that are told of; the others are in the dataset."""
-
-_TIMEOUT = 10.0
-"""Time for a scheduler to answer [s]."""
 
 Scene = Annotated[Path, Parameter(metavar="SCENE")]
 Folder = Annotated[Path, Parameter(metavar="DATASET")]
@@ -38,8 +34,6 @@ def run_make(
     count: Number,
     seed: Number = 1,
     workers: Count = None,
-    scheduler: Annotated[str | None, Parameter(metavar="ADDRESS")] = None,
-    timeout: Seconds = None,
     resume: Flag = False,
     labels: Annotated[str, Parameter(metavar="NAME,...")] = "truth",
     samples_per_shard: Count = None,
@@ -59,10 +53,6 @@ def run_make(
         seed of all draws
     workers : int
         processes of this machine (default: one per core)
-    scheduler : str
-        scheduler of dask, tcp://HOST:8786, in their place (extra `dask`)
-    timeout : float
-        time for the scheduler to answer [s] (default: 10)
     resume : bool
         go on with a dataset that was interrupted
     labels : str
@@ -77,8 +67,6 @@ def run_make(
         count=count,
         seed=seed,
         workers=workers,
-        scheduler=scheduler,
-        timeout=_TIMEOUT if timeout is None else timeout,
         resume=resume,
         labels=labels_of_names(labels),
         samples_per_shard=samples_per_shard,
@@ -159,44 +147,6 @@ def run_scene(dataset: Folder, index: Annotated[int, Parameter(metavar="INDEX", 
         index of the sample
     """
     print(open_dataset(dataset).sample(index).text, end="")
-
-
-def run_export(
-    dataset: Folder,
-    /,
-    *,
-    output: Output,
-    to: Annotated[Literal["hdf5", "webdataset", "mcap"], Parameter(name="--format")],
-    sample: Number = 0,
-    samples_per_tar: Number = 100,
-    overwrite: Flag = False,
-) -> None:
-    """Write a dataset in another format.
-
-    Parameters
-    ----------
-    dataset : path
-        dataset
-    output : path
-        file, or folder of tar files
-    to : str
-        format
-    sample : int
-        index of the sample, of mcap
-    samples_per_tar : int
-        samples of a file, of webdataset
-    overwrite : bool
-        replace what is there
-    """
-    from radarcore import dataset as formats
-
-    if to == "hdf5":
-        formats.to_hdf5(dataset, output, overwrite=overwrite)
-    elif to == "webdataset":
-        formats.to_webdataset(dataset, output, samples_per_tar=samples_per_tar, overwrite=overwrite)
-    else:
-        formats.to_mcap(dataset, output, sample=sample, overwrite=overwrite)
-    show(output)
 
 
 def labels_of_names(names: str) -> Labels:

@@ -108,13 +108,6 @@ COMMANDS = (
         "print the scene file of a sample, which gives the same frames alone",
         "radarcore dataset scene out/set 17",
     ),
-    _Command(
-        "dataset export",
-        "dataset:run_export",
-        _SIMULATE,
-        "write a dataset as HDF5, as WebDataset, or a sample of it as MCAP",
-        "radarcore dataset export out/set -o set.h5 --format hdf5",
-    ),
     _Command("sensor list", "sensor:run_list", _BOARDS, "list the boards that respond", "radarcore sensor list"),
     _Command(
         "sensor info",

@@ -1,4 +1,4 @@
-"""Whose parts the bodies of a scene are, and where they are in the sensor frame at one time."""
+"""Bodies at one time in the sensor frame: the label of each, poses, boxes, and joints of people."""
 
 from __future__ import annotations
 
@@ -9,14 +9,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.models.people.figure import SEGMENTS
 from radarcore.motion.group import Motions
 from radarcore.motion.protocol import Motion
 from radarcore.recording.frame import Frame
-from radarcore.scene.scene import Scene
+from radarcore.scene.scene import Parts, Scene
 
 Floats = NDArray[np.float64]
 Members = tuple[NDArray[np.intp], ...]
 """Per label the numbers in the scene of the bodies that it stands for; none where it is absent."""
+
+
+_OF_SEGMENTS = {
+    "pelvis": "pelvis",
+    "neck": "neck",
+    "head": "head",
+    "left_hip": "left_thigh",
+    "right_hip": "right_thigh",
+    "left_knee": "left_shank",
+    "right_knee": "right_shank",
+    "left_ankle": "left_foot",
+    "right_ankle": "right_foot",
+    "left_shoulder": "left_upper_arm",
+    "right_shoulder": "right_upper_arm",
+    "left_elbow": "left_forearm",
+    "right_elbow": "right_forearm",
+    "left_wrist": "left_hand",
+    "right_wrist": "right_hand",
+}
+"""The segment whose origin, its upper joint, is the joint; the trunk has that of the pelvis."""
+
+JOINTS = tuple(_OF_SEGMENTS)
+"""Names of the joints in the order of the axis `joint`.
+
+The pelvis is midway between the hips (with a man's meshes: at his waist), the neck between the shoulders, the head at
+the height of the chin; the others are the joints of the limbs.
+"""
 
 
 def checked_names(body_names: Sequence[str]) -> tuple[str, ...]:
@@ -93,3 +121,50 @@ class Places:
         meshes[..., 3] -= origin
         points = self._parts.positions + time * self._parts.velocities - origin
         return Placed(time, to_sensor @ meshes, points @ to_sensor.T)
+
+
+def boxes_of(parts: Parts, placed: Placed) -> Floats:
+    """Lowest and highest corner of every body of the scene in the sensor frame, (body, 2, 3) [m].
+
+    Of the vertices where they are at that time, those of bodies that deform too: exact for flat facets. A point
+    target's box is the point.
+    """
+    boxes = np.empty((len(parts.meshed) + len(parts.point_numbers), 2, 3))
+    for mesh, (number, pose) in enumerate(zip(parts.mesh_numbers, placed.meshes, strict=True)):
+        # One row per axis: the extremes of rows are found several times faster than those of columns.
+        axes = pose[:, :3] @ parts.vertices_at(mesh, placed.time).T
+        boxes[number] = axes.min(axis=1, initial=np.inf), axes.max(axis=1, initial=-np.inf)
+        boxes[number] += pose[:, 3]
+    boxes[parts.point_numbers] = placed.points[:, None]
+    return boxes
+
+
+def united(boxes: Floats, members: Members) -> Floats:
+    """Box around the bodies of every label, (label, 2, 3) [m]; NaN where there are none."""
+    around = np.full((len(members), 2, 3), np.nan)
+    for label, numbers in enumerate(members):
+        if len(numbers) > 0:
+            around[label] = boxes[numbers, 0].min(axis=0), boxes[numbers, 1].max(axis=0)
+    return around
+
+
+class People:
+    """The people of a scene: bodies of `models.Human`, by the names of all their segments."""
+
+    def __init__(self, scene: Scene, names: tuple[str, ...]) -> None:
+        """Of a scene, in the rows of the labels `names`: the person's, or its pelvis' where segments have rows."""
+        # Joints are origins of bodies with meshes, which poses count by themselves.
+        meshes = {scene.names[number]: mesh for mesh, number in enumerate(scene.parts.mesh_numbers)}
+        self._num_labels = len(names)
+        self._meshes: dict[int, list[int]] = {}
+        for label, name in enumerate(names):
+            person = name.removesuffix("/pelvis")
+            if all(f"{person}/{segment}" in meshes for segment in SEGMENTS):
+                self._meshes[label] = [meshes[f"{person}/{segment}"] for segment in _OF_SEGMENTS.values()]
+
+    def joints(self, placed: Placed) -> Floats:
+        """Positions of the joints in the sensor frame, (label, joint, 3) [m]; NaN of labels that are no people."""
+        positions = np.full((self._num_labels, len(JOINTS), 3), np.nan)
+        for label, meshes in self._meshes.items():
+            positions[label] = placed.meshes[meshes, :, 3]
+        return positions

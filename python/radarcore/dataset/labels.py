@@ -11,12 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.dataset import cells
-from radarcore.dataset.bodies import Floats, Members, Places, checked_names, members_of, middle_of, owners_of
-from radarcore.dataset.boxes import boxes_of, united
-from radarcore.dataset.echoes import Caster
-from radarcore.dataset.joints import JOINTS, People
-from radarcore.dataset.visibility import are_rough, visibilities
+from radarcore.dataset import echoes
+from radarcore.dataset.bodies import (
+    JOINTS,
+    Floats,
+    Members,
+    People,
+    Places,
+    boxes_of,
+    checked_names,
+    members_of,
+    middle_of,
+    owners_of,
+    united,
+)
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import as_motion
 from radarcore.radar.radar import Radar
@@ -184,18 +192,20 @@ def dims_of(radar: Radar, body_names: Sequence[str], settings: Labels | None = N
         attrs = {"units": "m", "long_name": "position of the joint", "description": _AXES, "joints": list(JOINTS)}
         layouts["joint_position"] = _floats(("body", "joint", "xyz"), (num_bodies, len(JOINTS), 3), attrs)
     if settings.cells:
-        cells.require_map(radar)
+        echoes.require_map(radar)
         if num_bodies > _MOST_NAMES:
             raise ValueError(f"body_names: expected at most {_MOST_NAMES} for labels of cells, got {num_bodies}")
         attrs = {
             "units": "1",
             "long_name": "body with the strongest echo",
             "description": (
-                f"index into body; -1 below the mean power of the noise, {cells.DEPTH_DB:g} dB below the strongest "
-                f"cell, and where two bodies are within {cells.TIE_DB:g} dB"
+                f"index into body; -1 below the mean power of the noise, {echoes.DEPTH_DB:g} dB below the strongest "
+                f"cell, and where two bodies are within {echoes.TIE_DB:g} dB"
             ),
         }
-        layouts["strongest_body"] = LabelLayout(("doppler", "range"), cells.map_shape(radar), np.dtype(np.int16), attrs)
+        layouts["strongest_body"] = LabelLayout(
+            ("doppler", "range"), echoes.map_shape(radar), np.dtype(np.int16), attrs
+        )
     return layouts
 
 
@@ -266,9 +276,9 @@ class _Labeller:
         if settings.joints:
             self._people = People(scene, names)
         if self._needs_echoes:
-            self._caster = Caster(simulator)
+            self._caster = echoes.Caster(simulator)
         if settings.visibility:
-            self._is_rough = are_rough(scene, simulator.radar.waveform.center_frequency)
+            self._is_rough = echoes.are_rough(scene, simulator.radar.waveform.center_frequency)
 
     def of(self, frame: Frame) -> dict[str, Labelled]:
         """Labels of a frame, as `labels_of` has them."""
@@ -288,11 +298,11 @@ class _Labeller:
             echo = self._caster.echo(time)
         if settings.visibility:
             seen_from = boxes - frame.radar.array_center
-            values["visibility"] = visibilities(
+            values["visibility"] = echoes.visibilities(
                 self._caster, echo, time, self._members, self._scene, self._is_rough, seen_from
             )
         if settings.cells:
-            values["strongest_body"] = cells.strongest_bodies(echo, self._owners, frame.radar)
+            values["strongest_body"] = echoes.strongest_bodies(echo, self._owners, frame.radar)
         if settings.joints:
             values["joint_position"] = self._people.joints(placed)
         return {name: Labelled(layout.dims, values[name], layout.attrs) for name, layout in self._layouts.items()}

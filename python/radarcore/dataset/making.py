@@ -1,29 +1,45 @@
-"""Datasets made: planned, worked off shard by shard, and resumed."""
+"""Datasets made: samples simulated shard by shard, by processes or any executor, and runs resumed."""
 
 from __future__ import annotations
 
 import errno
 import json
 import multiprocessing
-from collections.abc import Generator
-from concurrent.futures import Executor
-from contextlib import ExitStack, closing
+import os
+import pickle
+import signal
+from collections.abc import Generator, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, as_completed, wait
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
 from os import PathLike
 from pathlib import Path
+from threading import Thread, get_ident
 from typing import Any
 
+import numpy as np
+
 from radarcore import check, notice
-from radarcore.dataset import executors
-from radarcore.dataset.journal import Journal
-from radarcore.dataset.labels import Labels
-from radarcore.dataset.opened import Dataset, open_dataset
-from radarcore.dataset.plan import planned
-from radarcore.dataset.recipe import Recipe
-from radarcore.dataset.shardfile import clear_partial
-from radarcore.dataset.shards import Done, Work, Worker
-from radarcore.dataset.store import attrs_of, create, opened, zarr
+from radarcore.dataset.labels import Labels, labels_of
+from radarcore.dataset.reading import Dataset, open_dataset
+from radarcore.dataset.sample import Sample
+from radarcore.dataset.store import Rows, attrs_of, clear_partial, create, missing_file, opened, write_shard, zarr
+from radarcore.dataset.variables import (
+    STATUS,
+    Layout,
+    attributes_of,
+    coordinates_of,
+    layout_of,
+    stored_parameters,
+    stored_samples,
+)
 from radarcore.dataset.variation import Variation
 from radarcore.output import Lock, already_exists, is_empty
+from radarcore.recording.frame import Frame
+
+_TRIES = 20
+"""Samples that are tried for the first one that can be simulated."""
 
 
 def make(
@@ -34,8 +50,6 @@ def make(
     seed: int = 1,
     workers: int | None = None,
     executor: Executor | None = None,
-    scheduler: str | None = None,
-    timeout: float = 10.0,
     resume: bool = False,
     labels: Labels | None = None,
     samples_per_shard: int | None = None,
@@ -43,9 +57,9 @@ def make(
 ) -> Dataset:
     """Simulate samples of a scene that varies, and store them with their labels.
 
-    The samples of a dataset follow from scene, seed and index alone: whoever makes them, however many work, and in
-    whatever order, every bit is the same. A sample that cannot be simulated is recorded and left out. A dataset whose
-    making was interrupted, or killed, opens with what is complete.
+    Scene, seed and index decide a sample: every bit is the same for any number of workers and any order. Files are
+    equal for one version of zarr, and of scipy if the scene has normal distributions. A sample that cannot be simulated
+    is recorded and left out. A dataset whose making was interrupted or killed opens with what is complete.
 
     Parameters
     ----------
@@ -56,24 +70,19 @@ def make(
     count : int
         Samples.
     seed : int
-        Of all draws.
+        Seed of all draws.
     workers : int, optional
-        Processes of this machine, each of which has one thread if there are as many samples as cores; 1: this process.
+        Processes of this machine, each with one thread if there are as many samples as cores; 1: this process.
         Default: one per core.
     executor : Executor, optional
-        Of `concurrent.futures`, in place of processes of this machine. All its workers must reach `path`.
-    scheduler : str, optional
-        Address of a scheduler of dask distributed, ``"tcp://HOST:8786"``, in place of them; all its workers must reach
-        `path`.
-    timeout : float
-        Time within which the scheduler must answer [s].
+        Executor of `concurrent.futures`, in place of processes of this machine. All its workers must reach `path`.
     resume : bool
-        Go on with a dataset that was interrupted: shards that are complete are kept.
+        Continue a dataset that was interrupted: complete shards are kept.
     labels : Labels, optional
-        What is known of every frame; default: the truth of every body.
+        Labels of every frame; default: the truth of every body.
     samples_per_shard : int, optional
-        Consecutive samples that are one file per variable, and one piece of work. Default: at most 64 MB, and at least
-        64 shards where there are as many samples.
+        Consecutive samples in one file per variable, which are one piece of work. Default: at most 64 MB, and at least
+        64 shards if there are as many samples.
     progress : bool
         Show a progress bar when run in a terminal.
 
@@ -84,17 +93,16 @@ def make(
     Raises
     ------
     FileExistsError
-        When `path` exists, and is not resumed.
+        If `path` exists and is not resumed.
     BlockingIOError
-        When another process is making it; the lock ends with its process.
+        If another process is making it; the lock ends with its process.
     ValueError
-        When a dataset is resumed with other settings, which it names; the error of the first sample if none works.
-    ConnectionError
-        When no scheduler answers, or one without workers.
+        If a dataset is resumed with other settings or versions, which it names; the error of the first sample if none
+        can be simulated.
     ChildProcessError
-        When the worker of a shard was lost twice; it names the shard.
+        If a worker was lost; complete shards stay.
     OSError
-        When a file cannot be written; what is complete stays.
+        If a file cannot be written; complete shards stay.
 
     See Also
     --------
@@ -116,68 +124,195 @@ def make(
     target = Path(path).absolute()
     variation = scene if not isinstance(scene, str | PathLike) else Variation.load(scene)
     count = check.count("count", count)
-    cores = executors.num_cores()
+    cores = num_cores()
     workers = cores if workers is None else check.count("workers", workers)
-    if executor is not None and scheduler is not None:
-        raise ValueError("scheduler: expected an executor or the address of a scheduler, got both")
     threads = 1 if count >= cores else max(1, cores // min(workers, count))
     recipe = Recipe(variation, check.count("seed", seed, 0), labels or Labels(), threads)
 
+    before = _settings_before(target, resume)
+    if before is not None and samples_per_shard is None:
+        samples_per_shard = before["samples_per_shard"]
+    frames = recipe.first_frames(count)
+    layout = layout_of(variation, recipe.body_names, recipe.labels, frames, count, samples_per_shard)
+    radar = frames[0].radar
+    attrs = attributes_of(variation, layout, recipe.seed, recipe.labels, radar)
+    if before is None:
+        create(target, layout, coordinates_of(radar, recipe.body_names, layout), attrs)
     with ExitStack() as stack:
-        # Before anything is made: who has no workers needs no dataset.
-        if scheduler is not None:
-            executor = stack.enter_context(executors.dask(scheduler, check.positive("timeout", timeout, "s")))
-        before = _settings_before(target, resume)
-        if before is not None and samples_per_shard is None:
-            samples_per_shard = before["samples_per_shard"]
-        plan = planned(recipe, count, samples_per_shard)
-        if before is None:
-            create(target, plan)
         stack.enter_context(Lock(target))
         if before is not None:
-            _check_same(target, before, json.loads(plan.attrs["settings"]))
-        work, journal = Worker.of(Work(str(target), recipe, plan.layout)), Journal(target)
-        complete = journal.complete()
-        left = [shard for shard in range(plan.layout.num_shards) if shard not in complete]
-        clear_partial(target)
-
-        def name(shard: int) -> str:
-            samples = plan.layout.samples_of(shard)
-            numbers = f"samples {samples[0]} to {samples[-1]}" if len(samples) > 1 else f"sample {samples[0]}"
-            return f"{target}: shard {shard} ({numbers})"
-
-        def made() -> Generator[Done, None, None]:
-            if executor is not None:
-                return executors.executed(work, left, executor, name)
-            if workers == 1:
-                return executors.serial(work, left)
-            return executors.processes(work, left, executors.at_most(workers, left), name)
-
+            _check_same(target, before, json.loads(attrs["settings"]))
+        clear_partial(target, layout)
+        stack.callback(clear_partial, target, layout)
+        missing = [shard for shard in range(layout.num_shards) if missing_file(target, layout, shard) is not None]
+        made = _made(Worker.of(str(target), recipe, layout), missing, workers, executor)
         bar = stack.enter_context(notice.progress(None, "making", "sample", total=count, shown=progress))
-        bar.initial = bar.n = sum(len(plan.layout.samples_of(shard)) for shard in complete)
-        warned = {kind for done in complete.values() for kind in done.warnings}
-        try:
-            for done in stack.enter_context(closing(made())) if left else ():
-                _check_here(target, journal, done, name)
-                journal.append(done)
-                bar.update(len(plan.layout.samples_of(done.shard)))
-                for kind in done.warnings.keys() - warned:
-                    warned.add(kind)
-                    sample, text = done.warnings[kind]
-                    notice.warn(f"sample {sample}: {text}")
-        finally:
-            clear_partial(target)
+        bar.initial = bar.n = count - sum(len(layout.samples_of(shard)) for shard in missing)
+        new = notice.NewKinds()
+        for shard, warnings in stack.enter_context(closing(made)):
+            if (file := missing_file(target, layout, shard)) is not None:
+                text = "expected the file that a worker has written; all workers must reach the same directory"
+                raise OSError(errno.ENOENT, text, str(file))
+            bar.update(len(layout.samples_of(shard)))
+            new.warn(warnings)
     return open_dataset(target)
 
 
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that decides the samples of a dataset, and the threads of a simulator, which do not."""
+
+    variation: Variation
+    seed: int
+    labels: Labels
+    threads: int
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names along the axis `body`: a person or an arm has one."""
+        return self.variation.label_names
+
+    def first_frames(self, count: int) -> list[Frame]:
+        """Frames of the first sample that can be simulated; the error of the first sample if none can."""
+        error: Exception | None = None
+        for index in range(min(count, _TRIES)):
+            try:
+                with notice.gathered():
+                    return list(self._sample(index).frames(threads=self.threads))
+            except Exception as failure:
+                error = error or failure
+        assert error is not None  # as there is at least one sample
+        raise error
+
+    def rows(self, layout: Layout, index: int) -> Rows:
+        """Rows of all variables for a sample; fill values and its error if it cannot be simulated."""
+        values: dict[str, Any] = {}
+        try:
+            sample = self._sample(index)
+            values |= stored_parameters(sample.values, layout)
+            return layout.rows({**values, **self._frame_values(sample), "status": np.int8(STATUS["made"])})
+        except Exception as error:
+            text = f"{type(error).__name__}: {error}"
+            return layout.rows({**values, "status": np.int8(STATUS["failed"]), "error": text})
+
+    def _sample(self, index: int) -> Sample:
+        return self.variation.sample(index, seed=self.seed)
+
+    def _frame_values(self, sample: Sample) -> dict[str, Any]:
+        """Samples, times and labels of the frames of a sample, (frame, ...) each."""
+        columns: dict[str, list[Any]] = {}
+        simulator, frames = sample.simulated(threads=self.threads)
+        for frame in frames:
+            labels = labels_of(simulator, frame, self.body_names, self.labels)
+            row = {"cube": stored_samples(frame), "time": frame.time}
+            for name, value in (row | {name: label.values for name, label in labels.items()}).items():
+                columns.setdefault(name, []).append(value)
+        return {name: np.stack(column) for name, column in columns.items()}
+
+
+@dataclass(frozen=True)
+class Worker:
+    """Makes shards, in whatever process it is sent to, which loads the recipe once.
+
+    Meshes and other things that the scenes have in common are made once per process and thread.
+    """
+
+    work: bytes
+
+    @classmethod
+    def of(cls, path: str, recipe: Recipe, layout: Layout) -> Worker:
+        """Worker of a dataset at an absolute path, which all workers share."""
+        return cls(pickle.dumps((path, recipe, layout)))
+
+    def __call__(self, shard: int) -> tuple[int, tuple[str, ...]]:
+        """Make a shard; its number, and the warnings of its samples."""
+        path, recipe, layout = _loaded(self.work, get_ident())
+        rows, warnings = [], []
+        for index in layout.samples_of(shard):
+            with notice.gathered() as messages:
+                rows.append(recipe.rows(layout, index))
+            warnings += [f"sample {index}: {message}" for message in messages]
+        write_shard(Path(path), layout, shard, rows)
+        return shard, tuple(warnings)
+
+
+@lru_cache(maxsize=32)
+def _loaded(work: bytes, thread: int) -> tuple[str, Recipe, Layout]:  # noqa: ARG001  # part of the key
+    loaded: tuple[str, Recipe, Layout] = pickle.loads(work)
+    return loaded
+
+
+def num_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _made(
+    worker: Worker, shards: list[int], workers: int, executor: Executor | None
+) -> Generator[tuple[int, tuple[str, ...]], None, None]:
+    """Shards as they are completed, here, by processes of this machine, or by an executor."""
+    if executor is None and (workers == 1 or not shards):
+        yield from map(worker, shards)
+        return
+    with ExitStack() as stack:
+        pool = executor or stack.enter_context(_processes(min(workers, len(shards))))
+        futures: list[Future[tuple[int, tuple[str, ...]]]] = []
+        try:
+            futures += [pool.submit(worker, shard) for shard in shards]
+            for future in as_completed(futures):
+                yield future.result()
+        except (BrokenExecutor, CancelledError) as error:
+            raise ChildProcessError(
+                "a worker was lost (killed, or out of memory); complete shards stay, resume=True goes on with the rest"
+            ) from error
+        finally:
+            running = [future for future in futures if not future.cancel()]
+            if executor is not None:
+                wait(running)
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end with the block, at once if it was interrupted.
+
+    They are spawned: a fork would copy locks that other threads hold, such as those of the Rust core.
+    """
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin() -> None:
+    """Begin a worker: Ctrl-C is for its parent, and it ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
 def _refuse_in_worker() -> None:
-    """A script that makes a dataset without asking who runs it would do so in each of its processes."""
+    """Refuse to make a dataset while a worker loads a script without a main guard: each would make it again."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise RuntimeError('make: expected in a script below `if __name__ == "__main__":`, as each process loads it')
 
 
 def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
-    """Settings of the dataset that is to be resumed; None where there is nothing yet."""
+    """Settings of the dataset that is to be resumed; None if there is none yet."""
     if not target.exists() or (target.is_dir() and is_empty(target)):
         return None
     attrs = attrs_of(target) if target.is_dir() else None
@@ -192,21 +327,19 @@ def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
 
 
 def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
-    """Refuse to go on with other settings; a ValueError names those that differ."""
-    differing = []
+    """Refuse to continue with other settings; a ValueError names those that differ."""
+    differing: list[str] = []
     for name, value in before.items():
-        if now[name] == value:
-            continue
         if name == "scene":
-            differing.append(_differing_line(value, now[name]))
-        elif name == "labels":
-            names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
-            differing += [f"labels.{key} = {now[name].get(key)!r}, not {value.get(key)!r}" for key in sorted(names)]
-        elif name == "files":
-            names = [key for key in value.keys() | now[name].keys() if value.get(key) != now[name].get(key)]
-            differing += [f"another file {key}" for key in sorted(names)]
-        else:
-            differing.append(f"{name} = {now[name]!r}, not {value!r}")
+            differing += [] if now[name] == value else [_differing_line(value, now[name])]
+        elif isinstance(value, dict):
+            keys = [key for key in sorted({*value, *now[name]}) if value.get(key) != now[name].get(key)]
+            if name == "files":
+                differing += [f"another file {key}" for key in keys]
+            else:
+                differing += [f"{name}.{key} = {now[name].get(key)!r}, not {value.get(key)!r}" for key in keys]
+        elif now.get(name) != value:
+            differing.append(f"{name} = {now.get(name)!r}, not {value!r}")
     if differing:
         raise ValueError(f"{target}: expected the settings that it was begun with, got {'; '.join(differing)}")
 
@@ -219,14 +352,3 @@ def _differing_line(before: str, now: str) -> str:
     )
     texts = [repr(lines[same].strip()) if same < len(lines) else "nothing" for lines in (new, old)]
     return f"another scene (line {same + 1}: {texts[0]}, not {texts[1]})"
-
-
-def _check_here(target: Path, journal: Journal, done: Done, name: Any) -> None:
-    """Refuse a shard whose files cannot be seen from here: its worker has another disk."""
-    if (missing := journal.damaged(done)) is not None:
-        raise OSError(
-            errno.ENOENT,
-            f"expected the file that a worker has written for {name(done.shard).partition(': ')[2]}; "
-            "all workers must reach the same directory",
-            str(target / missing),
-        )

@@ -10,15 +10,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from radarcore.dataset.files import renamed
+from radarcore.dataset.files import renamed, toml_text
 from radarcore.output import write_text
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.build.kept import Kept
 from radarcore.scenefile.build.simulation import simulation
 from radarcore.scenefile.read import tables_of
 from radarcore.scenefile.simulation import Simulation
-from radarcore.scenefile.toml import toml_text
 from radarcore.simulate.schedule import frame_times
+from radarcore.simulate.simulator import Simulator
 
 _MOST_NAMED = 4
 """Drawn values that an error names."""
@@ -119,10 +119,14 @@ class Sample:
         >>> [f"{frame.time:.3f}" for frame in sample.frames()]
         ['0.000', '0.025', '0.050', '0.075']
         """
+        return self.simulated(threads=threads)[1]
+
+    def simulated(self, *, threads: int | None = 1) -> tuple[Simulator, Iterator[Frame]]:
+        """The simulator of the sample, and its frames one by one."""
         found = self.simulation()
         simulator = found.simulator(threads=threads)
         times = frame_times(found.run.start, found.run.stop, found.run.rate)
-        return (simulator.frame(float(time)) for time in times)
+        return simulator, (simulator.frame(float(time)) for time in times)
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the scene file, for `load_scene` and the command line.

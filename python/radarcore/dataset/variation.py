@@ -10,10 +10,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from radarcore import check
+from radarcore import check, notice
 from radarcore.dataset.distributions import Choice, Distribution, Integers
-from radarcore.dataset.notices import gathered
-from radarcore.dataset.sample import Sample as Sample
+from radarcore.dataset.sample import Sample
 from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, shared
 from radarcore.radar.radar import Radar
 from radarcore.scenefile.build.errors import located
@@ -163,11 +162,16 @@ class Variation:
         if isinstance(run, dict):
             run.setdefault("seed", Varied(Integers(0, _NUM_SEEDS - 1)))
         found = list(found_in(tables))
-        with gathered():  # warnings come with the samples
+        with notice.gathered():  # warnings come with the samples
             trials = _Trials(file, tables, found)
             trials.check_ends()
             names = trials.body_names()
         return cls(file, tuple(map(_parameter, found)), names, trials.run, tables)
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """Names of the axis `body` of labels: a person, an arm and a mesh file of several materials have one each."""
+        return tuple(dict.fromkeys(name.partition("/")[0] for name in self.body_names))
 
     def sample(self, index: int, *, seed: int = 0) -> Sample:
         """The scene file of one sample.
