@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radarcore.dataset.cells import noise_power
+from radarcore.dataset.echoes import noise_power
 
 import radarcore as rc
 from radarcore.dataset import Labels, dims_of, labels_of

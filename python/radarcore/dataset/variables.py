@@ -218,13 +218,16 @@ def stored_samples(frame: Frame) -> NDArray[Any]:
 
 def stored_parameters(values: Mapping[str, Any], layout: Layout) -> dict[str, Any]:
     """Drawn values by the names of their variables; true and false become texts."""
-    paths = {name: variable.attrs.get("path") for name, variable in layout.variables.items()}
-    stored = {}
-    for name, path in paths.items():
-        if path in values:
-            value = values[path]
-            is_text = layout.variables[name].dtype == TEXT
-            stored[name] = float(value) if not is_text else value if isinstance(value, str) else json.dumps(value)
+    stored: dict[str, float | str] = {}
+    for name, variable in layout.variables.items():
+        path = variable.attrs.get("path")
+        if path is None or path not in values:
+            continue
+        value = values[path]
+        if variable.dtype != TEXT:
+            stored[name] = float(value)
+        else:
+            stored[name] = value if isinstance(value, str) else json.dumps(value)
     return stored
 
 
