@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radarcore import _core, check
-from radarcore.depth import quantisation, surfaces
+from radarcore import _core, check, notice
+from radarcore.depth import surfaces
 from radarcore.depth.image import Image, bodies_of, depths, fractions, normals_of, returns
 from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, adc_codes, frame_of
 from radarcore.scene.scene import Scene
 from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
@@ -25,6 +26,8 @@ SAMPLINGS = ("footprint", "point")
 
 # A depth that is this close to the far plane is the far plane.
 _FAR_MARGIN = 1e-6
+# Quantisation that turns phases by more than this is worth a warning [degrees].
+_PHASE_WARNING_DEG = 5.0
 
 
 def frame_from_depth(
@@ -115,8 +118,8 @@ def frame_from_depth(
     Warns
     -----
     UserWarning
-        When the image is quantised so coarsely that phases, or velocities from differences, are lost; when its
-        distances are far beyond the radar's, as those in millimetres are.
+        When the image has whole millimetres or other decimal steps so coarse that phases, or velocities from
+        differences, are lost; when its distances are far beyond the radar's, as those in millimetres are.
 
     See Also
     --------
@@ -152,8 +155,8 @@ def frame_from_depth(
     ray[bodies < 0] = np.inf
     warnings = Warnings(Scene(), radar, settings.tolerance)
     warnings.distances_not_in_metres(ray)
-    steps = quantisation.find(np.where(np.isfinite(ray), ray / to_ray, np.nan), lens.slant(*shape) / to_ray)
-    noise = quantisation.relative_noise(given, ray / to_ray, steps)
+    step = surfaces.decimal_step(ray / to_ray)
+    noise = surfaces.relative_noise(given, ray / to_ray, step)
 
     # Normals; pixels without one are left out.
     tilt = normals_of(normals, ray, lens, noise)
@@ -167,7 +170,7 @@ def frame_from_depth(
         range_rate = surfaces.range_rate(ray, before, noise) / motion.interval
         range_rate[np.abs(range_rate) > check.positive("max_speed", max_speed, "m/s")] = np.nan
     silhouette = np.isfinite(ray) & np.isnan(range_rate)
-    quantisation.warn_of(steps, radar.waveform, motion.interval)
+    phase_error_deg = _phase_error_deg(step, radar.waveform, motion.interval)
 
     # Pixels, at most `max_points`.
     image = Image(
@@ -198,13 +201,33 @@ def frame_from_depth(
         "paths_skipped": num_hit - num_paths,
         "silhouettes_excluded": int(silhouette.sum()),
         "normals_missing": int(missing.sum()),
-        "quantisation_phase_deg": steps.phase_error_deg(radar.waveform.wavelength),
+        "quantisation_phase_deg": phase_error_deg,
     }
     if use is not None and radar.receiver is not None:
         stats |= use.stats(radar.receiver)
         warnings.unsuitable_gain(use)
     truth = None if body is None else motion.truth(image, num_bodies)
     return frame_of(cube, start, radar, truth, stats, adc_codes(cube, radar))
+
+
+def _phase_error_deg(step: float, waveform: Waveform, interval: float | None) -> float:
+    """Error of the two-way phase of depths in steps [m], rms [degrees], with warnings where it is large.
+
+    `interval`: time between two images whose difference gives velocities [s].
+    """
+    phase = float(720.0 * step / np.sqrt(12.0) / waveform.wavelength)
+    if phase > _PHASE_WARNING_DEG:
+        notice.warn(
+            f"distance: quantised in steps of {1e6 * step:.3g} um, {phase:.0f} degrees of phase (rms) at "
+            f"{1e-9 * waveform.center_frequency:.1f} GHz: expect false echoes and useless Doppler"
+        )
+    drift = 0.0 if interval is None else np.sqrt(2.0) * phase * waveform.duration / interval
+    if interval is not None and drift > _PHASE_WARNING_DEG:
+        notice.warn(
+            f"previous: velocities from quantised depths have errors of {np.sqrt(2.0 / 12.0) * step / interval:.2g} "
+            f"m/s (rms), {drift:.0f} degrees of phase within the frame"
+        )
+    return phase
 
 
 def _simulate(

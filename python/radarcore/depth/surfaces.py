@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,30 @@ _STEEPER = 3.0
 _STEP = 2e-3
 # A difference is one-sided where the two-sided one bends this many times more: at creases.
 _BEND = 4.0
+
+# Steps that sensors write integers of [m]; how close to multiples of them how many different values have to be (by
+# chance a fiftieth of them is).
+_DECIMAL_STEPS = (1e-2, 1e-3, 1e-4)
+_DECIMAL_SLACK, _LEAST_DISTINCT = 0.01, 5
+
+
+def decimal_step(depth: Values) -> float:
+    """Step of an image in whole millimetres or the like [m]; zero where there is none."""
+    distinct = np.unique(depth[np.isfinite(depth)])
+    if len(distinct) < _LEAST_DISTINCT:
+        return 0.0
+    for step in _DECIMAL_STEPS:
+        count = distinct / step
+        if (np.abs(count - np.round(count)) < _DECIMAL_SLACK).mean() >= 1.0 - _DECIMAL_SLACK:
+            return step
+    return 0.0
+
+
+def relative_noise(given: NDArray[Any], depth: Values, step: float) -> Values:
+    """Uncertainty of every depth relative to itself: the rounding of its type, or the step of the image [m]."""
+    rounding = 4.0 * np.finfo(given.dtype).eps if given.dtype.kind == "f" else 0.0
+    known = np.where(np.isfinite(depth), depth, 1.0)
+    return np.maximum(max(rounding, 1e-12), step / known)
 
 
 def normals(distance: Values, camera: Camera, noise: Values) -> Values:
