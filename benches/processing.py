@@ -119,7 +119,7 @@ def measure(rec: rc.Recording, num_rounds: int, *, by_stage: bool) -> tuple[dict
             timed = watch.timed(name, getattr(owner, attribute))
             patches.enter_context(mock.patch.object(owner, attribute, timed))
         for number in range(num_rounds + 1):
-            tracker = rc.Tracker(max_velocity=rec.radar.waveform.max_velocity)
+            tracker = rc.Tracker(velocity_ambiguity=2.0 * rec.radar.waveform.max_velocity)
             for k, frame in enumerate(frames):
                 watch.seconds = dict.fromkeys(STAGES if by_stage else (), 0.0)
                 start = time.thread_time()

@@ -49,9 +49,9 @@ class Way:
     name: str
     colour: str
     waveforms: tuple[rc.Waveform, ...]
-    estimate: Callable[..., rc.VelocityEstimate]
+    estimate: Callable[..., rc.processing.VelocityEstimate]
     """Of the samples of every waveform."""
-    bound: Callable[[Array], rc.CramerRaoBound]
+    bound: Callable[[Array], rc.processing.CramerRaoBound]
     """Of ratios [dB]."""
 
 

@@ -81,7 +81,7 @@ def test_helpers_of_the_package_are_no_members_of_its_classes() -> None:
         rc.RecordingWriter: ["open_as"],
         rc.Schedule: ["require_fit"],
         rc.Simulator: ["changed", "to_core"],
-        rc.TrackState: ["of_fields"],
+        rc.processing.TrackState: ["of_fields"],
         rc.Truth: ["from_rows"],
         rc.Waveform: ["require_range"],
     }

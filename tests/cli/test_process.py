@@ -39,7 +39,7 @@ def test_files_hold_what_detect_and_tracker_give(
     assert printed.err == ""  # no progress bar beside a terminal
     assert "12 frames, 24 detections, 2 tracks" in printed.out
     detections, tracks = (rows(tmp_path / "new" / "out" / name) for name in process.FILES)
-    tracker = rc.Tracker(max_velocity=RADAR.max_velocity)
+    tracker = rc.Tracker(velocity_ambiguity=2.0 * RADAR.max_velocity)
     expected_tracks = []
     k = 0
     for index, frame in enumerate(rc.Recording.load(recording).frames()):
@@ -75,8 +75,8 @@ def test_options_choose_what_is_detected(recording: Path, capsys: pytest.Capture
 
     assert number("--max-range", "3") == number("--min-range", "3") == 12
     # Over a third of a second the point that recedes hardly stands still; the other does.
-    assert number("--remove-static", "--min-range", "3") == 0
-    assert number("--remove-static") == number("--range-only", "--max-range", "3") == 12
+    assert number("--subtract-mean", "--min-range", "3") == 0
+    assert number("--subtract-mean") == number("--range-only", "--max-range", "3") == 12
     assert number("--method", "os") == 24
     assert number("--false-alarm-rate", "1e-3") > 24
 

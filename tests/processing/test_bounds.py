@@ -72,7 +72,7 @@ def of_one_frame(waveform: rc.Waveform, *, per_chirp: bool, is_real: bool = Fals
     return least_deviations(signal, start, np.array([1e-7, 1e-5, 1e-4, *[1e-4] * num_phases]))
 
 
-def both(bound: rc.CramerRaoBound) -> list[float]:
+def both(bound: rc.processing.CramerRaoBound) -> list[float]:
     return [float(bound.range), float(bound.velocity)]
 
 

@@ -127,12 +127,12 @@ def test_velocities_and_angles_go_around() -> None:
     covariance = np.broadcast_to(np.eye(4) * 1e-2, (2, 4, 4))
     around = detections([2.0, 2.0], [1.9, -1.9], [np.pi - 0.01, 0.01 - np.pi], [0.0, 0.0], covariance=covariance)
     assert labels(around, velocity=0.3) == [0, 1]
-    found = cluster(around, velocity=0.3, max_velocity=2.0)
+    found = cluster(around, velocity=0.3, velocity_ambiguity=4.0)
     assert found.labels.tolist() == [0, 0]
     assert abs(found.centroids.velocity[0]) == pytest.approx(2.0)
     assert abs(found.centroids.azimuth[0]) == pytest.approx(np.pi)
     np.testing.assert_allclose(found.extent[0], [0.0, 0.1, 0.01, 0.0], atol=1e-12)
-    assert labels(around, num_deviations=1.5, max_velocity=2.0) == [0, 0]
+    assert labels(around, num_deviations=1.5, velocity_ambiguity=4.0) == [0, 0]
 
 
 def test_centroid_is_the_mean_weighted_by_power() -> None:
@@ -202,7 +202,7 @@ def test_no_detections_are_no_clusters() -> None:
         ({"velocity": -1.0}, ValueError, "velocity: expected a positive number"),
         ({"distance": NAN}, ValueError, "distance: expected a finite number"),
         ({"min_detections": 0}, ValueError, "min_detections: expected at least 1, got 0"),
-        ({"max_velocity": "fast"}, TypeError, "max_velocity: expected a number"),
+        ({"velocity_ambiguity": "fast"}, TypeError, "velocity_ambiguity: expected a number"),
         ({"num_deviations": 3.0}, ValueError, "num_deviations: expected detections with positive variances, got nan"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.cluster import periods_of, wrapped
 from radarcore.processing.tracking.kalman import assign, begin, expect, gate_limits, predict, update, white_acceleration
-from radarcore.processing.tracking.tracker import Tracker, TrackerSettings, track
+from radarcore.processing.tracking.tracker import Tracker, TrackerKeywords, TrackerSettings, track
 from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame, Truth
@@ -198,14 +199,14 @@ def test_velocity_is_unwrapped_to_the_one_that_is_expected() -> None:
     values = moving(2.0, 3.0, 80)
     values[:, 1] = wrapped(values[:, 1], np.array(4.0))
     assert (values[:, 1] == -1.0).all()
-    (fast,) = track(stream(values[:, None]), max_velocity=2.0, max_speed=4.0, **POINTS)
+    (fast,) = track(stream(values[:, None]), velocity_ambiguity=4.0, max_speed=4.0, **POINTS)
     assert abs(fast.velocity[-1] - 3.0) < 0.4  # four errors of a detection
     assert fast.is_detected.all()
     # One that speeds up slowly is followed through the end of the axis, from a known period on.
     speed = np.linspace(0.0, 3.0, 240)
     distance = 2.0 + np.cumsum(speed) / RATE
     values = np.stack([distance, wrapped(speed, np.array(4.0))], axis=1)[:, None]
-    (rising,) = track(stream(values), max_velocity=2.0, **POINTS)
+    (rising,) = track(stream(values), velocity_ambiguity=4.0, **POINTS)
     assert np.abs(rising.velocity - speed).max() < 0.4  # four errors of a detection
 
 
@@ -468,7 +469,7 @@ def test_recording_is_tracked_by_a_detector_of_its_frames() -> None:
     assert abs(one.velocity[-1] - 1.2 * limit) < 1e-5  # exact points at an even speed
     assert len(track(rec.frames(), detector=detector, max_speed=2.0 * limit, **POINTS)) == 1
     # Taken as they are, they contradict the ranges.
-    assert len(track(rec, detector=detector, max_velocity=None, max_speed=2.0 * limit, **POINTS)) == 0
+    assert len(track(rec, detector=detector, velocity_ambiguity=None, max_speed=2.0 * limit, **POINTS)) == 0
 
 
 def test_tracks_are_assigned_to_the_bodies_that_they_follow() -> None:
@@ -564,7 +565,7 @@ def test_detections_without_covariance_have_the_usual_errors() -> None:
         ({"acceleration_density": 0.0}, ValueError, "acceleration_density: expected a positive number"),
         ({"acceleration_density": None}, TypeError, "acceleration_density: expected a number"),
         ({"max_speed": np.inf}, ValueError, "max_speed: expected a finite number"),
-        ({"max_velocity": -2.0}, ValueError, "max_velocity: expected a positive number"),
+        ({"velocity_ambiguity": -2.0}, ValueError, "velocity_ambiguity: expected a positive number"),
         ({"gate": 1.0}, ValueError, "gate: expected a probability between 0 and 1, got 1"),
         ({"confirm_hits": 0}, ValueError, "confirm_hits: expected at least 1, got 0"),
         ({"confirm_hits": 6}, ValueError, "confirm_frames: expected at least confirm_hits = 6, got 5"),
@@ -599,3 +600,7 @@ def test_silly_sources_are_refused(source: Any, error: type[Exception], message:
         assign_to_truth([], Truth((), *np.zeros((4, 0))))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"truth: expected arrays of shape \(0, 0\), got \(0,\)"):
         assign_to_truth(track([]), Truth((), *np.zeros((4, 0))))
+
+
+def test_keywords_of_the_tracker_are_the_fields_of_its_settings() -> None:
+    assert list(TrackerKeywords.__annotations__) == [field.name for field in fields(TrackerSettings)]

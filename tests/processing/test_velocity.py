@@ -27,7 +27,7 @@ DOWN = rc.Waveform(
 )
 RANGE, VELOCITY = 0.7, 0.43  # the beat frequency is 19 bins above 0
 
-Estimator = Callable[..., rc.VelocityEstimate]
+Estimator = Callable[..., rc.processing.VelocityEstimate]
 
 
 def echo(waveform: rc.Waveform, distance: float, velocity: float, amplitude: Any = 1.0) -> NDArray[np.complex128]:
@@ -53,7 +53,7 @@ def pair(up: rc.Waveform, down: rc.Waveform) -> tuple[NDArray[np.complex128], ND
     return echo(up, RANGE - VELOCITY * half, VELOCITY), echo(down, RANGE + VELOCITY * half, VELOCITY)
 
 
-SINGLE: list[tuple[Estimator, Callable[..., rc.CramerRaoBound]]] = [
+SINGLE: list[tuple[Estimator, Callable[..., rc.processing.CramerRaoBound]]] = [
     (rc.doppler_velocity, rc.doppler_bound),
     (rc.chirp_rate_velocity, rc.chirp_rate_bound),
     (rc.range_migration_velocity, rc.range_migration_bound),
@@ -172,7 +172,7 @@ ACCURACY = 4.0 / np.sqrt(2.0 * TRIALS)
 @pytest.mark.parametrize("is_real", [False, True])
 @pytest.mark.parametrize(("estimator", "bound"), SINGLE)
 def test_deviations_from_15_db_up_are_those_of_the_bound_and_as_predicted(
-    estimator: Estimator, bound: Callable[..., rc.CramerRaoBound], is_real: bool
+    estimator: Estimator, bound: Callable[..., rc.processing.CramerRaoBound], is_real: bool
 ) -> None:
     wf = UP.replace(num_chirps=4)
     samples = echo(wf, RANGE, VELOCITY)

@@ -73,9 +73,11 @@ def found_in(
         detections = [detections_of(frame) for frame in frames]
     max_missed = max(1, round(_LONGEST_GAP / float(np.median(np.diff(recording.time))))) if len(recording) > 1 else 1
     wf = recording.radar.waveform
-    period = recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
+    period = 2.0 * recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
     num_dimensions = 1 if range_only else None
-    tracks = track(detections, smooth=True, max_velocity=period, max_missed=max_missed, num_dimensions=num_dimensions)
+    tracks = track(
+        detections, smooth=True, velocity_ambiguity=period, max_missed=max_missed, num_dimensions=num_dimensions
+    )
     return Found(recording, tuple(detections), tracks)
 
 

@@ -3,6 +3,7 @@ from radarcore.comparison.clocks import clock_offset as clock_offset
 from radarcore.processing.angles.array_pattern import ArrayPattern as ArrayPattern
 from radarcore.processing.angles.array_pattern import array_pattern as array_pattern
 from radarcore.processing.angles.directions import Directions as Directions
+from radarcore.processing.angles.directions import directions as directions
 from radarcore.processing.angles.maps import azimuth_elevation as azimuth_elevation
 from radarcore.processing.angles.maps import range_angle as range_angle
 from radarcore.processing.angles.steering import steering_weights as steering_weights

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,23 +16,14 @@ from radarcore.processing.tracking.kalman import Array, normalized_squares
 
 Indices = NDArray[np.int64]
 
-_MOST_PAIRS = 512**2
-"""Pairs of detections up to which all are compared; more of them are found by a tree."""
-
 _MOST_AT_ONCE = 2**15
 """Pairs per block: some 20 MB."""
 
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
 
-_FEW = 16
-"""Detections whose pairs are compared one by one."""
-
-_ROUNDED = 1.0 + 1e-9
-"""Limits with what rounding may make of them."""
-
-_NEVER = 1e300
-"""Period of what has none: nothing is so large that it is wrapped."""
+_NO_PERIOD = 1e100
+"""Period of a coordinate without one: no value is large enough to be wrapped."""
 
 _NO_WEIGHT = 1e-300
 """Instead of a sum of weights that is 0."""
@@ -85,14 +74,15 @@ def cluster(
     velocity: float | None = None,
     num_deviations: float | None = None,
     min_detections: int = 1,
-    max_velocity: float | None = None,
+    velocity_ambiguity: float | None = None,
 ) -> Clusters:
-    """Group detections of one object: those that a chain of near ones connects.
+    """Group the detections of each object: a chain of near neighbours connects them.
 
-    Two detections are near each other within `distance` and `velocity`, both of them; or, if `num_deviations` is given,
-    when they may be one within the errors that their covariances tell. The distance is that of the points in space if
-    all detections have an azimuth, of the ranges otherwise. With `min_detections` above 1 the groups are those
-    of DBSCAN (Ester et al., 1996): chains go through detections with so many near ones, themselves included.
+    Two detections are neighbours if both their distance and their difference of velocities are within the limits; or,
+    if `num_deviations` is given, if their Mahalanobis distance is. The distance is between points in space if all
+    detections have an azimuth, and between ranges otherwise. With `min_detections` above 1 the groups are those of
+    DBSCAN (Ester et al., 1996): chains pass through detections that have this number of neighbours, counting
+    themselves.
 
     Parameters
     ----------
@@ -106,9 +96,9 @@ def cluster(
         covariance.
     min_detections : int
         Detections that make an object; fewer are labelled -1.
-    max_velocity : float, optional
-        Largest unambiguous velocity [m/s], see `Waveform.max_velocity`: velocities are then compared and averaged
-        modulo twice that.
+    velocity_ambiguity : float, optional
+        Period of the measured velocities [m/s], ``2 * Waveform.max_velocity``: velocities are compared and averaged
+        modulo this. Default: none.
 
     Returns
     -------
@@ -123,7 +113,7 @@ def cluster(
 
     See Also
     --------
-    Clusters : What comes back.
+    processing.Clusters : What comes back.
     detect : Detections of a frame.
     track : Tracks of clusters over time.
 
@@ -139,13 +129,16 @@ def cluster(
         None if velocity is None else check.positive("velocity", velocity, "m/s"),
     )
     fewest = check.count("min_detections", min_detections)
-    periods = periods_of(None if max_velocity is None else check.positive("max_velocity", max_velocity, "m/s"))
+    if velocity_ambiguity is not None:
+        check.positive("velocity_ambiguity", velocity_ambiguity, "m/s")
+    periods = periods_of(velocity_ambiguity)
     values, covariance = coordinates(detections), covariances(detections)
     if num_deviations is None:
-        labels = connected(len(detections), *pairs_within(values, *limits, periods), fewest)
+        near = pairs_within(values, *limits, periods)
+        labels = connected(len(values), lambda: [near], fewest)
     else:
         number = check.positive("num_deviations", num_deviations)
-        labels = _connected_in_blocks(len(values), lambda: _near_pairs(values, covariance, number, periods), fewest)
+        labels = connected(len(values), lambda: _near_pairs(values, covariance, number, periods), fewest)
     level = levels(detections)
     labels, found = groups(values, level, covariance, labels, periods)
     distances, velocities, azimuths, elevations = found.values.T
@@ -181,9 +174,9 @@ class Groups(NamedTuple):
     """Detections (group,)."""
 
 
-def periods_of(max_velocity: float | None) -> Array:
-    """Periods of range, velocity, azimuth and elevation, of which the last two are angles."""
-    return np.array([_NEVER, _NEVER if max_velocity is None else 2.0 * max_velocity, 2.0 * np.pi, 2.0 * np.pi])
+def periods_of(velocity_ambiguity: float | None) -> Array:
+    """Periods of range, velocity, azimuth and elevation."""
+    return np.array([_NO_PERIOD, velocity_ambiguity or _NO_PERIOD, 2.0 * np.pi, 2.0 * np.pi])
 
 
 def coordinates(detections: Detections) -> Array:
@@ -211,129 +204,57 @@ def wrapped(difference: Array, period: Array) -> Array:
     return difference - period * np.rint(difference / period)
 
 
-def pairs_within(
-    values: Array, distance: float | None, velocity: float | None, periods: Array
-) -> tuple[Indices, Indices]:
-    """Pairs of detections within a distance and a difference of velocities, both ways round, and each by itself.
+def pairs_within(values: Array, distance: float | None, velocity: float | None, periods: Array) -> Indices:
+    """Pairs of detections within a distance and a difference of velocities, each pair once, (2, pair).
 
-    `values` are range and velocity, and azimuth and elevation if they are to be used, (detection, 2 to 4).
+    `values` are range, velocity and perhaps azimuth and elevation, (detection, 2 to 4). An unknown velocity is within
+    any difference.
     """
-    number = len(values)
-    has_points = values.shape[1] > 2 and not np.isnan(values[:, 2]).any()
-    points = values[:, :1]
-    if has_points:
-        elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
-        points = points * unit_vectors(values[:, 2], elevation)
-    if distance is None or number**2 <= _MOST_PAIRS:
-        near = np.ones((number, number), dtype=bool)
-        if distance is not None:
-            apart = points[:, None] - points
-            near = (apart * apart).sum(axis=2) <= distance**2
-        if velocity is not None:
-            near &= _are_within(values[:, None, 1] - values[:, 1], velocity, periods[1])
-        near.flat[:: number + 1] = True  # those whose range is not told, too
-        first, second = near.nonzero()
-        return first, second
-    from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+    if distance is None:
+        one, other = np.triu_indices(len(values), 1)
+    else:
+        from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
 
-    told = np.flatnonzero(np.isfinite(points).all(axis=1))
-    one, other = told[cKDTree(points[told]).query_pairs(distance, output_type="ndarray")].T
-    if velocity is not None:
-        is_near = _are_within(values[one, 1] - values[other, 1], velocity, periods[1])
-        one, other = one[is_near], other[is_near]
-    return both_ways(number, one, other)
+        points = values[:, :1]
+        if values.shape[1] > 2 and not np.isnan(values[:, 2]).any():
+            elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
+            points = points * unit_vectors(values[:, 2], elevation)
+        known = np.flatnonzero(np.isfinite(points).all(axis=1))
+        one, other = known[cKDTree(points[known]).query_pairs(distance, output_type="ndarray")].T
+    pairs = np.array([one, other])
+    if velocity is None:
+        return pairs
+    difference = wrapped(values[one, 1] - values[other, 1], periods[1])
+    return pairs[:, ~(np.abs(difference) > velocity)]
 
 
-def may_be_near(values: Array, distance: float | None, velocity: float | None, periods: Array) -> bool:
-    """True if any pair may be among those of `pairs_within`; of few detections.
+def connected(number: int, blocks: Callable[[], Iterable[Indices]], fewest: int = 1) -> Indices:
+    """Label of the group of each detection, -1 outside of groups.
 
-    Arrays would take longer to make than the numbers of a few detections take one by one.
+    `blocks` gives the pairs of neighbours, each pair once, as arrays (2, pair): memory does not grow with their number.
     """
-    if len(values) > _FEW:
-        return True
-    farthest, fastest = (math.inf if limit is None else limit * _ROUNDED for limit in (distance, velocity))
-    period = float(periods[1])
-    for (range_, speed, *angles), (other_range, other_speed, *other_angles) in combinations(values.tolist(), 2):
-        along = abs(range_ - other_range)
-        if along > farthest or abs(math.remainder(speed - other_speed, period)) > fastest:
-            continue
-        if not angles or math.isinf(farthest):
-            return True
-        # With unit vectors u: |r1 u1 - r2 u2|^2 = (r1 - r2)^2 + r1 r2 |u1 - u2|^2.
-        apart = [2.0 * math.sin(0.5 * (one - other)) for one, other in zip(angles, other_angles, strict=True)]
-        across = apart[0] ** 2
-        if len(angles) == 2:
-            across = apart[1] ** 2 + math.cos(angles[1]) * math.cos(other_angles[1]) * across
-        if not along * along + range_ * other_range * across > farthest * farthest:
-            return True
-    return False
+    from scipy.sparse import coo_array  # here: as above
+    from scipy.sparse.csgraph import connected_components
 
-
-def _are_within(difference: Array, limit: float, period: Array) -> NDArray[np.bool_]:
-    """True where differences of velocities are within a limit; what is not told keeps nobody apart."""
-    return ~(np.abs(wrapped(difference, period)) > limit)
-
-
-def both_ways(number: int, one: Indices, other: Indices) -> tuple[Indices, Indices]:
-    """Pairs in both directions, and each of a number of detections with itself."""
-    itself = np.arange(number)
-    return np.concatenate([one, other, itself]), np.concatenate([other, one, itself])
-
-
-def connected(number: int, first: Indices, second: Indices, fewest: int = 1) -> Indices:
-    """Smallest index of the group of each detection, -1 outside of groups; pairs as `pairs_within` gives them."""
-    if fewest == 1 and len(first) == number:  # nobody is near anybody else
-        return np.arange(number)
-    if fewest == 1 and number <= _FEW:
-        names = list(range(number))
-        for one, other in zip(first.tolist(), second.tolist(), strict=True):
-            if names[one] < names[other]:  # the other way round, the pair comes again
-                names = [names[one] if name == names[other] else name for name in names]
-        return np.array(names)
-    is_core = np.bincount(first, minlength=number) >= fewest
-    inner = slice(None) if fewest == 1 else is_core[first] & is_core[second]
-    one, other = first[inner], second[inner]
-
-    # The smallest index goes around among the cores until nothing changes; labels of labels make long chains short.
-    labels = np.arange(number)
-    while True:
-        smallest = labels.copy()
-        np.minimum.at(smallest, one, labels[other])
-        smallest = smallest[smallest]
-        if (smallest == labels).all():
-            break
-        labels = smallest
-    if fewest == 1:
-        return labels
-
-    # Others belong to the group of the smallest index that has a core near them, or to none.
-    labels[~is_core] = number
-    border = ~is_core[first] & is_core[second]
-    np.minimum.at(labels, first[border], labels[second[border]])
-    return np.where(labels == number, -1, labels)
-
-
-def _connected_in_blocks(number: int, near_pairs: Callable[[], Iterator[Indices]], fewest: int) -> Indices:
-    """As `connected`, of pairs that come in blocks (2, n), each pair once: memory does not grow with their number."""
     is_core = np.ones(number, dtype=bool)
     if fewest > 1:
         counts = np.ones(number, dtype=np.int64)
-        for pairs in near_pairs():
+        for pairs in blocks():
             counts += np.bincount(pairs.ravel(), minlength=number)
         is_core = counts >= fewest
 
-    # Groups so far, as pairs of each detection with the first one of its group, join those of the next block.
-    itself = np.arange(number)
-    labels = itself
-    for pairs in near_pairs():
-        one, other = np.concatenate([[itself, labels], pairs[:, is_core[pairs].all(axis=0)]], axis=1)
-        labels = connected(number, *both_ways(number, one, other))
+    # Each detection is connected with a node for its group so far, and with its neighbours in the next block.
+    labels = np.arange(number)
+    for pairs in blocks():
+        edges = np.concatenate([[np.arange(number), number + labels], pairs[:, is_core[pairs].all(axis=0)]], axis=1)
+        graph = coo_array((np.ones(edges.shape[1]), edges), shape=(2 * number, 2 * number))
+        labels = connected_components(graph, directed=False)[1][:number].astype(np.int64)
     if fewest == 1:
         return labels
 
-    # Others belong to the group of the smallest index that has a core near them, or to none.
+    # Other detections belong to the first group with a core near them, or to none.
     found = np.where(is_core, labels, number)
-    for pairs in near_pairs():
+    for pairs in blocks():
         for one, other in (pairs, pairs[::-1]):
             border = ~is_core[one] & is_core[other]
             np.minimum.at(found, one[border], labels[other[border]])
@@ -353,8 +274,6 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     sorted_labels = labels[order]
     is_first = np.ones(len(order), dtype=bool)
     is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
-    if is_first.all():
-        return _each_alone(values[order], level[order], covariance[order], labels, periods)
     starts = is_first.nonzero()[0]
     group = is_first.cumsum() - 1
     counts = np.bincount(group)
@@ -395,22 +314,6 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     found = Groups(
         mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
     )
-    return place[labels], found
-
-
-def _each_alone(
-    values: Array, level: Array, covariance: Array, labels: Indices, periods: Array
-) -> tuple[Indices, Groups]:
-    """Groups of a single detection each, in the order of their labels."""
-    by_range = values[:, 0].argsort(kind="stable")
-    mean, of_mean = wrapped(values[by_range], periods), covariance[by_range]
-    untold = np.isnan(mean)
-    if untold.any():
-        of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
-    place = np.full(len(labels) + 1, -1)
-    place[np.sort(labels[labels >= 0])[by_range]] = np.arange(len(values))
-    ones = np.ones(len(values))
-    found = Groups(mean, of_mean, np.zeros_like(of_mean), level[by_range], ones, ones.astype(np.int64))
     return place[labels], found
 
 

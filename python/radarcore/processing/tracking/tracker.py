@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain, compress
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,6 @@ from radarcore.processing.tracking.cluster import (
     covariances,
     groups,
     levels,
-    may_be_near,
     pairs_within,
     periods_of,
     wrapped,
@@ -36,15 +35,126 @@ from radarcore.processing.tracking.kalman import (
     update,
     white_acceleration,
 )
-from radarcore.processing.tracking.tracks import Tracks, TrackState, state_of_fields, tracks_of
+from radarcore.processing.tracking.tracks import Tracks, TrackState, tracks_of
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
+from radarcore.records import sealed
 
-_KNOWN_WITHIN = 1.0 / 3.0
-"""A velocity tells in which of its periods it is when it is expected to this fraction of half a period: 3 sigma."""
+_KNOWN_WITHIN = 1.0 / 6.0
+"""The period of a velocity is known if the expected velocity has at most this standard deviation [periods]: 3 sigma."""
 
 _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
+
+
+@sealed
+@dataclass(kw_only=True)
+class TrackerSettings:
+    """Settings of a tracker: how targets move, how well they are detected, when tracks begin and end.
+
+    Parameters
+    ----------
+    acceleration_density : float
+        Power spectral density of the acceleration of targets [m^2/s^3]: their velocity changes by
+        ``sqrt(acceleration_density * t)`` in a time t, one standard deviation.
+    max_speed : float
+        Largest speed of targets [m/s]. No track begins with more; the velocity across the line of sight begins as
+        unknown within it.
+    velocity_ambiguity : float, optional
+        Period of the measured velocities [m/s], ``2 * Waveform.max_velocity``: a velocity counts as the nearest one to
+        its expected value. Default: of frames, the period of their radar; of `Detections`, none.
+    gate : float
+        Probability that a detection of a target lies within the gate of its track, from 0 to 1.
+    confirm_hits, confirm_frames : int
+        A track is confirmed with so many detections within so many frames from its first on, that one included; it ends
+        as soon as it cannot be any more.
+    max_missed : int
+        Frames in a row without a detection that a confirmed track outlives. Lost frames do not count.
+    max_gap : float, optional
+        Longest time between two detections of a track [s]; default: any.
+    cluster_distance, cluster_velocity : float or None
+        Detections within both [m, m/s] of each other are one target, see `cluster`; None: any. Both None: every
+        detection is one of its own.
+    deviations : (4,) array_like
+        Standard deviations of range [m], velocity [m/s], azimuth and elevation [rad] for detections without a
+        covariance.
+    extent : float
+        Standard deviation of the place on a target from which echoes come [m]: adds to that of detections.
+    velocity_extent : float
+        Standard deviation of the velocities of its parts [m/s]: likewise.
+    num_dimensions : 1, 2 or 3, optional
+        Range alone; the plane, by azimuth; space, by elevation too. Default: by what the first detections tell.
+
+    See Also
+    --------
+    track : Takes them as keywords.
+    Tracker : Likewise.
+
+    Examples
+    --------
+    >>> settings = rc.processing.TrackerSettings(max_speed=2.0, confirm_hits=2, confirm_frames=3)
+    >>> rc.Tracker(max_speed=2.0, confirm_hits=2, confirm_frames=3).settings == settings
+    True
+    """
+
+    acceleration_density: float = 1.0
+    max_speed: float = 3.0
+    velocity_ambiguity: float | None = None
+    gate: float = 0.999
+    confirm_hits: int = 3
+    confirm_frames: int = 5
+    max_missed: int = 10
+    max_gap: float | None = None
+    cluster_distance: float | None = 0.3
+    cluster_velocity: float | None = 1.0
+    deviations: ArrayLike = (0.05, 0.2, 0.1, 0.1)
+    extent: float = 0.05
+    velocity_extent: float = 0.1
+    num_dimensions: int | None = None
+
+    def __post_init__(self) -> None:
+        positive = {"acceleration_density": "m^2/s^3", "max_speed": "m/s"}
+        optional = {"velocity_ambiguity": "m/s", "max_gap": "s", "cluster_distance": "m", "cluster_velocity": "m/s"}
+        for name, unit in (positive | optional).items():
+            if getattr(self, name) is not None or name in positive:
+                setattr(self, name, check.positive(name, getattr(self, name), unit))
+        for name, unit in {"extent": "m", "velocity_extent": "m/s"}.items():
+            setattr(self, name, check.non_negative(name, getattr(self, name), unit))
+        self.gate = check.number("gate", self.gate)
+        if not 0.0 < self.gate < 1.0:
+            raise ValueError(f"gate: expected a probability between 0 and 1, got {self.gate:g}")
+        self.confirm_hits = check.count("confirm_hits", self.confirm_hits)
+        self.confirm_frames = check.count("confirm_frames", self.confirm_frames)
+        if self.confirm_frames < self.confirm_hits:
+            raise ValueError(
+                f"confirm_frames: expected at least confirm_hits = {self.confirm_hits}, got {self.confirm_frames}"
+            )
+        self.max_missed = check.count("max_missed", self.max_missed, 0)
+        deviations = check.array("deviations", self.deviations, (4,))
+        if (deviations <= 0.0).any():
+            raise ValueError(f"deviations: expected positive numbers, got {deviations.tolist()}")
+        self.deviations = tuple(deviations.tolist())
+        if self.num_dimensions is not None and check.count("num_dimensions", self.num_dimensions) > 3:
+            raise ValueError(f"num_dimensions: expected 1, 2 or 3, got {self.num_dimensions}")
+
+
+class TrackerKeywords(TypedDict, total=False):
+    """Fields of `TrackerSettings` as keywords of `Tracker` and `track`."""
+
+    acceleration_density: float
+    max_speed: float
+    velocity_ambiguity: float | None
+    gate: float
+    confirm_hits: int
+    confirm_frames: int
+    max_missed: int
+    max_gap: float | None
+    cluster_distance: float | None
+    cluster_velocity: float | None
+    deviations: ArrayLike
+    extent: float
+    velocity_extent: float
+    num_dimensions: int | None
 
 
 class Tracker:
@@ -72,7 +182,7 @@ class Tracker:
     See Also
     --------
     track : Tracks of a whole recording.
-    TrackerSettings : What may be set.
+    processing.TrackerSettings : What may be set.
 
     Examples
     --------
@@ -88,14 +198,14 @@ class Tracker:
     _covariance: Array
     _lives: list[_Life]
 
-    def __init__(self, **settings: Any) -> None:
+    def __init__(self, **settings: Unpack[TrackerKeywords]) -> None:
         self.settings: TrackerSettings = TrackerSettings(**settings)
         self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun: int = 0
-        self._periods = periods_of(self.settings.max_velocity)
-        largest = np.inf if self.settings.max_velocity is None else self.settings.max_velocity
-        self._velocity_known = (_KNOWN_WITHIN * largest) ** 2  # largest variance with which the period is known
+        self._periods = periods_of(self.settings.velocity_ambiguity)
+        # Largest variance of an expected velocity whose period is known.
+        self._largest_variance = (_KNOWN_WITHIN * self._periods[1]) ** 2
         self._usual = np.diag(np.square(self.settings.deviations))
         self._clear(2)
 
@@ -120,7 +230,7 @@ class Tracker:
 
         See Also
         --------
-        TrackState : What comes back, one for each target.
+        processing.TrackState : What comes back, one for each target.
         detect : Detections of a frame.
 
         Examples
@@ -164,7 +274,7 @@ class Tracker:
         expected = expect(self._state, self._covariance)
         spread = expected.spread
         innovation = wrapped(measured - expected.value[:, None], self._periods[: measured.shape[1]])
-        innovation[~(spread[:, 1, 1] <= self._velocity_known), :, 1] = np.nan
+        innovation[~(spread[:, 1, 1] <= self._largest_variance), :, 1] = np.nan
         tracks, found = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
             self._state[tracks],
@@ -199,11 +309,9 @@ class Tracker:
     def _clustered(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
         """Means of groups of detections, and their covariance, by increasing range."""
         s, periods = self.settings, self._periods[: values.shape[1]]
-        if not may_be_near(values, s.cluster_distance, s.cluster_velocity, periods):  # as often
-            order = values[:, 0].argsort(kind="stable")
-            return values[order], covariance[order]
         near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
-        _, found = groups(values, levels(detections), covariance, connected(len(values), *near), periods)
+        labels = connected(len(values), lambda: [near])
+        _, found = groups(values, levels(detections), covariance, labels, periods)
         return found.values, found.covariance
 
     def _choose_dimensions(self, measured: Array) -> None:
@@ -262,10 +370,10 @@ class Tracker:
         if len(measured) == 0:
             return
         velocity = measured[:, 1].copy()
-        if s.max_velocity is not None:
-            # In which period a velocity is: known if only one is within the largest speed.
+        if s.velocity_ambiguity is not None:
+            # The period of a velocity is known if only one is within the largest speed.
             velocity = wrapped(velocity, self._periods[1])
-            other = np.abs(velocity) >= 2.0 * s.max_velocity - s.max_speed
+            other = np.abs(velocity) >= s.velocity_ambiguity - s.max_speed
             velocity[other] = np.nan
             is_slow = np.isnan(velocity) | (np.abs(velocity) <= s.max_speed)
         else:
@@ -289,7 +397,7 @@ class Tracker:
         """States of all tracks."""
         states, covariances = check.frozen(self._state.copy()), check.frozen(self._covariance.copy())
         return [
-            state_of_fields(
+            TrackState(
                 id=life.id,
                 time=self.time,
                 state=state,
@@ -335,7 +443,7 @@ def track(
     *,
     detector: Callable[[Frame], Detections] | None = None,
     smooth: bool = False,
-    **settings: Any,
+    **settings: Unpack[TrackerKeywords],
 ) -> Tracks:
     """Track the targets of a recording.
 
@@ -391,7 +499,7 @@ def track(
     items = iter(source.frames() if isinstance(source, Recording) else source)
     first = next(items, None)
     if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
-        settings = {"max_velocity": first.radar.max_velocity} | settings
+        settings.setdefault("velocity_ambiguity", 2.0 * first.radar.max_velocity)
     tracker = Tracker(**settings)
     times, states = [], []
     for item in items if first is None else chain([first], items):
@@ -410,95 +518,3 @@ def _smoothed(tracks: Tracks, density: float) -> Tracks:
         state, covariance = smoothed(one.time, one.state, one.state_covariance, density)
         kept.append(replace(one, state=state, state_covariance=covariance))
     return replace(tracks, tracks=tuple(kept))
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackerSettings:
-    """Settings of a tracker: how targets move, how well they are detected, when tracks begin and end.
-
-    Parameters
-    ----------
-    acceleration_density : float
-        Power spectral density of the acceleration of targets [m^2/s^3]: their velocity changes by
-        ``sqrt(acceleration_density * t)`` in a time t, one standard deviation.
-    max_speed : float
-        Largest speed of targets [m/s]. No track begins with more; the velocity across the line of sight begins as
-        unknown within it.
-    max_velocity : float, optional
-        Largest unambiguous velocity of the waveform [m/s], `Waveform.max_velocity`: measured velocities are known
-        modulo twice that, and are taken as those nearest to what is expected. Default: that of the frames; from
-        `Detections` alone, velocities are taken as they are.
-    gate : float
-        Probability that a detection of a target lies within the gate of its track, from 0 to 1.
-    confirm_hits, confirm_frames : int
-        A track is confirmed with so many detections within so many frames from its first on, that one included; it ends
-        as soon as it cannot be any more.
-    max_missed : int
-        Frames in a row without a detection that a confirmed track outlives. Lost frames do not count.
-    max_gap : float, optional
-        Longest time between two detections of a track [s]; default: any.
-    cluster_distance, cluster_velocity : float or None
-        Detections within both [m, m/s] of each other are one target, see `cluster`; None: any. Both None: every
-        detection is one of its own.
-    deviations : (4,) array_like
-        Standard deviations of range [m], velocity [m/s], azimuth and elevation [rad] for detections without a
-        covariance.
-    extent : float
-        Standard deviation of the place on a target from which echoes come [m]: adds to that of detections.
-    velocity_extent : float
-        Standard deviation of the velocities of its parts [m/s]: likewise.
-    num_dimensions : 1, 2 or 3, optional
-        Range alone; the plane, by azimuth; space, by elevation too. Default: by what the first detections tell.
-
-    See Also
-    --------
-    track : Takes them as keywords.
-    Tracker : Likewise.
-
-    Examples
-    --------
-    >>> settings = rc.TrackerSettings(max_speed=2.0, confirm_hits=2, confirm_frames=3)
-    >>> rc.Tracker(max_speed=2.0, confirm_hits=2, confirm_frames=3).settings == settings
-    True
-    """
-
-    acceleration_density: float = 1.0
-    max_speed: float = 3.0
-    max_velocity: float | None = None
-    gate: float = 0.999
-    confirm_hits: int = 3
-    confirm_frames: int = 5
-    max_missed: int = 10
-    max_gap: float | None = None
-    cluster_distance: float | None = 0.3
-    cluster_velocity: float | None = 1.0
-    deviations: ArrayLike = (0.05, 0.2, 0.1, 0.1)
-    extent: float = 0.05
-    velocity_extent: float = 0.1
-    num_dimensions: int | None = None
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        positive = {"acceleration_density": "m^2/s^3", "max_speed": "m/s"}
-        optional = {"max_velocity": "m/s", "max_gap": "s", "cluster_distance": "m", "cluster_velocity": "m/s"}
-        for name, unit in (positive | optional).items():
-            if getattr(self, name) is not None or name in positive:
-                put(self, name, check.positive(name, getattr(self, name), unit))
-        for name, unit in {"extent": "m", "velocity_extent": "m/s"}.items():
-            put(self, name, check.non_negative(name, getattr(self, name), unit))
-        put(self, "gate", check.number("gate", self.gate))
-        if not 0.0 < self.gate < 1.0:
-            raise ValueError(f"gate: expected a probability between 0 and 1, got {self.gate:g}")
-        put(self, "confirm_hits", check.count("confirm_hits", self.confirm_hits))
-        put(self, "confirm_frames", check.count("confirm_frames", self.confirm_frames))
-        if self.confirm_frames < self.confirm_hits:
-            raise ValueError(
-                f"confirm_frames: expected at least confirm_hits = {self.confirm_hits}, got {self.confirm_frames}"
-            )
-        put(self, "max_missed", check.count("max_missed", self.max_missed, 0))
-        deviations = check.array("deviations", self.deviations, (4,))
-        if (deviations <= 0.0).any():
-            raise ValueError(f"deviations: expected positive numbers, got {deviations.tolist()}")
-        put(self, "deviations", tuple(deviations.tolist()))
-        if self.num_dimensions is not None and check.count("num_dimensions", self.num_dimensions) > 3:
-            raise ValueError(f"num_dimensions: expected 1, 2 or 3, got {self.num_dimensions}")

@@ -104,13 +104,6 @@ class TrackState:
         return values[0], covariances[0]
 
 
-def state_of_fields(**fields: Any) -> TrackState:
-    """A state of all its fields by name, made without a call for each."""
-    state = object.__new__(TrackState)
-    vars(state).update(fields)
-    return state
-
-
 @dataclass(frozen=True, eq=False)
 class Track:
     """A target from its first to its last detection, one row per frame.
@@ -132,7 +125,7 @@ class Track:
     --------
     track : Makes them.
     Tracks : All of a recording.
-    TrackState : One at one time.
+    processing.TrackState : One at one time.
 
     Examples
     --------
@@ -257,7 +250,7 @@ class Tracks(Sequence[Track]):
 
         See Also
         --------
-        TrackState : What comes back.
+        processing.TrackState : What comes back.
 
         Examples
         --------
