@@ -33,7 +33,7 @@ def main(recording: Path, output: Path, max_range: float | None) -> None:
 
     figure = Figure(figsize=(8.0, 5.8), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    rc.plot.range_time(measured, upper, remove_static=True, max_range=max_range)
+    rc.plot.range_time(measured, upper, subtract_mean=True, max_range=max_range)
     upper.plot(longest.time, longest.range, "c-", label="track")
     upper.legend(loc="upper right")
     upper.set(title="Power over range, without what stands still", xlabel="")

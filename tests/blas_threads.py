@@ -57,7 +57,7 @@ def works() -> dict[str, Callable[[], object]]:
     found: dict[str, Callable[[], object]] = {
         "record": lambda: small.record(0.0, 0.5),
         "track": lambda: rc.track(recording, smooth=True),
-        "spectrogram": lambda: rc.spectrogram(recording, remove_static=True),
+        "spectrogram": lambda: rc.spectrogram(recording, subtract_mean=True),
         "directions": lambda: rc.directions(channels, large.radar, snr_db=np.full(2000, 20.0)),
         "Pose.apply": lambda: rc.Pose().apply(np.ones((100_000, 3))),
         "clock_offset": lambda: rc.processing.clock_offset(times, walk, times - 0.4, walk, max_offset=1.0),

@@ -255,7 +255,7 @@ def test_map_of_a_sensors_recording_is_without_its_leakage(tmp_path: Path) -> No
     scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
     simulated = rc.Simulator(scene, radar).record(0.0, 0.1, progress=False)
     replace(simulated, truth=None).save(tmp_path / "recording")
-    for words, expected in (([], 2.0), (["--keep-static"], 0.0)):
+    for words, expected in (([], 2.0), (["--keep-mean"], 0.0)):
         path = tmp_path / f"run{len(words)}.rrd"
         assert main(["view", str(tmp_path / "recording"), "-o", str(path), *words]) == 0
         tensor = Content(path).at("/radar/range_velocity", "Tensor:data")[0][1][0]
@@ -296,7 +296,7 @@ def test_no_display_says_how_to_save(
         (["none", "-o", "run.rrd"], "none: no such recording"),
         (["none.toml", "-o", "run.png"], "run.png: expected a file for Rerun (.rrd), got suffix '.png'"),
         (["a.toml", "-o", "run.rrd", "--config", "b.toml"], "a.toml: expected no --config with a scene file"),
-        (["a.toml", "-o", "run.rrd", "--remove-static"], "a.toml: expected no --remove-static with a scene file"),
+        (["a.toml", "-o", "run.rrd", "--subtract-mean"], "a.toml: expected no --subtract-mean with a scene file"),
     ],
 )
 def test_bad_arguments_are_one_line(

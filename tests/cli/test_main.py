@@ -80,7 +80,7 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
         ("plt scene.toml", 'Did you mean "plot"?', ""),
         ("sensor recrod", 'Did you mean "record"?', "sensor"),
         ("plot rec -o a.png --kin map", "Unknown option: --kin. Did you mean --kind?", "plot"),
-        ("process rec --keep-statc", "Did you mean --keep-static?", "process"),
+        ("process rec --keep-men", "Did you mean --keep-mean?", "process"),
         ("plot rec -o a.png --kind detection", 'Did you mean "detections"?', "plot"),
         ("sensor selftest --only nose", 'Did you mean "noise"?', "sensor selftest"),
         ("plot rec", "--output requires an argument", "plot"),
@@ -88,7 +88,7 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
         ("process rec --max-range far", '--max-range: unable to convert "far" into float', "process"),
         ("sensor serve rec --speed fast", "--speed: expected a number or max, got 'fast'", "sensor serve"),
         ("view rec more", "Unused Tokens: ['more']", "view"),
-        ("view rec --remove-static --keep-static", "--keep-static specified multiple times", "view"),
+        ("view rec --subtract-mean --keep-mean", "--keep-mean specified multiple times", "view"),
         (
             "sensor record -o rec --frames 3 --duration 2",
             "expected one of --duration and --frames, got both",

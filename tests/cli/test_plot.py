@@ -59,7 +59,7 @@ def of_two_sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path
 def test_pictures_of_a_sub_sequence_take_what_can_be_chosen_of_them(
     of_two_sequences: dict[str, Path], kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "remove_static": []}
+    values = {"channel": ["1"], "min_range": ["0.5"], "max_range": ["2.5"], "max_velocity": ["1"], "subtract_mean": []}
     words = [word for name in plot.VIEWS[kind] for word in (f"--{name.replace('_', '-')}", *values[name])]
     source = of_two_sequences["scene" if kind == "experiment" else "recording"]
     draw(source, kind, *words, "--sequence", "1")
@@ -132,7 +132,7 @@ def at(frame: int) -> float:
 @pytest.mark.parametrize("kind", ["overview", "detections"])
 def test_map_of_a_sensors_frame_shows_what_moves(leaky: Path, figures: list[Any], kind: str) -> None:
     draw(leaky, kind, "--frame", "12")
-    draw(leaky, kind, "--frame", "12", "--keep-static")
+    draw(leaky, kind, "--frame", "12", "--keep-mean")
     bin_width = rc.Recording.load(leaky).radar.waveform.range_resolution
     moving, everything = (next(ax for ax in figure.axes if ax.images) for figure in figures)
     assert abs(range_of_brightest(moving.images[0]) - at(12)) < bin_width
@@ -165,7 +165,7 @@ def test_live_view_leaves_out_offsets_of_chirps(faint: Path) -> None:
     for frame in frames:
         stream.take(frame)
     assert abs(stream.ranges[np.argmax(stream.level.max(axis=0))] - START) < 0.3
-    kept = Stream(frames[0].radar, remove_static=False)
+    kept = Stream(frames[0].radar, subtract_mean=False)
     kept.take(frames[0])
     assert kept.ranges[np.argmax(kept.level.max(axis=0))] < 0.3, "the leakage"
 
@@ -186,7 +186,7 @@ def test_tracks_of_a_sensors_recording_are_what_moves(leaky: Path, capsys: pytes
     assert person["hits"] == 20, "in every frame"
     assert START - 0.02 < person["nearest"] < at(3), "confirmed after a few"
     assert abs(person["farthest"] - at(19)) < 0.02
-    both = tracks("--keep-static")
+    both = tracks("--keep-mean")
     assert len(both) == 2
     assert any(abs(track["nearest"] - np.hypot(WALL, 0.5)) < 0.05 for track in both), "what stands still"
 

@@ -71,7 +71,7 @@ def test_a_bag_with_samples_is_a_recording(recording: Path, tmp_path: Path, caps
     with ros.BagReader(path) as bag:
         assert_same(ros.BagFrames(bag).recording(), rc.Recording.load(recording))
         assert bag.start_ns == START_NS + 100_000_000
-    other = ["--bag", str(tmp_path / "other"), "--samples", "--remove-static", "--json"]
+    other = ["--bag", str(tmp_path / "other"), "--samples", "--subtract-mean", "--json"]
     assert main(["process", str(path), *other]) == 0
     moving = json.loads(capsys.readouterr().out)
     with ros.BagReader(tmp_path / "other") as bag:  # samples as they were

@@ -47,7 +47,7 @@ def test_ranges_over_time_are_brightest_on_the_lines_of_the_truth() -> None:
     assert colour_bar_label(ax).startswith("Power [dB re maximum, floor −")
     assert ax.get_ylim() == (0.0, 2.2)
     assert {"wall", "arm"} <= texts_apart(ax.figure)
-    alone: Any = plot.range_time(one, names=["arm"], remove_static=True, dynamic_range_db=40)
+    alone: Any = plot.range_time(one, names=["arm"], subtract_mean=True, dynamic_range_db=40)
     assert len(alone.get_lines()) == 1
     assert alone.images[0].get_clim() == (-40.0, 0.0)
     assert level_at(alone, middles[6], 1.9) < level_at(ax, middles[6], 1.9) - 10.0

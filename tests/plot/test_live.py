@@ -96,7 +96,7 @@ def num_artists(live: plot.LiveView) -> int:
 @pytest.mark.parametrize("velocity", [-2.2, -0.9, 0.0, 1.7])
 def test_moving_target_is_detected_where_it_is(real: bool, slope: float, velocity: float) -> None:
     of = radar(real=real, slope=slope, adc_delay=2e-6)
-    (found,) = stream([frame(0.83, velocity, of=of)], remove_static=False).detections
+    (found,) = stream([frame(0.83, velocity, of=of)], subtract_mean=False).detections
     # The parabola on a four times finer grid is good to 0.02 bins. At 2.2 m/s the Doppler frequency moves the beat
     # frequency by 0.03 bins, up or down with the slope.
     assert abs(found.range - 0.83) <= 0.02 * of.waveform.range_resolution
@@ -104,7 +104,7 @@ def test_moving_target_is_detected_where_it_is(real: bool, slope: float, velocit
 
 
 def test_detection_is_marked_and_listed() -> None:
-    live = plot.LiveView(RADAR, remove_static=False)
+    live = plot.LiveView(RADAR, subtract_mean=False)
     live.update(frame(0.8, -0.9))
     (found,) = live.detections
     rings = [line for line in shown(live)["Range and velocity"].lines if line.get_marker() == "o"]
@@ -139,7 +139,7 @@ def test_simulated_point_is_detected_where_its_truth_is() -> None:
 
 def test_two_targets_are_listed_by_range_and_their_sidelobes_are_not() -> None:
     near, far = frame(0.5, 1.2), frame(1.1, -1.5, 1)
-    found = stream([Frame(5.0 * near.cube + far.cube, 0.0, RADAR)], remove_static=False).detections
+    found = stream([Frame(5.0 * near.cube + far.cube, 0.0, RADAR)], subtract_mean=False).detections
     assert [round(each.range, 1) for each in found] == [0.5, 1.1]
     # Both have the same noise.
     assert found[0].level_db - found[1].level_db == pytest.approx(20.0 * np.log10(5.0), abs=0.5)
@@ -148,7 +148,7 @@ def test_two_targets_are_listed_by_range_and_their_sidelobes_are_not() -> None:
 def test_level_is_power_over_the_noise_of_a_cell() -> None:
     # One real tone of amplitude a in white noise of variance s^2, Hann windows with the mean square 3/8: the cell
     # has (a/2)^2 (N/2)^2 (M/2)^2 over s^2 (3/8) N (3/8) M, once per channel.
-    levels = [stream([frame(number=i)], remove_static=False).detections[0].level_db for i in range(20)]
+    levels = [stream([frame(number=i)], subtract_mean=False).detections[0].level_db for i in range(20)]
     wf = RADAR.waveform
     ratio = (0.5e-5) ** 2 * wf.num_samples * wf.num_chirps / 16.0 / (NOISE**2 * (3.0 / 8.0) ** 2)
     expected = 10.0 * np.log10(ratio)
@@ -160,7 +160,7 @@ def test_noise_alone_has_no_detections() -> None:
     rng = np.random.default_rng(3)
     for number in range(20):
         noise = rng.standard_normal(frame().cube.shape).astype(np.float32)
-        assert stream([Frame(noise, number * INTERVAL, RADAR)], remove_static=False).detections == []
+        assert stream([Frame(noise, number * INTERVAL, RADAR)], subtract_mean=False).detections == []
 
 
 def test_static_echoes_are_shown_or_removed() -> None:
@@ -171,7 +171,7 @@ def test_static_echoes_are_shown_or_removed() -> None:
     assert "removed" in shown(live)["Range over time"].get_title()
     assert columns(live).any()
 
-    live.remove_static = False
+    live.subtract_mean = False
     assert not columns(live).any()
     live.update(frame(0.8, 0.0, 4))
     assert len(live.detections) == 1
@@ -282,7 +282,7 @@ def test_partial_drawing_leaves_the_picture_of_a_whole_one() -> None:
 @pytest.mark.parametrize("num_chirps", [1, 2])
 def test_frames_without_velocity_show_range_alone(num_chirps: int) -> None:
     of = radar(num_chirps=num_chirps)
-    live = plot.LiveView(of, remove_static=False)
+    live = plot.LiveView(of, subtract_mean=False)
     live.update(frame(0.8, 0.0, of=of))
     (found,) = live.detections
     assert abs(found.range - 0.8) <= 0.1 * of.waveform.range_resolution  # noise 29 dB below it: 0.02 bins
@@ -296,7 +296,7 @@ def test_frames_without_velocity_show_range_alone(num_chirps: int) -> None:
 
 def test_unevenly_spaced_chirps_show_range_alone() -> None:
     of = radar(num_chirps=3, chirp_interval=None, chirp_times=[0.0, 4e-4, 1e-3])
-    live = plot.LiveView(of, remove_static=False)
+    live = plot.LiveView(of, subtract_mean=False)
     live.update(frame(0.8, 0.0, of=of))
     assert "Range" in shown(live)
     assert len(live.detections) == 1
@@ -304,7 +304,7 @@ def test_unevenly_spaced_chirps_show_range_alone() -> None:
 
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf], ids=["silence", "nan", "inf"])
 def test_frames_without_content_show_nothing_and_do_not_spoil_the_next(value: float) -> None:
-    taken = stream(approach(3), remove_static=False)
+    taken = stream(approach(3), subtract_mean=False)
     cube = np.zeros_like(frame().cube)
     cube[0, 3, 5] = value
     taken.take(Frame(cube, 3 * INTERVAL, RADAR))
@@ -313,7 +313,7 @@ def test_frames_without_content_show_nothing_and_do_not_spoil_the_next(value: fl
     for each in approach(3, first=4):
         taken.take(each)
     assert len(taken.detections) == 1
-    taken.remove_static = True
+    taken.subtract_mean = True
     for each in approach(3, first=7):
         taken.take(each)
     assert len(taken.detections) == 1
@@ -341,7 +341,7 @@ def test_tiny_frames_have_levels(real: bool, num_samples: int) -> None:
 
 def test_frames_of_one_sample_are_drawn() -> None:
     of = radar(num_samples=1, num_chirps=1)
-    live = plot.LiveView(of, remove_static=False)
+    live = plot.LiveView(of, subtract_mean=False)
     live.draw()
     painted: Any = live.figure.canvas
     empty = np.array(painted.buffer_rgba())
@@ -539,7 +539,7 @@ def test_key_shows_what_is_static() -> None:
 
     _, live = play(frames)
     assert live is not None
-    assert not live.remove_static
+    assert not live.subtract_mean
 
 
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb, a display without a screen")

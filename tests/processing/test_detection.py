@@ -54,13 +54,13 @@ def num_tested(of: rc.Radar) -> int:
 
 
 @pytest.mark.parametrize("method", ["ca", "os"])
-@pytest.mark.parametrize("remove_static", [False, True])
+@pytest.mark.parametrize("subtract_mean", [False, True])
 @pytest.mark.parametrize(("num_channels", "real"), [(1, False), (3, True)])
-def test_noise_is_detected_as_often_as_set(num_channels: int, real: bool, remove_static: bool, method: str) -> None:
+def test_noise_is_detected_as_often_as_set(num_channels: int, real: bool, subtract_mean: bool, method: str) -> None:
     of = radar(num_channels=num_channels, real=real)
     rng = np.random.default_rng(num_channels)
     rate, num_frames = 3e-3, 100
-    options: dict[str, Any] = {"false_alarm_rate": rate, "method": method, "remove_static": remove_static}
+    options: dict[str, Any] = {"false_alarm_rate": rate, "method": method, "subtract_mean": subtract_mean}
     found = sum(len(rc.detect(noise(of, rng), of, **options)) for _ in range(num_frames))
     expected = rate * num_frames * num_tested(of)
     # 10 %, what `detect` is measured to keep, and 4 standard deviations of the count (300 or more).
@@ -339,7 +339,7 @@ def test_time_of_detections_is_that_of_all_transmitters_in_turn() -> None:
 def test_static_echoes_are_removed_and_moving_ones_stay() -> None:
     of = radar(num_channels=2)
     cube = 100.0 * target(of, 1.5, 0.0) + target(of, 3.0, 1.1) + 0.3 * noise(of, np.random.default_rng(11))
-    (velocity,) = rc.detect(cube, of, remove_static=True).velocity
+    (velocity,) = rc.detect(cube, of, subtract_mean=True).velocity
     assert velocity == pytest.approx(1.1, abs=0.01)
     assert len(rc.detect(cube, of, method="os")) == 2
 
@@ -400,8 +400,8 @@ def test_silly_input_is_refused_by_name(cube: Any, keywords: dict[str, Any], err
 
 
 def test_one_chirp_has_no_static_echo_to_remove() -> None:
-    with pytest.raises(ValueError, match="remove_static: expected at least two chirps"):
-        rc.detect(CUBE[:, :1], radar(num_chirps=1), remove_static=True)
+    with pytest.raises(ValueError, match="subtract_mean: expected at least two chirps"):
+        rc.detect(CUBE[:, :1], radar(num_chirps=1), subtract_mean=True)
 
 
 @pytest.mark.parametrize("real", [True, False])

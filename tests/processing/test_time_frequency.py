@@ -146,14 +146,14 @@ def test_no_window_spans_a_gap() -> None:
 
 def test_static_echo_goes_and_the_moving_one_stays() -> None:
     recording = record(steady(1.2, 0.0), steady(2.4, 1.0), amplitudes=(1.0, 0.01), real=True)
-    found, kept = spectrogram(recording, remove_static=True), spectrogram(recording)
+    found, kept = spectrogram(recording, subtract_mean=True), spectrogram(recording)
     at_rest, moving = (int(np.argmin(np.abs(found.velocity - v))) for v in (0.0, 1.0))
     assert (strongest_velocity(kept) == 0.0).all()
     assert np.abs(strongest_velocity(found) - 1.0).max() <= recording.radar.waveform.velocity_resolution
     # Left over is the mean of the moving echo, weaker by its 80 turns over the recording.
     assert (found.power[:, at_rest] < 1e-5 * kept.power[:, at_rest]).all()
     np.testing.assert_allclose(found.power[:, moving], kept.power[:, moving], rtol=1e-9)
-    alone = spectrogram(record(steady(1.2, 0.0)), remove_static=True)
+    alone = spectrogram(record(steady(1.2, 0.0)), subtract_mean=True)
     assert alone.power.max() < 1e-20 * kept.power.max()
 
 
@@ -171,7 +171,7 @@ def test_range_gate_and_channel_choose_what_is_seen() -> None:
 def test_single_precision_in_single_precision_throughout() -> None:
     recording = record(steady(2.4, 0.4), real=True)
     single = Recording(recording.cube.astype(np.float32), recording.time, recording.radar)
-    found, expected = (spectrogram(r, remove_static=True).power for r in (single, recording))
+    found, expected = (spectrogram(r, subtract_mean=True).power for r in (single, recording))
     np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
 
 
@@ -191,14 +191,14 @@ def test_range_over_time_follows_the_point() -> None:
 
 def test_range_over_time_without_what_stands_still() -> None:
     recording = record(steady(1.2, 0.0), steady(2.4, 0.5), amplitudes=(1.0, 0.01))
-    found = range_time(recording, remove_static=True)
+    found = range_time(recording, subtract_mean=True)
     assert (found.range[found.power.argmax(axis=1)] > 1.9).all()
 
 
 def test_recording_without_frames_gives_no_columns() -> None:
     wf = waveform()
     empty = Recording(np.zeros((0, 1, 32, 64), np.complex64), [], Radar(wf))
-    found = spectrogram(empty, remove_static=True)
+    found = spectrogram(empty, subtract_mean=True)
     assert (found.time.shape, found.power.shape) == ((0,), (0, 32))
     assert range_time(empty).power.shape == (0, 64)
 

@@ -46,10 +46,10 @@ Method = Annotated[
     Literal["ca", "os"] | None, Parameter(help="detection by cell averaging or ordered statistic (default: ca)")
 ]
 
-RemoveStatic = Annotated[
+SubtractMean = Annotated[
     bool | None,
     Parameter(
-        negative="--keep-static",
+        negative="--keep-mean",
         allow_repeating=False,
         help="leave out what stands still throughout, or leave it in (default: out of recordings of sensors, with "
         "their leakage)",

@@ -11,8 +11,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, Output, Overwrite, RemoveStatic, Source, whole_number
-from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, removes_static
+from radarcore.cli.options import Count, Metres, Output, Overwrite, Source, SubtractMean, whole_number
+from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
 from radarcore.plot import canvas
@@ -60,15 +60,15 @@ KINDS = ("overview", *OF_FRAMES, *OF_RECORDINGS, *OF_IMAGES, "above", "experimen
 
 
 VIEWS = {
-    "overview": ("channel", "max_range", "max_velocity", "remove_static"),
+    "overview": ("channel", "max_range", "max_velocity", "subtract_mean"),
     "chirp": ("channel",),
-    "range-profile": ("channel", "max_range", "remove_static"),
-    "map": ("channel", "max_range", "max_velocity", "remove_static"),
-    "detections": ("channel", "min_range", "max_range", "max_velocity", "remove_static"),
-    "range-angle": ("max_range", "remove_static"),
-    "range-time": ("channel", "max_range", "remove_static"),
-    "spectrogram": ("channel", "min_range", "max_range", "max_velocity", "remove_static"),
-    "tracks": ("min_range", "max_range", "remove_static"),
+    "range-profile": ("channel", "max_range", "subtract_mean"),
+    "map": ("channel", "max_range", "max_velocity", "subtract_mean"),
+    "detections": ("channel", "min_range", "max_range", "max_velocity", "subtract_mean"),
+    "range-angle": ("max_range", "subtract_mean"),
+    "range-time": ("channel", "max_range", "subtract_mean"),
+    "spectrogram": ("channel", "min_range", "max_range", "max_velocity", "subtract_mean"),
+    "tracks": ("min_range", "max_range", "subtract_mean"),
     "experiment": ("max_range",),
 }
 """Options of the pictures."""
@@ -88,7 +88,7 @@ def run(
     min_range: Metres = None,
     max_range: Metres = None,
     max_velocity: Annotated[float | None, Parameter(metavar="V")] = None,
-    remove_static: RemoveStatic = None,
+    subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
@@ -126,7 +126,7 @@ def run(
         min_range=min_range,
         max_range=max_range,
         max_velocity=max_velocity,
-        remove_static=remove_static,
+        subtract_mean=subtract_mean,
         overwrite=overwrite,
     )
     show(output)
@@ -163,8 +163,8 @@ def draw(
         Replace an existing picture.
     **view
         `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
-        `remove_static`: take off what stands still throughout, of a frame of a scene what does within the frame.
-        Default: of recordings of sensors, see `removes_static`.
+        `subtract_mean`: take off what stands still throughout, of a frame of a scene what does within the frame.
+        Default: of recordings of sensors, see `subtracts_mean`.
     """
     plot.require()
     check.choice("kind", kind, KINDS)
@@ -197,10 +197,10 @@ def _of_recording(recording: Recording, path: Path, kind: str, number: int | Non
         raise ValueError(f"{path}: expected a scene file for a picture of kind {kind!r}, got a recording")
     if len(recording) == 0:
         raise ValueError(f"{path}: expected at least one frame, got none")
-    can_remove = "remove_static" in VIEWS[kind]  # a picture of samples shows them as they are
-    removes = can_remove and removes_static(recording, view.pop("remove_static", None))
+    can_remove = "subtract_mean" in VIEWS[kind]  # a picture of samples shows them as they are
+    removes = can_remove and subtracts_mean(recording, view.pop("subtract_mean", None))
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](recording, **view, remove_static=removes).figure
+        return OF_RECORDINGS[kind](recording, **view, subtract_mean=removes).figure
     index = _number(number, len(recording))
     shown = moving_frame(recording, index) if removes else recording[index]
     if kind == "overview":
@@ -220,9 +220,9 @@ def _sequence(whole: Part, number: int) -> Part:
 def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: int, view: dict[str, Any]) -> Any:
     run, simulator = simulation.run, simulation.simulator()
     angles = simulator.view_deg
-    removes = bool(view.pop("remove_static", False))
+    removes = bool(view.pop("subtract_mean", False))
     if kind in OF_RECORDINGS:
-        return OF_RECORDINGS[kind](_sequence(simulation.record(), sequence), **view, remove_static=removes).figure
+        return OF_RECORDINGS[kind](_sequence(simulation.record(), sequence), **view, subtract_mean=removes).figure
     if kind == "experiment":
         return plot.experiment(
             _sequence(simulation.record(), sequence),
@@ -268,11 +268,11 @@ def _tracks(
     *,
     min_range: float | None = None,
     max_range: float | None = None,
-    remove_static: bool = False,
+    subtract_mean: bool = False,
 ) -> Axes:
     """Tracks in range over time, and the true ranges of all bodies where they are known."""
-    frames = moving(recording) if remove_static else recording.frames()
+    frames = moving(recording) if subtract_mean else recording.frames()
     found = track(frames, detector=partial(detect, min_range=min_range, max_range=max_range), num_dimensions=1)
     ax = plot.tracks(recording, found)
-    ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if remove_static else ''}")
+    ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if subtract_mean else ''}")
     return ax

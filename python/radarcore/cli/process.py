@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from radarcore import check, notice
 from radarcore.cli.bag_results import ResultBag
-from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, RemoveStatic, Source, whole_number
+from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, Source, SubtractMean, whole_number
 from radarcore.cli.sources import (
     NOT_BARE,
     AnyReader,
@@ -24,7 +24,7 @@ from radarcore.cli.sources import (
     moving,
     open_recording,
     path_and_topic,
-    removes_static,
+    subtracts_mean,
 )
 from radarcore.cli.terminal import show
 from radarcore.output import Lock, check_file, make_folder, refuse_source
@@ -73,7 +73,7 @@ def run(
     method: Method = None,
     min_range: Metres = None,
     max_range: Metres = None,
-    remove_static: RemoveStatic = None,
+    subtract_mean: SubtractMean = None,
     range_only: Flag = False,
     as_json: Json = False,
     bare: BareSamples = NOT_BARE,
@@ -121,7 +121,7 @@ def run(
         reader = files.enter_context(open_recording(source, bare.description))
         write = _writers(output, overwrite, files) if output is not None else None
         results = _results(bag, reader, files, with_samples=samples, overwrite=overwrite) if bag is not None else None
-        removes = removes_static(reader, remove_static)
+        removes = subtracts_mean(reader, subtract_mean)
         processed = _processed(reader, sequence, chosen, removes=removes, range_only=range_only)
         for index, frame, part, found, states in processed:
             num_detections += len(found)
@@ -176,7 +176,8 @@ def _processed(
     radars = reader.radar.sequences()
     radar = radars[check.index("sequence", sequence, len(radars))]
     has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
-    tracker = Tracker(max_velocity=radar.max_velocity if has_period else None, num_dimensions=1 if range_only else None)
+    period = 2.0 * radar.max_velocity if has_period else None
+    tracker = Tracker(velocity_ambiguity=period, num_dimensions=1 if range_only else None)
     frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):

@@ -172,7 +172,7 @@ def run_view(
     frames: Count = None,
     speed: Speed = 1.0,
     every: Annotated[float, Parameter(metavar="S")] = 1.0,
-    remove_static: Annotated[bool | None, Parameter(negative=("--no-remove-static", "--keep-static"))] = None,
+    subtract_mean: Annotated[bool | None, Parameter(negative=("--no-subtract-mean", "--keep-mean"))] = None,
     settings: BoardSettings = NOT_SET,
 ) -> None:
     """Live view of a board, a recording or a scene.
@@ -191,7 +191,7 @@ def run_view(
         replay speed of a recording or scene: factor of real time, or max (default: 1)
     every : float
         seconds between pictures
-    remove_static : bool
+    subtract_mean : bool
         subtract static clutter, or leave it in (default: out of sensors and their recordings)
     """
     from radarcore import plot
@@ -210,7 +210,7 @@ def run_view(
             every=every,
             title=title,
             max_range=settings.max_range,
-            remove_static=remove_static,
+            subtract_mean=subtract_mean,
             hold=not is_sensor,
             say=show,
         )

@@ -106,7 +106,7 @@ def _topics(bag: BagReader) -> str:
     return ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "no topics"
 
 
-def removes_static(frames: AnyReader, chosen: bool | None) -> bool:
+def subtracts_mean(frames: AnyReader, chosen: bool | None) -> bool:
     """True when static echoes are to be removed: as chosen; else of frames that an ADC measured, more than a chirp.
 
     They have no truth; simulated ones have, and in these what stands still was put there.

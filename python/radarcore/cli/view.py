@@ -7,8 +7,8 @@ from pathlib import Path
 
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
-from radarcore.cli.options import OutputFile, Overwrite, RemoveStatic, Source
-from radarcore.cli.sources import NOT_BARE, BareSamples, moving, open_recording, removes_static
+from radarcore.cli.options import OutputFile, Overwrite, Source, SubtractMean
+from radarcore.cli.sources import NOT_BARE, BareSamples, moving, open_recording, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import Tracker
@@ -24,7 +24,7 @@ def run(
     /,
     *,
     output: OutputFile = None,
-    remove_static: RemoveStatic = None,
+    subtract_mean: SubtractMean = None,
     overwrite: Overwrite = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
@@ -42,14 +42,14 @@ def run(
     if source.suffix == ".toml" and bare.description.given:
         got = ", ".join(f"--{name}" for name in bare.description.given)
         raise ValueError(f"{source}: expected no --config with a scene file, which has its radar, got {got}")
-    if source.suffix == ".toml" and remove_static:
+    if source.suffix == ".toml" and subtract_mean:
         raise ValueError(
-            f"{source}: expected no --remove-static with a scene file, whose frames are shown as they come"
+            f"{source}: expected no --subtract-mean with a scene file, whose frames are shown as they come"
         )
     number = 0
     with Viewer(output, overwrite=overwrite) as viewer:
         is_scene = source.suffix == ".toml"
-        frames = _of_scene(source, viewer) if is_scene else _of_recording(source, bare.description, remove_static)
+        frames = _of_scene(source, viewer) if is_scene else _of_recording(source, bare.description, subtract_mean)
         tracker: Tracker | None = None
         for frame in frames:
             tracker = tracker or _tracker(frame.radar)
@@ -75,10 +75,10 @@ def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:
             yield simulator.frame(time).sequences()[0]
 
 
-def _of_recording(path: Path, config: Description, remove_static: bool | None) -> Iterator[Frame]:
+def _of_recording(path: Path, config: Description, subtract_mean: bool | None) -> Iterator[Frame]:
     """Frames of a recording, however long; those of a sensor without what stands still."""
     with open_recording(path, config) as reader:
-        frames = moving(reader) if removes_static(reader, remove_static) else iter(reader)
+        frames = moving(reader) if subtracts_mean(reader, subtract_mean) else iter(reader)
         with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
             for frame in counted:
                 yield frame.sequences()[0]
@@ -87,4 +87,4 @@ def _of_recording(path: Path, config: Description, remove_static: bool | None) -
 def _tracker(radar: Radar) -> Tracker:
     """Tracker that knows how velocities of the radar fold."""
     has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
-    return Tracker(max_velocity=radar.max_velocity if has_period else None)
+    return Tracker(velocity_ambiguity=2.0 * radar.max_velocity if has_period else None)

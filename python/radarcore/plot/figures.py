@@ -115,7 +115,7 @@ def experiment(
     field_of_view_deg: tuple[float, float] | None = None,
     max_range: float | None = None,
     window_length: int | None = None,
-    remove_static: bool = True,
+    subtract_mean: bool = True,
     path: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
 ) -> Figure:
@@ -137,7 +137,7 @@ def experiment(
         End of the range axis of the map [m]; default: the largest unambiguous range.
     window_length : int, optional
         Chirps per column of the spectrogram; default: those of a frame.
-    remove_static : bool
+    subtract_mean : bool
         Leave out of the spectrogram what stands still throughout.
     path : path, optional
         Save here, in the format of the suffix; missing parents are made.
@@ -189,7 +189,7 @@ def experiment(
     canvas.entitle(on_map, f"Range and velocity at {middle.time:.2f} s")
 
     # The whole recording.
-    history.spectrogram(recording, at_bottom, window_length=window_length, remove_static=remove_static)
+    history.spectrogram(recording, at_bottom, window_length=window_length, subtract_mean=subtract_mean)
     canvas.entitle(at_bottom, "Spectrogram")
     for ax, quantity in ((ranges, "range"), (velocities, "velocity")):
         history.draw_estimates(recording, estimates or {}, ax, quantity, colors)

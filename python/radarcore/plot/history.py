@@ -38,7 +38,7 @@ def range_time(
     *,
     channel: int | None = None,
     names: Sequence[str] | None = None,
-    remove_static: bool = False,
+    subtract_mean: bool = False,
     dynamic_range_db: float | None = None,
     max_range: float | None = None,
 ) -> Axes:
@@ -54,7 +54,7 @@ def range_time(
         One channel; default: the powers of all, added.
     names : sequence of str, optional
         Bodies whose true range is drawn; default: all.
-    remove_static : bool
+    subtract_mean : bool
         Leave out what stands still throughout, see `radarcore.range_time`.
     dynamic_range_db : float, optional
         Largest range of levels that colours span [dB]; default: 60, and not deeper than the noise.
@@ -78,13 +78,13 @@ def range_time(
     check_recording(recording)
     wf = recording.radar.waveform
     found = power_of_ranges(
-        recording, channel=channel, remove_static=remove_static, num_bins=canvas.padded(wf.num_samples)
+        recording, channel=channel, subtract_mean=subtract_mean, num_bins=canvas.padded(wf.num_samples)
     )
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
     ax.set_ylim(0.0, canvas.range_end(recording, max_range, found.range, is_something))
-    ax.set_title(f"Range{', static echoes removed' if remove_static else ''}")
+    ax.set_title(f"Range{', static echoes removed' if subtract_mean else ''}")
     ax.set_ylabel("Range [m]")
     _draw_truth(ax, recording, "range", names)
     return ax
@@ -100,7 +100,7 @@ def spectrogram(
     min_range: float | None = None,
     max_range: float | None = None,
     names: Sequence[str] = (),
-    remove_static: bool = False,
+    subtract_mean: bool = False,
     dynamic_range_db: float | None = None,
     max_velocity: float | None = None,
 ) -> Axes:
@@ -112,7 +112,7 @@ def spectrogram(
         At least one frame; its chirps must follow each other at equal intervals within a frame.
     ax : matplotlib Axes, optional
         Default: those of a new figure.
-    channel, window_length, overlap, min_range, max_range, remove_static
+    channel, window_length, overlap, min_range, max_range, subtract_mean
         As in `radarcore.processing.spectra.time_frequency`.
     names : sequence of str
         Bodies whose true velocity is drawn as a dashed line; default: none.
@@ -145,7 +145,7 @@ def spectrogram(
         overlap=overlap,
         min_range=min_range,
         max_range=max_range,
-        remove_static=remove_static,
+        subtract_mean=subtract_mean,
         num_velocity_bins=canvas.padded(length),
     )
     if np.isnan(found.velocity).any():
@@ -156,7 +156,7 @@ def spectrogram(
     fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
     fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # less than the waveform's for single-chirp frames
     ax.set_ylim(-fastest, fastest)
-    ax.set_title(f"Spectrogram{', static echoes removed' if remove_static else ''}")
+    ax.set_title(f"Spectrogram{', static echoes removed' if subtract_mean else ''}")
     ax.set_ylabel("Velocity [m/s, receding positive]")
     _draw_truth(ax, recording, "velocity", names)
     return ax

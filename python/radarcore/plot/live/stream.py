@@ -57,7 +57,7 @@ class Stream:
     Parameters
     ----------
     radar : Radar
-    remove_static : bool
+    subtract_mean : bool
         Take off the mean of the samples over the last seconds, and of an ADC's the offset of every chirp.
     max_range : float, optional
         End of the ranges [m]; default: the largest unambiguous range.
@@ -94,7 +94,7 @@ class Stream:
         self,
         radar: Radar,
         *,
-        remove_static: bool = True,
+        subtract_mean: bool = True,
         max_range: float | None = None,
         history: float = 10.0,
         threshold_db: float = 15.0,
@@ -102,7 +102,7 @@ class Stream:
     ) -> None:
         check.instance("radar", radar, Radar)
         self.radar = radar
-        self.remove_static = remove_static
+        self.subtract_mean = subtract_mean
         self.seconds: float = check.positive("history", history, "s")
         self._threshold_db = check.number("threshold_db", threshold_db, "dB")
         self._max_detections = check.count("max_detections", max_detections, 0)
@@ -206,7 +206,7 @@ class Stream:
         interval = self._times[-1] - self._times[-2] if self._num_static else 0.0
         self._static = updated_mean(self._static, cube, self._num_static, interval, _STATIC_TIME)
         self._num_static += 1
-        if not self.remove_static:
+        if not self.subtract_mean:
             return cube
         moving = cube - self._static
         return without_offset(moving) if has_offsets(frame) else moving

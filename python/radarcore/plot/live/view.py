@@ -54,7 +54,7 @@ class LiveView:
         An empty one to draw in, such as a window's; default: a new one, not known to pyplot.
     title : str
         Headline.
-    remove_static : bool
+    subtract_mean : bool
         Take off the mean of the samples over the last seconds: what stands still, and what a real sensor hears of
         itself.
     max_range : float, optional
@@ -79,7 +79,7 @@ class LiveView:
     --------
     >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
     >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
-    >>> view = rc.plot.LiveView(frame.radar, remove_static=False)
+    >>> view = rc.plot.LiveView(frame.radar, subtract_mean=False)
     >>> view.update(frame)
     >>> [round(float(each.range), 1) for each in view.detections]
     [2.1]
@@ -91,7 +91,7 @@ class LiveView:
         *,
         figure: Figure | None = None,
         title: str = "",
-        remove_static: bool = True,
+        subtract_mean: bool = True,
         max_range: float | None = None,
         history: float = 10.0,
         threshold_db: float = 15.0,
@@ -99,7 +99,7 @@ class LiveView:
     ) -> None:
         self._stream = Stream(
             radar,
-            remove_static=remove_static,
+            subtract_mean=subtract_mean,
             max_range=max_range,
             history=history,
             threshold_db=threshold_db,
@@ -116,7 +116,7 @@ class LiveView:
             artist.set_animated(self.figure.canvas.supports_blit)
             artist.set_in_layout(False)
         self.figure.canvas.mpl_connect("draw_event", self._on_draw)
-        self.remove_static = remove_static  # titles the history, shows that there is nothing yet
+        self.subtract_mean = subtract_mean  # titles the history, shows that there is nothing yet
 
     @property
     def detections(self) -> tuple[Detection, ...]:
@@ -124,15 +124,15 @@ class LiveView:
         return tuple(self._stream.detections)
 
     @property
-    def remove_static(self) -> bool:
+    def subtract_mean(self) -> bool:
         """True when static echoes are removed; a change empties the history."""
-        return self._stream.remove_static
+        return self._stream.subtract_mean
 
-    @remove_static.setter
-    def remove_static(self, value: bool) -> None:
-        if value != self._stream.remove_static:
+    @subtract_mean.setter
+    def subtract_mean(self, value: bool) -> None:
+        if value != self._stream.subtract_mean:
             self._stream.forget()
-        self._stream.remove_static = check.flag("remove_static", value)
+        self._stream.subtract_mean = check.flag("subtract_mean", value)
         canvas.entitle(self._history_axes, f"Range over time, static echoes {'removed' if value else 'shown'}")
         self._still = {}
         self._show()

@@ -42,7 +42,7 @@ def view(
     overwrite: bool = False,
     every: float = 1.0,
     title: str = "",
-    remove_static: bool | None = None,
+    subtract_mean: bool | None = None,
     paced: bool = False,
     hold: bool = False,
     say: Callable[[str], None] | None = None,
@@ -66,7 +66,7 @@ def view(
         A picture whenever this much time of the frames has passed [s], and one of the last frame.
     title : str
         Headline.
-    remove_static : bool, optional
+    subtract_mean : bool, optional
         As in `LiveView`; default: yes, unless the first frame has truth, as simulated ones do: where nothing moves,
         there would be nothing to see.
     paced : bool
@@ -107,8 +107,8 @@ def view(
 
     def live(first: Frame, figure: Figure | None = None) -> LiveView:
         check.instance("frames", first, Frame)
-        removes = first.truth is None if remove_static is None else remove_static
-        return LiveView(first.radar, figure=figure, title=title, remove_static=removes, **options)
+        removes = first.truth is None if subtract_mean is None else subtract_mean
+        return LiveView(first.radar, figure=figure, title=title, subtract_mean=removes, **options)
 
     if output is not None:
         return _write(frames, live, Path(output), every, tell, overwrite)
@@ -199,7 +199,7 @@ def _play(
 
     def press(event: Any) -> None:
         if event.key == STATIC_KEY and live is not None:
-            live.remove_static = not live.remove_static
+            live.subtract_mean = not live.subtract_mean
             live.draw()
 
     figure.canvas.mpl_connect("close_event", close)

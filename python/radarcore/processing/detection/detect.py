@@ -64,7 +64,7 @@ def detect(
     method: str = "ca",
     guard: int | Sequence[int] = MAIN_LOBE,
     training: int | Sequence[int] | None = None,
-    remove_static: bool = False,
+    subtract_mean: bool = False,
     window: Window = "hann",
     doppler_window: Window = "hann",
     min_range: float | None = None,
@@ -107,7 +107,7 @@ def detect(
     guard, training : int or (int, int), optional
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
         in a profile without velocities 16.
-    remove_static : bool
+    subtract_mean : bool
         Take off the mean of the chirps, for a radar that stands still; the function `remove_static` is for one that
         moves. What the noise then lacks at low velocities is reckoned with; targets that move less than about one
         velocity bin are lost.
@@ -178,7 +178,7 @@ def detect(
         method,
         guard,
         training,
-        remove_static,
+        subtract_mean,
         window,
         doppler_window,
         min_range,
@@ -188,7 +188,7 @@ def detect(
     layout, test = search.layout, search.test
 
     # Power over velocity and range; the noise is the same in all cells.
-    cells, power = _map(samples, wf, layout, window, remove_static)
+    cells, power = _map(samples, wf, layout, window, subtract_mean)
 
     # Cells above the threshold of their surroundings that no neighbour exceeds.
     first, last = search.columns
@@ -214,7 +214,7 @@ def detect(
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     columns = columns + first
     tones = fit(cells, cell[kept], offset[kept], layout.axes, is_cyclic=layout.is_iq)
-    if layout.has_range and not (layout.is_iq or remove_static):
+    if layout.has_range and not (layout.is_iq or subtract_mean):
         windows = layout.slow, layout.fast
         tones = refit_near(cells, cell[kept], tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
@@ -286,7 +286,7 @@ def _new_search(
     method: str,
     guard: int | Sequence[int],
     training: int | Sequence[int] | None,
-    remove_static: bool,
+    subtract_mean: bool,
     window: Window,
     doppler_window: Window,
     min_range: float | None,
@@ -303,9 +303,9 @@ def _new_search(
     trainings = None if training is None else _pair("training", training)
     if trainings is not None and not any(trainings):
         raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
-    if remove_static and radar.waveform.num_chirps < 2:
-        raise ValueError("remove_static: expected at least two chirps to take the mean of, got one")
-    layout = layout_of(radar, window, doppler_window, remove_static, is_iq)
+    if subtract_mean and radar.waveform.num_chirps < 2:
+        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
+    layout = layout_of(radar, window, doppler_window, subtract_mean, is_iq)
     if trainings is None:
         trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
     first, last = layout.searched(lowest)
@@ -335,10 +335,10 @@ def _map(
     wf: Waveform,
     layout: Layout,
     window: Window,
-    remove_static: bool,
+    subtract_mean: bool,
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
-    moving = remove_mean(samples) if remove_static else samples
+    moving = remove_mean(samples) if subtract_mean else samples
     if layout.has_velocity:
         windowed = moving * layout.both_windows(moving.real.dtype)
         cells = transformed(windowed, wf, wf.num_samples, wf.num_chirps)
@@ -348,7 +348,7 @@ def _map(
     cells = cells[..., : layout.num_columns]
     squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
     power = squares[:, ::2] + squares[:, 1::2]
-    if remove_static and layout.has_velocity:
+    if subtract_mean and layout.has_velocity:
         power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])

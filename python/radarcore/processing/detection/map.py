@@ -139,10 +139,10 @@ class Layout:
         return column % len(self.fast) if self.is_iq and self.has_range else column
 
 
-def layout_of(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> Layout:
+def layout_of(radar: Radar, window: Window, doppler_window: Window, subtract_mean: bool, is_iq: bool) -> Layout:
     """Layout of a radar's map, kept for the next frame unless windows may have no hash."""
     named = all(each is None or isinstance(each, str) for each in (window, doppler_window))
-    return (_kept_layout if named else _new_layout)(radar, window, doppler_window, remove_static, is_iq)
+    return (_kept_layout if named else _new_layout)(radar, window, doppler_window, subtract_mean, is_iq)
 
 
 @lru_cache(maxsize=16)
@@ -150,7 +150,7 @@ def _kept_layout(radar: Radar, *settings: Any) -> Layout:
     return _new_layout(radar, *settings)
 
 
-def _new_layout(radar: Radar, window: Window, doppler_window: Window, remove_static: bool, is_iq: bool) -> Layout:
+def _new_layout(radar: Radar, window: Window, doppler_window: Window, subtract_mean: bool, is_iq: bool) -> Layout:
     wf = radar.waveform
     fast = window_weights("window", window, wf.num_samples)
     slow = centred_window("doppler_window", doppler_window, wf.num_chirps)
@@ -161,11 +161,11 @@ def _new_layout(radar: Radar, window: Window, doppler_window: Window, remove_sta
     row_gain = np.ones(1)
     if has_velocity:
         row_gain = np.ones(len(slow))
-        if remove_static:
+        if subtract_mean:
             row_gain -= np.abs(np.fft.fftshift(np.fft.fft(slow))) ** 2 / (len(slow) * np.sum(slow**2))
     else:
         slow = np.ones(1)
-        num_looks *= wf.num_chirps - int(remove_static)
+        num_looks *= wf.num_chirps - int(subtract_mean)
     return Layout(
         slow=slow,
         fast=fast,

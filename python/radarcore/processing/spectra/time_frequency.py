@@ -107,7 +107,7 @@ def spectrogram(
     overlap: float = 0.5,
     min_range: float | None = None,
     max_range: float | None = None,
-    remove_static: bool = False,
+    subtract_mean: bool = False,
     window: Window = "hann",
     doppler_window: Window = "hann",
     num_velocity_bins: int | None = None,
@@ -133,7 +133,7 @@ def spectrogram(
         Part of the window that the next one shares, from 0 to below 1.
     min_range, max_range : float, optional
         Range gate [m]: the bins of the range profile whose centres lie within; none for a CW radar. Default: all.
-    remove_static : bool
+    subtract_mean : bool
         Subtract from every range bin and channel its mean over the recording, for a radar that stands still; the
         function `remove_static` is for one that moves. What stands still throughout goes,
         however strong; what moves slowly, or rests for a while, stays. Of an ADC's samples the offset of every chirp
@@ -202,7 +202,7 @@ def spectrogram(
     to_middle += float(offsets.mean() if channel is None else offsets[check.index("channel", channel, len(offsets))])
     times, powers = [np.empty(0)], [np.empty((0, num_bins))]
     left: NDArray[Any] | None = None
-    for index, profile in enumerate(_profiles(recording, channel, gate, window, remove_static)):
+    for index, profile in enumerate(_profiles(recording, channel, gate, window, subtract_mean)):
         run = profile if left is None or not is_seamless[index] else np.concatenate([left, profile], axis=1)
         num_columns = max(0, (run.shape[1] - length) // step + 1)
         starts = step * np.arange(num_columns)
@@ -223,7 +223,7 @@ def range_time(
     recording: Recording | Frame,
     *,
     channel: int | None = None,
-    remove_static: bool = False,
+    subtract_mean: bool = False,
     window: Window = "hann",
     num_bins: int | None = None,
 ) -> RangeTime:
@@ -235,7 +235,7 @@ def range_time(
         A frame counts as a recording of one.
     channel : int, optional
         One channel, negative numbers counting from the end; default: the powers of all, added.
-    remove_static : bool
+    subtract_mean : bool
         Subtract from every range bin and channel its mean over the recording, as in `spectrogram`.
     window : str, tuple or None
         Window over fast time, as `scipy.signal.get_window` names it (periodic).
@@ -272,7 +272,7 @@ def range_time(
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
-    for i, profile in enumerate(_profiles(recording, channel, slice(None), window, remove_static, num_bins=n)):
+    for i, profile in enumerate(_profiles(recording, channel, slice(None), window, subtract_mean, num_bins=n)):
         power[i] = _power(profile).mean(axis=1).sum(axis=0)
     noise = known_noise(recording, window_weights("window", window, wf.num_samples))
     noise = noise and noise * _num_channels(recording, channel)
@@ -295,7 +295,7 @@ def _profiles(
     channel: int | None,
     gate: slice,
     window: Window,
-    remove_static: bool,
+    subtract_mean: bool,
     num_bins: int | None = None,
 ) -> Iterator[NDArray[Any]]:
     """Range profiles (channel, chirp, range) of one frame after the other: a cube left on disk is not held."""
@@ -305,14 +305,14 @@ def _profiles(
         index = check.index("channel", channel, recording.radar.num_channels)
         channels = slice(index, index + 1)
 
-    takes_offset = remove_static and len(recording) > 0 and has_offsets(recording[0])
+    takes_offset = subtract_mean and len(recording) > 0 and has_offsets(recording[0])
 
     def profile(frame: NDArray[Any]) -> NDArray[Any]:
         samples = without_offset(frame[channels]) if takes_offset else frame[channels]
         return fast_spectrum(samples, wf, window=window, num_bins=num_bins)[..., gate]
 
     mean: NDArray[Any] | float = 0.0
-    if remove_static:
+    if subtract_mean:
         for frame in recording.cube:
             mean = mean + profile(frame).mean(axis=1, keepdims=True, dtype=np.complex128) / len(recording)
     for frame in recording.cube:
