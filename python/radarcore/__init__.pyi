@@ -5,8 +5,8 @@ from radarcore import plot as plot
 from radarcore import processing as processing
 from radarcore import sensor as sensor
 from radarcore._core import __version__ as __version__
-from radarcore.comparison.comparison import Comparison as Comparison
-from radarcore.comparison.comparison import compare as compare
+from radarcore.comparison.compare import Comparison as Comparison
+from radarcore.comparison.compare import compare as compare
 from radarcore.depth.frame import frame_from_depth as frame_from_depth
 from radarcore.geometry import shapes as shapes
 from radarcore.geometry.camera import Camera as Camera

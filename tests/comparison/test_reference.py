@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.comparison.nearest_point import nearest_points
-from radarcore.comparison.reference import MovingTargets, RecordedTruth
+from radarcore.comparison.truth import MovingTargets, RecordedTruth, nearest_points
 from radarcore.motion.attached import Inverse
 
 TIMES = np.array([0.0, 0.1, 0.35])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radarcore.comparison.statistics import target_errors
+from radarcore.comparison.targets import target_errors
 
 NAN = np.nan
 

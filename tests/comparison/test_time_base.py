@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.comparison.clock import estimated_offset
-from radarcore.comparison.reference import MovingTargets
-from radarcore.comparison.time_base import dropped_frames
+from radarcore.comparison.alignment import estimated_offset
+from radarcore.comparison.targets import dropped_frames
+from radarcore.comparison.truth import MovingTargets
 
 INTERVAL, BINS = 0.025, (0.1, 0.1)
 

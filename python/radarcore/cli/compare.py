@@ -20,7 +20,7 @@ from radarcore.cli.sources import load_recording, only_radar, path_and_topic
 from radarcore.cli.terminal import show
 from radarcore.comparison import report
 from radarcore.comparison.alignment import AUTO
-from radarcore.comparison.comparison import compare
+from radarcore.comparison.compare import compare
 from radarcore.motion.protocol import Motion
 from radarcore.output import check_file
 from radarcore.processing.detection.detect import detect

@@ -20,8 +20,7 @@ from cyclopts import Parameter
 from radarcore import check, plot
 from radarcore.cli.options import Count, Flag, Json, Output, Seconds
 from radarcore.cli.terminal import show
-from radarcore.comparison.statistics import TargetErrors, target_errors
-from radarcore.comparison.targets import estimates, found_in
+from radarcore.comparison.targets import TargetErrors, estimates, found_in, target_errors
 from radarcore.models.robots.named import is_available
 from radarcore.output import check_file, write_text
 from radarcore.recording.writer import check_room

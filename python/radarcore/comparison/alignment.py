@@ -1,19 +1,255 @@
-"""Recordings and truth on one time base: whose clock counts, and which truth each recording has."""
+"""Recordings and truth on one time base: offsets of clocks, middles of frames, missing frames."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.comparison.clock import TruthOverTime, estimated_offset
-from radarcore.comparison.reference import RecordedTruth
-from radarcore.comparison.targets import Found, measured
-from radarcore.comparison.time_base import RecordingOffset, middles, usual_interval
+from radarcore.comparison.clocks import rival_peak
+from radarcore.comparison.targets import Found, measured, middles, usual_interval
+from radarcore.comparison.truth import RecordedTruth
+from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RecordingOffset:
+    """Offset of a recording's clock.
+
+    Parameters
+    ----------
+    seconds : float
+        Added to the times of the recording it gives those of the common base [s].
+    deviation : float
+        Standard deviation [s]; 0 of one that was given.
+    is_estimated : bool
+    """
+
+    seconds: float
+    deviation: float = 0.0
+    is_estimated: bool = False
+
+
+_WIDTH = 2.0
+"""Distance at which a detection supports a truth less [bins of range and of velocity]."""
+
+_MOST_FRAMES = 200
+"""Frames that the search takes."""
+
+_GRID = 4
+"""Times per interval of the frames at which the search knows the truth."""
+
+_OVERLAP = 0.5
+"""Part of the shorter one, recording or truth, that both have in common at least."""
+
+_UNLIMITED = 5.0
+"""Largest offset that is sought where the truth has no end [s]."""
+
+_ALIKE = 0.95
+"""Part of the best score above the least, from which on another offset fits as well."""
+
+_NEAR = 2.0
+"""Largest error of the detection that is taken for a target, in range and in velocity [bins]."""
+
+_HUBER = 1.5
+"""Errors beyond so many deviations count less, in proportion."""
+
+_BIAS = 0.3
+"""Deviation of a target's constant error of velocity, in parts of the spread of its errors."""
+
+_STEPS = 20
+_SETTLED = 1e-6
+"""Change of the offset that ends the search [s]."""
+
+
+class TruthOverTime(Protocol):
+    """Truth that can be asked for any times."""
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time at which it is known, by the common base [s]; None: without an end."""
+        ...
+
+    def at(self, times: ArrayLike) -> Truth:
+        """Truth at times of the common base [s], arrays (time, target); NaN where it is not known."""
+        ...
+
+
+def estimated_offset(
+    found: Sequence[Detections],
+    truth: TruthOverTime,
+    *,
+    bins: tuple[float, float],
+    interval: float,
+    longest: float | None = None,
+    span: tuple[float, float] | None = None,
+) -> RecordingOffset:
+    """Offset of the clock of some detections, by true ranges and velocities over time.
+
+    A search finds the offset at which most frames have detections as far and as fast as the truth. Then the detection
+    nearest to the truth of every target and frame is taken, and the offset moved to where their velocities fit best
+    (least squares, with less weight for errors beyond 1.5 deviations), each target with a small bias of its own.
+    Velocities tell the offset as far as they change; ranges are left out, as the point that reflects is hardly the one
+    whose truth is known.
+
+    Parameters
+    ----------
+    found : sequence of Detections
+        Of every frame, with times of their own clock [s].
+    truth : TruthOverTime
+    bins : (float, float)
+        Width of a bin of range and of velocity [m, m/s].
+    interval : float
+        Ordinary interval of frames [s].
+    longest : float, optional
+        Largest offset either way [s].
+    span : (float, float), optional
+        First and last time of the truth [s]: offsets are those at which half of it, or of the frames, are in common.
+        Default: a truth without an end, up to 5 s either way.
+
+    Raises
+    ------
+    ValueError
+        When no detection fits the truth at any offset, several offsets fit alike, as those of motions that come again,
+        or no target that is seen changes its velocity.
+    """
+    seen = [one for one in found if len(one) > 0]
+    if not seen:
+        raise ValueError("offset: expected detections to align the clock by, got none; give the offset")
+    widths = np.array(bins)
+    candidates = _candidates(seen, span, interval, longest)
+    # The truth is asked for once, at times close to each other: motions may take long to say it.
+    step = interval / _GRID
+    start, end = seen[0].time + candidates[0] - interval, seen[-1].time + candidates[-1] + interval
+    grid = start + step * np.arange(int(np.ceil((end - start) / step)) + 2)
+    known = truth.at(grid)
+    few = seen[:: -(-len(seen) // _MOST_FRAMES)]
+    scores = _scores(few, grid, known, candidates, widths)
+    best = int(scores.argmax())
+    if not scores[best] > 0.0:
+        raise ValueError("offset: expected detections near the truth at some offset, got none; give the offset")
+    if (rival := _rival(scores, best)) is not None:
+        raise ValueError(
+            f"offset: expected motions that tell one offset, got two that fit alike, {candidates[best]:.3f} and "
+            f"{candidates[rival]:.3f} s; give a smaller max_offset, or the offset"
+        )
+    return _fitted(seen, RecordedTruth(grid, known), float(candidates[best]), widths, interval)
+
+
+def _candidates(
+    found: Sequence[Detections], span: tuple[float, float] | None, interval: float, longest: float | None
+) -> _Floats:
+    """Offsets that are tried, an interval of the frames apart [s]."""
+    first, last = found[0].time, found[-1].time
+    if span is None:
+        low, high = -_UNLIMITED, _UNLIMITED
+    else:
+        common = _OVERLAP * min(last - first, span[1] - span[0])
+        low, high = span[0] - last + common, span[1] - first - common
+    if longest is not None:
+        longest = check.positive("max_offset", longest, "s")
+        low, high = max(low, -longest), min(high, longest)
+        if low > high:
+            raise ValueError(
+                f"max_offset: expected one at which recording and truth are at the same time, got {longest:g} s"
+            )
+    return low + interval * np.arange(int(np.ceil((high - low) / interval)) + 1, dtype=np.float64)
+
+
+def _scores(found: Sequence[Detections], grid: _Floats, known: Truth, candidates: _Floats, widths: _Floats) -> _Floats:
+    """Support of each offset: one per frame and target with a detection as far and as fast, less beyond 2 bins.
+
+    A target at rest supports all offsets alike.
+    """
+    times = np.array([one.time for one in found])
+    true = np.stack([known.range, known.velocity]) / widths[:, None, None]  # (2, time, target)
+    # The detections in one array, NaN where a frame has fewer than others.
+    measured = np.full((2, len(found), max(map(len, found))), np.nan)
+    for k, one in enumerate(found):
+        measured[:, k, : len(one)] = np.stack([one.range, one.velocity]) / widths[:, None]
+    scores = np.zeros(len(candidates))
+    for k, offset in enumerate(candidates):
+        at = true[:, np.rint((times + offset - grid[0]) / (grid[1] - grid[0])).astype(np.intp)]
+        apart = np.square(measured[..., None] - at[:, :, None]).sum(axis=0)  # (frame, detection, target)
+        scores[k] = np.exp(-0.5 / _WIDTH**2 * np.fmin.reduce(apart, axis=1, initial=np.inf)).sum()
+    return scores
+
+
+def _rival(scores: _Floats, best: int) -> int | None:
+    """Another offset with nearly the score of the best one, on another peak; None if there is none."""
+    rival = rival_peak(scores, best)
+    if rival is None:
+        return None
+    # Targets at rest support all offsets alike: that part tells nothing.
+    floor = scores.min()
+    return rival if scores[rival] - floor > _ALIKE * (scores[best] - floor) else None
+
+
+def _fitted(
+    found: Sequence[Detections], truth: RecordedTruth, offset: float, widths: _Floats, interval: float
+) -> RecordingOffset:
+    """Offset at which the velocities fit best, from one that is right to about an interval of the frames."""
+    times = np.array([one.time for one in found])
+    step = 0.1 * interval
+    deviation = np.inf
+    for _ in range(_STEPS):
+        known, ahead, behind = (truth.at(times + offset + shift) for shift in (0.0, step, -step))
+        measured = np.array([_nearest(one, known[k], widths) for k, one in enumerate(found)])  # (frame, target)
+        errors = measured - known.velocity
+        slopes = (ahead.velocity - behind.velocity) / (2.0 * step)
+        # What all targets tell together: weights times slopes, of the part that is no bias.
+        told = weight = 0.0
+        for error, slope in zip(errors.T, slopes.T, strict=True):
+            usable = np.isfinite(error) & np.isfinite(slope)
+            if usable.sum() > 3:
+                by_error, by_slope = _weighed(error[usable], slope[usable], 1e-3 * widths[1])
+                told, weight = told + by_error, weight + by_slope
+        if not weight > 0.0:
+            break
+        change, deviation = told / weight, weight**-0.5
+        offset += float(np.clip(change, -interval, interval))
+        if abs(change) < _SETTLED:
+            break
+    if not deviation < interval:
+        raise ValueError(
+            "offset: expected a target in motion whose velocity changes, to align the clock by, got none that is seen; "
+            "give the offset"
+        )
+    return RecordingOffset(offset, deviation, True)
+
+
+def _nearest(found: Detections, known: Truth, widths: _Floats) -> _Floats:
+    """Velocity of the detection nearest to each target of the truth, (target,); NaN where none is near."""
+    ranges = np.abs(found.range[:, None] - known.range) / widths[0]
+    velocities = np.abs(found.velocity[:, None] - known.velocity) / widths[1]
+    apart = np.where(np.isnan(ranges + velocities), np.inf, np.maximum(ranges, velocities))
+    nearest = apart.argmin(axis=0)
+    return np.where(apart[nearest, np.arange(len(nearest))] <= _NEAR, found.velocity[nearest], np.nan)
+
+
+def _weighed(errors: _Floats, slopes: _Floats, least: float) -> tuple[float, float]:
+    """Sums of slopes times errors and of squared slopes, by the weights of the errors and less what is a bias.
+
+    Errors are weighed by their own spread, `least` at least [m/s]; the bias of a target is small against it.
+    """
+    middle = float(np.median(errors))
+    spread = max(1.4826 * float(np.median(np.abs(errors - middle))), least)
+    weights = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(errors - middle), least)) / spread**2
+    # Least squares for offset and bias, which is known to be zero but for its deviation.
+    total = weights.sum() + (_BIAS * spread) ** -2
+    by_slope, by_error = weights @ slopes, weights @ errors
+    return (
+        float(weights @ (slopes * errors) - by_slope * by_error / total),
+        float(weights @ (slopes * slopes) - by_slope**2 / total),
+    )
+
 
 AUTO = "auto"
 """Offset that is to be estimated."""

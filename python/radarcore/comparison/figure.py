@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.comparison.record import Record, Side
-from radarcore.comparison.time_base import usual_interval
+from radarcore.comparison.targets import usual_interval
 from radarcore.plot import canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name

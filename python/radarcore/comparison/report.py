@@ -12,7 +12,7 @@ from typing import Any
 from radarcore._core import __version__
 from radarcore.comparison.figure import draw, over_time
 from radarcore.comparison.record import Record, Side
-from radarcore.comparison.statistics import TargetErrors
+from radarcore.comparison.targets import TargetErrors
 from radarcore.plot import canvas
 from radarcore.table import Table, finite
 

@@ -10,17 +10,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.comparison.alignment import aligned, offsets
-from radarcore.comparison.clock import TruthOverTime
+from radarcore.comparison.alignment import TruthOverTime, aligned, offsets
 from radarcore.comparison.echoes import EchoDifference, echo_difference, pairs
 from radarcore.comparison.figure import draw
-from radarcore.comparison.record import Record, Side, TargetComparison
-from radarcore.comparison.reference import MovingTargets, RecordedTruth, with_names
+from radarcore.comparison.record import Record, Side, TargetComparison, differences
 from radarcore.comparison.report import facts, html, text
-from radarcore.comparison.settings import differences
-from radarcore.comparison.statistics import TargetErrors, target_errors
-from radarcore.comparison.targets import Estimates, estimates, found_in, thing_of
-from radarcore.comparison.time_base import dropped_frames, middles, usual_interval
+from radarcore.comparison.targets import (
+    Estimates,
+    TargetErrors,
+    dropped_frames,
+    estimates,
+    found_in,
+    middles,
+    target_errors,
+    thing_of,
+    usual_interval,
+)
+from radarcore.comparison.truth import MovingTargets, RecordedTruth, with_names
 from radarcore.motion.protocol import AnyMotion
 from radarcore.output import check_file, write_text
 from radarcore.processing.detection.point_cloud import Detections
