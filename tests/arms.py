@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import JointTrajectory
 
 CHECK_POSE = np.array([0.0, -1.2, 1.6, -0.4, 1.5708, 0.0])
 

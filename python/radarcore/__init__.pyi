@@ -13,7 +13,6 @@ from radarcore.geometry.camera import Camera as Camera
 from radarcore.geometry.mesh import Mesh as Mesh
 from radarcore.geometry.mesh_files import load_mesh as load_mesh
 from radarcore.geometry.mesh_files import load_meshes as load_meshes
-from radarcore.geometry.mesh_report import MeshReport as MeshReport
 from radarcore.geometry.mesh_report import mesh_report as mesh_report
 from radarcore.geometry.pose import Pose as Pose
 from radarcore.motion.attached import Attached as Attached

@@ -8,7 +8,7 @@ from arms import matrix
 from radarcore.models import RobotArm, robots
 from radarcore.models.people import gait
 from radarcore.models.people.human import SEGMENTS, Human
-from radarcore.models.people.real_man import HUMAN
+from radarcore.models.people.segments import HUMAN
 from radarcore.models.robots import urdf
 from radarcore.models.robots.named import data_file
 from solids import area_vectors, is_closed, volume

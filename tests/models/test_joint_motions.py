@@ -9,7 +9,7 @@ import pytest
 
 from arms import CHECK_POSE, ROUNDING
 from radarcore.models.robots.arm import RobotArm
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import JointTrajectory
 from radarcore.models.robots.line import cartesian_line
 
 

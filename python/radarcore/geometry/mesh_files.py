@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import zipfile
+from collections.abc import Callable
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -149,8 +150,12 @@ def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     if not path.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
     kind = path.suffix.lower()
+    readers: dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[Any]]]] = {
+        ".dae": _load_collada,
+        ".3mf": _load_3mf,
+    }
     try:
-        vertices, triangles = {".dae": _load_collada, ".3mf": _load_3mf}.get(kind, _load_with_trimesh)(path)
+        vertices, triangles = readers.get(kind, _load_with_trimesh)(path)
     except ImportError:
         raise
     except Exception as error:  # whatever their many readers raise, the user wants the path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +15,16 @@ from radarcore.units import SPEED_OF_LIGHT
 _WANTED_SAGITTA = 1e-4
 """Facets that are within it of the curved surface are fine enough at 60 GHz [m]."""
 
-_SMALL_PHASE, _LARGE_PHASE = 0.07, 0.35
-"""Mean two-way phases of the sagitta that hardly matter, and that leave no peak at its level [rad].
-
-On spheres and limbs the echo of flat facets differs from the curved surface's by 0.8 per radian (rms).
-"""
+_FINDINGS = {
+    "num_open_edges": "open edges: a sheet, or a body that rays can get into.",
+    "num_nonmanifold_edges": "edges of more than two triangles: sharp there, whatever the crease angle.",
+    "num_inconsistent_edges": "edges between triangles of opposite winding: sharp there, whatever the crease angle.",
+    "num_duplicates": "triangles in the place of another: merge them.",
+    "num_thin": "triangles over 100 times longer than high: their normals are uncertain.",
+    "num_merged": "triangles listed again in the other winding: left out.",
+    "num_dropped": "triangles without area: left out.",
+}
+"""Meaning of numbers that are not zero."""
 
 _THIN = 100.0
 """Ratio of longest edge to height from which on a triangle is thin."""
@@ -64,19 +68,6 @@ class MeshReport:
         Height of the curved surface over the middle of smooth facets, the largest and the mean over their area [m].
     frequency : float
         Frequency of the phases [Hz].
-
-    See Also
-    --------
-    mesh_report : Makes it.
-    load_mesh : Mesh of a file.
-
-    Examples
-    --------
-    >>> report = rc.mesh_report(rc.shapes.sphere(0.02, subdivisions=1))
-    >>> print(f"{1e3 * report.largest_sagitta:.1f} mm")
-    1.3 mm
-    >>> report.verdicts[0].partition(":")[0]
-    'Coarse'
     """
 
     num_triangles: int
@@ -110,58 +101,30 @@ class MeshReport:
         return self._phase(self.mean_sagitta)
 
     def _phase(self, sagitta: float) -> float:
+        """On spheres and limbs the echo of flat facets differs from the curved surface's by 0.8 per radian (rms)."""
         return 4.0 * np.pi * self.frequency / SPEED_OF_LIGHT * sagitta
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """Consequences for a simulation, one or two sentences each."""
+        """Consequences for a simulation, one sentence each."""
+        found = [f"{number} {text}" for name, text in _FINDINGS.items() if (number := getattr(self, name))]
         if self.num_triangles == 0:
-            return ("There is no triangle with an area: the radar sees nothing.", *self._dropped())
-        return (*self._about_shape(), *self._about_edges(), *self._dropped())
+            return ("No triangle has an area: the radar sees nothing.", *found)
+        return (self._about_shape(), *found)
 
-    def _about_shape(self) -> Iterator[str]:
+    def _about_shape(self) -> str:
         if self.smooth_share == 0.0:
-            yield "All facets are flat: the radar sees them as they are."
-            return
-        largest, mean, wanted = (
-            f"{1e3 * s:.2g} mm" for s in (self.largest_sagitta, self.mean_sagitta, _WANTED_SAGITTA)
-        )
+            return "All facets are flat: the radar sees them as they are."
+        largest, mean = (f"{1e3 * sagitta:.2g} mm" for sagitta in (self.largest_sagitta, self.mean_sagitta))
+        off = f"facets are up to {largest} off the curved surface, {mean} in the mean (wanted: below 0.1 mm)"
         if self.largest_sagitta <= _WANTED_SAGITTA:
-            yield f"Fine enough: facets are within {largest} of the curved surface (wanted: below {wanted})."
-        else:
-            where = "Coarse" if self.mean_sagitta > _WANTED_SAGITTA else "Coarse in places"
-            yield (
-                f"{where}: facets stand off the curved surface by up to {largest}, {mean} in the mean (wanted: below "
-                f"{wanted}). Use a finer mesh; do not decimate for radar."
-            )
-        if self.mean_phase <= _SMALL_PHASE:
-            meaning = "shading hardly matters"
-        elif self.mean_phase <= _LARGE_PHASE:
-            meaning = f"expect peaks to be off by about {20.0 * np.log10(1.0 + self.mean_phase):.1f} dB"
-        else:
-            meaning = "take no peak at its level"
-        yield f"Flat facets would shift the phase of the echo by {self.mean_phase:.2g} rad in the mean: {meaning}."
-        yield "Phase is meaningful as change in time, not as absolute value."
+            return f"Fine enough: {off}."
+        place = "Coarse" if self.mean_sagitta > _WANTED_SAGITTA else "Coarse in places"
+        return f"{place}: {off}. Use a finer mesh; expect peak errors of about {self._peak_error_db:.1f} dB."
 
-    def _about_edges(self) -> Iterator[str]:
-        if self.num_open_edges:
-            yield f"{_number(self.num_open_edges, 'open edge')}: a sheet, or a body that rays can get into."
-        if self.num_nonmanifold_edges:
-            edges = _number(self.num_nonmanifold_edges, "edge")
-            yield f"{edges} of more than two triangles: sharp there, whatever the crease angle."
-        if self.num_inconsistent_edges:
-            edges = _number(self.num_inconsistent_edges, "edge")
-            yield f"{edges} between triangles of opposite winding: sharp there, whatever the crease angle."
-        if self.num_duplicates:
-            yield f"{_number(self.num_duplicates, 'triangle')} in the place of another: merge them."
-        if self.num_thin:
-            yield f"{_number(self.num_thin, 'triangle')} over 100 times longer than high: their normals are uncertain."
-
-    def _dropped(self) -> Iterator[str]:
-        if self.num_merged:
-            yield f"{_number(self.num_merged, 'triangle')} listed again in the other winding: left out."
-        if self.num_dropped:
-            yield f"{_number(self.num_dropped, 'triangle')} without area: left out."
+    @property
+    def _peak_error_db(self) -> float:
+        return float(20.0 * np.log10(1.0 + self.mean_phase))
 
     def facts(self) -> dict[str, Any]:
         """Numbers of the report, by name with unit."""
@@ -206,8 +169,8 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
 
     See Also
     --------
-    MeshReport : What it says.
     load_mesh : Mesh of a file.
+    Mesh : What it examines.
 
     Examples
     --------
@@ -216,6 +179,8 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     (12, 0)
     >>> report.verdicts[0]
     'All facets are flat: the radar sees them as they are.'
+    >>> print(f"{1e3 * rc.mesh_report(rc.shapes.sphere(0.02, subdivisions=1)).largest_sagitta:.1f} mm")
+    1.3 mm
     """
     check.instance("mesh", mesh, Mesh)
     at = check.frequency("frequency", frequency)
@@ -291,7 +256,3 @@ def _sides_by_edge(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArr
     order = key.argsort(kind="stable")
     key = key[order]
     return order, np.concatenate([[0], np.cumsum(key[1:] != key[:-1])])[: len(key)]
-
-
-def _number(count: int, thing: str) -> str:
-    return f"{count} {thing}{'' if count == 1 else 's'}"

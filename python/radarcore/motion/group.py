@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix
 from radarcore.motion.linear import Linear, together
-from radarcore.motion.live import Live, Together
+from radarcore.motion.live import Live, LiveBatch
 from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, newest_of, poses_at, with_factors
 
 Members = NDArray[np.intp] | slice
@@ -203,7 +203,7 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     if uniform:
         found.append((together([cast(Linear, motions[number]) for number in uniform]), uniform))
     if live:
-        found.append((Together([cast(Live, motions[number]) for number in live]), live))
+        found.append((LiveBatch([cast(Live, motions[number]) for number in live]), live))
     for numbers in linked.values():
         links = [cast(LinkMotion, motions[number]) for number in numbers]
         found.append((_Linked(links[0].group, [link.member for link in links]), numbers))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
-from radarcore.geometry.pose import Pose, as_pose, checked_maps, not_a_pose, transforms
+from radarcore.geometry.pose import Pose, checked_maps, not_a_pose, transforms
 from radarcore.geometry.rotation import (
     Matrix,
     cross_matrix,
@@ -74,7 +74,7 @@ class LiveGroup:
     def __init__(self, num_bodies: int) -> None:
         self._num_bodies = check.count("num_bodies", num_bodies)
         self.motions: tuple[LinkMotion, ...] = tuple(LinkMotion(self, number) for number in range(self._num_bodies))
-        self._known = _Known()
+        self._known = History()
 
     def update(
         self,
@@ -145,7 +145,7 @@ class LiveGroup:
 
 
 @sealed
-class Live:
+class Live(LinkMotion):
     """A motion whose pose a running program gives, step by step; `LiveGroup` has many in one call.
 
     After the newest update the body goes on at its velocity and angular velocity. Between updates it moves along a
@@ -168,6 +168,7 @@ class Live:
 
     def __init__(self) -> None:
         self._group = LiveGroup(1)
+        super().__init__(self._group, 0)
 
     def update(
         self,
@@ -213,33 +214,11 @@ class Live:
         """Forget all updates: time may start again, as after a reset of the program."""
         self._group.clear()
 
-    @property
-    def newest(self) -> float:
-        """Time of the newest update [s]; minus infinity before the first."""
-        return self._group.newest
-
-    def at(self, time: float) -> Pose:
-        """The pose at a time [s]."""
-        return as_pose(self.poses_at([time])[0])
-
-    def poses_at(self, times: ArrayLike) -> Matrix:
-        """``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._group.link_poses_at(times)[:, 0]
-
-    def rate_at(self, time: float) -> Matrix:
-        """Time derivative of ``[rotation | position]`` at a time [s], (3, 4)."""
-        rate: Matrix = self.rates_at([time])[0]
-        return rate
-
-    def rates_at(self, times: ArrayLike) -> Matrix:
-        """Time derivatives of ``[rotation | position]`` at several times [s], (n, 3, 4)."""
-        return self._group.link_rates_at(times)[:, 0]
-
     def __repr__(self) -> str:
         return f"<Live: {self._group._known}>"
 
 
-class Together:
+class LiveBatch:
     """Motions of several `Live`, evaluated by one call where all times lie behind their newest updates."""
 
     def __init__(self, motions: Sequence[Live]) -> None:
@@ -274,7 +253,7 @@ class Together:
         return continued[1], times[:, None] - starts
 
 
-class _Known:
+class History:
     """The updates that are kept, replaced as a whole: whoever reads them meanwhile has those of one moment."""
 
     def __init__(self) -> None:
@@ -292,7 +271,7 @@ class _Known:
                 f"time: expected {earlier[-1].time:.9g} s, that of the newest update, or later, got {update.time:.9g} "
                 "s; clear() forgets the updates of a run before"
             )
-        newest = followed(earlier[-1], update) if earlier else (update,)
+        newest = with_finite_differences(earlier[-1], update) if earlier else (update,)
         self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
         if newest[-1].interval > LONG_STEP and not self._took_milliseconds:
             step = steps_between(np.array([one.maps for one in newest])).max(axis=1)
@@ -394,7 +373,7 @@ class Update:
         return self.rates_before or self.rates
 
 
-def followed(before: Update, update: Update) -> tuple[Update, Update]:
+def with_finite_differences(before: Update, update: Update) -> tuple[Update, Update]:
     """An update and the one before it, with differences for the rates that were not given."""
     interval = update.time - before.time
     if not (update.unknown.any() or before.unknown.any()):

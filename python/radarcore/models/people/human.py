@@ -11,10 +11,9 @@ from radarcore import check
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh
 from radarcore.models.people import gait
-from radarcore.models.people.anthropometry import skeleton, spheroids
 from radarcore.models.people.figure import HIP_HEIGHT, SEGMENTS, Figure, Floats, Walk, lift_of
 from radarcore.models.people.path import FloorPath
-from radarcore.models.people.real_man import real_man, real_skeleton, support
+from radarcore.models.people.segments import real_man, real_skeleton, skeleton, spheroids, support
 from radarcore.motion.protocol import Motion
 from radarcore.records import sealed
 from radarcore.scene.body import Body

@@ -13,8 +13,7 @@ from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix
-from radarcore.models.robots.joint import Joint, JointAngles, JointMotion
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import Joint, JointAngles, JointMotion, JointTrajectory
 from radarcore.motion.attached import Attached
 from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, newest_of, poses_at
 from radarcore.records import sealed

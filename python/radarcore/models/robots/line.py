@@ -11,8 +11,7 @@ from radarcore import check
 from radarcore.geometry.pose import scaled
 from radarcore.geometry.rotation import Matrix
 from radarcore.models.robots.arm import RobotArm
-from radarcore.models.robots.joint import JointAngles
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import JointAngles, JointTrajectory
 
 # Bound on the distance of the tool from its place on the line [m], and of its orientation [rad], between knots.
 LINE_ERROR = 1e-6

@@ -14,8 +14,7 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.mesh_files import load_mesh, load_meshes
 from radarcore.models.people.human import Human
 from radarcore.models.robots.arm import RobotArm
-from radarcore.models.robots.joint import JointAngles
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import JointAngles, JointTrajectory
 from radarcore.models.robots.named import arm_names
 from radarcore.scene.body import Body, PointTarget
 from radarcore.scene.interferer import Interferer

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from radarcore import check
 from radarcore.geometry.pose import Pose
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
-from radarcore.models.robots.joint import JointAngles
-from radarcore.models.robots.joint_trajectory import JointTrajectory
+from radarcore.models.robots.joint import JointAngles, JointTrajectory
 from radarcore.models.robots.line import cartesian_line
 from radarcore.motion.attached import Attached
 from radarcore.motion.linear import Linear
