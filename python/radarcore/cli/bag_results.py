@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from radarcore.adapters.ros.bag_writer import BagWriter
-from radarcore.adapters.ros.frames import FrameWriter, to_map_image
+from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.adapters.ros.messages import nearest_nanoseconds
-from radarcore.adapters.ros.scans import to_point_cloud, to_radar_scan
+from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.radar.radar import Radar

@@ -13,7 +13,7 @@ from cyclopts import Group, Parameter
 from numpy.typing import NDArray
 
 from radarcore.adapters.ros.bags import BagReader, is_bag
-from radarcore.adapters.ros.frames import SETTINGS_TYPE, BagFrames
+from radarcore.adapters.ros.frames import FRAME_TYPE, BagFrames
 from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
 from radarcore.recording.bare import NOTHING_SAID, Description
@@ -22,8 +22,6 @@ from radarcore.recording.recording import Recording
 
 AnyReader = Recording | BagFrames
 """Frames that need not fit into memory."""
-
-_SETTINGS = "/settings"
 
 
 @Parameter(
@@ -70,11 +68,7 @@ def path_and_topic(source: str | PurePath) -> tuple[Path, str]:
 
 def only_radar(bag: BagReader) -> str:
     """Topic of the only radar in a bag, or an error with those that there are."""
-    found = sorted(
-        name.removesuffix(_SETTINGS)
-        for name, topic in bag.topics.items()
-        if topic.type == SETTINGS_TYPE and name.endswith(_SETTINGS)
-    )
+    found = [topic.name for topic in bag.topics.values() if topic.type == FRAME_TYPE]
     if not found:
         raise ValueError(f"{bag.path}: expected a bag with frames of a radar, got none; there are {_topics(bag)}")
     if len(found) > 1:

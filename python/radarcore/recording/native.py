@@ -67,7 +67,7 @@ def load_directory(path: Path, mmap: bool) -> Stored:
     meta_path = path / "meta.json"
     if not meta_path.is_file():
         raise ValueError(f"{path}: expected a recording, got a directory without meta.json")
-    meta = _Meta.parse(meta_path.read_bytes(), str(meta_path))
+    meta = Meta.parse(meta_path.read_bytes(), str(meta_path))
     rows: dict[str, tuple[int, ...]] = {"time": ()}
     rows |= dict.fromkeys(() if meta.names is None else TRUTH_FILES, (len(meta.names or ()),))
     rows |= {"lost": ()} if (path / "lost.npy").is_file() else {}
@@ -111,7 +111,7 @@ def load_npz(path: Path) -> Stored:
             f"{path}: expected a recording with {', '.join(_NPZ_NAMES)}, got one without {sorted(missing)[0]}; for "
             "other arrays pass config=... or radar=..., --config FILE, and variable=..., --variable NAME"
         )
-    meta = _Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
+    meta = Meta.parse(str(arrays["meta"]).encode(), f"{path}, meta")
     if meta.names is not None and (missing := set(TRUTH_FILES) - arrays.keys()):
         raise ValueError(f"{path}: expected the truth its meta names, got a recording without {sorted(missing)[0]}")
     warn_of_missing(path, arrays["time"].size, None, closed=True)
@@ -173,7 +173,7 @@ def _truth_of(names: tuple[str, ...] | None, arrays: dict[str, NDArray[Any]], nu
 
 
 @dataclass(frozen=True)
-class _Meta:
+class Meta:
     """Content of meta.json."""
 
     radar: Radar
@@ -182,7 +182,8 @@ class _Meta:
     names: tuple[str, ...] | None
 
     @classmethod
-    def parse(cls, data: bytes, where: str) -> _Meta:
+    def parse(cls, data: bytes, where: str) -> Meta:
+        """Content of a text; a ValueError that begins with `where` for a damaged one."""
         values = parsed_json(data, where)
         if not isinstance(values, dict) or values.get("format") != FORMAT:
             got = values.get("format") if isinstance(values, dict) else type(values).__name__

@@ -8,15 +8,8 @@ from radarcore.adapters.ros.depth import from_camera_info as from_camera_info
 from radarcore.adapters.ros.depth import from_ros_image as from_ros_image
 from radarcore.adapters.ros.frames import BagFrames as BagFrames
 from radarcore.adapters.ros.frames import FrameWriter as FrameWriter
-from radarcore.adapters.ros.frames import from_map_image as from_map_image
-from radarcore.adapters.ros.frames import from_samples_message as from_samples_message
-from radarcore.adapters.ros.frames import from_settings_message as from_settings_message
-from radarcore.adapters.ros.frames import from_truth_message as from_truth_message
-from radarcore.adapters.ros.frames import to_frame as to_frame
-from radarcore.adapters.ros.frames import to_map_image as to_map_image
-from radarcore.adapters.ros.frames import to_samples_message as to_samples_message
-from radarcore.adapters.ros.frames import to_settings_message as to_settings_message
-from radarcore.adapters.ros.frames import to_truth_message as to_truth_message
+from radarcore.adapters.ros.frames import from_frame_message as from_frame_message
+from radarcore.adapters.ros.frames import to_frame_message as to_frame_message
 from radarcore.adapters.ros.frames import write_frames as write_frames
 from radarcore.adapters.ros.messages import DEFINITIONS as DEFINITIONS
 from radarcore.adapters.ros.messages import header_nanoseconds as header_nanoseconds
@@ -34,7 +27,9 @@ from radarcore.adapters.ros.poses import pose_series as pose_series
 from radarcore.adapters.ros.poses import rigid_body_series as rigid_body_series
 from radarcore.adapters.ros.poses import to_pose_stamped as to_pose_stamped
 from radarcore.adapters.ros.poses import to_transforms as to_transforms
+from radarcore.adapters.ros.scans import from_map_image as from_map_image
 from radarcore.adapters.ros.scans import from_point_cloud as from_point_cloud
 from radarcore.adapters.ros.scans import from_radar_scan as from_radar_scan
+from radarcore.adapters.ros.scans import to_map_image as to_map_image
 from radarcore.adapters.ros.scans import to_point_cloud as to_point_cloud
 from radarcore.adapters.ros.scans import to_radar_scan as to_radar_scan

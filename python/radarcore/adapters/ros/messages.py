@@ -102,6 +102,10 @@ DEFINITIONS = {
         f"float32 {name}" for name in ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
     ),
     "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns",
+    "radarcore_msgs/msg/RadarFrame": (
+        "std_msgs/Header header\nfloat64 time\nstring dtype\nuint32[] shape\nuint8[] data\n"
+        "int32 lost\nfloat64[] truth\nstring settings"
+    ),
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "mocap4r2_msgs/msg/Marker": (
         "int8 USE_NAME=0\nint8 USE_INDEX=1\nint8 USE_BOTH=2\n"
@@ -112,7 +116,7 @@ DEFINITIONS = {
         "std_msgs/Header header\nuint32 frame_number\nmocap4r2_msgs/RigidBody[] rigidbodies"
     ),
 }
-"""Definitions of messages that not every typestore has: radar_msgs 0.2.2, TF in ROS 1, MOCAP4ROS2.
+"""Definitions of messages that not every typestore has: radar_msgs 0.2.2, TF in ROS 1, MOCAP4ROS2, frames.
 
 For rosbags: ``store.register(get_types_from_msg(text, name))`` for those that are not in ``store.types``.
 """
@@ -154,7 +158,7 @@ def installed(name: str) -> Callable[..., Any]:
     See Also
     --------
     adapters.ros.BagWriter : Has types of its own, ``bag.types``.
-    adapters.ros.to_samples_message : One of the functions that take them.
+    adapters.ros.to_frame_message : One of the functions that take them.
 
     Examples
     --------

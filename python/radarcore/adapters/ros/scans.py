@@ -1,4 +1,4 @@
-"""Detections to and from ``radar_msgs/RadarScan`` and ``sensor_msgs/PointCloud2``.
+"""Detections to and from ``radar_msgs/RadarScan`` and ``sensor_msgs/PointCloud2``; maps to and from images.
 
 Frames are those of the radar: x forward, y left, z up (REP 103), angles positive to the left and up. Velocities are
 range rates, receding positive; neither message says so itself, and other publishers may mean the opposite.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.adapters.depth import unpacked
@@ -235,3 +235,71 @@ def _column(message: Any, argument: str, name: str) -> NDArray[np.float64]:
     layout = np.dtype({"names": [name], "formats": [kind], "offsets": [field.offset], "itemsize": message.point_step})
     points = unpacked("data", message.data, layout, rows, columns, int(message.row_step))
     return points[name].ravel().astype(np.float64)
+
+
+def to_map_image(values: ArrayLike, *, time_ns: int, frame_id: str = "radar", types: Types = None) -> Any:
+    """Range-velocity map as a ``sensor_msgs/Image``, 32FC1: a row per velocity, the lowest on top, a column per range.
+
+    Parameters
+    ----------
+    values : (doppler, range) array_like
+        Real numbers, such as decibels; of `radarcore.range_doppler` its absolute value.
+    time_ns : int
+        Stamp [ns].
+    frame_id : str
+        Frame of the radar.
+    types : optional
+        Types of messages, see `radarcore.adapters.ros.messages`.
+
+    See Also
+    --------
+    adapters.ros.from_map_image : The way back.
+    range_doppler : The map.
+
+    Examples
+    --------
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=4)).frame()
+    >>> level = 20.0 * np.log10(np.abs(rc.range_doppler(frame)[0]))
+    >>> message = rc.adapters.ros.to_map_image(level, time_ns=0)
+    >>> message.encoding, message.height, message.width
+    ('32FC1', 4, 65)
+    """
+    given = np.asarray(values)
+    if given.dtype.kind not in "fiu":
+        raise TypeError(f"values: expected real numbers (np.abs of a spectrum), got {given.dtype}")
+    if given.ndim != 2 or given.size == 0:
+        raise ValueError(f"values: expected shape (doppler, range), got {given.shape}")
+    pixels = np.ascontiguousarray(given, dtype="<f4")
+    rows, columns = pixels.shape
+    return make(
+        types,
+        "sensor_msgs/msg/Image",
+        header=header(None, time_ns, frame_id, types),
+        height=rows,
+        width=columns,
+        encoding="32FC1",
+        is_bigendian=0,
+        step=4 * columns,
+        data=pixels.view(np.uint8).ravel(),
+    )
+
+
+def from_map_image(message: Any) -> NDArray[np.float32]:
+    """Range-velocity map of a ``sensor_msgs/Image``, 32FC1: (doppler, range).
+
+    See Also
+    --------
+    adapters.ros.to_map_image : The way back.
+
+    Examples
+    --------
+    >>> message = rc.adapters.ros.to_map_image([[1.0, 2.0], [3.0, 4.0]], time_ns=0)
+    >>> rc.adapters.ros.from_map_image(message).tolist()
+    [[1.0, 2.0], [3.0, 4.0]]
+    """
+    if message.encoding != "32FC1":
+        raise ValueError(f"encoding: expected 32FC1, got {message.encoding!r}")
+    rows, columns = check.count("height", message.height), check.count("width", message.width)
+    kind = ">f4" if message.is_bigendian else "<f4"
+    values = unpacked("data", message.data, kind, rows, columns, int(message.step))
+    return values.astype(np.float32)
