@@ -17,7 +17,7 @@ radar = rc.bgt60tr13c(
 )
 
 
-def text(peak: rc.Peak | None) -> str:
+def text(peak: rc.processing.Peak | None) -> str:
     """Range and velocity of an echo."""
     return "nothing" if peak is None else f"{peak.range:.2f} m {peak.velocity:+.2f} m/s"
 

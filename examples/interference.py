@@ -44,7 +44,7 @@ def main(output: Path) -> None:
     for (name, frame), (upper, lower) in zip(frames.items(), figure.subplots(2, 2, sharey="row").T, strict=True):
         rc.plot.chirp(frame, chirp=12, ax=upper).set_title(f"One chirp, {name}")
         rc.plot.range_doppler_map(frame, ax=lower, max_range=60.0, max_velocity=12.0).set_title(f"Map, {name}")
-        floors.append(10.0 * np.log10(rc.noise_level(np.abs(rc.range_doppler(frame)) ** 2)))
+        floors.append(10.0 * np.log10(rc.processing.noise_level(np.abs(rc.range_doppler(frame)) ** 2)))
         for target, r, v in zip(frame.truth.names, frame.truth.range, frame.truth.velocity, strict=True):
             around = {"min_range": r - 1.0, "max_range": r + 1.0, "min_velocity": v - 1.0, "max_velocity": v + 1.0}
             print(f"{name}: {target} {rc.strongest_peak(frame, min_snr_db=0.0, **around).snr_db:.1f} dB over the floor")

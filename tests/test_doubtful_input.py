@@ -244,7 +244,7 @@ READERS: dict[str, Callable[[object], object]] = {  # functions of an array, by 
     "elevation": lambda value: rc.IsotropicPattern().gain(0.0, value),
     "cos_incidence": lambda value: rc.materials["glass"].response(60e9, value),
     "range": lambda value: rc.Truth(("a", "b", "c"), value, [0.0] * 3, [0.0] * 3, [0.0] * 3),
-    "snr_db": lambda value: rc.doppler_bound(WF.replace(num_chirps=4), value),
+    "snr_db": lambda value: rc.processing.doppler_bound(WF.replace(num_chirps=4), value),
     "times": lambda value: rc.Linear(rc.Pose(), velocity=[1.0, 0.0, 0.0]).poses_at(value),
     "directions": lambda value: rc.rcs(rc.shapes.sphere(0.1), 60e9, value),
     "delay": lambda value: rc.beat_signal(value, [1.0, 1.0, 1.0], WF),

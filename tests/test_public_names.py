@@ -38,6 +38,10 @@ def test_package_shows_what_its_stub_lists(face: ModuleType) -> None:
     assert dir(face) == face.__all__ == sorted(words[3] for words in stub_of(face))
 
 
+def test_the_first_page_stays_short() -> None:
+    assert len(rc.__all__) <= 76, "results and rare functions belong to the package that they come from"
+
+
 def test_every_name_loads_and_stays(face: ModuleType) -> None:
     for name in face.__all__:
         value = getattr(face, name)

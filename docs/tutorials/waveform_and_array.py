@@ -128,7 +128,7 @@ weak = rc.Scene([rc.PointTarget([15.3, 0.0, 0.0], rcs=0.01, velocity=[0.7, 0.0, 
 recording = rc.Simulator(weak, radar).record(0.0, 0.02 * NUM_TRIALS, rate=50.0, progress=False)
 estimates = rc.doppler_velocity(recording)
 snr_db = np.median(estimates.snr_db)
-bound = rc.doppler_bound(waveform, snr_db)
+bound = rc.processing.doppler_bound(waveform, snr_db)
 print(f"SNR {snr_db:.1f} dB per sample")
 for name, unit in (("range", "mm"), ("velocity", "mm/s")):
     errors = getattr(estimates, name) - getattr(recording.truth, name)[:, 0]

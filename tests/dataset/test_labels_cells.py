@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radarcore.dataset.echoes import noise_power
 
 import radarcore as rc
 from radarcore.dataset import Labels, dims_of, labels_of
+from radarcore.dataset.echoes import noise_power
 
 SETTINGS = Labels(truth=False, cells=True)
 WAVEFORM = rc.Waveform(

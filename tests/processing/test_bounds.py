@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from chip_settings import power_up
+from radarcore import processing
 from radarcore.units import SPEED_OF_LIGHT
 
 Array = NDArray[np.float64]
@@ -72,7 +73,7 @@ def of_one_frame(waveform: rc.Waveform, *, per_chirp: bool, is_real: bool = Fals
     return least_deviations(signal, start, np.array([1e-7, 1e-5, 1e-4, *[1e-4] * num_phases]))
 
 
-def both(bound: rc.processing.CramerRaoBound) -> list[float]:
+def both(bound: processing.CramerRaoBound) -> list[float]:
     return [float(bound.range), float(bound.velocity)]
 
 
@@ -82,24 +83,26 @@ def both(bound: rc.processing.CramerRaoBound) -> list[float]:
 @pytest.mark.parametrize("waveform", [LONG, SHORT, FALLING])
 def test_doppler_bound_is_that_of_the_exact_signal(waveform: rc.Waveform) -> None:
     exact = of_one_frame(waveform, per_chirp=False)
-    np.testing.assert_allclose(both(rc.doppler_bound(waveform, SNR_DB)), exact, rtol=EXACT)
+    np.testing.assert_allclose(both(processing.doppler_bound(waveform, SNR_DB)), exact, rtol=EXACT)
 
 
 def test_real_samples_have_the_bound_of_the_exact_signal_but_for_the_mirror_image() -> None:
     exact = of_one_frame(LONG, per_chirp=False, is_real=True)
     # The beat frequency is 83 bins away from its mirror image, whose interference falls as one over that.
-    np.testing.assert_allclose(both(rc.doppler_bound(LONG, SNR_DB, is_real=True)), exact, rtol=2e-2)
+    np.testing.assert_allclose(both(processing.doppler_bound(LONG, SNR_DB, is_real=True)), exact, rtol=2e-2)
 
 
 @pytest.mark.parametrize("waveform", [ONE, DOWN])
 def test_chirp_rate_bound_is_that_of_one_exact_chirp(waveform: rc.Waveform) -> None:
     exact = of_one_frame(waveform, per_chirp=False)
-    np.testing.assert_allclose(both(rc.chirp_rate_bound(waveform, SNR_DB)), exact, rtol=EXACT)
+    np.testing.assert_allclose(both(processing.chirp_rate_bound(waveform, SNR_DB)), exact, rtol=EXACT)
 
 
 def test_changes_within_and_across_chirps_are_all_that_chirps_of_unknown_phases_tell() -> None:
     exact = of_one_frame(LONG, per_chirp=True)[1]
-    parts = [float(bound(LONG, SNR_DB).velocity) for bound in (rc.chirp_rate_bound, rc.range_migration_bound)]
+    parts = [
+        float(bound(LONG, SNR_DB).velocity) for bound in (processing.chirp_rate_bound, processing.range_migration_bound)
+    ]
     assert exact == pytest.approx(sum(part**-2 for part in parts) ** -0.5, rel=EXACT)
 
 
@@ -117,9 +120,9 @@ def test_up_down_bound_is_that_of_two_exact_chirps_of_one_target(delay: float) -
         return np.concatenate(parts)
 
     exact = least_deviations(beats, np.array([RANGE, VELOCITY, 0.4, 1.1]), np.array([1e-7, 1e-5, 1e-4, 1e-4]))
-    bound = both(rc.up_down_bound(ONE, DOWN, SNR_DB, down_delay=delay))
+    bound = both(processing.up_down_bound(ONE, DOWN, SNR_DB, down_delay=delay))
     # The curvature tells a little of velocity too: information adds.
-    curvature = [float(rc.chirp_rate_bound(wf, SNR_DB).velocity) for wf in (ONE, DOWN)]
+    curvature = [float(processing.chirp_rate_bound(wf, SNR_DB).velocity) for wf in (ONE, DOWN)]
     together = (bound[1] ** -2 + sum(part**-2 for part in curvature)) ** -0.5
     assert exact[1] == pytest.approx(together, rel=1e-6)  # but for what range and velocity share
     assert together <= bound[1] <= 1.01 * together
@@ -132,10 +135,14 @@ def test_up_down_bound_is_that_of_two_exact_chirps_of_one_target(delay: float) -
 def test_frequency_bound_is_that_of_rife_and_boorstyn() -> None:
     snr, number, rate = 10.0 ** (0.1 * SNR_DB), 100, 2e6
     expected = np.sqrt(6.0 / (snr * number * (number**2 - 1))) * rate / (2.0 * np.pi)
-    assert float(rc.frequency_bound(number, rate, SNR_DB)) == pytest.approx(expected, rel=1e-12)
-    assert float(rc.frequency_bound(number, rate, SNR_DB, is_real=True)) == pytest.approx(np.sqrt(2.0) * expected)
-    assert float(rc.frequency_bound(number, rate, SNR_DB, num_channels=4)) == pytest.approx(0.5 * expected)
-    np.testing.assert_allclose(rc.frequency_bound(number, rate, [SNR_DB, SNR_DB + 20.0]), [expected, 0.1 * expected])
+    assert float(processing.frequency_bound(number, rate, SNR_DB)) == pytest.approx(expected, rel=1e-12)
+    assert float(processing.frequency_bound(number, rate, SNR_DB, is_real=True)) == pytest.approx(
+        np.sqrt(2.0) * expected
+    )
+    assert float(processing.frequency_bound(number, rate, SNR_DB, num_channels=4)) == pytest.approx(0.5 * expected)
+    np.testing.assert_allclose(
+        processing.frequency_bound(number, rate, [SNR_DB, SNR_DB + 20.0]), [expected, 0.1 * expected]
+    )
 
 
 def test_a_hann_window_costs_a_factor_of_1_53() -> None:
@@ -143,7 +150,7 @@ def test_a_hann_window_costs_a_factor_of_1_53() -> None:
     pi = np.pi
     loss = np.sqrt((pi**3 / 4.0 - 2.0 * pi + pi / 8.0) * (2.0 * pi**3 / 3.0)) / (pi**3 / 3.0 - 2.0 * pi)
     assert loss == pytest.approx(1.5306, abs=1e-4)
-    plain, windowed = (float(rc.frequency_bound(512, 1e6, 0.0, window=window)) for window in (None, "hann"))
+    plain, windowed = (float(processing.frequency_bound(512, 1e6, 0.0, window=window)) for window in (None, "hann"))
     assert windowed / plain == pytest.approx(loss, rel=2e-5)  # sums are integrals but for 1 / num_samples^2
 
 
@@ -152,30 +159,32 @@ def test_chirp_rate_bound_is_that_of_djuric_and_kay() -> None:
     snr, n = 10.0 ** (0.1 * SNR_DB), ONE.num_samples
     rate = np.sqrt(90.0 / (np.pi**2 * snr * n * (n**2 - 1) * (n**2 - 4))) * ONE.sample_rate**2  # [Hz/s]
     expected = SPEED_OF_LIGHT / (4.0 * ONE.slope) * rate
-    assert float(rc.chirp_rate_bound(ONE, SNR_DB).velocity) == pytest.approx(expected, rel=1e-12)
+    assert float(processing.chirp_rate_bound(ONE, SNR_DB).velocity) == pytest.approx(expected, rel=1e-12)
     many = ONE.replace(num_chirps=9)
-    assert float(rc.chirp_rate_bound(many, SNR_DB).velocity) == pytest.approx(expected / 3.0, rel=1e-9)
+    assert float(processing.chirp_rate_bound(many, SNR_DB).velocity) == pytest.approx(expected / 3.0, rel=1e-9)
 
 
 def test_up_and_down_at_once_have_closed_forms() -> None:
     down = ONE.replace(start_frequency=ONE.start_frequency + ONE.slope * 1.04e-3, slope=-ONE.slope)
     carrier = ONE.start_frequency + ONE.slope * (ONE.adc_delay + 31.5 / ONE.sample_rate)
-    frequency = float(rc.frequency_bound(ONE.num_samples, ONE.sample_rate, SNR_DB))
-    bound = rc.up_down_bound(ONE, down, SNR_DB, down_delay=0.0)
+    frequency = float(processing.frequency_bound(ONE.num_samples, ONE.sample_rate, SNR_DB))
+    bound = processing.up_down_bound(ONE, down, SNR_DB, down_delay=0.0)
     # The carriers of both are equal to 1e-3.
     assert float(bound.velocity) == pytest.approx(2**0.5 * SPEED_OF_LIGHT / (4.0 * carrier) * frequency, rel=1e-3)
     assert float(bound.range) == pytest.approx(2**0.5 * SPEED_OF_LIGHT / (4.0 * ONE.slope) * frequency, rel=1e-3)
 
 
 def test_migration_is_less_accurate_than_doppler_by_carrier_over_bandwidth() -> None:
-    doppler, migration = (bound(SHORT, SNR_DB).velocity for bound in (rc.doppler_bound, rc.range_migration_bound))
+    doppler, migration = (
+        bound(SHORT, SNR_DB).velocity for bound in (processing.doppler_bound, processing.range_migration_bound)
+    )
     carrier = SHORT.start_frequency + SHORT.slope * (SHORT.adc_delay + 31.5 / SHORT.sample_rate)
     expected = np.sqrt(12.0) * carrier / SHORT.bandwidth
     assert migration / doppler == pytest.approx(expected, rel=2e-3)  # migration's own part of the information
 
 
 def test_channels_add_information_and_an_echo_without_power_has_none() -> None:
-    one, four = (rc.doppler_bound(SHORT, [0.0, -np.inf], num_channels=number) for number in (1, 4))
+    one, four = (processing.doppler_bound(SHORT, [0.0, -np.inf], num_channels=number) for number in (1, 4))
     np.testing.assert_allclose(four.velocity[0], 0.5 * one.velocity[0])
     assert one.velocity[1] == one.range[1] == np.inf
 
@@ -183,18 +192,33 @@ def test_channels_add_information_and_an_echo_without_power_has_none() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rc.frequency_bound(1, 1e6, 0.0), "num_samples: expected at least 2, got 1"),
-        (lambda: rc.frequency_bound(8, 0.0, 0.0), "sample_rate: expected a positive number"),
-        (lambda: rc.frequency_bound(8, 1e6, "much"), "snr_db: expected numbers"),
-        (lambda: rc.frequency_bound(8, 1e6, 0.0, num_channels=0), "num_channels: expected at least 1, got 0"),
-        (lambda: rc.frequency_bound(8, 1e6, 0.0, window="none"), "window: expected a window"),
-        (lambda: rc.doppler_bound(ONE, 0.0), "waveform: expected at least 2 chirps, got 1"),
-        (lambda: rc.range_migration_bound(ONE, 0.0), "waveform: expected at least 2 chirps, got 1"),
-        (lambda: rc.chirp_rate_bound(ONE.replace(num_samples=2), 0.0), "waveform: expected at least 3 samples"),
-        (lambda: rc.up_down_bound(ONE, ONE, 0.0), "down: expected a slope of the other sign than up's 4e\\+12 Hz/s"),
-        (lambda: rc.up_down_bound(ONE, DOWN.replace(num_samples=1), 0.0), "down: expected at least 2 samples"),
-        (lambda: rc.up_down_bound(ONE, DOWN, 0.0, down_delay=np.nan), "down_delay: expected a finite number"),
-        (lambda: rc.doppler_bound(LONG.replace(slope=0.0), 0.0), "measures no range"),
+        (lambda: processing.frequency_bound(1, 1e6, 0.0), "num_samples: expected at least 2, got 1"),
+        (lambda: processing.frequency_bound(8, 0.0, 0.0), "sample_rate: expected a positive number"),
+        (lambda: processing.frequency_bound(8, 1e6, "much"), "snr_db: expected numbers"),
+        (
+            lambda: processing.frequency_bound(8, 1e6, 0.0, num_channels=0),
+            "num_channels: expected at least 1, got 0",
+        ),
+        (lambda: processing.frequency_bound(8, 1e6, 0.0, window="none"), "window: expected a window"),
+        (lambda: processing.doppler_bound(ONE, 0.0), "waveform: expected at least 2 chirps, got 1"),
+        (lambda: processing.range_migration_bound(ONE, 0.0), "waveform: expected at least 2 chirps, got 1"),
+        (
+            lambda: processing.chirp_rate_bound(ONE.replace(num_samples=2), 0.0),
+            "waveform: expected at least 3 samples",
+        ),
+        (
+            lambda: processing.up_down_bound(ONE, ONE, 0.0),
+            "down: expected a slope of the other sign than up's 4e\\+12 Hz/s",
+        ),
+        (
+            lambda: processing.up_down_bound(ONE, DOWN.replace(num_samples=1), 0.0),
+            "down: expected at least 2 samples",
+        ),
+        (
+            lambda: processing.up_down_bound(ONE, DOWN, 0.0, down_delay=np.nan),
+            "down_delay: expected a finite number",
+        ),
+        (lambda: processing.doppler_bound(LONG.replace(slope=0.0), 0.0), "measures no range"),
     ],
 )
 def test_bad_arguments_are_refused(call: Callable[[], object], message: str) -> None:

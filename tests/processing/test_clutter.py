@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore import processing
 from radarcore.processing.spectra.noise import known_noise
 
 RNG = np.random.default_rng(1)
@@ -55,9 +56,11 @@ def test_noise_level_is_the_mean_in_spite_of_echoes(num_looks: int) -> None:
     echoes = power.copy()
     echoes[3:6] = 1e9  # 3 of 100 cells: the median is where 51.5 of 100 are below, up by 2.2 to 4.4 %
     # The median of n exponential powers scatters by 1 / (ln 2 sqrt(n)): 0.7 %.
-    assert rc.noise_level(power, num_looks=num_looks) == pytest.approx(3.0 * num_looks, rel=4.0 * 0.0072)
-    assert rc.noise_level(echoes, num_looks=num_looks) == pytest.approx(3.0 * num_looks * 1.025, rel=4.0 * 0.0072)
-    assert rc.noise_level(np.empty((0, 3))) == 0.0
+    assert processing.noise_level(power, num_looks=num_looks) == pytest.approx(3.0 * num_looks, rel=4.0 * 0.0072)
+    assert processing.noise_level(echoes, num_looks=num_looks) == pytest.approx(
+        3.0 * num_looks * 1.025, rel=4.0 * 0.0072
+    )
+    assert processing.noise_level(np.empty((0, 3))) == 0.0
 
 
 @pytest.mark.parametrize("output", ["iq", "real"])
@@ -67,7 +70,7 @@ def test_noise_of_the_receiver_is_that_of_the_map(output: str) -> None:
     )
     of = rc.Radar(wf, receiver=rc.Receiver(output=output, noise_figure_db=12.0))
     frame = rc.Simulator(rc.Scene(), of).frame()
-    level = rc.noise_level(np.abs(rc.range_doppler(frame)) ** 2)
+    level = processing.noise_level(np.abs(rc.range_doppler(frame)) ** 2)
     # The median of 1000 or 2000 cells, of which about a quarter are independent: 1 / (ln 2 sqrt(270)) is 9 %.
     windows = [0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n) for n in (64, 32)]
     assert known_noise(frame, *windows) == pytest.approx(level, rel=0.36)
@@ -149,8 +152,8 @@ def test_frames_and_recordings_stay_what_they_are() -> None:
         (rc.remove_running_mean, [CUBE, [1.0, 0.0]], {"time_constant": 1.0}, ValueError, "time: expected increasing"),
         (rc.remove_running_mean, [CUBE, [0.0, 1.0]], {"time_constant": 0.0}, ValueError, "time_constant: expected a"),
         (rc.remove_running_mean, [CUBE[0, 0], [0.0] * 8], {"time_constant": 1.0}, ValueError, r"cube: expected shape"),
-        (rc.noise_level, [-CUBE], {}, ValueError, "power: expected 0 or above"),
-        (rc.noise_level, [CUBE**2], {"num_looks": 0}, ValueError, "num_looks: expected at least 1"),
+        (processing.noise_level, [-CUBE], {}, ValueError, "power: expected 0 or above"),
+        (processing.noise_level, [CUBE**2], {"num_looks": 0}, ValueError, "num_looks: expected at least 1"),
         (rc.remove_running_mean, [FRAME], {"time_constant": 1.0}, TypeError, "cube: expected a Recording"),
         (rc.remove_running_mean, [CUBE], {"time_constant": 1.0}, TypeError, "time: expected the times"),
         (rc.remove_mean, [FRAME], {}, ValueError, "radar: expected one waveform, got 2"),

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore import processing
 from radarcore.units import SPEED_OF_LIGHT
 from reference import beat_signal_reference
 
@@ -27,7 +28,7 @@ DOWN = rc.Waveform(
 )
 RANGE, VELOCITY = 0.7, 0.43  # the beat frequency is 19 bins above 0
 
-Estimator = Callable[..., rc.processing.VelocityEstimate]
+Estimator = Callable[..., processing.VelocityEstimate]
 
 
 def echo(waveform: rc.Waveform, distance: float, velocity: float, amplitude: Any = 1.0) -> NDArray[np.complex128]:
@@ -53,10 +54,10 @@ def pair(up: rc.Waveform, down: rc.Waveform) -> tuple[NDArray[np.complex128], ND
     return echo(up, RANGE - VELOCITY * half, VELOCITY), echo(down, RANGE + VELOCITY * half, VELOCITY)
 
 
-SINGLE: list[tuple[Estimator, Callable[..., rc.processing.CramerRaoBound]]] = [
-    (rc.doppler_velocity, rc.doppler_bound),
-    (rc.chirp_rate_velocity, rc.chirp_rate_bound),
-    (rc.range_migration_velocity, rc.range_migration_bound),
+SINGLE: list[tuple[Estimator, Callable[..., processing.CramerRaoBound]]] = [
+    (rc.doppler_velocity, processing.doppler_bound),
+    (processing.chirp_rate_velocity, processing.chirp_rate_bound),
+    (processing.range_migration_velocity, processing.range_migration_bound),
 ]
 
 
@@ -83,11 +84,11 @@ def test_estimates_of_one_echo_without_noise_are_exact(
 def test_a_pair_of_chirps_tells_range_and_velocity(num_chirps: int, is_real: bool) -> None:
     waveforms = UP.replace(num_chirps=num_chirps), DOWN.replace(num_chirps=num_chirps)
     samples = [one.real if is_real else one for one in pair(*waveforms)]
-    found = rc.up_down_velocity(*samples, *waveforms)
-    bound = rc.up_down_bound(*waveforms, 110.0)
+    found = processing.up_down_velocity(*samples, *waveforms)
+    bound = processing.up_down_bound(*waveforms, 110.0)
     assert abs(found.velocity - VELOCITY) <= bound.velocity
     assert abs(found.range - RANGE) <= bound.range
-    swapped = rc.up_down_velocity(*samples[::-1], *waveforms[::-1], down_delay=-waveforms[0].frame_interval)
+    swapped = processing.up_down_velocity(*samples[::-1], *waveforms[::-1], down_delay=-waveforms[0].frame_interval)
     assert swapped.velocity == pytest.approx(found.velocity, abs=float(bound.velocity))
     assert swapped.range == pytest.approx(found.range, abs=float(bound.range))
 
@@ -100,7 +101,7 @@ def test_frames_of_a_pair_bring_their_times() -> None:
         rc.Frame(echo(wf, RANGE + VELOCITY * since, VELOCITY), time, rc.Radar(wf))
         for wf, since, time in ((up, -half, 2.0), (down, half, 2.0 + gap))
     ]
-    found = rc.up_down_velocity(*frames)
+    found = processing.up_down_velocity(*frames)
     assert abs(found.velocity - VELOCITY) <= 1e-7  # 2 mm of migration would count 0.2 m/s
     assert abs(found.range - RANGE) <= 1e-9
 
@@ -119,27 +120,27 @@ def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
     radar = rc.Radar([up, down], tx=[[0.0, 0.0, 0.0]] * 2, schedule=schedule)
     target = rc.PointTarget([RANGE, 0.0, 0.0], velocity=[VELOCITY, 0.0, 0.0])
     frame = rc.Simulator(rc.Scene([target]), radar, tolerance=1e-9).frame()
-    found = rc.up_down_velocity(*frame.sequences())
+    found = processing.up_down_velocity(*frame.sequences())
     # Up to 17 mm from one to the other: at times that are not theirs the velocity would be off by 0.1 m/s and more.
     middle = 0.5 * sum(part.radar.middle for part in frame.sequences())
     assert abs(found.velocity - VELOCITY) <= 5e-6
     assert abs(found.range - (RANGE + VELOCITY * middle)) <= 1e-5
-    other = rc.up_down_velocity(*frame.sequences()[::-1])
+    other = processing.up_down_velocity(*frame.sequences()[::-1])
     assert other.velocity == pytest.approx(found.velocity, abs=1e-12)
-    cubes = rc.up_down_velocity(*(part.cube for part in frame.sequences()), *radar.sequences())
+    cubes = processing.up_down_velocity(*(part.cube for part in frame.sequences()), *radar.sequences())
     assert (cubes.range, cubes.velocity) == (found.range, found.velocity)
-    bound = rc.up_down_bound(up, down, found.snr_db, num_channels=radar.num_channels)  # type: ignore[arg-type]
+    bound = processing.up_down_bound(up, down, found.snr_db, num_channels=radar.num_channels)  # type: ignore[arg-type]
     assert found.velocity_std == pytest.approx(float(bound.velocity))
     recording = rc.Recording.from_frames([frame, rc.Frame(frame.cube, 1.0, radar, frame.truth)])
-    both = rc.up_down_velocity(*recording.sequences())
+    both = processing.up_down_velocity(*recording.sequences())
     np.testing.assert_allclose(both.velocity, found.velocity, rtol=1e-12)
 
 
 def test_changes_of_the_frequency_tell_velocities_beyond_those_of_doppler() -> None:
     fast = 2.0 * UP.max_velocity + 0.3
     samples = echo(UP, RANGE, fast)
-    assert rc.range_migration_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
-    assert rc.chirp_rate_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
+    assert processing.range_migration_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
+    assert processing.chirp_rate_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
     # Doppler's is another one, a whole number of intervals away but for the carrier's own error.
     alias = rc.doppler_velocity(samples, UP).velocity
     assert abs(alias - 0.3) <= 1e-3  # 2.27 m/s of an interval times 1e-4 of the carrier
@@ -149,14 +150,14 @@ def test_an_echo_smeared_within_the_chirp_is_found_by_dechirping() -> None:
     """At 60 m/s the frequency moves by three bins within a chirp."""
     one = UP.replace(num_chirps=1)
     samples = noisy(echo(one, RANGE, 60.0), 20.0, 1, seed=3)[0]
-    found = rc.chirp_rate_velocity(samples, one, max_velocity=100.0)
-    assert abs(found.velocity - 60.0) <= 4.0 * rc.chirp_rate_bound(one, 20.0).velocity
+    found = processing.chirp_rate_velocity(samples, one, max_velocity=100.0)
+    assert abs(found.velocity - 60.0) <= 4.0 * processing.chirp_rate_bound(one, 20.0).velocity
 
 
 def test_chirps_may_come_at_any_times_for_migration() -> None:
     times = UP.chirp_times + np.random.default_rng(1).uniform(0.0, 5e-3, 16).cumsum()
     staggered = UP.replace(chirp_times=times)
-    found = rc.range_migration_velocity(echo(staggered, RANGE, VELOCITY), staggered)
+    found = processing.range_migration_velocity(echo(staggered, RANGE, VELOCITY), staggered)
     assert abs(found.velocity - VELOCITY) <= 1e-6
     with pytest.raises(ValueError, match="chirps at equal intervals"):
         rc.doppler_velocity(echo(staggered, RANGE, VELOCITY), staggered)
@@ -172,12 +173,12 @@ ACCURACY = 4.0 / np.sqrt(2.0 * TRIALS)
 @pytest.mark.parametrize("is_real", [False, True])
 @pytest.mark.parametrize(("estimator", "bound"), SINGLE)
 def test_deviations_from_15_db_up_are_those_of_the_bound_and_as_predicted(
-    estimator: Estimator, bound: Callable[..., rc.processing.CramerRaoBound], is_real: bool
+    estimator: Estimator, bound: Callable[..., processing.CramerRaoBound], is_real: bool
 ) -> None:
     wf = UP.replace(num_chirps=4)
     samples = echo(wf, RANGE, VELOCITY)
     # Estimates are worst where there is most noise: one of them stands for all at 30 dB.
-    for snr_db in (15.0, 30.0) if estimator is rc.range_migration_velocity and not is_real else (15.0,):
+    for snr_db in (15.0, 30.0) if estimator is processing.range_migration_velocity and not is_real else (15.0,):
         trials = noisy(samples.real if is_real else samples, snr_db, TRIALS, seed=int(snr_db))
         found = estimator(trials, wf, max_velocity=1.2)
         least = bound(wf, snr_db, is_real=is_real)
@@ -197,8 +198,8 @@ def test_deviations_of_one_pair_from_15_db_up_are_those_of_the_bound(is_real: bo
     up, down = UP.replace(num_chirps=1), DOWN.replace(num_chirps=1)
     samples = pair(up, down)
     trials = [noisy(one.real if is_real else one, 15.0, TRIALS, seed) for seed, one in enumerate(samples)]
-    found = rc.up_down_velocity(*trials, up, down)
-    bound = rc.up_down_bound(up, down, 15.0, is_real=is_real)
+    found = processing.up_down_velocity(*trials, up, down)
+    bound = processing.up_down_bound(up, down, 15.0, is_real=is_real)
     assert np.std(found.velocity) == pytest.approx(float(bound.velocity), rel=ACCURACY)
     assert np.std(found.range) == pytest.approx(float(bound.range), rel=ACCURACY)
     # Noise from 31 cells or more of each chirp.
@@ -208,8 +209,8 @@ def test_deviations_of_one_pair_from_15_db_up_are_those_of_the_bound(is_real: bo
 def test_a_hann_window_is_less_accurate_as_predicted() -> None:
     wf = UP.replace(num_chirps=4)
     trials = noisy(echo(wf, RANGE, VELOCITY), 20.0, TRIALS, seed=5)
-    found = rc.range_migration_velocity(trials, wf, window="hann")
-    plain, windowed = (rc.range_migration_bound(wf, 20.0, window=window).velocity for window in (None, "hann"))
+    found = processing.range_migration_velocity(trials, wf, window="hann")
+    plain, windowed = (processing.range_migration_bound(wf, 20.0, window=window).velocity for window in (None, "hann"))
     assert np.std(found.velocity) == pytest.approx(float(windowed), rel=ACCURACY)
     assert windowed > 1.5 * plain
 
@@ -220,7 +221,7 @@ def test_channels_of_any_phases_are_used_together() -> None:
     trials = noisy(np.concatenate([one, 1j * one, -one, one]), 15.0, TRIALS, seed=6)
     found = rc.doppler_velocity(trials, wf)
     assert np.std(found.velocity) == pytest.approx(
-        float(rc.doppler_bound(wf, 15.0, num_channels=4).velocity), rel=ACCURACY
+        float(processing.doppler_bound(wf, 15.0, num_channels=4).velocity), rel=ACCURACY
     )
 
 
@@ -243,7 +244,7 @@ def test_range_of_one_chirp_is_that_of_the_frame_with_transmitters_in_turn_too()
     radar = rc.Radar(one, tx=[[0.0, 0.0, 0.0]] * 2, schedule=rc.Schedule.tdm(interval=20e-3))
     target = rc.PointTarget([RANGE, 0.0, 0.0], velocity=[VELOCITY, 0.0, 0.0])
     frame = rc.Simulator(rc.Scene([target]), radar, tolerance=1e-9).frame()
-    found = rc.chirp_rate_velocity(frame)
+    found = processing.chirp_rate_velocity(frame)
     assert abs(found.velocity - VELOCITY) <= 1e-3
     # The second transmitter sees the target 8.6 mm farther away, and 5 % weaker: it counts less by 0.1 mm.
     assert found.range == pytest.approx(RANGE + VELOCITY * radar.middle, abs=2e-4)
@@ -280,14 +281,14 @@ def test_the_strongest_echo_within_the_limits_is_measured() -> None:
     assert abs(found.range - RANGE) <= 1e-5 * UP.range_resolution
     by_velocity = rc.doppler_velocity(samples, UP, min_velocity=0.0, window="hann", doppler_window="hann")
     assert by_velocity.velocity == pytest.approx(found.velocity)
-    assert abs(rc.range_migration_velocity(samples, UP, **limits).velocity - VELOCITY) <= 1e-3  # type: ignore[arg-type]
+    assert abs(processing.range_migration_velocity(samples, UP, **limits).velocity - VELOCITY) <= 1e-3  # type: ignore[arg-type]
 
 
 def test_known_noise_gives_the_bound_itself() -> None:
     samples = echo(UP, RANGE, VELOCITY)
     found = rc.doppler_velocity(samples, UP, noise=0.01)
     assert found.snr_db == pytest.approx(20.0, abs=1e-3)  # but for the part of the noise that is in the amplitude
-    assert found.velocity_std == pytest.approx(float(rc.doppler_bound(UP, 20.0).velocity), rel=1e-3)
+    assert found.velocity_std == pytest.approx(float(processing.doppler_bound(UP, 20.0).velocity), rel=1e-3)
     real = rc.doppler_velocity(samples.real, UP, noise=0.01)
     assert real.snr_db == pytest.approx(20.0 - 10.0 * np.log10(2.0), abs=1e-2)
 
@@ -295,7 +296,7 @@ def test_known_noise_gives_the_bound_itself() -> None:
 def test_without_an_echo_there_is_no_estimate() -> None:
     nothing = np.zeros((1, 16, 64), dtype=np.complex64)
     estimates = [estimator(nothing, UP) for estimator, _ in SINGLE]
-    estimates.append(rc.up_down_velocity(nothing, nothing, UP, DOWN))
+    estimates.append(processing.up_down_velocity(nothing, nothing, UP, DOWN))
     estimates.append(rc.doppler_velocity(echo(UP, RANGE, VELOCITY), UP, min_range=0.8, max_range=0.801))
     for found in estimates:
         assert np.isnan([found.range, found.velocity, found.range_std, found.velocity_std, found.snr_db]).all()
@@ -311,19 +312,31 @@ CASES: list[tuple[Callable[[], object], str]] = [
     (lambda: rc.doppler_velocity(GOOD + np.nan, UP), "cube: expected finite samples, got 1024 that are not"),
     (lambda: rc.doppler_velocity(GOOD.astype(int), UP), "cube: expected float32"),
     (lambda: rc.doppler_velocity(GOOD[:, :1], UP.replace(num_chirps=1)), "waveform: expected at least 2 chirps, got 1"),
-    (lambda: rc.range_migration_velocity(GOOD[:, :1], UP.replace(num_chirps=1)), "expected at least 2 chirps, got 1"),
-    (lambda: rc.chirp_rate_velocity(GOOD[..., :2], UP.replace(num_samples=2)), "expected at least 3 samples per chirp"),
+    (
+        lambda: processing.range_migration_velocity(GOOD[:, :1], UP.replace(num_chirps=1)),
+        "expected at least 2 chirps, got 1",
+    ),
+    (
+        lambda: processing.chirp_rate_velocity(GOOD[..., :2], UP.replace(num_samples=2)),
+        "expected at least 3 samples per chirp",
+    ),
     (lambda: rc.doppler_velocity(GOOD, UP.replace(slope=0.0)), "measures no range"),
     (lambda: rc.doppler_velocity(GOOD, UP, min_range=2.0, max_range=1.0), "max_range: expected at least min_range"),
     (lambda: rc.doppler_velocity(GOOD, UP, noise=-1.0), "noise: expected zero or a positive number"),
     (lambda: rc.doppler_velocity(GOOD, UP, window="round"), "window: expected a window"),
-    (lambda: rc.chirp_rate_velocity(GOOD, UP, max_velocity=-1.0), "max_velocity: expected zero or a positive number"),
-    (lambda: rc.up_down_velocity(GOOD, GOOD, UP, UP), "down: expected a slope of the other sign"),
     (
-        lambda: rc.up_down_velocity(GOOD, GOOD[None], UP, DOWN),
+        lambda: processing.chirp_rate_velocity(GOOD, UP, max_velocity=-1.0),
+        "max_velocity: expected zero or a positive number",
+    ),
+    (lambda: processing.up_down_velocity(GOOD, GOOD, UP, UP), "down: expected a slope of the other sign"),
+    (
+        lambda: processing.up_down_velocity(GOOD, GOOD[None], UP, DOWN),
         "down: expected one frame as up, got 1 frames in an array",
     ),
-    (lambda: rc.up_down_velocity(GOOD, GOOD, UP, DOWN, down_delay=np.inf), "down_delay: expected a finite number"),
+    (
+        lambda: processing.up_down_velocity(GOOD, GOOD, UP, DOWN, down_delay=np.inf),
+        "down_delay: expected a finite number",
+    ),
 ]
 
 

@@ -329,7 +329,7 @@ class Waveform(Twinned):
 
         See Also
         --------
-        up_down_velocity : Velocity from such chirps.
+        processing.up_down_velocity : Velocity from such chirps.
         Radar : Takes both.
 
         Examples

@@ -77,7 +77,7 @@ def cfar(
     See Also
     --------
     detect : Detections of a frame, measured.
-    noise_level : Noise of a whole map.
+    processing.noise_level : Noise of a whole map.
     range_doppler : Spectrum whose power may be tested.
 
     Examples

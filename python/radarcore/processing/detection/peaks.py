@@ -150,7 +150,7 @@ def strongest_peak(
 
     See Also
     --------
-    Peak : What comes back.
+    processing.Peak : What comes back.
     detect : All targets of a frame.
     doppler_velocity : The strongest echo, as exactly as noise allows.
 

@@ -51,7 +51,7 @@ class CramerRaoBound:
     Examples
     --------
     >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> bound = rc.doppler_bound(waveform, snr_db=[-10.0, 10.0])
+    >>> bound = rc.processing.doppler_bound(waveform, snr_db=[-10.0, 10.0])
     >>> print(f"{bound.range[0] / bound.range[1]:.1f}")
     10.0
     """
@@ -99,7 +99,7 @@ def frequency_bound(
 
     Examples
     --------
-    >>> print(f"{rc.frequency_bound(64, 1e6, snr_db=20.0):.0f} Hz")
+    >>> print(f"{rc.processing.frequency_bound(64, 1e6, snr_db=20.0):.0f} Hz")
     76 Hz
     """
     number = check.count("num_samples", num_samples, 2)
@@ -145,7 +145,7 @@ def doppler_bound(
     Examples
     --------
     >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> bound = rc.doppler_bound(waveform, snr_db=0.0)
+    >>> bound = rc.processing.doppler_bound(waveform, snr_db=0.0)
     >>> print(f"{1e3 * bound.range:.1f} mm, {1e3 * bound.velocity:.1f} mm/s")
     0.7 mm, 0.6 mm/s
     """
@@ -198,7 +198,7 @@ def up_down_bound(
     --------
     >>> up = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=1)
     >>> down = up.replace(start_frequency=63e9, slope=-50e12)
-    >>> bound = rc.up_down_bound(up, down, snr_db=20.0)
+    >>> bound = rc.processing.up_down_bound(up, down, snr_db=20.0)
     >>> print(f"{1e3 * bound.range:.1f} mm, {bound.velocity:.2f} m/s")
     0.1 mm, 0.10 m/s
     """
@@ -243,7 +243,7 @@ def chirp_rate_bound(
     Examples
     --------
     >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> bound = rc.chirp_rate_bound(waveform, snr_db=20.0)
+    >>> bound = rc.processing.chirp_rate_bound(waveform, snr_db=20.0)
     >>> print(f"{bound.velocity:.0f} m/s")  # these chirps are short and narrow
     4 m/s
     """
@@ -287,7 +287,7 @@ def range_migration_bound(
     Examples
     --------
     >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> bound = rc.range_migration_bound(waveform, snr_db=0.0)
+    >>> bound = rc.processing.range_migration_bound(waveform, snr_db=0.0)
     >>> print(f"{bound.velocity:.2f} m/s")
     0.12 m/s
     """

@@ -77,9 +77,9 @@ def doppler_velocity(
 
     See Also
     --------
-    doppler_bound : Least standard deviation.
+    processing.doppler_bound : Least standard deviation.
     strongest_peak : Quicker, to some hundredths of a bin.
-    range_migration_velocity : Without Doppler's ambiguity.
+    processing.range_migration_velocity : Without Doppler's ambiguity.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def up_down_velocity(
     >>> down = up.replace(start_frequency=63e9, slope=-50e12)
     >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
     >>> frames = [rc.Simulator(scene, rc.Radar(each)).frame(time) for each, time in ((up, 0.0), (down, 0.01))]
-    >>> estimate = rc.up_down_velocity(*frames)
+    >>> estimate = rc.processing.up_down_velocity(*frames)
     >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
     2.01 m, +1.00 m/s
     """
@@ -281,7 +281,7 @@ def chirp_rate_velocity(
     >>> waveform = rc.Waveform(start_frequency=60e9, slope=2e12, sample_rate=1e6, num_samples=1024, num_chirps=1)
     >>> scene = rc.Scene([rc.PointTarget([8.0, 0.0, 0.0], velocity=[-2.0, 0.0, 0.0])])
     >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
-    >>> print(f"{rc.chirp_rate_velocity(frame).velocity:+.1f} m/s from one chirp")
+    >>> print(f"{rc.processing.chirp_rate_velocity(frame).velocity:+.1f} m/s from one chirp")
     -2.0 m/s from one chirp
     """
     given = checked_input(cube, waveform)
@@ -336,7 +336,7 @@ def range_migration_velocity(
     ... )
     >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
     >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
-    >>> print(f"{rc.range_migration_velocity(frame).velocity:+.2f} m/s")
+    >>> print(f"{rc.processing.range_migration_velocity(frame).velocity:+.2f} m/s")
     +1.00 m/s
     """
     given = checked_input(cube, waveform)

@@ -56,7 +56,7 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     --------
     >>> power = np.random.default_rng(1).exponential(2.0, 10_000)
     >>> power[:20] = 1e6  # echoes
-    >>> print(f"{rc.noise_level(power):.1f}")
+    >>> print(f"{rc.processing.noise_level(power):.1f}")
     2.0
     """
     cells = checked_power(power)

@@ -477,7 +477,7 @@ def track(
 
     See Also
     --------
-    Tracks : What comes back.
+    processing.Tracks : What comes back.
     Tracker : Frame by frame, for live use.
     detect : Detections that are tracked.
     plot.tracks : Picture over time.
