@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from doubles.motive import MotionCaptureServer
 
 SOURCES = Path(rc.__file__).parents[1]
 PACKAGES = (
@@ -48,7 +49,7 @@ METHODS = (
 IMPORTED = ("mujoco",)
 """Packages that examples import themselves, called as their extras."""
 
-OBJECTS = ("recording", "scene_file", "sensor", "varied_scene_file")
+OBJECTS = ("motive", "recording", "scene_file", "sensor", "varied_scene_file")
 """What examples use without making it: the fixtures below, which docs/python.md describes."""
 
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -135,6 +136,12 @@ def test_names_are_those_that_users_find() -> None:
 def test_name_has_an_example_and_says_what_is_near(name: str) -> None:
     assert not {"See Also", "Examples"} - sections(name).keys(), "missing"
     assert list(sections(name))[-1] == "Examples"
+
+
+@pytest.fixture
+def motive() -> Iterator[MotionCaptureServer]:
+    with MotionCaptureServer({"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}) as server:
+        yield server
 
 
 @pytest.fixture(scope="module")

@@ -70,7 +70,7 @@ def run_python(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
                 assert capsys.readouterr().out == output
 
 
-WITH_ANOTHER_SIDE = ("sensor.md", "coppeliasim.md")
+WITH_ANOTHER_SIDE = ("sensor.md", "coppeliasim.md", "motion-capture.md")
 """Pages whose examples need a board or a program, which the tests play."""
 
 
@@ -94,6 +94,20 @@ def test_python_examples_of_sensors_run_with_an_emulated_board(
     with rc.sensor.virtual_board(simulator, speed=None) as board, PtyPort(board) as port:
         monkeypatch.setattr(rc, "open_sensor", lambda path=None: open_sensor(path or port.path))
         run_python(ROOT / "docs" / "sensor.md", capsys)
+
+
+def test_python_examples_of_motion_capture_run_with_a_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from doubles.motive import MotionCaptureServer
+    from radarcore.adapters import optitrack
+
+    client = optitrack.MotionCaptureClient
+    monkeypatch.chdir(tmp_path)
+    with MotionCaptureServer({"cart": rc.Pose([2.0, 0.0, 1.0])}) as server:
+        server.start()
+        monkeypatch.setattr(optitrack, "MotionCaptureClient", lambda _: client(command_port=server.command_port))
+        run_python(ROOT / "docs" / "motion-capture.md", capsys)
 
 
 def test_python_examples_of_coppeliasim_run_with_a_server(

@@ -25,11 +25,14 @@ from laboratory import CYLINDER_RADIUS, STEP, Laboratory
 
 import radarcore as rc
 from radarcore.adapters import ros
-from radarcore.adapters.optitrack import MotionCaptureClient, MotionCaptureServer
+from radarcore.adapters.optitrack import MotionCaptureClient
 from radarcore.cli.main import main as radarcore
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.virtual.source import Simulated
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests"))
+from doubles.motive import MotionCaptureServer  # stands in for Motive
 
 CLOCK_OFFSET = 0.1137
 """The board's clock shows 0 so long after the start: to be found again [s]."""

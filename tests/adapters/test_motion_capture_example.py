@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import radarcore as rc
+from doubles.motive import MotionCaptureServer
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "motion_capture.py"
 
@@ -28,7 +29,7 @@ def test_example_measures_the_cart_and_leaves_out_the_gap(
 
 
 def test_frames_follow_a_stream_at_its_newest_update() -> None:
-    from radarcore.adapters.optitrack import MotionCaptureClient, MotionCaptureServer
+    from radarcore.adapters.optitrack import MotionCaptureClient
 
     live = rc.Live()
     sphere = rc.Body(rc.shapes.sphere(0.1), motion=live, name="ball")

@@ -15,7 +15,8 @@ import pytest
 
 import natnet_packets as made
 import radarcore as rc
-from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, MotionCaptureServer, NatNetError
+from doubles.motive import MotionCaptureServer
+from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, NatNetError
 
 QUIET, PATIENT = 0.5, 10.0
 """Time-outs without and with packets [s]: a busy machine is late."""

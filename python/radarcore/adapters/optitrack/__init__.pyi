@@ -13,4 +13,3 @@ from radarcore.adapters.optitrack.natnet import ServerInfo as ServerInfo
 from radarcore.adapters.optitrack.natnet import decode_frame as decode_frame
 from radarcore.adapters.optitrack.natnet import decode_model as decode_model
 from radarcore.adapters.optitrack.natnet import decode_server_info as decode_server_info
-from radarcore.adapters.optitrack.server import MotionCaptureServer as MotionCaptureServer

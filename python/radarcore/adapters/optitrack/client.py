@@ -58,12 +58,10 @@ class CapturedFrame:
 
     Examples
     --------
-    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-    ...         frames = client.frames()
-    ...         server.send(0.5)
-    ...         frame = next(frames)
+    >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+    ...     frames = client.frames()
+    ...     motive.send(0.5)
+    ...     frame = next(frames)
     >>> print(frame.time, frame.bodies["ball"].is_tracked)
     0.5 True
     """
@@ -206,7 +204,7 @@ class Updated(Protocol):
 
 
 class MotionCaptureClient:
-    """Receives frames that Motive, or `MotionCaptureServer`, streams; packets of other senders are ignored.
+    """Receives frames that Motive streams; packets of other senders are ignored.
 
     Use it in a ``with`` statement, which connects::
 
@@ -238,18 +236,15 @@ class MotionCaptureClient:
 
     See Also
     --------
-    adapters.optitrack.MotionCaptureServer : Streams as Motive does.
     adapters.optitrack.read_motive_csv : Takes from files.
     Live : Motions that follow the stream.
 
     Examples
     --------
-    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-    ...         frames = client.frames()
-    ...         server.send(0.5)
-    ...         print(client.names, next(frames).poses["ball"].position.round(3))
+    >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+    ...     frames = client.frames()
+    ...     motive.send(0.5)
+    ...     print(client.names, next(frames).poses["ball"].position.round(3))
     ('ball',) [1.75 0.   1.  ]
     """
 
@@ -293,12 +288,11 @@ class MotionCaptureClient:
 
         Examples
         --------
-        >>> with rc.adapters.optitrack.MotionCaptureServer({"ball": rc.Pose()}) as server:
-        ...     client = rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port)
-        ...     client.connect()
-        ...     print(client.info.version)
-        ...     client.close()
+        >>> client = rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port)
+        >>> client.connect()
+        >>> print(client.info.version)
         (4, 1)
+        >>> client.close()
         """
         self.close()
         self._host, self._damage = _host_of(self._address[0]), None
@@ -324,11 +318,10 @@ class MotionCaptureClient:
 
         Examples
         --------
-        >>> with rc.adapters.optitrack.MotionCaptureServer({"ball": rc.Pose()}) as server:
-        ...     client = rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port)
-        ...     client.connect()
-        ...     client.close()
-        ...     print(client.names)
+        >>> client = rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port)
+        >>> client.connect()
+        >>> client.close()
+        >>> print(client.names)
         ('ball',)
         """
         if self._command is not None and self._info is not None:
@@ -377,13 +370,11 @@ class MotionCaptureClient:
 
         Examples
         --------
-        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-        ...         ball = rc.Live()
-        ...         frames = client.frames({"ball": ball})
-        ...         server.send(0.5)
-        ...         print(next(frames).number, ball.at(0.5).position.round(3))
+        >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+        ...     ball = rc.Live()
+        ...     frames = client.frames({"ball": ball})
+        ...     motive.send(0.5)
+        ...     print(next(frames).number, ball.at(0.5).position.round(3))
         1 [1.75 0.   1.  ]
         """
         return self._frames(self.info.version, self._checked(motions), None)
@@ -398,11 +389,9 @@ class MotionCaptureClient:
 
         Examples
         --------
-        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-        ...         server.start()
-        ...         print(client.record(0.05).names)
+        >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+        ...     motive.start()
+        ...     print(client.record(0.05).names)
         ('ball',)
         """
         limit = check.positive("duration", duration, "s")
@@ -437,14 +426,12 @@ class MotionCaptureClient:
 
         Examples
         --------
-        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-        ...         ball = rc.Live()
-        ...         with client.follow({"ball": ball}, keep=True) as following:
-        ...             server.start()
-        ...             following.wait(3)  # or simulate meanwhile, with `ball` as a motion
-        ...         print(len(following.capture().time) >= 3)
+        >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+        ...     ball = rc.Live()
+        ...     with client.follow({"ball": ball}, keep=True) as following:
+        ...         motive.start()
+        ...         following.wait(3)  # or simulate meanwhile, with `ball` as a motion
+        ...     print(len(following.capture().time) >= 3)
         True
         """
         stop = threading.Event()

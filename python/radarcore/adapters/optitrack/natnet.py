@@ -41,10 +41,8 @@ class ServerInfo:
 
     Examples
     --------
-    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-    ...         print(client.info.version, client.info.is_multicast)
+    >>> with rc.adapters.optitrack.MotionCaptureClient(command_port=motive.command_port) as client:
+    ...     print(client.info.version, client.info.is_multicast)
     (4, 1) False
     """
 

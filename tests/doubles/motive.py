@@ -31,7 +31,7 @@ _MARKER_ERROR = 2e-4
 
 
 class MotionCaptureServer:
-    """Streams motions as Motive streams those of rigid bodies: for work without cameras, and for tests.
+    """Streams motions as Motive streams those of rigid bodies.
 
     Use it in a ``with`` statement. Frames are sent one by one, or at a rate in the background::
 
@@ -63,20 +63,6 @@ class MotionCaptureServer:
         Times between which a body is not tracked [s].
     seed : int
         Of the lost frames.
-
-    See Also
-    --------
-    adapters.optitrack.MotionCaptureClient : Receives what it streams.
-
-    Examples
-    --------
-    >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-    >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-    ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-    ...         frames = client.frames()
-    ...         server.send(1.0)
-    ...         print(next(frames).poses["ball"].position.round(3), server.num_clients)
-    [1.5 0.  1. ] 1
     """
 
     def __init__(
@@ -158,19 +144,7 @@ class MotionCaptureServer:
             return len(self._clients)
 
     def send(self, time: float) -> None:
-        """Send the frame of a time of the motions [s], unless it is one of those that get lost.
-
-        See Also
-        --------
-        adapters.optitrack.MotionCaptureServer.start : One after the other, in real time.
-
-        Examples
-        --------
-        >>> with rc.adapters.optitrack.MotionCaptureServer({"ball": rc.Pose()}) as server:
-        ...     server.send(0.25)
-        ...     print(server.num_clients)
-        0
-        """
+        """Send the frame of a time of the motions [s], unless it is one of those that get lost."""
         now, outlet = check.number("time", time, "s"), self._open_socket
         self._number += 1
         packet = self._frame(now)
@@ -185,21 +159,7 @@ class MotionCaptureServer:
             outlet.sendto(packet, receiver)
 
     def start(self, time: float = 0.0) -> None:
-        """Send frames in the background, in real time, from a time of the motions on [s].
-
-        See Also
-        --------
-        adapters.optitrack.MotionCaptureServer.send : A single frame.
-
-        Examples
-        --------
-        >>> motions = {"ball": rc.Linear(rc.Pose([2.0, 0.0, 1.0]), velocity=[-0.5, 0.0, 0.0])}
-        >>> with rc.adapters.optitrack.MotionCaptureServer(motions) as server:
-        ...     with rc.adapters.optitrack.MotionCaptureClient(command_port=server.command_port) as client:
-        ...         server.start(time=2.0)
-        ...         print(next(client.frames()).time >= 2.0)
-        True
-        """
+        """Send frames in the background, in real time, from a time of the motions on [s]."""
         first, _ = check.number("time", time, "s"), self._open_socket
 
         def stream() -> None:
