@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,8 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
 from radarcore.scene.scene import Scene
 
-matplotlib = pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
+pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 figure_module = pytest.importorskip("matplotlib.figure")
-imread = pytest.importorskip("matplotlib.image").imread
 
 
 @pytest.mark.parametrize("options", [{}, {"real": False}, {"num_chirps": 1}])
@@ -41,7 +39,7 @@ def test_names_of_many_bodies_in_one_place_stay_apart() -> None:
     ax: Any = plot.range_doppler_map(Frame(one.cube, 0.0, one.radar, truth))
     assert len(ax.get_lines()) == n
     extents = [label.get_window_extent() for label in ax.texts]
-    assert len(extents) >= 4  # right, left, above and below at least
+    assert len(extents) >= 4
     assert not any(a.overlaps(b) for a, b in itertools.combinations(extents, 2))
 
 
@@ -84,28 +82,12 @@ def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
     assert any(text.startswith("1 frame, ") for text in texts_apart(figure))
 
 
-def test_box_that_reaches_into_view_has_its_name_there_and_one_out_of_view_none() -> None:
+def test_name_of_a_point_out_of_view_is_left_out() -> None:
     ax = canvas.new_axes()
     ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
-    sizes = (0.4, 0.2)
-    canvas.place_names(ax, [canvas.Name(-0.1, 0.5, "wall", "k", sizes), canvas.Name(3.0, 0.5, "far", "k", sizes)])
+    canvas.place_names(ax, [canvas.Name(0.1, 0.5, "wall", "k"), canvas.Name(3.0, 0.5, "far", "k")])
     (name,) = ax.texts
     assert name.get_text() == "wall"
-    box = name.get_window_extent()
-    assert 10.0 < box.width < 100.0
-    assert ax.get_window_extent().contains(box.x0, box.y0)
-
-
-def test_titles_of_panels_are_where_matplotlib_has_them() -> None:
-    figure = plot.experiment(recording(), room())
-    titled = [ax for ax in figure.axes if ax.get_title()]
-    assert len(titled) == 4
-    figure.draw_without_rendering()
-    ours = [ax.title.get_window_extent().get_points() for ax in titled]
-    for ax in titled:
-        ax.set_title(ax.get_title())
-    figure.draw_without_rendering()
-    np.testing.assert_allclose([ax.title.get_window_extent().get_points() for ax in titled], ours, atol=1e-6)
 
 
 @pytest.mark.parametrize("is_given", [False, True])
@@ -118,17 +100,3 @@ def test_titles_make_way_for_an_axis_on_top(is_given: bool) -> None:
     beside = top.xaxis.get_tightbbox()
     assert beside is not None
     assert ax.title.get_window_extent().y0 >= beside.y1 - 1e-6
-
-
-@pytest.mark.parametrize("autolayout", [False, True])
-def test_a_written_picture_is_that_of_savefig_and_leaves_the_figure_as_it_was(
-    autolayout: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(matplotlib.rcParams, "figure.autolayout", autolayout)
-    figure, another = (plot.range_doppler_map(frame()).figure for _ in range(2))
-    engine, written, saved = figure.get_layout_engine(), io.BytesIO(), io.BytesIO()
-    canvas.write(figure, written, dpi=80)
-    assert (figure.get_layout_engine(), figure.dpi) == (engine, 100)
-    another.savefig(saved, dpi=80)
-    pictures = [imread(io.BytesIO(file.getvalue())) for file in (written, saved)]
-    np.testing.assert_array_equal(*pictures)

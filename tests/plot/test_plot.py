@@ -55,9 +55,6 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
     ("draw", "error", "message"),
     [
         (lambda: plot.chirp(frame(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
-        (lambda: plot.chirp(frame(), chirp=-33), ValueError, "chirp: expected at least -32, got -33"),
-        (lambda: plot.chirp(frame(), chirp=0.5), TypeError, "chirp: expected an integer"),  # type: ignore[arg-type]
-        (lambda: plot.range_doppler_map(frame(), channel=2), ValueError, "channel: expected an index below 1"),
         (lambda: plot.range_doppler_map(frame(), dynamic_range_db=0), ValueError, "dynamic_range_db: expected a posi"),
         (lambda: plot.range_profile(frame(), max_range=-1), ValueError, "max_range: expected a positive"),
         (
@@ -78,10 +75,7 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
             ValueError,
             "names: expected none, because the recording has no truth",
         ),
-        (lambda: plot.range_time(recording(), dynamic_range_db=0), ValueError, "dynamic_range_db: expected a posi"),
-        (lambda: plot.range_time(recording(), max_range=-1), ValueError, "max_range: expected a positive"),
         (lambda: plot.spectrogram(recording(), window_length=33), ValueError, "window_length: expected at most 32"),
-        (lambda: plot.spectrogram(recording(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
         (lambda: plot.tracks(recording(), [1.0]), TypeError, "estimates: expected a dict of tracks by name, got list"),  # type: ignore[arg-type]
         (lambda: plot.tracks(recording(), {}, quantity="angle"), ValueError, "quantity: expected one of 'range', 'vel"),
         (
@@ -102,7 +96,6 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
         (lambda: plot.scene_from_above([]), TypeError, "scene: expected Scene, got list"),  # type: ignore[arg-type]
         (lambda: plot.scene_from_above(room(), 3), TypeError, "radar_motion: expected Pose"),  # type: ignore[arg-type]
         (lambda: plot.scene_from_above(room(), None, []), ValueError, "times: expected at least one time"),
-        (lambda: plot.scene_from_above(room(), None, [np.nan]), ValueError, "times: expected finite numbers"),
         (
             lambda: plot.scene_from_above(room(), field_of_view_deg=(180, 60)),
             ValueError,

@@ -186,9 +186,6 @@ def draw(
         recording = _sequence(load_recording(source, config), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
     if kind not in FIGURES:
-        # Nobody goes on with these axes, so that the place of their titles is known.
-        for ax in figure.axes:
-            canvas.entitle(ax, ax.get_title())
         canvas.save(figure, picture, overwrite=overwrite)
 
 

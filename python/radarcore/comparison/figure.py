@@ -70,7 +70,7 @@ def draw(
             _show_targets(ax, side)
         else:
             frame_pictures.range_profile(frame, ax=ax, max_range=end)
-        canvas.entitle(ax, f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
+        ax.set_title(f"{side.name}, {frame.time:.3f} s", color=_COLORS[k])
 
     # Both over the truth.
     ranges = figure.add_subplot(grid[1])
@@ -92,11 +92,10 @@ def draw(
                 ax.plot(one.time, 0.0, "|", color=color, markersize=9.0, transform=ax.get_xaxis_transform())
 
     # Names come last, when everything has its place, and leave it there.
-    canvas.lay_out(figure)
     figure.set_layout_engine("none")
     for ax, names in named:
         is_map = ax not in (ranges, velocities)
-        canvas.place_names_in_layout(ax, names, outline="black" if is_map else "white", above_first=not is_map)
+        canvas.place_names(ax, names, outline="black" if is_map else "white")
     canvas.save(figure, path, overwrite=overwrite)
     return figure
 
@@ -111,7 +110,7 @@ def over_time(comparison: Record, *, max_range: float | None = None) -> Figure:
             side.recording, time=side.recording.time + side.offset.seconds, truth=_named(comparison, side)
         )
         history.range_time(shifted, ax, max_range=end)
-        canvas.entitle(ax, side.name)
+        ax.set_title(side.name)
         ax.set_xlim(*_span(comparison.sides))
     return figure
 

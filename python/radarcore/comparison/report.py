@@ -13,7 +13,6 @@ from radarcore._core import __version__
 from radarcore.comparison.figure import draw, over_time
 from radarcore.comparison.record import Record, Side
 from radarcore.comparison.targets import TargetErrors
-from radarcore.plot import canvas
 from radarcore.table import Table, finite
 
 _STYLE = """
@@ -200,6 +199,6 @@ def _share(value: float) -> str:
 def _picture(figure: Any, description: str) -> str:
     """A figure within the page."""
     data = io.BytesIO()
-    canvas.write(figure, data, dpi=110)
+    figure.savefig(data, dpi=110)
     code = base64.b64encode(data.getvalue()).decode("ascii")
     return f'<img alt="{escape(description)}" src="data:image/png;base64,{code}">'

@@ -1,4 +1,5 @@
 from radarcore.plot.above import scene_from_above as scene_from_above
+from radarcore.plot.above import tracks_from_above as tracks_from_above
 from radarcore.plot.angles import range_angle_map as range_angle_map
 from radarcore.plot.angles import virtual_array as virtual_array
 from radarcore.plot.canvas import require as require
@@ -18,4 +19,3 @@ from radarcore.plot.history import spectrogram as spectrogram
 from radarcore.plot.history import tracks as tracks
 from radarcore.plot.live.view import LiveView as LiveView
 from radarcore.plot.live.window import view as view
-from radarcore.plot.tracked import tracks_from_above as tracks_from_above

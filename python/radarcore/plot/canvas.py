@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +33,17 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "0.45"
 """Colour of what needs none."""
 
-SHOWN_DPI, WRITTEN_DPI = 100, 150
+_SHOWN_DPI, _WRITTEN_DPI = 100, 150
 """Dots per inch of figures, and of what is written of them."""
 
 
 class Name(NamedTuple):
-    """A name to be put near a point of the data, or near or in a box around it."""
+    """A name to be put near a point of the data."""
 
     x: float
     y: float
     text: str
     color: str = "white"
-    size: tuple[float, float] = (0.0, 0.0)
-    """Width and height of the box."""
 
 
 def new_axes() -> Axes:
@@ -71,33 +69,15 @@ def require() -> None:
         raise ImportError("pictures need matplotlib: pip install radarcore[plot]") from error
 
 
-def new_figure(width: float, height: float, *, dpi: int = SHOWN_DPI) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """Figure of a size in inches, not known to pyplot, that can be drawn without a window."""
     require()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from radarcore.plot.layout import Layout
-
-    figure = Figure(figsize=(width, height), dpi=dpi, layout=Layout(w_pad=0.12, h_pad=0.08))
-    FigureCanvasAgg(figure)  # keeps its renderer; the canvas of a bare figure makes one for every text that is measured
+    figure = Figure(figsize=(width, height), dpi=_SHOWN_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
     return figure
-
-
-def lay_out(figure: Figure) -> None:
-    """Give everything its place, as `Figure.draw_without_rendering` does in twice the time."""
-    engine = figure.get_layout_engine()
-    if engine is None or any(ax.get_axes_locator() for ax in figure.axes):  # in a figure that was given
-        figure.draw_without_rendering()
-        return
-    engine.execute(figure)
-    for ax in figure.axes:
-        ax.apply_aspect()
-
-
-def dpi_for(path: str | os.PathLike[str] | None) -> int:
-    """Dots per inch of a figure that will be saved, if anywhere: then its layout is made once, for the file."""
-    return SHOWN_DPI if path is None else WRITTEN_DPI
 
 
 def picture(path: str | os.PathLike[str] | None, overwrite: bool) -> Path | None:
@@ -112,36 +92,11 @@ def picture(path: str | os.PathLike[str] | None, overwrite: bool) -> Path | None
     return file
 
 
-def save(
-    figure: Figure, path: str | os.PathLike[str] | None, *, overwrite: bool = False, is_laid_out: bool = False
-) -> None:
-    """Write a figure, if anywhere; missing parents are made. One that was made for the file is then one to be shown."""
+def save(figure: Figure, path: str | os.PathLike[str] | None, *, overwrite: bool = False) -> None:
+    """Write a figure, if anywhere; missing parents are made."""
     if (file := picture(path, overwrite)) is not None:
         with new_file(file, overwrite=overwrite) as part:
-            write(figure, part, dpi=WRITTEN_DPI, is_laid_out=is_laid_out)
-        figure.dpi = SHOWN_DPI
-
-
-def write(figure: Figure, target: str | os.PathLike[str] | IO[bytes], *, dpi: int, is_laid_out: bool = False) -> None:
-    """Write a figure as `Figure.savefig` does, which draws all of it once more where it has the layout to make.
-
-    One that has its layout, at these dots per inch, keeps it.
-    """
-    from matplotlib import rcParams
-
-    engine, own_dpi = figure.get_layout_engine(), figure.dpi
-    if rcParams["figure.autolayout"] or rcParams["figure.constrained_layout.use"]:  # then None is no way to have none
-        figure.savefig(target, dpi=dpi)
-        return
-    try:
-        if not (is_laid_out and own_dpi == dpi):
-            figure.dpi = dpi
-            lay_out(figure)
-        figure.set_layout_engine(None)
-        figure.savefig(target, dpi=dpi)
-    finally:
-        figure.set_layout_engine(engine)
-        figure.dpi = own_dpi
+            figure.savefig(part, dpi=_WRITTEN_DPI)
 
 
 def color_map(name: str) -> Any:
@@ -149,14 +104,6 @@ def color_map(name: str) -> Any:
     from matplotlib import colormaps
 
     return colormaps[name].with_extremes(bad=_MISS)
-
-
-def entitle(ax: Axes, text: str, **style: Any) -> None:
-    """Title right above axes of our own; `Axes.set_title` measures them and what is beside them to find that place.
-
-    It does not make way for an axis on top, which axes that are given, or that others go on with, may have.
-    """
-    ax.set_title(text, y=1.0, **style)
 
 
 def color_bar(ax: Axes, picture: Any, label: str) -> None:
@@ -184,47 +131,27 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
     return [name if parts[of] == 1 else name._replace(text=of) for of, name in reversed(first.items())]
 
 
-def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False) -> None:
-    """Names where each covers no other and no point, or not at all; limits must be final.
+def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> None:
+    """Names beside their points; one that would cover another name or a point everywhere is left out.
 
-    Tries the inside of its box, then places to the right, left, above and below (or above and below first),
-    further and further off, and takes the one that hides the least of the lines. Parts of one thing are named once.
+    Of the free places, the one that hides the least of the lines is taken. Parts of one thing are named once. Limits
+    must be final.
     """
-    figure = ax.get_figure(root=True)
-    if names and figure is not None:
-        lay_out(figure)
-        place_names_in_layout(ax, names, outline=outline, above_first=above_first)
-
-
-def place_names_in_layout(
-    ax: Axes, names: Sequence[Name], *, outline: str = "black", above_first: bool = False
-) -> None:
-    """Names as `place_names` puts them, in a figure that has its layout: names do not change it, and it takes long."""
-    names = once_per_thing(names)
     from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox
 
     figure = ax.get_figure(root=True)
     if not names or figure is None:
         return
-    pixels = figure.dpi / 72.0
-    view = ax.get_window_extent()
-    points = np.array([(name.x, name.y) for name in names])
-    halves = 0.5 * np.array([name.size for name in names])
-    centres = ax.transData.transform(points)
-    reaches = np.abs(ax.transData.transform(points + halves) - centres)
-    boxes = [
-        Bbox.from_extents(*(centre - np.maximum(reach, 5 * pixels)), *(centre + np.maximum(reach, 5 * pixels)))
-        for centre, reach in zip(centres, reaches, strict=True)
+    names = once_per_thing(names)
+    figure.draw_without_rendering()
+    view, drawn = ax.get_window_extent(), _corners_drawn(ax)
+    reach = 5.0 * figure.dpi / 72.0
+    taken = [
+        Bbox.from_extents(x - reach, y - reach, x + reach, y + reach)
+        for x, y in ax.transData.transform([(name.x, name.y) for name in names])
     ]
-    placed: list[Bbox] = []
-    sides = [(1, 0, "left", "center"), (-1, 0, "right", "center"), (0, 1, "center", "bottom"), (0, -1, "center", "top")]
-    if above_first:
-        sides = sides[2:] + sides[:2]
-    places = [(0, (0, 0, "center", "center")), *itertools.product((7, 18, 30), sides)]
-    drawn = _corners_drawn(ax)
     for k, name in enumerate(names):
-        taken = placed + [box for i, box in enumerate(boxes) if i != k]
         label = ax.annotate(
             name.text,
             (name.x, name.y),
@@ -234,29 +161,28 @@ def place_names_in_layout(
             color=name.color,
             path_effects=[withStroke(linewidth=2.5, foreground=outline)],
             parse_math=False,
-            annotation_clip=False,  # or a name whose point is out of view would have no size
         )
         label.set_in_layout(False)
-        size = np.array(label.get_window_extent().size)  # the same wherever it is
-        label.set_annotation_clip(None)
-        best: tuple[int, tuple[Any, ...], Bbox] | None = None
-        for gap, (right, up, horizontal, vertical) in places:
-            towards = np.array([right, up])
-            beside = ax.transData.transform(points[k] + towards * halves[k])
-            middle = beside + towards * (gap * pixels + 0.5 * size)
-            box = Bbox([middle - 0.5 * size, middle + 0.5 * size])
-            is_free = _lies_within(box, view if gap > 0 else boxes[k]) and not box.count_overlaps(taken)
-            if is_free and ax.contains_point((beside[0], beside[1])):
-                hidden = int(((drawn > box.min) & (drawn < box.max)).all(axis=1).sum())
-                if best is None or hidden < best[0]:
-                    best = hidden, (gap, right, up, horizontal, vertical), box
-        if best is None:
+        places: dict[int, tuple[dict[str, Any], Bbox]] = {}
+        for gap, (right, up) in itertools.product((7, 18, 30), ((1, 0), (-1, 0), (0, 1), (0, -1))):
+            place: dict[str, Any] = {
+                "position": (gap * right, gap * up),
+                "horizontalalignment": ("center", "left", "right")[right],
+                "verticalalignment": ("center", "bottom", "top")[up],
+            }
+            label.set(**place)
+            box = label.get_window_extent()
+            others = taken[:k] + taken[k + 1 :]
+            if not _lies_within(box, view) or box.count_overlaps(others):
+                continue
+            hidden = int(((drawn > box.min) & (drawn < box.max)).all(axis=1).sum())
+            places.setdefault(hidden, (place, box))
+        if not places:
             label.remove()
             continue
-        _, (gap, right, up, horizontal, vertical), box = best
-        label.xy = (name.x + right * halves[k, 0], name.y + up * halves[k, 1])
-        label.set(position=(gap * right, gap * up), horizontalalignment=horizontal, verticalalignment=vertical)
-        placed.append(box)
+        place, box = places[min(places)]
+        label.set(**place)
+        taken.append(box)
 
 
 def _corners_drawn(ax: Axes) -> NDArray[np.float64]:

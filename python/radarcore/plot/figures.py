@@ -75,34 +75,32 @@ def overview(
     wf = frame.radar.waveform
     seen, told = (frame, "") if moving is None else (moving, ", static echoes removed")
     names: list[tuple[Axes, list[Name]]] = []
-    figure = canvas.new_figure(11.0, 8.2 if image is not None else 4.4, dpi=canvas.dpi_for(path))
+    figure = canvas.new_figure(11.0, 8.2 if image is not None else 4.4)
     panels = list(figure.subplots(2 if image is not None else 1, 2).flat)
     _headline(figure, f"t = {frame.time:.3f} s", wf)
 
     # Depth and reflectance, seen from the radar.
     if image is not None:
-        canvas.entitle(frame_pictures.depth_image(image, panels[0]), "Depth")
-        canvas.entitle(frame_pictures.reflectance_image(image, panels[1]), "Reflectance")
+        frame_pictures.depth_image(image, panels[0]).set_title("Depth")
+        frame_pictures.reflectance_image(image, panels[1]).set_title("Reflectance")
 
     # The measured frame.
     of_chirp = 0 if channel is None else channel
-    canvas.entitle(frame_pictures.chirp(frame, of_chirp, ax=panels[-2]), f"First chirp, channel {of_chirp}")
+    frame_pictures.chirp(frame, of_chirp, ax=panels[-2]).set_title(f"First chirp, channel {of_chirp}")
     if wf.num_chirps > 1 and wf.has_uniform_chirps:
         drawn = frame_pictures.draw_map(panels[-1], seen, channel, max_range=max_range, max_velocity=max_velocity)
         names.append((panels[-1], drawn))
-        canvas.entitle(panels[-1], f"Range and velocity{told}")
+        panels[-1].set_title(f"Range and velocity{told}")
     else:
-        canvas.entitle(frame_pictures.range_profile(seen, channel, panels[-1], max_range=max_range), f"Range{told}")
+        frame_pictures.range_profile(seen, channel, panels[-1], max_range=max_range).set_title(f"Range{told}")
     if image is not None and (truth := frame.truth) is not None:
         across, up = np.tan(truth.azimuth), np.tan(truth.elevation) / np.cos(truth.azimuth)
         names += [(ax, frame_pictures.mark(ax, across, up, truth.names)) for ax in panels[:2]]
 
     # Names come last, when everything has its place.
-    if names:
-        canvas.lay_out(figure)
     for ax, points in names:
-        canvas.place_names_in_layout(ax, points)
-    canvas.save(figure, path, overwrite=overwrite, is_laid_out=bool(names))
+        canvas.place_names(ax, points)
+    canvas.save(figure, path, overwrite=overwrite)
     return figure
 
 
@@ -168,7 +166,7 @@ def experiment(
     colors = dict.fromkeys(scene.names, canvas.GREY)
     colors |= above.scene_colors(scene, recording.time, first=estimates or ())
     wf, middle = recording.radar.waveform, recording[len(recording) // 2]
-    figure = canvas.new_figure(13.0, 9.4, dpi=canvas.dpi_for(path))
+    figure = canvas.new_figure(13.0, 9.4)
     first, last = float(recording.time[0]), float(recording.time[-1]) + wf.duration
     _headline(
         figure, f"{len(recording)} {'frames' if len(recording) > 1 else 'frame'}, {first:.2f} to {last:.2f} s", wf
@@ -184,27 +182,26 @@ def experiment(
     if field_of_view_deg is None:
         field_of_view_deg = recording.source.get("field_of_view_deg")
     scene_names = above.draw_scene(from_above, scene, radar_motion, times, field_of_view_deg, colors)
-    canvas.entitle(from_above, "Scene from above")
+    from_above.set_title("Scene from above")
     map_names = frame_pictures.draw_map(on_map, middle, max_range=max_range)
-    canvas.entitle(on_map, f"Range and velocity at {middle.time:.2f} s")
+    on_map.set_title(f"Range and velocity at {middle.time:.2f} s")
 
     # The whole recording.
     history.spectrogram(recording, at_bottom, window_length=window_length, subtract_mean=subtract_mean)
-    canvas.entitle(at_bottom, "Spectrogram")
+    at_bottom.set_title("Spectrogram")
     for ax, quantity in ((ranges, "range"), (velocities, "velocity")):
         history.draw_estimates(recording, estimates or {}, ax, quantity, colors)
         ax.set_xlim(at_bottom.get_xlim())
     figure.align_ylabels([ranges, velocities])
     ranges.set_xlabel("")
     ranges.tick_params(labelbottom=False)
-    canvas.entitle(ranges, "Truth (lines) and estimates (dots)" if estimates else "Truth")
+    ranges.set_title("Truth (lines) and estimates (dots)" if estimates else "Truth")
     history.add_legends(ranges, velocities)
 
     # Names come last, when everything has its place.
-    canvas.lay_out(figure)
-    canvas.place_names_in_layout(from_above, scene_names, outline="white")
-    canvas.place_names_in_layout(on_map, map_names)
-    canvas.save(figure, path, overwrite=overwrite, is_laid_out=True)
+    canvas.place_names(from_above, scene_names, outline="white")
+    canvas.place_names(on_map, map_names)
+    canvas.save(figure, path, overwrite=overwrite)
     return figure
 
 

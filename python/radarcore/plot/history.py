@@ -248,7 +248,7 @@ def add_legends(*axes: Axes) -> None:
     for ax in shown:
         ax.margins(y=0.08)
     if shown and (figure := shown[0].get_figure(root=True)) is not None:
-        canvas.lay_out(figure)
+        figure.draw_without_rendering()
         for ax in shown:
             _add_legend(ax, figure.dpi)
 
@@ -320,7 +320,7 @@ def _draw_tracks(
         (known,) = np.nonzero(np.isfinite(values))
         last = known[-1 - len(known) // 20]
         names.append(Name(float(truth_time[last]), float(values[last]), name, canvas.GREY))
-    canvas.place_names(ax, names, outline="white", above_first=True)
+    canvas.place_names(ax, names, outline="white")
     return ax
 
 
@@ -404,7 +404,7 @@ def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[s
         best = int(np.argmax(np.where(inner, distance, np.minimum(distance, 0.0))))
         if distance[best] > -np.inf:
             labels.append(Name(float(time[best]), float(values[best]), name))
-    canvas.place_names(ax, labels, above_first=True)
+    canvas.place_names(ax, labels)
 
 
 def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:

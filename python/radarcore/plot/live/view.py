@@ -133,7 +133,7 @@ class LiveView:
         if value != self._stream.subtract_mean:
             self._stream.forget()
         self._stream.subtract_mean = check.flag("subtract_mean", value)
-        canvas.entitle(self._history_axes, f"Range over time, static echoes {'removed' if value else 'shown'}")
+        self._history_axes.set_title(f"Range over time, static echoes {'removed' if value else 'shown'}")
         self._still = {}
         self._show()
 
@@ -252,7 +252,7 @@ class LiveView:
             left.set_xlabel("Range [m]")
             left.set_ylabel("Power [dB over noise]")
             left.grid(alpha=0.3)
-            canvas.entitle(left, "Range")
+            left.set_title("Range")
         else:
             velocity_edges = canvas.edges(stream.velocities, 1.0)
             self._map = _image(left, stream.level.T, (*velocity_edges, nearest, farthest))
@@ -260,7 +260,7 @@ class LiveView:
             left.set_ylim(0.0, farthest)
             left.set_xlabel("Velocity [m/s, receding positive]")
             left.set_ylabel("Range [m]")
-            canvas.entitle(left, "Range and velocity")
+            left.set_title("Range and velocity")
 
     def _make_texts(self, title: str, number: int) -> None:
         """Make the headline and the list of detections; constant text stands apart, as drawing letters takes time."""
