@@ -271,16 +271,11 @@ TWO, FLAT, NAN = [0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]], float("nan")
     ("arguments", "error", "message"),
     [
         ((TWO, TWO, [0.0, 0.0]), ValueError, r"gain_db: expected shape \(2, 2\), got \(2,\)"),
-        (([0.0, 0.5, 1.0], TWO, FLAT), ValueError, r"gain_db: expected shape \(3, 2\), got \(2, 2\)"),
-        ((TWO, [0.0, 0.5, 1.0], np.zeros((3, 2))), ValueError, r"gain_db: expected shape \(2, 3\), got \(3, 2\)"),
-        ((TWO, TWO, [[0.0, NAN], [0.0, 0.0]]), ValueError, r"gain_db: expected finite numbers, got nan at .*\(0, 1\)"),
-        ((TWO, TWO, [[0.0, 0.0], [-np.inf, 0.0]]), ValueError, r"gain_db: expected finite numbers, got -inf"),
         (
             (TWO, TWO, [[0.0, 0.0], [0.0, 1e30]]),
             ValueError,
             r"gain_db: expected -1000 to 1000 \[dB\], got 1e\+30 at .*",
         ),
-        ((TWO, TWO, [["a", "b"], ["c", "d"]]), TypeError, "gain_db: expected numbers of shape"),
         (([0.0], TWO, [[0.0, 0.0]]), ValueError, r"azimuth: expected at least two angles \[rad\], got 1"),
         ((TWO, [0.0], [[0.0], [0.0]]), ValueError, r"elevation: expected at least two angles \[rad\], got 1"),
         (([], [], np.zeros((0, 0))), ValueError, r"azimuth: expected at least two angles \[rad\], got 0"),
@@ -299,7 +294,6 @@ TWO, FLAT, NAN = [0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]], float("nan")
         ((TWO, [-1.6, 0.0], FLAT), ValueError, r"elevation: expected angles from -1.5708 to 1.5708 \[rad\], got -1.6"),
         ((TWO, [0.0, NAN], FLAT), ValueError, r"elevation: expected finite numbers, got nan at index \(1,\)"),
         ((FLAT, TWO, FLAT), ValueError, r"azimuth: expected shape \(n,\), got \(2, 2\)"),
-        (("left", TWO, FLAT), TypeError, r"azimuth: expected numbers of shape \(n,\), got str"),
     ],
 )
 def test_what_is_no_table_is_refused_with_its_name(arguments: Any, error: type[Exception], message: str) -> None:

@@ -302,9 +302,6 @@ COUNTS = ("num_samples", "num_chirps")
         # 60 GHz at -3 GHz/us is gone after 20 us, before the last sample at 22.5 us.
         ({"slope": -3e15}, ValueError, r"slope: expected a ramp above 0 Hz.*got -9e\+09 Hz"),
         ({"chirp_interval": 10e-6}, ValueError, r"chirp_interval: expected at least 2.25e-05 s.*got 1e-05 s"),
-        ({"chirp_times": [0.0, 1e-3]}, ValueError, r"chirp_times: expected shape \(16,\), got \(2,\)"),
-        ({"chirp_times": 0.0}, ValueError, r"chirp_times: expected shape \(16,\), got \(\)"),
-        ({"chirp_times": [STAGGERED]}, ValueError, r"chirp_times: expected shape \(16,\), got \(1, 16\)"),
         ({"chirp_times": STAGGERED[::-1]}, ValueError, "chirp_times: expected increasing times.*got 0.00603 and"),
         (
             {"chirp_times": [STAGGERED[0], *STAGGERED[:15]]},
@@ -312,14 +309,7 @@ COUNTS = ("num_samples", "num_chirps")
             "chirp_times: expected increasing.*got 0 and 0 at index 0",
         ),
         ({"chirp_times": [t - 1e-6 for t in STAGGERED]}, ValueError, "chirp_times: expected times from 0.*got -1e-06"),
-        (
-            {"chirp_times": [*STAGGERED[:15], NAN]},
-            ValueError,
-            "chirp_times: expected finite numbers, got nan",
-        ),
         ({"chirp_times": [1e-6 * i for i in range(16)]}, ValueError, "chirp_times: expected at least 2.25e-05 s"),
-        ({"chirp_times": "now"}, TypeError, r"chirp_times: expected numbers of shape \(16,\), got str"),
-        ({"chirp_times": [0.0, [1.0]]}, TypeError, r"chirp_times: expected numbers of shape \(16,\), got list"),
         ({"slopes": 1.0}, TypeError, "slopes"),
     ],
 )
@@ -335,8 +325,6 @@ def test_what_makes_no_waveform_is_refused_with_its_name(
     [
         ({"stop_frequency": 60e9}, ValueError, "stop_frequency: expected another frequency.*got 6e"),
         ({"stop_frequency": -1.0}, ValueError, "stop_frequency: expected a positive number.*got -1.0"),
-        ({"stop_frequency": NAN}, ValueError, "stop_frequency: expected a finite number.*got nan"),
-        ({"stop_frequency": None}, TypeError, "stop_frequency: expected a number.*got None"),
         ({"num_samples": 0}, ValueError, "num_samples: expected at least 1, got 0"),
         ({"sample_rate": 0.0}, ValueError, "sample_rate: expected a positive number.*got 0.0"),
         ({"slope": 1e12}, TypeError, "slope"),

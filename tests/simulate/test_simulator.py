@@ -439,21 +439,10 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
     ("options", "error", "message"),
     [
         ({"resolution": 0}, ValueError, "resolution: expected at least 1, got 0"),
-        ({"resolution": (0, 5)}, ValueError, "resolution: expected at least 1, got 0"),
-        (
-            {"resolution": (4, 5, 6)},
-            ValueError,
-            r"resolution: expected an integer or \(rows, columns\), got \(4, 5, 6\)",
-        ),
-        ({"resolution": 2.5}, TypeError, "resolution: expected an integer, got 2.5"),
-        ({"resolution": "256"}, TypeError, "resolution: expected an integer, got '256'"),
-        ({"resolution": True}, TypeError, "resolution: expected an integer, got True"),
         ({"resolution": 2**20}, ValueError, "resolution: expected at most 268435456 rays"),
         ({"field_of_view_deg": (0, 60)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
         ({"field_of_view_deg": (60, 180)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
-        ({"field_of_view_deg": (60, np.nan)}, ValueError, "field_of_view_deg: expected finite numbers, got nan"),
         ({"field_of_view_deg": 60}, ValueError, r"field_of_view_deg: expected shape \(2,\), got \(\)"),
-        ({"field_of_view_deg": "wide"}, TypeError, r"field_of_view_deg: expected numbers of shape \(2,\)"),
         (
             {"sampling": "fine"},
             ValueError,
@@ -461,13 +450,10 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
         ),
         ({"method": "fft"}, ValueError, "method: expected one of 'auto', 'direct', 'grid', got 'fft'"),
         ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number, got 0.0"),
-        ({"tolerance": np.nan}, ValueError, "tolerance: expected a finite number, got nan"),
         ({"tolerance": 1e-15}, ValueError, "tolerance: expected 1e-12 to 1e-1, got 1e-15"),
         ({"seed": -1}, ValueError, "seed: expected at least 0, got -1"),
         ({"seed": 2**64}, ValueError, r"seed: expected less than 2\*\*64, got 18446744073709551616"),
-        ({"seed": 0.5}, TypeError, "seed: expected an integer, got 0.5"),
         ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
-        ({"threads": "all"}, TypeError, "threads: expected an integer, got 'all'"),
         ({"radar_motion": np.eye(4)}, TypeError, r"radar_motion: expected Pose, Linear, .* got ndarray"),
         ({"radar_motion": [0, 0, 0]}, TypeError, r"radar_motion: expected Pose, Linear, .* got list"),
     ],
@@ -501,8 +487,6 @@ def test_silly_time_is_an_error(name: str, time: Any, error: type[Exception]) ->
         ((0.0, np.inf, 40.0), "stop: expected a finite number"),
         ((np.nan, 1.0, 40.0), "start: expected a finite number"),
         ((0.0, 1.0, 0.0), r"rate: expected a positive number \[Hz\], got 0"),
-        ((0.0, 1.0, -40.0), r"rate: expected a positive number \[Hz\], got -40"),
-        ((0.0, 1.0, np.nan), "rate: expected a finite number"),
     ],
 )
 def test_silly_recording_times_are_errors(times: tuple[float, float, float], message: str) -> None:
@@ -538,7 +522,6 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
             )
         ),
         (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
-        (lambda: rc.PointTarget([1, 0, np.nan]), ValueError, "position: expected finite numbers"),
         (lambda: rc.PointTarget([1, 0, 0], rcs=-1.0), ValueError, "rcs: expected zero or a positive number"),
         (lambda: rc.PointTarget([1, 0, 0], velocity=3.0), ValueError, r"velocity: expected shape \(3,\), got \(\)"),
         (lambda: rc.Material(-1.0, 0.1), ValueError, "of at most 1, got 1.1"),
