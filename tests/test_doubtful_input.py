@@ -284,7 +284,7 @@ TABLE = {"start_frequency": 60e9, "slope": 2e13, "sample_rate": 2e6, "num_sample
     [
         (
             lambda: rc.GaussianPattern(3.0, 400.0, 40.0),
-            "azimuth_deg: expected 0.001 to 360 .*, got 400",
+            "azimuth_deg: expected a number from 0.001 to 360 .*, got 400",
         ),
         (
             lambda: rc.rcs(rc.shapes.sphere(0.1), 60.0, azimuth_deg=180.0),

@@ -85,10 +85,7 @@ def frequency(name: str, value: object) -> float:
 
 def level(name: str, value: object, unit: str = "dB") -> float:
     """A level from -1000 to 1000 dB, or a ValueError (TypeError for what is no number at all)."""
-    result = number(name, value, unit)
-    if abs(result) > LARGEST_DB:
-        raise ValueError(f"{name}: expected {-LARGEST_DB:g} to {LARGEST_DB:g} [{unit}], got {result:g}")
-    return result
+    return within(name, value, -LARGEST_DB, LARGEST_DB, unit)
 
 
 def non_positive_level(name: str, value: object, unit: str = "dB") -> float:

@@ -399,7 +399,7 @@ FLAT = np.full((8, 8), 2.0)
         ({"max_points": 0}, ValueError, "max_points: expected at least 1"),
         ({"sampling": "adaptive"}, ValueError, "sampling: expected one of 'footprint', 'point'"),
         ({"time": np.inf}, ValueError, "time: expected a finite number"),
-        ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number"),
+        ({"tolerance": 0.0}, ValueError, "tolerance: expected a number from 1e-12 to 0.1"),
         ({"seed": -1}, ValueError, "seed: expected at least 0"),
         ({"threads": 0}, ValueError, "threads: expected at least 1"),
     ],

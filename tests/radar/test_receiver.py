@@ -45,26 +45,6 @@ def test_iq_noise_is_circular_with_the_stated_power(seed: int) -> None:
     assert abs(np.mean(n.real**2) - 0.5) <= np.sqrt(0.5) * four_sigma, f"seed {seed}"  # half in either part
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_real_noise_has_half_the_power_of_iq(seed: int) -> None:
-    receiver = rc.Receiver(output="real", noise_figure_db=12.0)
-    n = noise(receiver, seed) / np.sqrt(THERMAL * 10.0**1.2 * 2e6)
-    four_sigma = 4.0 / np.sqrt(NUM)
-    assert n.dtype == np.float64
-    assert abs(np.mean(n**2) - 0.5) <= 0.5 * np.sqrt(2.0) * four_sigma, f"seed {seed}"  # x^2 has variance 2 sigma^4
-    assert abs(np.mean(n)) <= np.sqrt(0.5) * four_sigma, f"seed {seed}"
-
-
-@pytest.mark.parametrize("output", ["iq", "real"])
-def test_noise_of_neighbours_in_time_chirp_and_channel_is_independent(output: str) -> None:
-    receiver = rc.Receiver(output=output, noise_figure_db=12.0)
-    n = noise(receiver, 7) / np.sqrt(receiver.noise_variance(2e6))
-    for axis in range(3):
-        shifted = n * np.roll(n, 1, axis=axis).conj()
-        # A product of two independent numbers of unit variance has unit variance.
-        assert abs(shifted.mean()) <= 4.0 / np.sqrt(NUM), axis
-
-
 def test_noise_adds_to_the_signal_and_equal_seeds_give_equal_bits() -> None:
     receiver = rc.Receiver(noise_figure_db=12.0)
     signal = 1e-6 * np.exp(1j * np.arange(24.0)).reshape(1, 2, 12)
@@ -96,32 +76,6 @@ def frame(
 ) -> rc.Frame:
     radar = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]], receiver=receiver)
     return rc.Simulator(scene or rc.Scene(), radar, resolution=8, **options).frame(time)
-
-
-@pytest.mark.parametrize("output", ["iq", "real"])
-def test_empty_scene_is_noise_of_the_receiver_and_nothing_else(output: str) -> None:
-    receiver = rc.Receiver(output=output, noise_figure_db=12.0)
-    cube = frame(receiver).cube
-    assert cube.dtype == {"iq": np.complex64, "real": np.float32}[output]
-    power = np.mean(abs(cube.astype(complex)) ** 2) / receiver.noise_variance(2e6)
-    spread = np.sqrt({"iq": 1.0, "real": 2.0}[output] / cube.size)
-    assert abs(power - 1.0) <= 4.0 * spread
-    assert not frame(None).cube.any()
-
-
-def test_frames_have_noise_of_their_seed_and_time() -> None:
-    receiver = rc.Receiver(noise_figure_db=12.0)
-    first = frame(receiver, seed=3).cube
-    np.testing.assert_array_equal(frame(receiver, seed=3, threads=2).cube, first)
-    for other in (frame(receiver, seed=4).cube, frame(receiver, seed=3, time=0.025).cube, first[::-1]):
-        assert (other != first).mean() > 0.99
-
-
-def test_real_cube_is_the_real_part_of_the_iq_cube() -> None:
-    scene = rc.Scene([rc.PointTarget([1.0, 0.2, 0.1], rcs=0.1, velocity=[0.5, 0.0, 0.0])])
-    real, iq = frame(rc.Receiver(output="real"), scene=scene).cube, frame(None, scene=scene).cube
-    np.testing.assert_array_equal(real, iq.real)
-    assert real.any()
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def test_leakage_adds_to_echoes() -> None:
         ({"level_db": float("nan")}, ValueError, "level_db: expected a finite number"),
         ({"level_db": (-30.0, "x")}, TypeError, r"level_db\[1\]: expected a number \[dB\], got 'x'"),
         ({"level_db": ()}, ValueError, "level_db: expected a number, or one per receiver, got none"),
-        ({"level_db": 2000.0}, ValueError, "level_db: expected -1000 to 1000"),
+        ({"level_db": 2000.0}, ValueError, "level_db: expected a number from -1000 to 1000"),
         ({"delay": -1e-9}, ValueError, r"delay: expected zero or a positive number \[s\]"),
         ({"phase_deg": None}, TypeError, "phase_deg: expected a number"),
         ({"step_db": float("inf")}, ValueError, "step_db: expected a finite number"),

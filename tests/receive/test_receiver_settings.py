@@ -165,7 +165,7 @@ NAN, INF = float("nan"), float("inf")
         ({"high_pass_order": 17}, ValueError, "high_pass_order: expected at most 16, got 17"),
         ({"iq_gain_db": INF}, ValueError, "iq_gain_db: expected a finite number"),
         ({"iq_phase_deg": 1.0, "output": "real"}, ValueError, "iq_phase_deg: expected None for a real receiver, got 1"),
-        ({"gain_db": 1e4}, ValueError, "gain_db: expected -1000 to 1000"),
+        ({"gain_db": 1e4}, ValueError, "gain_db: expected a number from -1000 to 1000"),
         ({"full_scale": -1.0}, ValueError, r"full_scale: expected a positive number \[V\]"),
         ({"dc_offset": [NAN, 0.0]}, ValueError, r"dc_offset\[0\]: expected a finite number"),
         ({"adc_bits": 12}, ValueError, "full_scale: expected a value, as adc_bits is given, got None"),
@@ -189,7 +189,7 @@ def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: typ
         ({"noise_lsb": -1.0}, "noise_lsb: expected zero or a positive number"),
         ({"chirp_offset_lsb": (1.0, -1.0)}, r"chirp_offset_lsb\[1\]: expected zero or a positive number"),
         ({"segment_offset_lsb": NAN}, "segment_offset_lsb: expected a finite number"),
-        ({"odd_width": 2.5}, "odd_width: expected 0 to 2"),
+        ({"odd_width": 2.5}, "odd_width: expected a number from 0 to 2"),
     ],
 )
 def test_wrong_errors_of_the_adc_are_refused_by_name(errors: dict[str, Any], message: str) -> None:

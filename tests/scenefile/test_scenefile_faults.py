@@ -306,7 +306,7 @@ RADAR_FAULTS = {
     ),
     "negative beam": (
         radar("pattern = { beamwidth_azimuth_deg = -30, beamwidth_elevation_deg = 3 }"),
-        "radar: pattern.beamwidth_azimuth_deg: expected a positive number [degrees], got -30.0",
+        "radar: pattern.beamwidth_azimuth_deg: expected a number from 0.001 to 360 [degrees], got -30.0",
     ),
     "table without gains": (
         radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),

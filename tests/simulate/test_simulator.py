@@ -269,12 +269,6 @@ def test_seed_changes_noise_and_speckle_and_nothing_else() -> None:
         assert np.mean(np.abs(cube - clean) ** 2) == pytest.approx(expected, rel=4 / 16)
 
 
-def test_noise_of_every_frame_is_another_one() -> None:
-    sim = simulator([], rc.Radar(waveform(), receiver=rc.Receiver(noise_figure_db=10.0)))
-    assert not np.array_equal(sim.frame(0.0).cube, sim.frame(1.0).cube)
-    np.testing.assert_array_equal(sim.frame(0.0).cube, sim.frame(-0.0).cube)
-
-
 def test_stats_count_rays_and_paths() -> None:
     stats = simulator(still_life(), sampling="point").frame().stats
     image = simulator(still_life()).depth_image()
@@ -384,12 +378,6 @@ def test_recorded_frames_are_the_frames(tmp_path: Path) -> None:
             np.testing.assert_array_equal(recorded.truth.range, frame.truth.range)
 
 
-def test_recording_prints_nothing_when_progress_is_off_or_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
-    small().record(0.0, 0.1, progress=False)
-    small().record(0.0, 0.1, progress=True)  # the captured output is not a terminal
-    assert capfd.readouterr() == ("", "")
-
-
 def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sim, received = small(), chain.receive
 
@@ -449,8 +437,8 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
             "sampling: expected one of 'adaptive', 'fast', 'footprint', 'point', got 'fine'",
         ),
         ({"method": "fft"}, ValueError, "method: expected one of 'auto', 'direct', 'grid', got 'fft'"),
-        ({"tolerance": 0.0}, ValueError, "tolerance: expected a positive number, got 0.0"),
-        ({"tolerance": 1e-15}, ValueError, "tolerance: expected 1e-12 to 1e-1, got 1e-15"),
+        ({"tolerance": 0.0}, ValueError, "tolerance: expected a number from 1e-12 to 0.1, got 0.0"),
+        ({"tolerance": 1e-15}, ValueError, "tolerance: expected a number from 1e-12 to 0.1, got 1e-15"),
         ({"seed": -1}, ValueError, "seed: expected at least 0, got -1"),
         ({"seed": 2**64}, ValueError, r"seed: expected less than 2\*\*64, got 18446744073709551616"),
         ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
@@ -524,15 +512,8 @@ def test_silly_recording_times_are_errors(times: tuple[float, float, float], mes
         (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
         (lambda: rc.PointTarget([1, 0, 0], rcs=-1.0), ValueError, "rcs: expected zero or a positive number"),
         (lambda: rc.PointTarget([1, 0, 0], velocity=3.0), ValueError, r"velocity: expected shape \(3,\), got \(\)"),
-        (lambda: rc.Material(-1.0, 0.1), ValueError, "of at most 1, got 1.1"),
-        (lambda: rc.Material.lambertian(-0.1), ValueError, "albedo: expected zero or a positive number"),
-        (lambda: rc.Material.dielectric(2 + 1j), ValueError, "permittivity: expected eps' - j eps''"),
         (lambda: rc.materials["perfect_conducter"], KeyError, "did you mean 'perfect_conductor'"),
         (lambda: rc.Linear([0, 0, 0]), TypeError, "pose: expected Pose, got list"),
-        (lambda: rc.Pose(rotation=2 * np.eye(3)), ValueError, "rotation: expected a rotation matrix"),
-        (lambda: rc.Pose(rotation=np.diag([1, 1, -1])), ValueError, "rotation: expected a rotation matrix"),
-        (lambda: rc.Pose.look_at([0, 0, 0], [0, 0, 0]), ValueError, "target: expected a point other than the position"),
-        (lambda: rc.Pose.look_at([0, 0, 0], [0, 0, 1]), ValueError, "up: expected a direction that is not along"),
     ],
 )
 def test_silly_part_of_a_scene_is_an_error(make: Any, error: type[Exception], message: str) -> None:

@@ -101,11 +101,7 @@ class GaussianPattern(Twinned):
     def __post_init__(self) -> None:
         self.gain_db = check.level("gain_db", self.gain_db, "dBi")
         for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg"):
-            width = check.positive(name, getattr(self, name), "degrees")
-            if not _BEAMWIDTHS[0] <= width <= _BEAMWIDTHS[1]:
-                limits = " to ".join(f"{limit:g}" for limit in _BEAMWIDTHS)
-                raise ValueError(f"{name}: expected {limits} [degrees], got {width:g}")
-            setattr(self, name, width)
+            setattr(self, name, check.within(name, getattr(self, name), *_BEAMWIDTHS, "degrees"))
         widths = self.beamwidth_azimuth_deg, self.beamwidth_elevation_deg
         check.degrees("beamwidth_azimuth_deg, beamwidth_elevation_deg", widths)
         _warn_of_gain(self, self.gain_db, f"over {widths[0]:g} x {widths[1]:g} degrees", widths)

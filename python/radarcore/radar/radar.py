@@ -120,9 +120,7 @@ class Radar:
             waveform, *more_waveforms = waveform
         pattern = IsotropicPattern() if pattern is None else pattern
         for i, each in enumerate((waveform, *more_waveforms)):
-            if not isinstance(each, Waveform):
-                name = f"waveform[{i}]" if more_waveforms else "waveform"
-                raise TypeError(f"{name}: expected Waveform, got {type(each).__name__}")
+            check.instance(f"waveform[{i}]" if more_waveforms else "waveform", each, Waveform)
         for name, value, kind in (
             ("pattern", pattern, Pattern),
             ("receiver", receiver, Receiver | None),
@@ -404,10 +402,7 @@ def _patterns(name: str, value: Sequence[Pattern] | None, default: Pattern, numb
         raise TypeError(f"{name}: expected a sequence of patterns, one per element, got {type(value).__name__}")
     if len(value) != number:
         raise ValueError(f"{name}: expected {number} patterns, one per element, got {len(value)}")
-    for i, pattern in enumerate(value):
-        if not isinstance(pattern, Pattern):
-            raise TypeError(f"{name}[{i}]: expected {Pattern}, got {type(pattern).__name__}")
-    return tuple(value)
+    return tuple(check.instance(f"{name}[{i}]", pattern, *get_args(Pattern)) for i, pattern in enumerate(value))
 
 
 def _positions(name: str, value: ArrayLike) -> NDArray[np.float64]:

@@ -103,11 +103,8 @@ class Waveform(Twinned):
         self.start_frequency = check.frequency("start_frequency", self.start_frequency)
         self.slope = check.number("slope", self.slope, "Hz/s")
         self.sample_rate = check.positive("sample_rate", self.sample_rate, "Hz")
-        self.num_samples = check.count("num_samples", self.num_samples)
-        self.num_chirps = check.count("num_chirps", self.num_chirps)
-        for name in ("num_samples", "num_chirps"):
-            if getattr(self, name) > _MAX_COUNT:
-                raise ValueError(f"{name}: expected at most {_MAX_COUNT}, got {getattr(self, name)}")
+        self.num_samples = check.count("num_samples", self.num_samples, maximum=_MAX_COUNT)
+        self.num_chirps = check.count("num_chirps", self.num_chirps, maximum=_MAX_COUNT)
         self.adc_delay = check.non_negative("adc_delay", self.adc_delay, "s")
         if self.num_samples > _LONGEST_TIME * self.sample_rate:
             raise ValueError(

@@ -158,9 +158,7 @@ class LowPass:
 
     def __post_init__(self) -> None:
         self.cutoff = check.positive("cutoff", self.cutoff, "Hz")
-        self.order = check.count("order", self.order)
-        if self.order > _HIGHEST_ORDER:
-            raise ValueError(f"order: expected at most {_HIGHEST_ORDER}, got {self.order}")
+        self.order = check.count("order", self.order, maximum=_HIGHEST_ORDER)
 
     @cached_property
     def poles(self) -> Complex:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,22 +95,26 @@ def beat_signal(
     ((1, 4, 64), 3.0)
     """
     samples: NDArray[np.complex64] | NDArray[np.complex128]
-    _check_waveform(waveform)
+    check.instance("waveform", waveform, Waveform)
     paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
     total = math.prod(paths[0].shape[-2:-1]) * waveform.num_chirps
     # Other sums have no steps that are worth counting.
     shown = progress and method == "direct"
     with notice.progress_if_long("direct sum", "chirp", total, shown=shown) as report:
-        samples, _ = _sum(waveform, tolerance, method, threads, paths, report=report)
+        samples, _ = _core.beat_signal(
+            *paths,
+            waveform=waveform._core,
+            tolerance=check_tolerance(tolerance),
+            method=check.choice("method", method, METHODS),
+            threads=check_threads(threads),
+            report=report,
+        )
     return samples
 
 
 def check_tolerance(tolerance: float) -> float:
     """Checked tolerance."""
-    bound = check.positive("tolerance", tolerance)
-    if not 1e-12 <= bound <= 1e-1:
-        raise ValueError(f"tolerance: expected 1e-12 to 1e-1, got {tolerance!r}")
-    return bound
+    return check.within("tolerance", tolerance, 1e-12, 0.1)
 
 
 def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
@@ -120,30 +124,7 @@ def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
 
 def check_threads(threads: int | None) -> int | None:
     """Checked number of threads, or None for all cores."""
-    if threads is None:
-        return None
-    num_threads = check.count("threads", threads)
-    if num_threads > MAX_THREADS:
-        raise ValueError(f"threads: expected at most {MAX_THREADS}, got {num_threads}")
-    return num_threads
-
-
-def _check_waveform(waveform: Waveform) -> None:
-    check.instance("waveform", waveform, Waveform)
-
-
-def _sum(
-    waveform: Waveform, tolerance: float, method: str, threads: int | None, paths: _Paths, **options: Any
-) -> tuple[Any, _core.SumReport]:
-    """Samples and report of the sum over paths."""
-    return _core.beat_signal(
-        *paths,
-        waveform=waveform._core,
-        tolerance=check_tolerance(tolerance),
-        method=check.choice("method", method, METHODS),
-        threads=check_threads(threads),
-        **options,
-    )
+    return None if threads is None else check.count("threads", threads, maximum=MAX_THREADS)
 
 
 def _paths(

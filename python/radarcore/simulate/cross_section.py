@@ -13,7 +13,7 @@ from radarcore.scene.body import Body
 from radarcore.scene.material import Material
 from radarcore.scene.scene import Scene
 from radarcore.simulate.beat import check_threads
-from radarcore.simulate.settings import check_max_bounces
+from radarcore.simulate.settings import MAX_BOUNCES
 
 
 def rcs(
@@ -132,7 +132,7 @@ def rcs(
                     *both,
                     frequency=at,
                     polarization=fields,
-                    max_bounces=check_max_bounces(max_bounces),
+                    max_bounces=check.count("max_bounces", max_bounces, maximum=MAX_BOUNCES),
                     threads=check_threads(threads),
                     report=tell,
                 )
@@ -172,6 +172,7 @@ def _angles(name: str, angles: ArrayLike | None) -> NDArray[np.float64]:
 
 def _bodies(target: Mesh | Body | Scene, time: float) -> tuple[tuple[Body, ...], NDArray[np.float64]]:
     """Bodies of a target and their poses at a time [s], (body, 3, 4)."""
+    check.instance("target", target, Mesh, Body, Scene)
     if isinstance(target, Scene):
         if len(target.parts.positions):
             raise ValueError("target: expected a scene of bodies with meshes, got one with a PointTarget")
@@ -179,8 +180,6 @@ def _bodies(target: Mesh | Body | Scene, time: float) -> tuple[tuple[Body, ...],
         return target.parts.meshed, np.ascontiguousarray(motions.poses_at(np.array([time]))[0])
     if isinstance(target, Mesh):
         target = Body(target, material=Material(reflection=-1.0))
-    if not isinstance(target, Body):
-        raise TypeError(f"target: expected Mesh, Body or Scene, got {type(target).__name__}")
     return (target,), np.eye(3, 4)[None]
 
 

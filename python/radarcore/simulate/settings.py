@@ -71,7 +71,7 @@ class Settings:
             "method": check.choice("method", self.method, METHODS),
             "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
             "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
-            "max_bounces": check_max_bounces(self.max_bounces),
+            "max_bounces": check.count("max_bounces", self.max_bounces, maximum=MAX_BOUNCES),
             "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
             "retrace_deg": _positive_or_infinite("retrace_deg", self.retrace_deg, "degrees"),
             "seed": check_seed(self.seed),
@@ -191,14 +191,6 @@ def _as_json(value: Any) -> Any:
     if isinstance(value, tuple):
         return list(value)
     return None if value == np.inf else value
-
-
-def check_max_bounces(value: int) -> int:
-    """Checked number of reflections."""
-    number = check.count("max_bounces", value)
-    if number > MAX_BOUNCES:
-        raise ValueError(f"max_bounces: expected at most {MAX_BOUNCES}, got {number}")
-    return number
 
 
 def check_seed(value: int) -> int:

@@ -155,9 +155,8 @@ class Simulator(Settings):
     radar_motion: AnyMotion | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, kind in (("scene", Scene), ("radar", Radar)):
-            if not isinstance(value := getattr(self, name), kind):
-                raise TypeError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
+        check.instance("scene", self.scene, Scene)
+        check.instance("radar", self.radar, Radar)
         super().__post_init__()
         motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
         self.radar_motion = motion
