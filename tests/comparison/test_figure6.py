@@ -69,7 +69,7 @@ def test_clock_drops_ranges_and_velocities_are_found(
 
     # Topics that are not there are errors that name those that are.
     for arguments, message in (
-        ([f"{bag}:/radar", "--truth", str(bag)], "topic: no topic '/radar/settings'"),
+        ([f"{bag}:/radar", "--truth", str(bag)], "topic: no topic '/radar'"),
         (
             [str(bag), "--truth", str(bag)],
             f"{bag}: expected {bag}:TOPIC with frames of a radar, of /measured, /simulated",

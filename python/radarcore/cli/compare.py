@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from radarcore import check, plot
 from radarcore.adapters.optitrack.csv import read_motive_csv
 from radarcore.adapters.ros.bags import BagReader, is_bag
+from radarcore.adapters.ros.frames import FRAME_TYPE
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
@@ -237,8 +238,7 @@ def _body_of(topic: str) -> str:
 
 def _start_of_frames(bag: BagReader, topic: str) -> int:
     """Stamp of time 0 of the frames on a topic [ns]."""
-    name = bag.topic(f"{topic}/time").name
-    first = next(iter(bag.messages(name)), None)
+    first = next(bag.messages(bag.topic(topic, FRAME_TYPE).name), None)
     if first is None:
         raise ValueError(f"{bag.path}, {topic}: expected at least one frame, got none")
-    return first.time_ns - nearest_nanoseconds(float(first.message.data))
+    return first.time_ns - nearest_nanoseconds(first.message.time)
