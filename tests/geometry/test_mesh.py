@@ -62,19 +62,6 @@ def test_silly_mesh_is_an_error_that_names_what_is_wrong(
         rc.Mesh(vertices, triangles)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"shading": "gouraud"}, "shading: expected one of 'smooth', 'flat', got 'gouraud'"),
-        ({"crease_angle_deg": -1.0}, "crease_angle_deg: expected zero or a positive number"),
-        ({"crease_angle_deg": np.nan}, "crease_angle_deg: expected a finite number"),
-    ],
-)
-def test_silly_shading_is_an_error(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.Mesh(SQUARE, HALVES, **options)
-
-
 @pytest.mark.parametrize(("vertices", "triangles"), [([], []), (SQUARE, []), (np.zeros((0, 3)), np.zeros((0, 3), int))])
 def test_mesh_without_triangles_is_a_mesh(vertices: Any, triangles: Any) -> None:
     mesh = rc.Mesh(vertices, triangles)

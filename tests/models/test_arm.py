@@ -9,7 +9,6 @@ from radarcore.models import robots
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.line import cartesian_line
 from radarcore.models.robots.named import UR10, data_file
-from radarcore.motion.group import Motions
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -92,17 +91,6 @@ def test_jacobian_maps_joint_rates_to_the_velocity_of_the_link(ur10):
 # Motion
 
 
-@pytest.mark.parametrize("base", [None, rc.Linear(rc.Pose([1.0, 2.0, 0.5]), [0.3, -0.2, 0.1], [0.1, 0.4, -0.7])])
-def test_link_velocities_equal_finite_differences(ur10, base):
-    moving = ur10.moving(some_trajectory(), base)
-    step = 1e-5  # error of the difference: step^2 / 6 x third derivatives of order 1e3, and 1e-16 / step
-    for link in ur10.links:
-        motion = moving.link_motion(link)
-        for time in (0.7, 1.2, 1.9):
-            difference = (matrix(motion.at(time + step)) - matrix(motion.at(time - step))) / (2.0 * step)
-            np.testing.assert_allclose(motion.rate_at(time), difference, atol=1e-6)
-
-
 def test_link_poses_stay_rotations(ur10):
     moving = ur10.moving(some_trajectory())
     for body in moving.bodies():
@@ -134,34 +122,6 @@ def test_function_of_time_moves_like_its_closed_form(ur10):
         np.testing.assert_allclose(
             moving.link_motion("tool0").rate_at(time), exact.link_motion("tool0").rate_at(time), atol=1e-11
         )
-
-
-def test_all_links_at_one_time_take_one_evaluation(ur10):
-    calls = []
-
-    def angles(time):
-        calls.append(time)
-        return CHECK_POSE * np.cos(time)
-
-    bodies = ur10.moving(angles).bodies()
-    motions = Motions([body.motion for body in bodies] + [rc.Attached(bodies[-1].motion, rc.Pose([0.0, 0.0, 0.1]))])
-    for time in (0.1, 0.2):
-        motions.poses_at(np.array([time]))
-    assert calls == [0.1, 0.2]
-
-
-def test_all_links_in_one_call_are_where_each_of_them_is(ur10):
-    base = rc.Linear(rc.Pose([1.0, 0.0, 0.7]), velocity=[0.2, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.3])
-    times = np.random.default_rng(6).uniform(0.0, 2.5, 20)
-    trajectory = some_trajectory()
-    for joint_motion in (trajectory, trajectory.angles, CHECK_POSE):
-        moving = ur10.moving(joint_motion, base)
-        poses, rates = moving.link_poses_at(times), moving.link_rates_at(times)
-        assert poses.shape == rates.shape == (20, len(ur10.links), 3, 4)
-        for number, link in enumerate(ur10.links):
-            motion = moving.link_motion(link)
-            np.testing.assert_allclose([matrix(motion.at(t)) for t in times], poses[:, number], atol=10 * ROUNDING)
-            np.testing.assert_allclose([motion.rate_at(t) for t in times], rates[:, number], atol=1e-12)
 
 
 def test_resting_arm_is_known_to_rest(ur10):

@@ -176,25 +176,7 @@ def test_visual_and_plain_shapes_lie_in_the_same_place() -> None:
     assert wrist.volume == pytest.approx(plain.volume, rel=0.01)
 
 
-def test_link_velocities_equal_finite_differences() -> None:
-    panda = arm("panda", None)
-    moving = panda.moving(lambda t: 0.3 * np.sin(t + np.arange(7)))
-    step = 1e-4  # step^2 / 6 of third derivatives of order 1 is 2e-9, rounding 1e-16 / step less
-    motion = moving.link_motion("panda_hand")
-    difference = (matrix_of(motion.at(0.4 + step)) - matrix_of(motion.at(0.4 - step)))[:3] / (2.0 * step)
-    np.testing.assert_allclose(motion.rate_at(0.4), difference, atol=1e-7)
-
-
 def test_unknown_name_suggests_near_ones() -> None:
     with pytest.raises(KeyError, match=r"no arm 'ur6'; did you mean .*'ur5'"):
         RobotArm.named("ur6")
     assert set(robots.arm_names()) == set(ARMS)
-
-
-def test_missing_extra_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> None:
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(importlib.metadata, "files", missing)
-    with pytest.raises(ImportError, match=r"example-robot-data: pip install radarcore\[robots\]"):
-        RobotArm.named("ur5")

@@ -94,31 +94,6 @@ def chest(**options: Any) -> rc.Body:
 # --- rigid motion, written as vertices -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["spline", "function"])
-def test_vertices_that_all_move_alike_make_the_frame_of_the_moving_body(kind: str) -> None:
-    mesh, pose, velocity = (
-        rc.shapes.plate(0.4, 0.3),
-        rc.Pose.from_rpy([1.2, 0.1, 0.0], [0.1, 0.1, 0.2]),
-        [0.9, -0.4, 0.3],
-    )
-    in_body = pose.rotation.T @ velocity
-    kinds: dict[str, Any] = {
-        "spline": rc.Deformation([-1.0, 1.0], [mesh.vertices - in_body, mesh.vertices + in_body]),
-        "function": lambda t: mesh.vertices + t * in_body,
-    }
-    deformed = simulator([rc.Body(mesh, material=HALF_MATT, motion=pose, deformation=kinds[kind], name="plate")])
-    rigid = simulator([rc.Body(mesh, material=HALF_MATT, motion=rc.Linear(pose, velocity=velocity), name="plate")])
-    for time in (0.0, 0.1):
-        got, expected = deformed.frame(time), rigid.frame(time)
-        assert relative_error(got.cube, expected.cube) <= SYNTHESIS
-        assert got.truth is not None
-        assert expected.truth is not None
-        for name in ("range", "velocity", "azimuth", "elevation"):
-            np.testing.assert_allclose(getattr(got.truth, name), getattr(expected.truth, name), rtol=0, atol=1e-12)
-        rates = [sim.paths(time).delay_rate for sim in (deformed, rigid)]
-        np.testing.assert_allclose(0.5 * C * rates[0], 0.5 * C * rates[1], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("mesh", "phase"),
     [
@@ -299,20 +274,6 @@ def test_quick_vertices_are_placed_at_as_many_times_as_they_need() -> None:
     assert relative_error(got.cube, expected.cube) < SYNTHESIS
 
 
-def test_what_stands_still_beside_a_deforming_body_adds_up() -> None:
-    mesh = grid(size=0.2)
-    sheet = rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.0, 0.2, 0.0]), deformation=wave(mesh), name="sheet")
-    box = rc.Body(rc.shapes.box(0.2), material=HALF_MATT, motion=rc.Pose([1.2, -0.25, 0.0]), name="box")
-    point = rc.PointTarget([1.5, 0.0, 0.2], rcs=1e-3)
-    radar = rc.Radar(waveform(num_samples=64), tx=TX, rx=RX)
-    together = simulator([box, sheet, point], radar).frame(0.1)
-    alone = [simulator([body], radar).frame(0.1).cube for body in (box, sheet, point)]
-    assert relative_error(together.cube, np.sum(alone, axis=0)) <= 3 * SYNTHESIS
-    assert together.stats["still_paths"] > 100
-    assert not rc.Scene([box, sheet]).is_static
-    assert rc.Scene([box]).is_static
-
-
 # --- history ---------------------------------------------------------------------------------------------------------
 
 
@@ -413,17 +374,6 @@ FOUR = np.zeros((2, 4, 3))
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: rc.Deformation([0.0], FOUR[:1]), ValueError, "times: expected at least two, got 1"),
-        (lambda: rc.Deformation([0.0, 0.0], FOUR), ValueError, "times: expected increasing times .* got 0 and then 0"),
-        (lambda: rc.Deformation([0.0, np.nan], FOUR), ValueError, "times: expected finite numbers, got nan"),
-        (lambda: rc.Deformation("now", FOUR), TypeError, r"times: expected numbers of shape \(n,\), got str"),
-        (lambda: rc.Deformation([0, 1], FOUR[0]), ValueError, r"vertices: expected shape \(2, n, 3\), got \(4, 3\)"),
-        (lambda: rc.Deformation([0, 1, 2], FOUR), ValueError, r"vertices: expected shape \(3, n, 3\), got \(2, 4, 3\)"),
-        (
-            lambda: rc.Deformation([0, 1], np.full((2, 4, 3), np.nan)),
-            ValueError,
-            "vertices: expected finite numbers, got nan at",
-        ),
         (
             lambda: rc.Body(PLATE, deformation=rc.Deformation([0, 1], FOUR[:, :3])),
             ValueError,
@@ -444,14 +394,6 @@ def test_what_is_no_deformation_is_refused_with_its_name(make: Any, error: type[
 @pytest.mark.parametrize(
     ("value", "error", "message"),
     [
-        (np.zeros((3, 3)), ValueError, r"deformation at 0.25 s: expected shape \(4, 3\), got \(3, 3\)"),
-        (
-            np.full((4, 3), np.nan),
-            ValueError,
-            r"deformation at 0.25 s: expected finite numbers, got nan at index \(0, 0\)",
-        ),
-        ("here", TypeError, r"deformation at 0.25 s: expected numbers of shape \(4, 3\), got str"),
-        (None, ValueError, r"deformation at 0.25 s: expected shape \(4, 3\), got \(\)"),
         (np.full((4, 3), 1e200), ValueError, "vertices: expected coordinates below 1e15 m"),
     ],
 )

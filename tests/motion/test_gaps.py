@@ -99,7 +99,6 @@ def test_steps_of_just_the_largest_gap_are_none() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"max_gap": 0.0}, r"max_gap: expected a positive number \[s\], got 0"),
         ({"max_gap": 0.05}, r"max_gap: expected at least 0\.1 s, the shortest step of the times, got 0\.05 s"),
         ({"within_gaps": "bridge"}, "within_gaps: expected"),
     ],

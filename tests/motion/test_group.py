@@ -35,32 +35,6 @@ def test_attached_motions_of_all_depths_are_those_by_themselves() -> None:
     np.testing.assert_allclose(together.rates_at(TIMES), rates, rtol=0.0, atol=1e-14)
 
 
-def test_links_and_a_sensor_on_one_of_them_take_one_evaluation() -> None:
-    asked: list[float] = []
-
-    def angles(time: float) -> np.ndarray:
-        asked.append(time)
-        return np.full(6, time)
-
-    moving = RobotArm.ur10().moving(angles)
-    sensor = rc.Attached(moving.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]))
-    Motions([*(body.motion for body in moving.bodies()), sensor]).poses_at(TIMES)
-    assert asked == TIMES.tolist()
-
-
-def test_function_that_carries_several_bodies_is_evaluated_once() -> None:
-    asked: list[float] = []
-
-    def carrier(time: float) -> rc.Pose:
-        asked.append(time)
-        return rc.Pose([time, 0.0, 0.0])
-
-    platform = FunctionMotion(carrier)
-    carried = [rc.Attached(platform, rc.Pose([0.0, y, 0.0])) for y in (0.0, 1.0, 2.0)]
-    Motions([platform, *carried]).poses_at(TIMES)
-    assert asked == TIMES.tolist()
-
-
 class Counted:
     """A motion that counts its evaluations."""
 

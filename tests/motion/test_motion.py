@@ -122,7 +122,6 @@ def test_order_of_a_quaternion_is_named(seed: int) -> None:
     ("given", "named", "message"),
     [
         ([], {}, "expected one of wxyz= and xyzw=, got none"),
-        ([], {"wxyz": [1, 0, 0, 0], "xyzw": [0, 0, 0, 1]}, "expected one of wxyz= and xyzw=, got wxyz and xyzw"),
     ],
 )
 def test_quaternion_without_the_name_of_its_order_is_refused(given: list[Any], named: Any, message: str) -> None:
@@ -140,11 +139,8 @@ def test_pose_from_a_homogeneous_matrix() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[1, float("nan"), 0, 0]), "wxyz: expected finite"),
         (lambda: rc.Pose.from_quaternion([0, 0, 0], wxyz=[0, 0, 0, 0]), r"wxyz: expected \(w, x, y, z\) of any length"),
         (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0, 0]), r"xyzw: expected \(x, y, z, w\) of any length"),
-        (lambda: rc.Pose.from_quaternion([0, 0, 0], xyzw=[0, 0, 0]), r"xyzw: expected shape \(4,\), got \(3,\)"),
-        (lambda: rc.Pose.from_matrix(np.eye(3)), r"matrix: expected shape \(4, 4\), got \(3, 3\)"),
         (
             lambda: rc.Pose.from_matrix(np.eye(4).T + np.eye(4, k=-3)),
             "expected a last row of 0, 0, 0, 1, got 1, 0, 0, 1",
@@ -209,37 +205,6 @@ def test_linear_motion_goes_straight_and_turns_evenly(axis: int, turn: Any) -> N
     assert motion.at(0.0) == start
 
 
-def test_linear_motion_about_any_axis_keeps_it_and_adds_up() -> None:
-    axis = np.array([1.0, -2.0, 2.0]) / 3.0
-    motion = rc.Linear(rc.Pose(), angular_velocity=1.5 * axis)
-    for time in (-2.0, 0.3, 1.0):
-        rotation = motion.at(time).rotation
-        assert close(rotation @ axis, axis)
-        assert np.trace(rotation) == pytest.approx(1.0 + 2.0 * np.cos(1.5 * time), abs=16 * EPS)
-        assert close(rotation, Rotation.from_rotvec(1.5 * time * axis).as_matrix())
-        assert close(rotation @ motion.at(0.7).rotation, motion.at(time + 0.7).rotation)
-    assert rc.Linear(rc.Pose([1.0, 0.0, 0.0])).at(5.0) == rc.Pose([1.0, 0.0, 0.0])
-
-
-def random_motion(rng: np.random.Generator) -> rc.Linear:
-    """At most 3 m/s and 3 rad/s along each axis, within 2 m of the origin along each axis at time 0."""
-    return rc.Linear(random_pose(rng), velocity=rng.uniform(-3.0, 3.0, 3), angular_velocity=rng.uniform(-3.0, 3.0, 3))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_rate_is_the_derivative_of_the_pose(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    motion, time = random_motion(rng), rng.uniform(-1.0, 1.0)
-    before, after = (motion.at(time + sign * STEP) for sign in (-1.0, 1.0))
-    rate = motion.rate_at(time)
-    # Truncation of a central difference: h^2/6 times the third derivative, |w|^3 for a rotation; rounding: eps of the
-    # values over h, and of the angle and the time they come from.
-    speed = float(np.linalg.norm(motion.angular_velocity))
-    bound = STEP**2 / 6.0 * speed**3 + 16.0 * EPS * (1.0 + speed) / STEP
-    assert np.abs((after.rotation - before.rotation) / (2.0 * STEP) - rate[:, :3]).max() <= bound, f"seed {seed}"
-    assert close(rate[:, 3], motion.velocity), f"seed {seed}"
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_delay_rate_is_the_derivative_of_the_delay_for_moving_sensor_and_points(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -260,28 +225,6 @@ def test_delay_rate_is_the_derivative_of_the_delay_for_moving_sensor_and_points(
     assert np.abs((after - before) / (2.0 * STEP) - rate).max() <= bound, f"seed {seed}"
 
 
-@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees")
-@pytest.mark.parametrize("seed", range(3))
-def test_moving_world_and_radar_together_changes_nothing(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    move, sensor, body = (random_pose(rng) for _ in range(3))
-    plate = rc.shapes.plate(0.2, 0.1)
-    radar = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=8))
-    options = {"resolution": (8, 8), "field_of_view_deg": (1.0, 1.0), "sampling": "footprint"}
-    ahead = sensor @ rc.Pose.from_rpy([1.0, 0.0, 0.0], [0.1, 0.2, 0.3]) if seed else sensor @ rc.Pose([1.0, 0.0, 0.0])
-    here, there = (
-        rc.Simulator(
-            rc.Scene([rc.Body(plate, motion=turn @ ahead), rc.PointTarget((turn @ body).position)]),
-            radar,
-            radar_motion=turn @ sensor,
-            **options,
-        ).paths()
-        for turn in (rc.Pose(), move)
-    )
-    assert here.delay.shape == there.delay.shape == (1, 65)
-    np.testing.assert_allclose(there.delay, here.delay, rtol=0.0, atol=64.0 * EPS * 10.0 / C, err_msg=f"seed {seed}")
-
-
 NAN = float("nan")
 ZERO = [0.0, 0.0, 0.0]
 
@@ -293,7 +236,6 @@ ZERO = [0.0, 0.0, 0.0]
         (rc.Pose, (ZERO, 1.001 * np.eye(3)), ValueError, "rotation: expected a rotation.*deviation 0.002"),
         (rc.Pose, (ZERO, np.eye(3) + 1e-5 * np.eye(3, k=1)), ValueError, "rotation: expected a rotation.*1e-05"),
         (rc.Pose, (ZERO, np.zeros((3, 3))), ValueError, "rotation: expected a rotation.*determinant 0"),
-        (rc.Pose, (ZERO, np.full((3, 3), NAN)), ValueError, "rotation: expected finite numbers, got nan"),
         (rc.Pose, (ZERO, 1e200 * np.eye(3)), ValueError, "rotation: expected entries of a rotation.*got 1e\\+200"),
         (rc.Pose, ([0.0, 1e200, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m, got 1e\+200"),
         (
@@ -304,21 +246,10 @@ ZERO = [0.0, 0.0, 0.0]
         ),
         (rc.Pose.look_at, (ZERO, [1e200, 0.0, 0.0]), ValueError, r"target: expected coordinates within 1e\+15 m"),
         (rc.PointTarget, ([1e200, 0.0, 0.0],), ValueError, r"position: expected coordinates within 1e\+15 m"),
-        (rc.Pose, (ZERO, np.eye(4)), ValueError, r"rotation: expected shape \(3, 3\), got \(4, 4\)"),
-        (rc.Pose, (ZERO, [0.0, 0.0, 0.0, 1.0]), ValueError, r"rotation: expected shape \(3, 3\), got \(4,\)"),
-        (rc.Pose, (ZERO, "identity"), TypeError, r"rotation: expected numbers of shape \(3, 3\), got str"),
-        (rc.Pose, ([0.0, 0.0],), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
-        (rc.Pose, ([0.0, NAN, 0.0],), ValueError, r"position: expected finite numbers, got nan at index \(1,\)"),
-        (rc.Pose, ("here",), TypeError, r"position: expected numbers of shape \(3,\), got str"),
         (rc.Pose.look_at, (ZERO, ZERO), ValueError, "target: expected a point other than the position"),
         (rc.Pose.look_at, (ZERO, [0.0, 0.0, 2.0]), ValueError, "up: expected a direction that is not along"),
         (rc.Pose.look_at, (ZERO, [1.0, 0.0, 0.0], ZERO), ValueError, "up: expected a direction"),
-        (rc.Pose.look_at, (ZERO, [1.0, 0.0]), ValueError, r"target: expected shape \(3,\), got \(2,\)"),
-        (rc.Pose.from_rpy, (ZERO, 0.3), ValueError, r"rpy: expected shape \(3,\), got \(\)"),
-        (rc.Pose.from_rpy, (ZERO, [0.0, 0.0, np.inf]), ValueError, "rpy: expected finite numbers, got inf"),
         (rc.Linear, (np.eye(4),), TypeError, "pose: expected Pose, got ndarray"),
-        (rc.Linear, (rc.Pose(), 3.0), ValueError, r"velocity: expected shape \(3,\), got \(\)"),
-        (rc.Linear, (rc.Pose(), ZERO, [NAN, 0.0, 0.0]), ValueError, "angular_velocity: expected finite numbers"),
         (rc.Linear, (rc.Pose(), [0.0, -4e8, 0.0]), ValueError, r"velocity: expected less than 3e\+08 m/s, got -4e\+08"),
         (rc.Linear, (rc.Pose(), ZERO, [0.0, 1e300, 0.1]), ValueError, r"expected less than 1e\+07 rad/s, got 1e\+300"),
         (
@@ -327,7 +258,6 @@ ZERO = [0.0, 0.0, 0.0]
             ValueError,
             r"velocity: expected less than 3e\+08 m/s, got 4e\+08",
         ),
-        (rc.Linear, (rc.Pose(), ZERO, "fast"), TypeError, r"angular_velocity: expected numbers of shape \(3,\)"),
     ],
 )
 def test_what_is_no_motion_is_refused_with_its_name(

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.motion.protocol import FunctionMotion
 from reference import point_echo_reference
 
 STEP = 1e-5
@@ -22,31 +21,9 @@ def wandering(seed: int, beyond: str | None = None) -> rc.Trajectory:
     return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses, beyond=beyond)
 
 
-def swing(t: float) -> rc.Pose:
-    return rc.Pose.from_rpy([np.sin(5.0 * t), t, 0.2], [t, 0.2 * np.sin(8.0 * t), 0.1])
-
-
-MOTIONS = {
-    "trajectory": lambda: wandering(0),
-    "function": lambda: FunctionMotion(swing),
-    "turning on a trajectory": lambda: rc.Attached(
-        wandering(1), rc.Linear(rc.Pose([1.0, 2.0, 3.0]), velocity=[1.0, 0.0, 0.0], angular_velocity=[0.0, 3.0, 0.0])
-    ),
-    "trajectory on a function": lambda: rc.Attached(swing, wandering(2)),
-}
-
-
 def finite_difference(motion: Any, time: float) -> NDArray[np.float64]:
     later, earlier = motion.at(time + STEP), motion.at(time - STEP)
     return np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position]) / (2.0 * STEP)
-
-
-@pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
-@pytest.mark.parametrize("time", [0.31, 0.75, 1.9])
-def test_rates_are_the_derivatives_of_poses(motion: Callable[[], Any], time: float) -> None:
-    # Differences over 2e-5 s are off by h^2/6 times third derivatives below 1e4 /s^3: 2e-7.
-    moving = motion()
-    np.testing.assert_allclose(moving.rate_at(time), finite_difference(moving, time), atol=1e-6)
 
 
 def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None:
@@ -105,16 +82,12 @@ def test_bodies_ride_on_bodies() -> None:
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: rc.Trajectory([0.0], [rc.Pose()]), ValueError, "times: expected at least two, got 1"),
-        (lambda: rc.Trajectory([0.0, 0.0], [rc.Pose()] * 2), ValueError, r"times: expected increasing times \[s\]"),
         (lambda: rc.Trajectory([1.0, 0.5], [rc.Pose()] * 2), ValueError, "got 1 and then 0.5"),
-        (lambda: rc.Trajectory([0.0, 1.7e308], [rc.Pose()] * 2), ValueError, r"times: expected times up to 1e\+12 s"),
         (
             lambda: rc.Trajectory([0.0, 1.0, 1.0 + 2e-16], [rc.Pose()] * 3),
             ValueError,
             "times: expected times at least 1e-12 s apart, got 2.22045e-16 s at index 2",
         ),
-        (lambda: rc.Trajectory([0.0, np.nan], [rc.Pose()] * 2), ValueError, "times: expected finite numbers"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose()]), ValueError, "poses: expected 2, one per time, got 1"),
         (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose(), 3]), TypeError, "poses: expected Pose, got int at index 1"),
         (

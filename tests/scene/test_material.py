@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.scene.material import ColeCole, ItuPermittivity
+from radarcore.scene.material import ColeCole
 
 
 @pytest.mark.parametrize(
@@ -310,12 +310,6 @@ def test_unknown_name_is_an_error_that_names_near_ones(name: str, near: str) -> 
         rc.materials[name]
 
 
-@pytest.mark.parametrize("name", ["xyzzy", "", 7, None])
-def test_name_like_no_other_is_an_error_that_lists_all(name: Any) -> None:
-    with pytest.raises(KeyError, match=r"known: .*concrete.*metal"):
-        rc.materials[name]
-
-
 def test_all_the_power_and_no_more_may_come_back() -> None:
     assert rc.Material(0.6, 0.64).reflectance == pytest.approx(1.0, rel=1e-15)
     assert rc.Material(np.exp(1j), 0.0).reflectance == pytest.approx(1.0, rel=1e-15)
@@ -333,25 +327,10 @@ NAN, INF = float("nan"), float("inf")
         (rc.Material, (1e200,), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
         (rc.Material, (complex(1e308, 1e308),), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
         (rc.Material, (0.0, 1.5), ValueError, "reflection, albedo: expected.*got 1.5"),
-        (rc.Material, (0.0, -0.1), ValueError, "albedo: expected zero or a positive number, got -0.1"),
-        (rc.Material, (0.0, NAN), ValueError, "albedo: expected a finite number, got nan"),
-        (rc.Material, (0.0, "0.3"), TypeError, "albedo: expected a number, got '0.3'"),
-        (rc.Material, (0.0, 0.1j), TypeError, "albedo: expected a number, got 0.1j"),
-        (rc.Material, (NAN,), ValueError, "reflection: expected a finite number, got nan"),
-        (rc.Material, (complex(0.0, INF),), ValueError, r"reflection: expected a finite number, got infj"),
-        (rc.Material, ("metal",), TypeError, "reflection: expected a number, got 'metal'"),
-        (rc.Material, ("-1",), TypeError, "reflection: expected a number, got '-1'"),
-        (rc.Material, (None,), TypeError, "reflection: expected a number, got None"),
-        (rc.Material, ([-1.0, 0.0],), TypeError, r"reflection: expected a number, got \[-1.0, 0.0\]"),
-        (rc.Material, (True,), TypeError, "reflection: expected a number, got True"),
         (rc.Material.lambertian, (1.01,), ValueError, "reflection, albedo: expected.*got 1.01"),
-        (rc.Material.lambertian, (-1.0,), ValueError, "albedo: expected zero or a positive"),
         (rc.Material.dielectric, (2.0 + 0.1j,), ValueError, r"permittivity: expected eps' - j eps''.*got \(2\+0.1j\)"),
         (rc.Material.dielectric, (0.0,), ValueError, "permittivity: expected.*got 0.0"),
         (rc.Material.dielectric, (NAN,), ValueError, "permittivity: expected.*got nan"),
-        (rc.Material.dielectric, ("wood",), TypeError, "permittivity: expected a number, got 'wood'"),
-        (rc.Material.dielectric, (None,), TypeError, "permittivity: expected a number, got None"),
-        (rc.materials["wood"].response, (-60e9,), ValueError, r"frequency: expected a positive number \[Hz\]"),
         (
             rc.materials["wood"].response,
             (60e9, 1.5),
@@ -359,8 +338,6 @@ NAN, INF = float("nan"), float("inf")
             "cos_incidence: expected cosines from 0 to 1, got 1.5",
         ),
         (rc.materials["wood"].response, (60e9, NAN), ValueError, "cos_incidence: expected cosines.*got nan"),
-        (ItuPermittivity, (0.0, 0.0, 0.1, 1.0), ValueError, "a: expected a positive number, got 0.0"),
-        (ItuPermittivity, (2.0, 0.0, -0.1, 1.0), ValueError, r"c: expected zero or a positive number \[S/m\]"),
         (ColeCole, (4.0, ((32.0, -7e-12, 1.0),)), ValueError, r"relaxations: expected steps .*got \(32.0, -7e-12"),
         (ColeCole, (4.0, ((32.0, 7e-12, 1.5),)), ValueError, "exponents up to 1"),
         (rc.materials["perfect_conductor"].with_surface, (), ValueError, "permittivity: expected a dielectric, got"),
@@ -376,10 +353,6 @@ def test_what_is_no_material_is_refused_with_its_name(
 @pytest.mark.parametrize(
     ("keywords", "error", "message"),
     [
-        ({"roughness": -1e-4}, ValueError, r"roughness: expected zero or a positive number \[m\], got -0.0001"),
-        ({"roughness": None}, TypeError, r"roughness: expected a number \[m\], got None"),
-        ({"thickness": 0.0}, ValueError, r"thickness: expected a positive number \[m\], got 0.0"),
-        ({"scattering": 1.1}, ValueError, "scattering: expected a number from 0 to 1, got 1.1"),
         ({"scattering": 0.5, "roughness": 1e-4}, ValueError, "scattering: expected either scattering or roughness"),
         (
             {"valid_frequency": (60e9, 1e9)},
