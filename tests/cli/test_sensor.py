@@ -17,12 +17,13 @@ import radarcore as rc
 from boards import CLI, SWING, Numbered, python
 from radarcore.cli.board_settings import NOT_SET, BoardSettings, radar_of, sight
 from radarcore.cli.main import main
-from radarcore.sensor import open_sensor, transport, virtual_board
+from radarcore.sensor import open_sensor, virtual_board
 from radarcore.sensor.bgt60.settings import Settings
 from radarcore.sensor.device import Sensor
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard
+from radarcore.sensor.transport import ports
 from radarcore.units import SPEED_OF_LIGHT
 from selftest_boards import Receivers, controller
 
@@ -55,15 +56,15 @@ def test_info_says_what_the_board_is(port, capsys):
 
 
 def test_list_without_boards_says_so(capsys, monkeypatch):
-    monkeypatch.setattr(transport, "find_ports", lambda **_: [])
+    monkeypatch.setattr(ports, "find_ports", lambda **_: [])
     assert main(["sensor", "list"]) == 1
     assert "no radar board answers" in capsys.readouterr().err
 
 
 def test_list_names_boards_and_what_else_was_asked(port, capsys, monkeypatch):
-    found = transport.Port("serial", port, 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
-    gone = transport.Port("serial", "/dev/none", 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
-    monkeypatch.setattr(transport, "find_ports", lambda **_: [gone, found])
+    found = ports.Port("serial", port, 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
+    gone = ports.Port("serial", "/dev/none", 0x058B, 0x0251, "IFX_CDC", "", "Radar Baseboard MCU7")
+    monkeypatch.setattr(ports, "find_ports", lambda **_: [gone, found])
     assert main(["sensor", "list"]) == 0
     header, board = capsys.readouterr().out.splitlines()
     assert header.split() == ["port", "board", "chip", "firmware", "serial", "number"]
@@ -318,7 +319,7 @@ def test_board_with_comlib_is_tested_as_far_as_its_protocol_goes(capsys):
     with PtyPort(ComLibEmulator(Receivers(), speed=1.0)) as pty:
         main(["sensor", "selftest", pty.path, "--duration", "0.4"])  # a busy host may see another rate
     text = capsys.readouterr().out
-    assert "SKIP  registers              the protocol does not show them\n" in text
+    assert "SKIP  registers              not in the protocol of this board\n" in text
     assert "PASS  noise                  " in text
     assert re.search(r"  frame rate +\d+\.\d+ Hz by the host's clock", text)
 

@@ -25,7 +25,7 @@ from types import SimpleNamespace
 from typing import Any, NoReturn, Protocol
 
 from radarcore.sensor.emulator.pty import StreamPeripheral, Unplugged
-from radarcore.sensor.transport import UsbStream, UsbVendorPort, require_pyusb
+from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, require_pyusb
 
 _FULL_SPEED, _HIGH_SPEED = 2, 3  # as libusb numbers them
 

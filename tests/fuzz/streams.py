@@ -17,19 +17,18 @@ from comlib_boards import radar as comlib_radar
 from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib
-from radarcore.sensor.comlib import payloads
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.codes import Base, EndpointType, Fmcw
+from radarcore.sensor.comlib.codes import EndpointType, Fmcw
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.errors import ProtocolError, RequestError
-from radarcore.sensor.interface import Board
+from radarcore.sensor.interface import Board, Damage
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata import stream as strata_stream
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.packets import DataPacket, Kind, Response
 from radarcore.sensor.strata.slices import SliceAssembler
-from radarcore.sensor.transport import Capture, Replay
+from radarcore.sensor.transport.capture import Capture, Replay
 
 # Parsers: whatever comes, they say what they discard.
 
@@ -92,7 +91,7 @@ def read_strata(folder: Path) -> None:
         num_bytes = 0
         for piece in _pieces(data):
             for item in parser.feed(piece):
-                if isinstance(item, strata_stream.Damage):
+                if isinstance(item, Damage):
                     num_bytes += item.num_bytes
                 elif isinstance(item, DataPacket):
                     num_bytes += len(item.payload)
@@ -130,14 +129,14 @@ def make_comlib(random: Random) -> Case:
         endpoint = random.choice((0, 1, 1, 2, 3, 4, 255))
         body = random.choice(
             (
-                payloads.encode_endpoints([payloads.Endpoint(EndpointType.RBAS), payloads.Endpoint(EndpointType.RFMC)]),
-                payloads.Firmware(1, 2, 3, "board").encode(),
-                payloads.Format(8, 2, 3).encode(),
-                payloads.FmcwSettings(57_000_000, 64_000_000, 0, 31).encode(),
-                payloads.AdcSettings(2_000_000).encode(),
-                payloads.Reading(0, 25_000).encode(Base.TEMPERATURE),
-                payloads.encode_number(Fmcw.SLOPE, 40_000_000),
-                payloads.Frame(7, ramp[..., None], 3, 0, random.randint(1, 16), random.random() < 0.5).encode(),
+                comlib.encode_endpoints([comlib.Endpoint(EndpointType.RBAS), comlib.Endpoint(EndpointType.RFMC)]),
+                comlib.Firmware(1, 2, 3, "board").encode(),
+                comlib.Format(8, 2, 3).encode(),
+                comlib.FmcwSettings(57_000_000, 64_000_000, 0, 31).encode(),
+                comlib.AdcSettings(2_000_000).encode(),
+                comlib.Temperature(0, 25_000).encode(),
+                comlib.encode_number(Fmcw.SLOPE, 40_000_000),
+                comlib.Frame(7, ramp, 3, random.random() < 0.5).encode(),
                 random.randbytes(random.choice((0, 1, 2, 18, 500))),
             )
         )
@@ -171,16 +170,16 @@ def read_comlib(folder: Path) -> None:
 def _try_comlib(payload: bytes) -> None:
     """Give a payload to all that decode one."""
     decoders: Any = (
-        lambda payload: [endpoint.letters for endpoint in payloads.decode_endpoints(payload)],
-        payloads.Firmware.decode,
-        payloads.Info.decode,
-        payloads.Format.decode,
-        payloads.FmcwSettings.decode,
-        payloads.AdcSettings.decode,
-        payloads.Reading.decode,
-        payloads.decode_byte,
-        payloads.decode_number,
-        payloads.Frame.decode,
+        lambda payload: [endpoint.letters for endpoint in comlib.decode_endpoints(payload)],
+        comlib.Firmware.decode,
+        comlib.Info.decode,
+        comlib.Format.decode,
+        comlib.FmcwSettings.decode,
+        comlib.AdcSettings.decode,
+        comlib.Temperature.decode,
+        comlib.decode_byte,
+        comlib.decode_number,
+        comlib.Frame.decode,
     )
     for decode in decoders:
         with suppress(ProtocolError):

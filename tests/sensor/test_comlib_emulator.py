@@ -13,13 +13,15 @@ import pytest
 from comlib_boards import Ramp
 from radarcore.radar.radar import Radar
 from radarcore.sensor.comlib.codes import Base
-from radarcore.sensor.comlib.messages import HostParser, Message, StatusMessage
-from radarcore.sensor.comlib.payloads import (
+from radarcore.sensor.comlib.messages import (
     AdcSettings,
     FmcwSettings,
     Format,
     Frame,
-    Reading,
+    HostParser,
+    Message,
+    StatusMessage,
+    TxPower,
     decode_number,
     encode_number,
 )
@@ -116,7 +118,7 @@ def test_emulator_tells_its_driver_and_its_power():
     emulator = ComLibEmulator(Ramp())
     assert talk(emulator, 1, b"\x20") == [Message(1, b"\x21\x01\0\0"), StatusMessage(1, 0)]
     (power, _) = talk(emulator, 1, b"\x32\x01")
-    assert Reading.decode(power.payload) == (1, 8400)  # step 31 of 0.4 dB, where 10 is 0 dBm
+    assert TxPower.decode(power.payload) == TxPower(1, 8400)  # step 31 of 0.4 dB, where 10 is 0 dBm
     with pytest.raises(ValueError, match="sample_rate: expected 20000 to 3000000 Hz, got 4000000"):
         ComLibEmulator(Ramp(), sample_rate=4e6)
 

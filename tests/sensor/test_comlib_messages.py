@@ -11,16 +11,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radarcore.sensor.comlib.codes import Base, Direction, EndpointType, status_text
-from radarcore.sensor.comlib.messages import BoardParser, Damage, HostParser, Message, StatusMessage
-from radarcore.sensor.comlib.payloads import (
+from radarcore.sensor.comlib.messages import (
     AdcSettings,
+    BoardParser,
     Endpoint,
     Firmware,
     FmcwSettings,
     Format,
     Frame,
+    HostParser,
     Info,
-    Reading,
+    Message,
+    StatusMessage,
+    Temperature,
+    TxPower,
     decode_byte,
     decode_endpoints,
     decode_number,
@@ -31,10 +35,11 @@ from radarcore.sensor.comlib.payloads import (
     unpack_bits,
 )
 from radarcore.sensor.errors import ProtocolError
+from radarcore.sensor.interface import Damage
 
 fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 ENDPOINTS = [Endpoint(EndpointType.RBAS), Endpoint(EndpointType.RFMC), Endpoint(EndpointType.RADX)]
-FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4, 1)
+FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4)
 
 
 # Byte examples
@@ -76,10 +81,10 @@ def test_records_come_back_as_they_were_sent():
         Format(256, 31, 5, 2),
         FmcwSettings(1, 2, 3, 4),
         AdcSettings(640_000, 12, 1),
+        Temperature(0, -12_345),
+        TxPower(1, 8_400),
     ):
         assert type(record).decode(record.encode()) == record
-    reading = Reading(0, -12_345)
-    assert Reading.decode(reading.encode(Base.TEMPERATURE)) == reading
     assert decode_number(encode_number(0x35, 150_000)) == 150_000
 
 
@@ -115,7 +120,7 @@ def test_what_does_not_fit_is_refused(make, message):
         Format.decode,
         FmcwSettings.decode,
         AdcSettings.decode,
-        Reading.decode,
+        Temperature.decode,
         Frame.decode,
     ],
 )
@@ -131,37 +136,18 @@ def test_any_payload_is_decoded_or_refused(decode, payload):
 # Frames
 
 
-def in_order_of_the_wire(codes: np.ndarray, *, is_interleaved: bool, data_format: int) -> list[int]:
-    """Codes [rx, chirp, sample, part] in the order that the protocol tells, by loops."""
-    num_rx, num_chirps, num_samples, _ = codes.shape
-    rxs, samples, parts = range(num_rx), range(num_samples), range(2 if data_format else 1)
-    stream = []
-    for chirp in range(num_chirps):
-        if not is_interleaved and data_format == 1:
-            order = [(rx, s, part) for rx in rxs for part in parts for s in samples]
-        elif not is_interleaved:
-            order = [(rx, s, part) for rx in rxs for s in samples for part in parts]
-        elif data_format == 1:
-            order = [(rx, s, part) for part in parts for s in samples for rx in rxs]
-        else:
-            order = [(rx, s, part) for s in samples for rx in rxs for part in parts]
-        stream += [int(codes[rx, chirp, s, part]) for rx, s, part in order]
-    return stream
-
-
-@pytest.mark.parametrize(("is_interleaved", "data_format"), list(itertools.product([False, True], [0, 1, 2])))
-def test_frames_of_every_order_are_decoded(is_interleaved, data_format):
-    codes = np.random.default_rng(1).integers(0, 4096, (3, 2, 5, 2 if data_format else 1), np.uint16)
-    stream = in_order_of_the_wire(codes, is_interleaved=is_interleaved, data_format=data_format)
+@pytest.mark.parametrize("is_interleaved", [False, True])
+def test_frames_of_every_order_are_decoded(is_interleaved):
+    codes = np.random.default_rng(1).integers(0, 4096, (3, 2, 5), np.uint16)
+    # Chirp by chirp: receivers one after the other, or in turn.
+    stream = [int(code) for chirp in codes.transpose(1, 0, 2) for code in (chirp.T if is_interleaved else chirp).flat]
     # 12 bits each, the lowest first: one large number, written from its lowest byte on.
     number = sum(code << 12 * i for i, code in enumerate(stream))
-    head = bytes.fromhex("00 09 00 00 00 02 00 00 00 03 05 00 00 00 07") + bytes([data_format, 12, is_interleaved])
+    head = bytes.fromhex("00 09 00 00 00 02 00 00 00 03 05 00 00 00 07 00 0c") + bytes([is_interleaved])
     payload = head + number.to_bytes(-(-len(stream) * 12 // 8), "little")
 
     frame = Frame.decode(payload)
-    assert (frame.number, frame.rx_mask, frame.data_format, frame.is_interleaved) == (
-        9, 7, data_format, is_interleaved,
-    )  # fmt: skip
+    assert (frame.number, frame.rx_mask, frame.is_interleaved) == (9, 7, is_interleaved)
     np.testing.assert_array_equal(frame.codes, codes)
     assert frame.codes.dtype == np.uint16
     assert frame.codes.flags.c_contiguous
@@ -184,8 +170,11 @@ def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
         (lambda data: data[:-1], "expected 24 bytes .* got 23"),
         (lambda data: data + b"\0", "expected 24 bytes .* got 25"),
         (lambda data: data[:10], "expected 18 bytes, got 10"),
-        (lambda data: data[:15] + b"\x03" + data[16:], "expected data format 0 to 2"),
-        (lambda data: data[:16] + b"\x00" + data[17:], "1 to 16 bits"),
+        (
+            lambda data: data[:15] + b"\x03" + data[16:],
+            r"expected real samples \(data format 0\) of 12 bit, .* got 3, 12, 0",
+        ),
+        (lambda data: data[:16] + b"\x00" + data[17:], "got 0, 0, 0"),
         (lambda data: data[:5] + b"\xff\xff\xff\xff" + data[9:], r"expected 25769803788 bytes"),
     ],
 )

@@ -34,7 +34,7 @@ from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.strata.packets import Version
-from radarcore.sensor.transport import Capture
+from radarcore.sensor.transport.capture import Capture
 from short_requests import shorten_requests
 
 SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)

@@ -16,11 +16,10 @@ from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_siz
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
-from radarcore.sensor.interface import BoardInfo, Lost, RawFrame
+from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.packets import Avian, Code, Component, DataPacket, Kind, Request
 from radarcore.sensor.strata.slices import pack_msb
-from radarcore.sensor.strata.stream import Damage
 
 SMALL = power_up(num_samples=32, num_chirps=8, frame_interval=25e-3)
 LARGE = power_up(num_chirps=64, frame_interval=100e-3)  # two slices to a frame

@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radarcore.sensor.errors import ProtocolError, RequestError
+from radarcore.sensor.interface import Damage
 from radarcore.sensor.strata import packets as strata
 from radarcore.sensor.strata.packets import (
     Avian,
@@ -28,7 +29,7 @@ from radarcore.sensor.strata.packets import (
     Status,
 )
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError
-from radarcore.sensor.strata.stream import BoardParser, Damage, HostParser
+from radarcore.sensor.strata.stream import BoardParser, HostParser
 
 # Equal examples in every run: one in 65536 false packets has a good CRC, and no such one is among them.
 fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -22,7 +22,11 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.transport import Capture, Port, Replay, SerialStream, UsbStream, open_stream, serialport
+from radarcore.sensor.transport import serialport
+from radarcore.sensor.transport.capture import Capture, Replay
+from radarcore.sensor.transport.ports import Port, open_stream
+from radarcore.sensor.transport.serialport import SerialStream
+from radarcore.sensor.transport.usbport import UsbStream
 from small_boards import HANG, Call, Loopback, Unplugged, read_all
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")

@@ -9,7 +9,7 @@ import pytest
 
 from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, stream_to, vendor_device
 from radarcore.sensor.errors import SensorError, SensorNotFoundError
-from radarcore.sensor.transport import Port, describe_usb, find_ports, open_stream, open_vendor_port
+from radarcore.sensor.transport.ports import Port, describe_usb, find_ports, open_stream, open_vendor_port
 from small_boards import HANG, Loopback, Requests, read_all
 
 

@@ -15,7 +15,9 @@ import pytest
 
 from doubles.usb_bus import bus_with, cdc_device, stream_to, vendor_device, vendor_port_to
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
-from radarcore.sensor.transport import UDEV_RULE, Stalled, UsbStream, find_ports, open_stream, open_vendor_port
+from radarcore.sensor.transport.ports import find_ports, open_stream, open_vendor_port
+from radarcore.sensor.transport.stream import Stalled
+from radarcore.sensor.transport.usbport import UDEV_RULE, UsbStream
 from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
 
 usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
@@ -318,7 +320,7 @@ def test_board_is_given_back_when_the_program_ends() -> None:
 import atexit
 atexit.register(lambda: print(device.driver_is_bound))  # the first is called last
 from doubles.usb_bus import EmulatedBus, cdc_device
-from radarcore.sensor.transport import open_stream
+from radarcore.sensor.transport.ports import open_stream
 bus, device = EmulatedBus(), cdc_device(None)
 bus.plug(device)
 stream = open_stream("usb:1-1", usb_backend=bus)

@@ -9,7 +9,8 @@ import pytest
 
 from doubles.usb_bus import EmulatedBus, vendor_device, vendor_port_to
 from radarcore.sensor.errors import ProtocolError, SensorDisconnectedError, SensorTimeoutError
-from radarcore.sensor.transport import Stalled, UsbVendorPort
+from radarcore.sensor.transport.stream import Stalled
+from radarcore.sensor.transport.usbport import UsbVendorPort
 from small_boards import HANG, Call, Requests, Stall, Unplugged
 
 

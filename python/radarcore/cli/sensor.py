@@ -342,12 +342,13 @@ def _advice(port: str | None, output: Path | None) -> str:
 
 def _descriptors() -> dict[str, Any]:
     """Ports and USB descriptors, or why there are none."""
-    from radarcore.sensor import SensorError, transport
+    from radarcore.sensor import SensorError
+    from radarcore.sensor.transport import ports
 
     found: dict[str, Any] = {}
     try:
-        found["ports"] = [vars(port) for port in transport.find_ports()]
-        found["usb"] = transport.describe_usb()
+        found["ports"] = [vars(port) for port in ports.find_ports()]
+        found["usb"] = ports.describe_usb()
     except (SensorError, ImportError) as error:
         found["errors"] = [str(error)]
     return found

@@ -15,7 +15,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import NUM_CODES
 from radarcore.sensor.bgt60.registers import test_pattern
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.payloads import unpack_bits
+from radarcore.sensor.comlib.messages import unpack_bits
 from radarcore.sensor.errors import SensorError
 from radarcore.sensor.interface import Board, Lost, RawFrame
 from radarcore.sensor.strata.board import StrataBoard

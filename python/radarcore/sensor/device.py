@@ -60,13 +60,9 @@ class Sensor:
 
     Examples
     --------
-    >>> from radarcore.sensor.emulator.pty import PtyPort
-    >>> from radarcore.sensor.emulator.source import Noise
-    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-    ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-    ...         for frame in sensor.frames(2):
-    ...             print(frame.cube.shape, frame.cube.dtype)
+    >>> radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+    >>> for frame in sensor.frames(2):
+    ...     print(frame.cube.shape, frame.cube.dtype)
     (3, 16, 128) float32
     (3, 16, 128) float32
     """
@@ -123,12 +119,8 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         radar = sensor.configure(rc.bgt60tr13c(frame_interval=0.0501234567), if_gain_db=40)
-        ...         print(f"{radar.waveform.frame_interval:.9f} s")
+        >>> radar = sensor.configure(rc.bgt60tr13c(frame_interval=0.0501234567), if_gain_db=40)
+        >>> print(f"{radar.waveform.frame_interval:.9f} s")
         0.050121813 s
         """
         self._check_open()
@@ -164,12 +156,8 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-        ...         print([frame.stats["index"] for frame in sensor.frames(3)])
+        >>> radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        >>> print([frame.stats["index"] for frame in sensor.frames(3)])
         [0, 1, 2]
         """
         self._configured("frames")
@@ -225,14 +213,10 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-        ...         for frame in sensor.frames():
-        ...             sensor.stop()
-        ...         print(frame.stats["index"])
+        >>> radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        >>> for frame in sensor.frames():
+        ...     sensor.stop()
+        >>> print(frame.stats["index"])
         0
         """
         self._end()
@@ -284,12 +268,8 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-        ...         print(sensor.record("measured", num_frames=3).cube.shape)
+        >>> radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        >>> print(sensor.record("measured", num_frames=3).cube.shape)
         (3, 3, 16, 128)
         """
         radar = self._configured("record")
@@ -325,12 +305,8 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
-        ...         print(sensor.source()["cube_unit"])
+        >>> radar = sensor.configure(rc.bgt60tr13c(num_chirps=16))
+        >>> print(sensor.source()["cube_unit"])
         full scale
         """
         self._configured("source")
@@ -350,11 +326,7 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         print(20.0 < sensor.temperature() < 60.0)
+        >>> print(20.0 < sensor.temperature() < 60.0)
         True
         """
         self._check_open()
@@ -382,11 +354,7 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-        ...         print({check.name: check.result for check in sensor.selftest(["identity"])}["chip id"])
+        >>> print({check.name: check.result for check in sensor.selftest(["identity"])}["chip id"])
         PASS
         """
         self._check_open()
@@ -408,12 +376,8 @@ class Sensor:
 
         Examples
         --------
-        >>> from radarcore.sensor.emulator.pty import PtyPort
-        >>> from radarcore.sensor.emulator.source import Noise
-        >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:
-        ...     sensor = rc.open_sensor(port.path, protocol="strata")
-        ...     sensor.close()
-        ...     print(sensor.info.chip, "is free for others")
+        >>> sensor.close()
+        >>> print(sensor.info.chip, "is free for others")
         BGT60TR13C is free for others
         """
         with self._closing:  # who closes while another does waits: then the port is free

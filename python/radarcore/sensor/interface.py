@@ -38,11 +38,7 @@ class BoardInfo:
 
     Examples
     --------
-    >>> from radarcore.sensor.emulator.pty import PtyPort
-    >>> from radarcore.sensor.emulator.source import Noise
-    >>> with rc.sensor.virtual_board(Noise()) as board, PtyPort(board) as port:  # in place of a board on USB
-    ...     with rc.open_sensor(port.path, protocol="strata") as sensor:
-    ...         print(sensor.info.chip, sensor.info.protocol)
+    >>> print(sensor.info.chip, sensor.info.protocol)
     BGT60TR13C strata
     """
 
@@ -90,6 +86,23 @@ class Lost:
 
     num_frames: int
     reason: str
+
+
+@dataclass(frozen=True)
+class Damage:
+    """Bytes that a parser discarded.
+
+    Attributes
+    ----------
+    num_bytes : int
+    reason : str
+    status : int
+        Status for the other side, which says where the stream goes wrong; 0 for more bytes of the same damage.
+    """
+
+    num_bytes: int
+    reason: str
+    status: int = 0
 
 
 class Board(Protocol):

@@ -11,14 +11,16 @@ from typing import Any
 
 from radarcore import check, notice
 from radarcore.output import claimed
-from radarcore.sensor import transport
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.device import Sensor
 from radarcore.sensor.errors import ProtocolError, SensorError, SensorNotFoundError, SensorTimeoutError
 from radarcore.sensor.interface import Board, BoardInfo
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.stream import Link, StreamLink, VendorLink
-from radarcore.sensor.transport import Capture, Port, Replay, Stream
+from radarcore.sensor.transport import ports
+from radarcore.sensor.transport.capture import Capture, Replay
+from radarcore.sensor.transport.ports import Port
+from radarcore.sensor.transport.stream import Stream
 
 PROTOCOLS = ("comlib", "strata")
 """Protocols that boards speak."""
@@ -56,7 +58,7 @@ def list_sensors(*, usb_backend: Any = None) -> list[BoardInfo]:
     [BoardInfo(port='/dev/ttyACM0', protocol='strata', name='Radar Baseboard MCU7 (MCU A)', chip='BGT60TR13C', ...)]
     """
     found, failures = [], []
-    for port in transport.find_ports(usb_backend=usb_backend):
+    for port in ports.find_ports(usb_backend=usb_backend):
         try:
             board = _connect(port, None, usb_backend)
         except SensorError as error:
@@ -141,7 +143,7 @@ def _opened(
     if port is not None:
         return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
     failures, reasons = [], []
-    for found in transport.find_ports(usb_backend=usb_backend):
+    for found in ports.find_ports(usb_backend=usb_backend):
         try:
             return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
         except SensorError as error:
@@ -163,7 +165,7 @@ def _is_of_board(port: Port, error: SensorError) -> bool:
     ids = (port.vendor_id, port.product_id)
     if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
         return bool(error.protocol)
-    return bool(error.protocol) or ids in transport.KNOWN_BOARDS
+    return bool(error.protocol) or ids in ports.KNOWN_BOARDS
 
 
 def _listed(failures: list[SensorError]) -> str:
@@ -184,9 +186,9 @@ def _connect(
         if port.kind == "usb-vendor":
             if capture is not None:
                 raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
-            return _strata(VendorLink(transport.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
+            return _strata(VendorLink(ports.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
         place, protocols = port.path, _protocols_of(port)
-        open_stream = partial(transport.open_stream, port, usb_backend=usb_backend)
+        open_stream = partial(ports.open_stream, port, usb_backend=usb_backend)
     if protocol is not None:
         protocols = (protocol,)
     timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
@@ -217,9 +219,9 @@ def _protocols_of(port: Port) -> tuple[str, ...]:
     ids = (port.vendor_id, port.product_id)
     if ids == _XMC:
         return ("comlib",)  # other products with these ids speak no Strata either
-    if ids in transport.KNOWN_BOARDS:
+    if ids in ports.KNOWN_BOARDS:
         return ("strata",)
-    return PROTOCOLS if port.vendor_id is None and transport.may_be_usb(port) else PROTOCOLS[::-1]
+    return PROTOCOLS if port.vendor_id is None and ports.may_be_usb(port) else PROTOCOLS[::-1]
 
 
 def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
@@ -241,12 +243,12 @@ def _comlib(stream: Stream, timeout: float) -> Board:
 def _port_of(text: str, usb_backend: Any) -> Port:
     """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
-        return transport.serial_port(text)
-    ports = transport.find_ports(usb_backend=usb_backend, with_serial=False)
-    for port in ports:
+        return ports.serial_port(text)
+    found = ports.find_ports(usb_backend=usb_backend, with_serial=False)
+    for port in found:
         if text.lower() in (port.path, f"usb:{port.vendor_id:04x}:{port.product_id:04x}"):
             return port
-    there = f"; there is {', '.join(port.path for port in ports)}" if ports else ""
+    there = f"; there is {', '.join(port.path for port in found)}" if found else ""
     raise SensorNotFoundError(f"{text}: expected a radar board on USB, got none{there}")
 
 

@@ -169,7 +169,7 @@ def _switched(chain: Receiver, own: Receiver) -> Receiver:
     names = [field.name for field in fields(own) if field.name not in kept]
     off: dict[str, Any] = {name: None for name in names if getattr(own, name) is None}
     if own.adc_errors is not None and chain.adc_errors is not None:
-        none = {name: None for name, error in asdict(own.adc_errors).items() if error is None}
+        none: dict[str, Any] = {name: None for name, error in asdict(own.adc_errors).items() if error is None}
         off["adc_errors"] = replace(chain.adc_errors, **{"odd_width": own.adc_errors.odd_width} | none)
     return replace(chain, **off)
 

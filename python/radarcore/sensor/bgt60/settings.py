@@ -29,54 +29,12 @@ from radarcore.radar.bgt60_chip import (
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
 from radarcore.radar.radar import Radar
-from radarcore.sensor.bgt60.registers import (
-    ADC0,
-    CCR0,
-    CCR1,
-    CCR2,
-    CCR3,
-    CSC1,
-    CSC2,
-    CSC3,
-    CSC4,
-    CSCDS,
-    CSCI,
-    CSDS_0,
-    CSDS_1,
-    CSDS_2,
-    CSI_0,
-    CSI_1,
-    CSI_2,
-    CSU1_0,
-    CSU1_1,
-    CSU1_2,
-    FIFO_SIZE,
-    LFSR_EN,
-    MAIN,
-    PACR1,
-    PACR2,
-    PLL1_0,
-    PLL1_1,
-    PLL1_2,
-    PLL1_3,
-    PLL1_4,
-    PLL1_5,
-    PLL1_6,
-    PLL1_7,
-    PLL2_7,
-    PLL3_7,
-    PLL4_7,
-    PLL_RANGE,
-    RFT1,
-    SADC_CTRL,
-    SDFT0,
-    SFCTL,
-    image_of,
-    signed,
-)
+from radarcore.sensor.bgt60 import registers as reg
+from radarcore.sensor.bgt60.registers import PLL_RANGE, image_of, signed
 from radarcore.sensor.bgt60.timing import (
     Delay,
     LimitError,
+    RegisterImage,
     delay_of,
     divider_of,
     frequency_of,
@@ -85,7 +43,6 @@ from radarcore.sensor.bgt60.timing import (
     rest_of,
     step_of,
     text_of,
-    timer_cycles,
     within,
 )
 
@@ -101,30 +58,30 @@ MAX_SLICE_SIZE = 8192
 """Samples of a slice that leave the host half the memory's time to fetch it."""
 
 _ALWAYS = {
-    PACR1: 0xE967FD,
-    PACR2: 0x0805B4,
-    CSI_0: 0,
-    CSI_1: 0,
-    CSI_2: 0,
-    CSCI: 0x000BE0,
-    CSDS_0: 0,
-    CSDS_1: 0,
-    CSDS_2: 0,
-    CSCDS: 0x000B60,
-    CSC1: 0x000490,
-    CSC2: 0x000480,
-    CSC3: 0x000480,
-    CSC4: 0x000480,
-    CCR3: 0x787E1E,
-    PLL1_4: 0,
-    PLL1_5: 0,
-    PLL1_6: 0,
-    PLL2_7: 0x000100,
-    PLL3_7: 0x000100,
-    PLL4_7: 0x000100,
-    RFT1: 0,
-    SDFT0: 0,
-    MAIN: 0x1E8270,
+    reg.PACR1: 0xE967FD,
+    reg.PACR2: 0x0805B4,
+    reg.CSI_0: 0,
+    reg.CSI_1: 0,
+    reg.CSI_2: 0,
+    reg.CSCI: 0x000BE0,
+    reg.CSDS_0: 0,
+    reg.CSDS_1: 0,
+    reg.CSDS_2: 0,
+    reg.CSCDS: 0x000B60,
+    reg.CSC1: 0x000490,
+    reg.CSC2: 0x000480,
+    reg.CSC3: 0x000480,
+    reg.CSC4: 0x000480,
+    reg.CCR3: 0x787E1E,
+    reg.PLL1_4: 0,
+    reg.PLL1_5: 0,
+    reg.PLL1_6: 0,
+    reg.PLL2_7: 0x000100,
+    reg.PLL3_7: 0x000100,
+    reg.PLL4_7: 0x000100,
+    reg.RFT1: 0,
+    reg.SDFT0: 0,
+    reg.MAIN: 0x1E8270,
 }
 
 
@@ -337,7 +294,7 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
         For a value beyond the chip's limits; the message has the nearest possible one.
     """
     size = check.count("slice_size", slice_size, -sys.maxsize)
-    within("slice_size", size, 2, FIFO_SIZE)
+    within("slice_size", size, 2, reg.FIFO_SIZE)
     if size % 2:
         raise LimitError("slice_size", f"expected an even number, got {size}; the nearest are {size - 1}, {size + 1}")
     within("num_chirps", settings.num_chirps, 1, MAX_CHIRPS)
@@ -350,29 +307,29 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     chirp_end, frame_end = _delays(settings, sampling, ramp_time)
     rx, tx = settings.rx_mask, settings.is_transmitting
     values = {
-        ADC0: (0x210 if divider >= 28 else 0x010) | divider << 14,
-        SFCTL: (size // 2 - 1) | 1 << 13 | 1 << 20 | (LFSR_EN if settings.has_test_pattern else 0),
-        SADC_CTRL: 0x010100 | _sadc_speed(sampling),
-        CSU1_0: 0x100050
+        reg.ADC0: (0x210 if divider >= 28 else 0x010) | divider << 14,
+        reg.SFCTL: (size // 2 - 1) | 1 << 13 | 1 << 20 | (reg.LFSR_EN if settings.has_test_pattern else 0),
+        reg.SADC_CTRL: 0x010100 | _sadc_speed(sampling),
+        reg.CSU1_0: 0x100050
         | (1 if tx else 0)
         | (1 << 10 if rx & 0b101 else 0)
         | (1 << 11 if rx & 0b010 or tx else 0)
         | sum(3 << 12 + 2 * i for i in settings.rx_indices),
-        CSU1_1: 0x0FF400 | rx << 20 | (settings.tx_power_level if tx else 0),
-        CSU1_2: _baseband(settings),
-        CCR0: 0x11BC0E | 1 << 9,
-        CCR1: 10 | frame_end.field,
-        CCR2: (settings.num_chirps - 1) << 12 | settings.num_frames,
-        PLL1_0: start & 0xFFFFFF,
-        PLL1_1: step & 0xFFFFFF,
-        PLL1_2: ramp_time,
-        PLL1_3: settings.num_samples,
-        PLL1_7: 0x110 | chirp_end.field,
+        reg.CSU1_1: 0x0FF400 | rx << 20 | (settings.tx_power_level if tx else 0),
+        reg.CSU1_2: _baseband(settings),
+        reg.CCR0: 0x11BC0E | 1 << 9,
+        reg.CCR1: 10 | frame_end.field,
+        reg.CCR2: (settings.num_chirps - 1) << 12 | settings.num_frames,
+        reg.PLL1_0: start & 0xFFFFFF,
+        reg.PLL1_1: step & 0xFFFFFF,
+        reg.PLL1_2: ramp_time,
+        reg.PLL1_3: settings.num_samples,
+        reg.PLL1_7: 0x110 | chirp_end.field,
     }
     return dict(sorted((_ALWAYS | values).items()))
 
 
-def settings_of(registers: Mapping[int, int]) -> Settings:
+def settings_of(registers: Mapping[int, int] | RegisterImage) -> Settings:
     """Settings that registers stand for, in exact numbers.
 
     Times are whole cycles of the clock; `end_frequency` is where the ramp's steps lead and may lie beyond 63.5 GHz by
@@ -381,7 +338,7 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
 
     Parameters
     ----------
-    registers : mapping of addresses to values
+    registers : mapping of addresses to values, or RegisterImage
         Registers by address; missing ones have their values after a reset.
 
     Raises
@@ -389,71 +346,51 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
     ValueError
         For registers from which no frame of one ramp follows.
     """
-    image = image_of(registers)
-
-    def field(address: int, high: int, low: int) -> int:
-        return image[address] >> low & (1 << high - low + 1) - 1
+    image = registers if isinstance(registers, RegisterImage) else RegisterImage(registers)
+    field = image.field
 
     def require(condition: bool, expected: str, address: int) -> None:
         if not condition:
-            raise ValueError(f"registers: expected {expected}, got 0x{image[address]:06X} at 0x{address:02X}")
+            raise image.error(expected, address)
 
     # One shape of one ramp, with a channel set that samples.
-    require(field(PLL1_7, 4, 4) == 1, "shape 1 to be on (PLL1_7.SH_EN)", PLL1_7)
-    require(field(PLL1_7, 3, 0) == 0, "no repetition of shape 1 (PLL1_7.REPS)", PLL1_7)
-    for address in (PLL2_7, PLL3_7, PLL4_7):
+    require(field(reg.PLL1_7, 4, 4) == 1, "shape 1 to be on (PLL1_7.SH_EN)", reg.PLL1_7)
+    require(field(reg.PLL1_7, 3, 0) == 0, "no repetition of shape 1 (PLL1_7.REPS)", reg.PLL1_7)
+    for address in (reg.PLL2_7, reg.PLL3_7, reg.PLL4_7):
         require(field(address, 4, 4) == 0, "shapes 2 to 4 to be off (SH_EN)", address)
-    require(field(PLL1_3, 23, 12) == 0, "no samples in the ramp back (PLL1_3.APD)", PLL1_3)
-    require(field(PLL1_6, 13, 0) == 0, "no ramp back (PLL1_6.RTD)", PLL1_6)
-    require(field(CSC1, 4, 4) == 1 and field(CSC1, 3, 0) == 0, "one use of channel set 1 (CSC1)", CSC1)
-    require(field(CSU1_1, 10, 10) == 1, "the ADC to be on (CSU1_1.MADC_EN)", CSU1_1)
-    require(1 <= field(CSU1_1, 23, 20) <= 7, "some of three receivers (CSU1_1.BBCH_SEL)", CSU1_1)
-    require(field(ADC0, 23, 14) >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}", ADC0)
-    require(field(PLL1_3, 11, 0) >= 1, "at least one sample (PLL1_3.APU)", PLL1_3)
-    require(field(PACR2, 4, 0) == 20, "DIVSET of 20", PACR2)
-    require(field(PLL1_7, 10, 9) < 3, "a power mode of 0 to 2 (PLL1_7.PD_MODE)", PLL1_7)
-    require(field(CCR1, 10, 9) < 3, "a power mode of 0 to 2 (CCR1.PD_MODE)", CCR1)
+    require(field(reg.PLL1_3, 23, 12) == 0, "no samples in the ramp back (PLL1_3.APD)", reg.PLL1_3)
+    require(field(reg.PLL1_6, 13, 0) == 0, "no ramp back (PLL1_6.RTD)", reg.PLL1_6)
+    require(field(reg.CSC1, 4, 4) == 1 and field(reg.CSC1, 3, 0) == 0, "one use of channel set 1 (CSC1)", reg.CSC1)
+    require(field(reg.CSU1_1, 10, 10) == 1, "the ADC to be on (CSU1_1.MADC_EN)", reg.CSU1_1)
+    require(1 <= field(reg.CSU1_1, 23, 20) <= 7, "some of three receivers (CSU1_1.BBCH_SEL)", reg.CSU1_1)
+    require(field(reg.ADC0, 23, 14) >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}", reg.ADC0)
+    require(field(reg.PLL1_3, 11, 0) >= 1, "at least one sample (PLL1_3.APU)", reg.PLL1_3)
+    require(field(reg.PACR2, 4, 0) == 20, "DIVSET of 20", reg.PACR2)
+    require(field(reg.PLL1_7, 10, 9) < 3, "a power mode of 0 to 2 (PLL1_7.PD_MODE)", reg.PLL1_7)
+    require(field(reg.CCR1, 10, 9) < 3, "a power mode of 0 to 2 (CCR1.PD_MODE)", reg.CCR1)
 
     # Frequencies, counted from the time that lies 249 cycles before the first sample.
-    divider, num_samples = field(ADC0, 23, 14), field(PLL1_3, 11, 0)
-    ramp_start = 8 * field(CCR1, 8, 0) + 10
-    first_sample = 8 * field(CCR3, 8, 0) + 8 * field(CCR3, 13, 9) + 1
-    ramp, step, ramp_time = signed(image[PLL1_0]), signed(image[PLL1_1]), field(PLL1_2, 13, 0)
-    require(-PLL_RANGE <= ramp + 8 * step * ramp_time < PLL_RANGE, "a ramp in the PLL's range", PLL1_1)
+    divider, num_samples = image.divider, image.num_samples(0, 0)
+    ramp_start, first_sample = image.ramp_start, image.first_sample
+    ramp, step, ramp_time = signed(image[reg.PLL1_0]), signed(image[reg.PLL1_1]), field(reg.PLL1_2, 13, 0)
+    require(-PLL_RANGE <= ramp + 8 * step * ramp_time < PLL_RANGE, "a ramp in the PLL's range", reg.PLL1_1)
     last_sample = first_sample + (num_samples - 1) * divider
-    require(ramp_start <= first_sample, "a ramp that starts before the first sample", CCR1)
-    require(ramp_start + 8 * ramp_time >= last_sample, "a ramp that lasts to the last sample", PLL1_2)
+    require(ramp_start <= first_sample, "a ramp that starts before the first sample", reg.CCR1)
+    require(ramp_start + 8 * ramp_time >= last_sample, "a ramp that lasts to the last sample", reg.PLL1_2)
     start = ramp + step * (first_sample - FIRST_SAMPLE - ramp_start)
     end = start + step * (FIRST_SAMPLE + num_samples * divider)
 
-    # Cycles of a chirp: the longer one of sampling and ramp, and the delays at the end of a rising and a falling ramp.
-    fast_down = 0
-    if mode := field(PACR2, 7, 6):
-        fast_down = field(PACR2, 16, 8) + 1 if field(PACR2, 16, 8) else {1: 40, 2: 56, 3: 24}[mode]
-    chirp = max(
-        first_sample + num_samples * divider, ramp_start + 8 * ramp_time + fast_down + 8 * field(CCR0, 8, 0) + 5
-    )
-    for address in (PLL1_2, PLL1_6):
-        delay = field(address, 23, 16)
-        chirp += 8 * delay + 5 if delay else 2
-
     # Cycles from chirp to chirp and from frame to frame: the end of the last chirp is replaced by that of the frame.
-    init = timer_cycles(field(CCR0, 21, 14), field(CCR0, 23, 22)) + timer_cycles(
-        field(CCR3, 21, 14), field(CCR3, 23, 22)
-    )
-    waking = (0, init, init + timer_cycles(field(MAIN, 11, 4), field(MAIN, 15, 12)))
-    chirp_end, frame_end = (
-        timer_cycles(field(address, 18, 11), field(address, 23, 19)) + waking[field(address, 10, 9)]
-        for address in (PLL1_7, CCR1)
-    )
-    num_chirps = field(CCR2, 23, 12) + 1
+    chirp = image.chirp_cycles(0, 0) + image.end_delay(0, 1)
+    chirp_end, frame_end = image.pause_cycles(reg.PLL1_7), image.pause_cycles(reg.CCR1)
+    num_chirps = field(reg.CCR2, 23, 12) + 1
     frame = num_chirps * (chirp + chirp_end) - chirp_end + frame_end
 
     # Gain and filter.
-    rx_mask = field(CSU1_1, 23, 20)
+    rx_mask = field(reg.CSU1_1, 23, 20)
     rx = (rx_mask & -rx_mask).bit_length() - 1
-    vga = field(CSU1_2, 5 * rx + 4, 5 * rx + 2)
-    require(vga <= 6, "VGA_GAIN of at most 6", CSU1_2)
+    vga = field(reg.CSU1_2, 5 * rx + 4, 5 * rx + 2)
+    require(vga <= 6, "VGA_GAIN of at most 6", reg.CSU1_2)
     return Settings(
         start_frequency=frequency_of(start),
         end_frequency=frequency_of(end),
@@ -463,12 +400,12 @@ def settings_of(registers: Mapping[int, int]) -> Settings:
         chirp_time=(chirp + chirp_end if num_chirps > 1 else chirp) / CLOCK,
         frame_time=frame / CLOCK,
         rx_mask=rx_mask,
-        tx_power_level=field(CSU1_1, 4, 0),
-        is_transmitting=bool(field(CSU1_0, 0, 0)),
-        if_gain_db=(18 if field(CSU1_2, 20 + rx, 20 + rx) else 30) + 5 * vga,
-        highpass_cutoff=HIGHPASS_CUTOFFS[field(CSU1_2, 5 * rx + 1, 5 * rx)],
-        num_frames=field(CCR2, 11, 0),
-        has_test_pattern=bool(image[SFCTL] & LFSR_EN),
+        tx_power_level=field(reg.CSU1_1, 4, 0),
+        is_transmitting=bool(field(reg.CSU1_0, 0, 0)),
+        if_gain_db=(18 if field(reg.CSU1_2, 20 + rx, 20 + rx) else 30) + 5 * vga,
+        highpass_cutoff=HIGHPASS_CUTOFFS[field(reg.CSU1_2, 5 * rx + 1, 5 * rx)],
+        num_frames=field(reg.CCR2, 11, 0),
+        has_test_pattern=bool(image[reg.SFCTL] & reg.LFSR_EN),
     )
 
 
@@ -484,7 +421,7 @@ def achieved(settings: Settings) -> Settings:
 
 def slice_size_of(registers: Mapping[int, int]) -> int:
     """Samples after which the chip asks to be read (SFCTL.FIFO_CREF)."""
-    return 2 * ((image_of(registers)[SFCTL] & 0x1FFF) + 1)
+    return 2 * ((image_of(registers)[reg.SFCTL] & 0x1FFF) + 1)
 
 
 def choose_slice_size(settings: Settings) -> int:

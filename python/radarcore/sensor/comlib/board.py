@@ -6,7 +6,8 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from radarcore import check
@@ -25,24 +26,26 @@ from radarcore.sensor.comlib.codes import (
     status_text,
 )
 from radarcore.sensor.comlib.codes import Protocol as ProtocolCode
-from radarcore.sensor.comlib.messages import Damage, HostParser, Message, StatusMessage
-from radarcore.sensor.comlib.payloads import (
+from radarcore.sensor.comlib.messages import (
     AdcSettings,
     Endpoint,
     Firmware,
     FmcwSettings,
     Format,
     Frame,
+    HostParser,
     Info,
-    Reading,
+    Message,
+    StatusMessage,
+    Temperature,
     decode_endpoints,
     decode_number,
     encode_byte,
     encode_number,
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Lost, RawFrame
-from radarcore.sensor.transport import Stream
+from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame
+from radarcore.sensor.transport.stream import Stream
 
 _Decoded = TypeVar("_Decoded")
 
@@ -108,8 +111,9 @@ class ComLibBoard:
         self._board_timeout = check.non_negative("board_timeout", board_timeout, "s")
         self._parser = HostParser()
         self._messages: list[Message] = []
-        self._lock = threading.Lock()
-        self._turn = threading.Lock()
+        # A thread that reads all the time waits for `_asking`, and so lets those go first who ask.
+        self._asking = threading.Lock()
+        self._reading = threading.Lock()
         self._is_out_of_step = self._is_board_confused = self._is_silent = False
         self._is_measuring = self._is_frame_due = False
         self._ready: list[RawFrame | Lost] = []
@@ -195,7 +199,7 @@ class ComLibBoard:
                 f"got {wave.start_frequency:g}"
             )
 
-        with self._exclusive():
+        with self._asking, self._reading:
             self._stop()
             self._interval_us = 0
             # The order of the vendor's host: frames off, frequencies, rate, format.
@@ -203,7 +207,7 @@ class ComLibBoard:
             power = self._fmcw_settings().tx_power if tx_power is None else tx_power
             self._set_ramp(wave, power, wave.adc_delay + wave.num_samples / wave.sample_rate)
             if self._adc is not None:
-                settings = self._adc_settings(self._adc)._replace(sample_rate=round(wave.sample_rate))
+                settings = replace(self._adc_settings(self._adc), sample_rate=round(wave.sample_rate))
                 self._set(self._adc, settings.encode())
             self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
             sample_rate = self._sample_rate(wave, rx_mask)
@@ -234,12 +238,12 @@ class ComLibBoard:
 
     def present_radar(self) -> Radar:
         """The radar that the board is set to: `configure` finds nothing to change. Its antennas stand in one place."""
-        with self._exclusive():
+        with self._asking, self._reading:
             self._stop()
             ramp = self._fmcw_settings()
             form = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
             # Real samples are what is wanted, whatever the board was set to.
-            self._set_format(form._replace(signal_part=SignalPart.I))
+            self._set_format(replace(form, signal_part=SignalPart.I))
             if self._adc is not None:
                 sample_rate = float(self._adc_settings(self._adc).sample_rate)
             else:
@@ -255,7 +259,7 @@ class ComLibBoard:
         """Begin to measure; frames count from 0."""
         if not self._interval_us:
             raise SensorError(f"{self.info.port}: not configured; call configure first")
-        with self._exclusive():
+        with self._asking, self._reading:
             self._stop()
             self._last_number = None
             self._is_measuring = True
@@ -271,7 +275,9 @@ class ComLibBoard:
 
         Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
         """
-        with self._exclusive():
+        with self._asking:
+            pass
+        with self._reading:
             if not self._is_measuring:
                 raise SensorError(f"{self.info.port}: not measuring; call start first")
             if not self._ready:
@@ -282,7 +288,7 @@ class ComLibBoard:
 
     def stop(self, *, is_silent: bool = False) -> None:
         """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
-        with self._exclusive():
+        with self._asking, self._reading:
             if is_silent:
                 self._dismiss()
             else:
@@ -306,9 +312,9 @@ class ComLibBoard:
         """Temperature of the chip [degrees Celsius]."""
         if not self._limits.num_sensors:
             raise SensorError(f"{self.info.port}: {self.info.name} has no temperature sensor")
-        with self._exclusive():
+        with self._asking, self._reading:
             request = encode_byte(Base.GET_TEMPERATURE, 0)
-            return self._decoded(Reading.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
+            return self._decoded(Temperature.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
 
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
@@ -459,15 +465,11 @@ class ComLibBoard:
                 self._put_frame(self._decoded(Frame.decode, message.payload), host_time)
 
     def _put_frame(self, frame: Frame, host_time: float) -> None:
-        codes = frame.codes[..., 0]
-        if frame.data_format or codes.shape != self._shape:
+        codes = frame.codes
+        if codes.shape != self._shape:
             raise ProtocolError(
-                f"{self._stream.name}: expected a real frame of [rx, chirp, sample] {self._shape}, got "
-                f"{codes.shape} of data format {frame.data_format}"
+                f"{self._stream.name}: expected a frame of [rx, chirp, sample] {self._shape}, got {codes.shape}"
             )
-        # Frames of ADC codes have 12 bits.
-        if frame.resolution != 12:
-            raise ProtocolError(f"{self._stream.name}: expected samples of 12 bit, got {frame.resolution}")
         # The number of the first frame after a start is not known; a board without trigger may repeat a number.
         if self._last_number is None:
             self._index = 0
@@ -484,16 +486,6 @@ class ComLibBoard:
         self._ready.append(RawFrame(codes, self._index, host_time))
 
     # Conversation
-
-    @contextlib.contextmanager
-    def _exclusive(self) -> Iterator[None]:
-        """Lock of the conversation; a thread that reads frame after frame lets others in between."""
-        with self._turn:
-            self._lock.acquire()
-        try:
-            yield
-        finally:
-            self._lock.release()
 
     def _probe(self) -> list[Endpoint]:
         """Endpoints; a second try where the first meets the end of what another program has asked for."""

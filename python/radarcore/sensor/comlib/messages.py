@@ -1,4 +1,4 @@
-"""ComLib messages: between bytes and records, for both ends of the wire.
+"""ComLib messages and their payloads: between bytes and records, for both ends of the wire.
 
 The host asks with one payload message to an endpoint of the board; the board answers with any number of payload
 messages and then one status of that endpoint. A payload begins with the code of the message. Numbers are
@@ -8,11 +8,15 @@ little-endian. There is no checksum: who loses step waits for silence.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from dataclasses import astuple, dataclass
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
-from radarcore.sensor.comlib.codes import ProtocolStatus
-from radarcore.sensor.comlib.payloads import pack
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.sensor.comlib.codes import Adc, Base, Fmcw, Protocol, ProtocolStatus, SignalPart
+from radarcore.sensor.errors import ProtocolError
+from radarcore.sensor.interface import Damage
 
 MAX_PAYLOAD = 0xFFFF
 MESSAGE_START = 0x5A
@@ -51,14 +55,6 @@ class StatusMessage:
     def encode(self) -> bytes:
         """Bytes on the wire; ValueError if a number does not fit."""
         return pack("status", "<BBH", STATUS_START, self.endpoint, self.status)
-
-
-@dataclass(frozen=True)
-class Damage:
-    """Bytes that the host's parser discarded, with the reason."""
-
-    num_bytes: int
-    reason: str
 
 
 Found = TypeVar("Found")
@@ -201,3 +197,262 @@ class BoardParser(_Parser[Message | StatusMessage]):
         self._is_confused = True
         found.append(StatusMessage(0, status))
         return 0
+
+
+# Payloads
+
+
+class Endpoint(NamedTuple):
+    """Type and version of an endpoint."""
+
+    type: int
+    version: int = 1
+
+    @property
+    def letters(self) -> str:
+        """The four letters of the type; what is none is escaped."""
+        letters = self.type.to_bytes(4, "big").decode("ascii", errors="backslashreplace")
+        return "".join(letter if letter.isprintable() else rf"\x{ord(letter):02x}" for letter in letters)
+
+
+def encode_endpoints(endpoints: list[Endpoint]) -> bytes:
+    """Answer to `Protocol.ENDPOINTS`; the first is endpoint 1."""
+    records = b"".join(pack("endpoint", "<IH", *endpoint) for endpoint in endpoints)
+    return bytes([Protocol.ENDPOINTS, len(endpoints)]) + records
+
+
+def decode_endpoints(payload: bytes) -> list[Endpoint]:
+    """Endpoints from 1 on; ProtocolError if the answer is of a wrong size."""
+    if len(payload) < 2 or len(payload) != 2 + 6 * payload[1]:
+        raise ProtocolError(f"ComLib endpoints: expected 2 + 6 n bytes, got {payload[:8].hex(' ')}...")
+    return [Endpoint(*fields) for fields in struct.iter_unpack("<IH", payload[2:])]
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Numbers behind the code of a payload, and in some a text behind them."""
+
+    _code: ClassVar[int]
+    _name: ClassVar[str]
+    _layout: ClassVar[str]
+    _has_text: ClassVar[bool] = False
+
+    def encode(self) -> bytes:
+        """Payload with its code; ValueError if a number does not fit."""
+        values = list(astuple(self))
+        text = values.pop().encode() + b"\0" if self._has_text else b""
+        return pack(self._name, f"<B{self._layout}", self._code, *values) + text
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Decode a payload; ProtocolError when its size is wrong."""
+        return cls(*_fields(cls._name, f"<x{cls._layout}", payload, has_text=cls._has_text))
+
+
+@dataclass(frozen=True)
+class Firmware(_Record):
+    """Answer to `Protocol.FIRMWARE`."""
+
+    _code, _name, _layout, _has_text = Protocol.FIRMWARE, "firmware", "HHH", True
+
+    major: int
+    minor: int
+    build: int
+    description: str
+
+
+@dataclass(frozen=True)
+class Info(_Record):
+    """Answer to `Base.GET_INFO`: capabilities of the board."""
+
+    _code, _name, _layout, _has_text = Base.INFO, "device info", "II8B", True
+
+    min_frequency_khz: int
+    max_frequency_khz: int
+    num_tx: int
+    num_rx: int
+    max_tx_power: int
+    num_sensors: int
+    hardware_major: int
+    hardware_minor: int
+    interleaved_rx: int
+    data_format: int
+    description: str
+
+
+@dataclass(frozen=True)
+class Format(_Record):
+    """Format of the frames."""
+
+    _code, _name, _layout = Base.FORMAT, "frame format", "IIBB"
+
+    num_samples: int
+    num_chirps: int
+    rx_mask: int
+    signal_part: int = SignalPart.I
+
+
+@dataclass(frozen=True)
+class FmcwSettings(_Record):
+    """Frequencies [kHz], `Direction` and power step of the chirps."""
+
+    _code, _name, _layout = Fmcw.SETTINGS, "FMCW settings", "IIBB"
+
+    lower_khz: int
+    upper_khz: int
+    direction: int
+    tx_power: int
+
+
+@dataclass(frozen=True)
+class AdcSettings(_Record):
+    """Sample rate [Hz], bits of a sample, and calibration after the conversion."""
+
+    _code, _name, _layout = Adc.SETTINGS, "ADC settings", "IBB"
+
+    sample_rate: int
+    resolution: int = 12
+    post_calibration: int = 0
+
+
+@dataclass(frozen=True)
+class Temperature(_Record):
+    """Thousandths of a degree Celsius of a sensor."""
+
+    _code, _name, _layout = Base.TEMPERATURE, "reading", "Bi"
+
+    sensor: int
+    thousandths: int
+
+
+@dataclass(frozen=True)
+class TxPower(_Record):
+    """Thousandths of a dBm of a TX antenna."""
+
+    _code, _name, _layout = Base.TX_POWER, "reading", "Bi"
+
+    antenna: int
+    thousandths: int
+
+
+def encode_byte(code: int, number: int) -> bytes:
+    """Payload of a code and 8 bits: to wait for a frame, the number of a sensor or antenna."""
+    return pack("message", "<BB", code, number)
+
+
+def decode_byte(payload: bytes) -> int:
+    """The 8 bits behind a code; ProtocolError if the payload is of a wrong size."""
+    number: int
+    (number,) = _fields("message", "<xB", payload)
+    return number
+
+
+def encode_number(code: int, number: int) -> bytes:
+    """Payload of a code and 32 bits: frame interval [us], chirp duration [ns], slope [MHz/s]."""
+    return pack("message", "<BI", code, number)
+
+
+def decode_number(payload: bytes) -> int:
+    """The 32 bits behind a code; ProtocolError if the payload is of a wrong size."""
+    number: int
+    (number,) = _fields("message", "<xI", payload)
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Real samples of a frame, 12 bits each.
+
+    Attributes
+    ----------
+    number : int
+        Counts from the last time that the interval was set.
+    codes : (rx, chirp, sample) uint16
+        Codes of the ADC.
+    rx_mask : int
+        Enabled receivers, the first in the lowest bit.
+    is_interleaved : bool
+        On the wire: receivers in turn, sample by sample.
+    """
+
+    number: int
+    codes: NDArray[np.uint16]
+    rx_mask: int
+    is_interleaved: bool = False
+
+    def encode(self) -> bytes:
+        """Payload with its code; ValueError if a number does not fit."""
+        num_rx, num_chirps, num_samples = self.codes.shape
+        head = pack(
+            "frame",
+            "<BIIBIBBBB",
+            Base.FRAME,
+            self.number,
+            num_chirps,
+            num_rx,
+            num_samples,
+            self.rx_mask,
+            0,
+            12,
+            self.is_interleaved,
+        )
+        return head + pack_bits(self.codes.transpose(_WIRE_AXES[self.is_interleaved]).ravel(), 12)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Frame:
+        """Decode a payload; ProtocolError for I/Q, other samples than of 12 bit, and a wrong size."""
+        head = _fields("frame", "<xIIBIBBBB", payload[:18])
+        number, num_chirps, num_rx, num_samples, rx_mask, data_format, resolution, is_interleaved = head
+        if data_format != 0 or resolution != 12 or is_interleaved > 1:
+            raise ProtocolError(
+                f"ComLib frame: expected real samples (data format 0) of 12 bit, interleaved 0 or 1, "
+                f"got {data_format}, {resolution}, {is_interleaved}"
+            )
+        shape = (num_rx, num_chirps, num_samples)
+        num_codes = num_rx * num_chirps * num_samples
+        size = 18 + -(-num_codes * resolution // 8)
+        if len(payload) != size:
+            raise ProtocolError(
+                f"ComLib frame: expected {size} bytes for [rx, chirp, sample] {shape}, got {len(payload)}"
+            )
+        # Axes in the order of the wire, then in ours.
+        axes = _WIRE_AXES[bool(is_interleaved)]
+        codes = unpack_bits(payload[18:], num_codes, resolution).reshape([shape[axis] for axis in axes])
+        codes = np.ascontiguousarray(codes.transpose(np.argsort(axes)))
+        return cls(number, codes, rx_mask, bool(is_interleaved))
+
+
+_WIRE_AXES = {False: (1, 0, 2), True: (1, 2, 0)}
+"""Axes of [rx, chirp, sample] from the outermost, by `Frame.is_interleaved`."""
+
+
+def pack_bits(codes: NDArray[np.uint16], resolution: int) -> bytes:
+    """Codes of `resolution` bits in a row, the lowest bit of the first code in the lowest bit of the first byte."""
+    bits = codes.astype("<u2")[:, None].view(np.uint8)
+    rows = np.unpackbits(bits, axis=1, bitorder="little")[:, :resolution]
+    return np.packbits(rows, bitorder="little").tobytes()
+
+
+def unpack_bits(data: bytes, num_codes: int, resolution: int) -> NDArray[np.uint16]:
+    """Codes that `pack_bits` put in a row, (num_codes,)."""
+    bits = np.unpackbits(np.frombuffer(data, np.uint8), count=num_codes * resolution, bitorder="little")
+    rows = np.zeros((num_codes, 16), np.uint8)
+    rows[:, :resolution] = bits.reshape(num_codes, resolution)
+    return np.packbits(rows, axis=1, bitorder="little").view("<u2")[:, 0].astype(np.uint16)
+
+
+def pack(name: str, layout: str, *numbers: int) -> bytes:
+    """Numbers in a layout of `struct`; a ValueError if one does not fit."""
+    try:
+        return struct.pack(layout, *numbers)
+    except struct.error as error:
+        raise ValueError(f"ComLib {name}: {error}, got {numbers}") from None
+
+
+def _fields(name: str, layout: str, payload: bytes, *, has_text: bool = False) -> tuple[Any, ...]:
+    """Fields of a payload of exactly that layout, or with a zero-terminated text behind them."""
+    size = struct.calcsize(layout)
+    if len(payload) < size or (len(payload) > size and not has_text):
+        raise ProtocolError(f"ComLib {name}: expected {size} bytes{' or more' * has_text}, got {len(payload)}")
+    fields = struct.unpack_from(layout, payload)
+    return (*fields, payload[size:].split(b"\0", 1)[0].decode(errors="replace")) if has_text else fields

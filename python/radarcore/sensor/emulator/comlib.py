@@ -15,16 +15,20 @@ from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.comlib.codes import Adc, Base, Direction, EndpointType, Fmcw, SignalPart, Status
 from radarcore.sensor.comlib.codes import Protocol as ProtocolCode
-from radarcore.sensor.comlib.messages import MAX_PAYLOAD, BoardParser, Message, StatusMessage
-from radarcore.sensor.comlib.payloads import (
+from radarcore.sensor.comlib.messages import (
+    MAX_PAYLOAD,
     AdcSettings,
+    BoardParser,
     Endpoint,
     Firmware,
     FmcwSettings,
     Format,
     Frame,
     Info,
-    Reading,
+    Message,
+    StatusMessage,
+    Temperature,
+    TxPower,
     decode_byte,
     decode_number,
     encode_endpoints,
@@ -296,7 +300,7 @@ class ComLibEmulator:
         frame = Frame(
             # Without a trigger frames are not counted.
             index % 2**32 if self._interval else 0,
-            codes[..., np.newaxis],
+            codes,
             self._format.rx_mask,
             is_interleaved=self._is_interleaved,
         )
@@ -309,7 +313,7 @@ class ComLibEmulator:
 
     def _tell_temperature(self) -> Message:
         self._told_temperature = self.temperature
-        return Message(_BASE, Reading(0, round(self.temperature * 1e3)).encode(Base.TEMPERATURE))
+        return Message(_BASE, Temperature(0, round(self.temperature * 1e3)).encode())
 
     # Endpoints
 
@@ -340,8 +344,8 @@ class ComLibEmulator:
 
     def _tell_power(self, tx_index: int) -> Message:
         # Step 10 is about 0 dBm; 0.4 dB a step is a guess.
-        power = Reading(tx_index, 400 * (self._ramp.tx_power - 10))
-        return Message(_BASE, power.encode(Base.TX_POWER))
+        power = TxPower(tx_index, 400 * (self._ramp.tx_power - 10))
+        return Message(_BASE, power.encode())
 
     def _protocol(self, payload: bytes) -> list[Message]:
         """Answer a message to endpoint 0."""

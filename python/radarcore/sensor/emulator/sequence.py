@@ -20,24 +20,10 @@ from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.sensor.bgt60.registers import (
-    ADC0,
-    CCR0,
-    CCR1,
-    CCR2,
-    CCR3,
-    CSU1_0,
-    CSU1_1,
-    CSU1_2,
-    MAIN,
-    PACR2,
-    PLL1_0,
-    PLL1_7,
-    image_of,
-    signed,
-)
+from radarcore.sensor.bgt60 import registers as reg
+from radarcore.sensor.bgt60.registers import signed
 from radarcore.sensor.bgt60.settings import ADC_DELAY, NUM_RX, settings_of
-from radarcore.sensor.bgt60.timing import frequency_of, timer_cycles
+from radarcore.sensor.bgt60.timing import RegisterImage, frequency_of
 from radarcore.sensor.emulator.source import NO_POWER_DBM
 
 _POWER_RANGE_DB = 15.0
@@ -138,7 +124,7 @@ def sequence_of(registers: Mapping[int, int]) -> Sequence:
     ValueError
         For registers from which no samples follow.
     """
-    return _Image(registers).sequence()
+    return _Frames(registers).sequence()
 
 
 def constant_wave_of(registers: Mapping[int, int]) -> Sequence:
@@ -149,50 +135,40 @@ def constant_wave_of(registers: Mapping[int, int]) -> Sequence:
     ValueError
         For registers from which no samples follow.
     """
-    image = _Image(registers)
+    image = _Frames(registers)
     image.check()
     ramps = image.ramps(0, 0, [0], step=0)
     if ramps is None:
-        raise ValueError(f"registers: expected samples of a receiver, got 0x{image[CSU1_1]:06X} at 0x{CSU1_1:02X}")
+        raise ValueError(
+            f"registers: expected samples of a receiver, got 0x{image[reg.CSU1_1]:06X} at 0x{reg.CSU1_1:02X}"
+        )
     waveform = ramps.radar.waveform
     end = float(waveform.sample_times[-1])
     return Sequence((ramps,), np.zeros(1, np.intp), np.array([end]), end + _PAUSE, 1)
 
 
-class _Image:
-    """Fields of a whole register image."""
-
-    def __init__(self, registers: Mapping[int, int]) -> None:
-        self._registers = image_of(registers)
-        self.divider = self.field(ADC0, 23, 14)
-
-    def __getitem__(self, address: int) -> int:
-        return self._registers[address]
-
-    def field(self, address: int, high: int, low: int) -> int:
-        return self._registers[address] >> low & (1 << high - low + 1) - 1
+class _Frames(RegisterImage):
+    """Frames of a register image."""
 
     def check(self) -> None:
         """Refuse what gives no samples, or none of which anything is known."""
         for address, is_good, expected in (
-            (ADC0, self.divider >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}"),
-            (PACR2, self.field(PACR2, 4, 0) == _DIVSET, f"DIVSET of {_DIVSET}"),
+            (reg.ADC0, self.divider >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}"),
+            (reg.PACR2, self.field(reg.PACR2, 4, 0) == _DIVSET, f"DIVSET of {_DIVSET}"),
         ):
             if not is_good:
-                raise ValueError(f"registers: expected {expected}, got 0x{self[address]:06X} at 0x{address:02X}")
+                raise self.error(expected, address)
 
     def sequence(self) -> Sequence:
         """Frames of all shapes."""
         self.check()
         shapes = []
         for shape in range(4):
-            if not self.field(PLL1_7 + 8 * shape, 4, 4):
+            if not self.field(reg.PLL1_7 + 8 * shape, 4, 4):
                 break  # the chip goes back to the first one
             shapes.append(shape)
         if not shapes:
-            raise ValueError(
-                f"registers: expected shape 1 to be on (PLL1_7.SH_EN), got 0x{self[PLL1_7]:06X} at 0x{PLL1_7:02X}"
-            )
+            raise self.error("shape 1 to be on (PLL1_7.SH_EN)", reg.PLL1_7)
         starts, order, frame = self._starts(shapes)
         ramps: list[Ramps] = []
         numbers: dict[tuple[int, int], int] = {}
@@ -202,109 +178,66 @@ class _Image:
                 ramps.append(found)
         sampled = [numbers[key] for key, _ in order if key in numbers]
         if not sampled:
-            raise ValueError(f"registers: expected samples of a receiver, got 0x{self[CSU1_1]:06X} at 0x{CSU1_1:02X}")
+            raise ValueError(
+                f"registers: expected samples of a receiver, got 0x{self[reg.CSU1_1]:06X} at 0x{reg.CSU1_1:02X}"
+            )
         # The last one pauses as one before it would, whatever the frame's end is.
         (last, _), start = order[-1]
-        pause = self._rest(PLL1_7 + 8 * last) if len(order) > 1 else 0
-        overs = [start for _, start in order[1:]] + [start + self._chirp(*order[-1][0]) + self._return(last) + pause]
+        pause = self.pause_cycles(reg.PLL1_7 + 8 * last) if len(order) > 1 else 0
+        overs = [start for _, start in order[1:]] + [
+            start + self.chirp_cycles(*order[-1][0]) + self.return_cycles(last) + pause
+        ]
         ends = [over / CLOCK for (key, _), over in zip(order, overs, strict=True) if key in numbers]
         return Sequence(
             tuple(self._exact(one, frame) for one in ramps),
             np.array(sampled, np.intp),
             np.array(ends),
             frame / CLOCK,
-            self.field(CCR2, 11, 0),
+            self.field(reg.CCR2, 11, 0),
         )
 
     def _starts(
         self, shapes: list[int]
     ) -> tuple[dict[tuple[int, int], list[int]], list[tuple[tuple[int, int], int]], int]:
         """Starts of the ramps by (shape, 0 up or 1 down), all of them in order, and the time of a frame [cycles]."""
-        groups = self.field(CCR2, 23, 12) + 1
+        groups = self.field(reg.CCR2, 23, 12) + 1
         starts: dict[tuple[int, int], list[int]] = {}
         order: list[tuple[tuple[int, int], int]] = []
         now, size = 0, sum(self._group_size(shapes[group % len(shapes)]) for group in range(groups))
         if size > _MOST_SAMPLES:
             raise ValueError(
-                f"registers: expected frames of fewer samples, got {groups} groups of shapes at 0x{CCR2:02X}"
+                f"registers: expected frames of fewer samples, got {groups} groups of shapes at 0x{reg.CCR2:02X}"
             )
         for group in range(groups):
             shape = shapes[group % len(shapes)]
-            for _ in range(1 << self.field(PLL1_7 + 8 * shape, 3, 0)):
-                for side in (0, 1) if self._is_triangle(shape) else (0,):
+            for _ in range(1 << self.field(reg.PLL1_7 + 8 * shape, 3, 0)):
+                for side in (0, 1) if self.is_triangle(shape) else (0,):
                     starts.setdefault((shape, side), []).append(now)
                     order.append(((shape, side), now))
-                    now += self._chirp(shape, side)
-                now += self._return(shape)
+                    now += self.chirp_cycles(shape, side)
+                now += self.return_cycles(shape)
             is_last = group == groups - 1
-            now += self._rest(CCR1 if is_last else PLL1_7 + 8 * shape)
+            now += self.pause_cycles(reg.CCR1 if is_last else reg.PLL1_7 + 8 * shape)
         return starts, order, now
 
     def _group_size(self, shape: int) -> int:
         """Samples of a shape and its repetitions, about."""
-        each = max(NUM_RX * sum(self._num_samples(shape, side) for side in (0, 1)), _LEAST_SIZE)
-        return each << self.field(PLL1_7 + 8 * shape, 3, 0)
-
-    def _is_triangle(self, shape: int) -> bool:
-        """True where a true ramp follows the first one, and not only a return."""
-        base = PLL1_0 + 8 * shape
-        return bool(self[base + 4] or self[base + 5] or self.field(base + 6, 13, 0))
-
-    def _chirp(self, shape: int, side: int) -> int:
-        """Cycles of a ramp: the longer one of sampling and ramp, and the delay at its end."""
-        fast_down = 0
-        if not self._is_triangle(shape) and (mode := self.field(PACR2, 7, 6)):
-            timer = self.field(PACR2, 16, 8)
-            fast_down = timer + 1 if timer else {1: 40, 2: 56, 3: 24}[mode]
-        ramp_time = 8 * self.field(PLL1_0 + 8 * shape + 2 + 4 * side, 13, 0)
-        sampling = self._first_sample + self._num_samples(shape, side) * self.divider
-        ramp = self._ramp_start + ramp_time + fast_down + 8 * self.field(CCR0, 8, 0) + 5
-        return max(sampling, ramp) + self._end_delay(shape, side)
-
-    def _return(self, shape: int) -> int:
-        """Cycles of the delay after a return that is no ramp."""
-        return 0 if self._is_triangle(shape) else self._end_delay(shape, 1)
-
-    def _end_delay(self, shape: int, side: int) -> int:
-        delay = self.field(PLL1_0 + 8 * shape + 2 + 4 * side, 23, 16)
-        return 8 * delay + 5 if delay else 2
-
-    def _rest(self, address: int) -> int:
-        """Cycles of the delay in a register, waking included."""
-        init = timer_cycles(self.field(CCR0, 21, 14), self.field(CCR0, 23, 22)) + timer_cycles(
-            self.field(CCR3, 21, 14), self.field(CCR3, 23, 22)
-        )
-        wake_up = timer_cycles(self.field(MAIN, 11, 4), self.field(MAIN, 15, 12))
-        waking = (0, init, init + wake_up, init + wake_up)[self.field(address, 10, 9)]
-        return timer_cycles(self.field(address, 18, 11), self.field(address, 23, 19)) + waking
-
-    @property
-    def _ramp_start(self) -> int:
-        """Cycles from the start of a chirp to that of its ramp."""
-        return 8 * self.field(CCR1, 8, 0) + 10
-
-    @property
-    def _first_sample(self) -> int:
-        """Cycles from the start of a chirp to its first sample."""
-        return 8 * self.field(CCR3, 8, 0) + 8 * self.field(CCR3, 13, 9) + 1
-
-    def _num_samples(self, shape: int, side: int) -> int:
-        """APU or APD."""
-        return self.field(PLL1_0 + 8 * shape + 3, *((11, 0), (23, 12))[side])
+        each = max(NUM_RX * sum(self.num_samples(shape, side) for side in (0, 1)), _LEAST_SIZE)
+        return each << self.field(reg.PLL1_7 + 8 * shape, 3, 0)
 
     def ramps(self, shape: int, side: int, starts: list[int], *, step: int | None = None) -> Ramps | None:
         """Ramps that start at some cycles of a frame; None without samples, ADC or receivers."""
         channel_set = 7 * shape + 3 * side
-        switches, levels, baseband = (self[address + channel_set] for address in (CSU1_0, CSU1_1, CSU1_2))
+        switches, levels, baseband = (self[address + channel_set] for address in (reg.CSU1_0, reg.CSU1_1, reg.CSU1_2))
         rx_mask = levels >> 20 & (1 << NUM_RX) - 1
-        num_samples = self._num_samples(shape, side)
+        num_samples = self.num_samples(shape, side)
         if num_samples == 0 or rx_mask == 0 or not levels >> 10 & 1:
             return None
         rx = (rx_mask & -rx_mask).bit_length() - 1
-        base = PLL1_0 + 8 * shape + 4 * side
+        base = reg.PLL1_0 + 8 * shape + 4 * side
         step = signed(self[base + 1]) if step is None else step
         # Frequencies count from the time that lies 249 cycles before the first sample.
-        start = signed(self[base]) + step * (self._first_sample - FIRST_SAMPLE - self._ramp_start)
+        start = signed(self[base]) + step * (self.first_sample - FIRST_SAMPLE - self.ramp_start)
         slope = step * (frequency_of(1) - frequency_of(0)) * CLOCK
         waveform = Waveform(
             start_frequency=frequency_of(start),
@@ -313,7 +246,7 @@ class _Image:
             num_samples=num_samples,
             num_chirps=len(starts),
             chirp_times=np.array(starts) / CLOCK,
-            frame_interval=(starts[-1] + self._chirp(shape, side)) / CLOCK,
+            frame_interval=(starts[-1] + self.chirp_cycles(shape, side)) / CLOCK,
             adc_delay=ADC_DELAY,
         )
         preset = bgt60tr13c()
@@ -337,7 +270,7 @@ class _Image:
     def _exact(self, ramps: Ramps, frame: int) -> Ramps:
         """Ramps in a frame of so many cycles; the waveform of the settings where these say as much."""
         try:
-            waveform = settings_of(self._registers).to_radar().waveform
+            waveform = settings_of(self).to_radar().waveform
         except ValueError:
             waveform = replace(ramps.radar.waveform, frame_interval=frame / CLOCK)
         return replace(ramps, radar=replace(ramps.radar, waveform=waveform))

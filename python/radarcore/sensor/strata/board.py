@@ -26,11 +26,11 @@ from radarcore.sensor.bgt60.registers import (
 )
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Lost, RawFrame, check_options
+from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame, check_options
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError, unpack_msb
-from radarcore.sensor.strata.stream import DAMAGED, REQUEST_TIMEOUT, RETRIES, Damage, DamageCount, Link
+from radarcore.sensor.strata.stream import DAMAGED, REQUEST_TIMEOUT, RETRIES, DamageCount, Link
 
 _Decoded = TypeVar("_Decoded")
 

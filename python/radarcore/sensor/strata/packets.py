@@ -51,12 +51,8 @@ class Kind(IntEnum):
 class Code(IntEnum):
     """Subject of a request, ``bRequest`` (Strata, platform requests)."""
 
-    MEMORY = 0x00
-    GPIO = 0x01
-    SPI = 0x05
     DATA = 0x0D
     COMPONENT = 0x20
-    MODULE = 0x21
     BOARD_INFO = 0x80
 
 
@@ -67,7 +63,6 @@ class Info(IntEnum):
     VERSION = 0x01
     UUID = 0x02
     EXTENDED_VERSION = 0x03
-    BOOTLOADER = 0x04
     STATUS = 0xFF
     """Status of the last request (``wIndex`` 1), on vendor USB only."""
 
@@ -87,27 +82,15 @@ class Component(IntEnum):
     COUNT = 0x0000
     AVIAN = 0x0103
     """BGT60TR13C and its relatives."""
-    ATR22 = 0x0104
-    LTR11 = 0x0105
 
 
 class Avian(IntEnum):
     """``wIndex`` of `Component.AVIAN`, instance 0: function << 8 | sub-interface << 4."""
 
-    RESET = 0x0000
-    INITIALIZE = 0x0100
-    DATA_INDEX = 0x0200
-    START = 0x0300
-    STOP = 0x0400
-    REGISTERS_CLEAR = 0x0010
     REGISTERS_SET = 0x0110
-    REGISTERS_MODIFY = 0x0210
     REGISTERS_WRITE_BURST = 0x0310
     REGISTERS_READ_BURST = 0x0410
-    REGISTERS_BATCH = 0x0510
-    PIN_RESET = 0x0120
     PIN_RESET_PULSE = 0x0520
-    PIN_IRQ = 0x0620
     EXECUTE = 0x0130
     SET_BITS = 0x0230
 

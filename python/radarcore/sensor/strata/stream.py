@@ -12,6 +12,7 @@ from time import monotonic
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
+from radarcore.sensor.interface import Damage
 from radarcore.sensor.strata.packets import (
     MAX_CONTROL_PAYLOAD,
     MAX_DATA_PACKET,
@@ -28,7 +29,7 @@ from radarcore.sensor.strata.packets import (
     encode_request,
     status_text,
 )
-from radarcore.sensor.transport import Stalled, Stream, VendorPort
+from radarcore.sensor.transport.stream import Stalled, Stream, VendorPort
 
 Packet = TypeVar("Packet")
 
@@ -62,23 +63,6 @@ _VENDOR_QUIET = 0.1
 
 _MOST_PACKETS = 4096
 """Packets kept while a request waits for its answer: several seconds of any frames."""
-
-
-@dataclass(frozen=True)
-class Damage:
-    """Bytes that a parser discarded.
-
-    Attributes
-    ----------
-    num_bytes : int
-    reason : str
-    status : int
-        `Status` for the other side, which says where the stream goes wrong; 0 for more bytes of the same damage.
-    """
-
-    num_bytes: int
-    reason: str
-    status: int = 0
 
 
 @dataclass
