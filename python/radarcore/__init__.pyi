@@ -65,9 +65,9 @@ from radarcore.scene.interferer import Interferer as Interferer
 from radarcore.scene.library import materials as materials
 from radarcore.scene.material import Material as Material
 from radarcore.scene.scene import Scene as Scene
+from radarcore.scenefile.load import Simulation as Simulation
 from radarcore.scenefile.load import load_radar as load_radar
 from radarcore.scenefile.load import load_scene as load_scene
-from radarcore.scenefile.simulation import Simulation as Simulation
 from radarcore.sensor import open_sensor as open_sensor
 from radarcore.simulate.beat import beat_signal as beat_signal
 from radarcore.simulate.cross_section import rcs as rcs

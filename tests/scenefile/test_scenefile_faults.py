@@ -55,7 +55,7 @@ FAULTS = {
     "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
     "kind": (
         shaped('{ kind = "spere", radius = 0.1 }'),
-        "body[0] 'a': kind: expected one of 'plate', 'disc', 'box', 'sphere', 'cylinder', 'capsule', 'dihedral', "
+        "body[0] 'a': kind: expected one of 'box', 'capsule', 'cylinder', 'dihedral', 'disc', 'plate', 'sphere', "
         "'trihedral', 'mesh', got 'spere'",
     ),
     "no kind": (
@@ -354,6 +354,18 @@ RADAR_FAULTS = {
     "receiver": (
         radar("receiver = { noise_figure = 3 }"),
         "radar: receiver: unknown key 'noise_figure'; did you mean 'noise_figure_db'?",
+    ),
+    "number of the receiver": (
+        radar("receiver = { noise_figure_db = -1 }"),
+        "radar: receiver.noise_figure_db: expected zero or a positive number [dB], got -1.0",
+    ),
+    "leakage": (
+        radar("receiver.leakage = { level_db = [-40, 1] }"),
+        "radar: receiver.leakage.level_db: expected at most 0 [dB], got ",
+    ),
+    "leakage of words": (
+        radar("receiver.leakage = { delay = 'x' }"),
+        "radar: receiver.leakage.delay: expected a number [s], got 'x'",
     ),
     "antennas": (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
     "syntax": ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),

@@ -22,8 +22,7 @@ from radarcore.processing.tracking.tracker import track
 from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
-from radarcore.scenefile.load import load_scene
-from radarcore.scenefile.simulation import Simulation
+from radarcore.scenefile.load import Simulation, load_scene
 from radarcore.simulate.schedule import frame_times
 
 if TYPE_CHECKING:

@@ -42,7 +42,7 @@ from radarcore.simulate.schedule import frame_times
 from radarcore.table import Table
 
 if TYPE_CHECKING:
-    from radarcore.scenefile.simulation import Simulation
+    from radarcore.scenefile.load import Simulation
     from radarcore.sensor.checks import Check
 
 _LENGTH = one_of_several()

@@ -16,7 +16,7 @@ from radarcore.cli.options import Count, Flag, Seconds, Source, Speed
 from radarcore.recording.recording import Recording
 
 if TYPE_CHECKING:
-    from radarcore.scenefile.simulation import Simulation
+    from radarcore.scenefile.load import Simulation
 
 _BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
 """Chip and protocol of the boards."""

@@ -13,10 +13,9 @@ from typing import Any
 from radarcore.dataset.files import renamed, toml_text
 from radarcore.output import write_text
 from radarcore.recording.frame import Frame
-from radarcore.scenefile.build.kept import Kept
-from radarcore.scenefile.build.simulation import simulation
+from radarcore.scenefile.build.cache import BuildCache
+from radarcore.scenefile.load import Simulation, simulation
 from radarcore.scenefile.read import tables_of
-from radarcore.scenefile.simulation import Simulation
 from radarcore.simulate.schedule import frame_times
 from radarcore.simulate.simulator import Simulator
 
@@ -59,7 +58,7 @@ class Sample:
     values: Mapping[str, Any]
     path: Path
     _tables: dict[str, Any]
-    _kept: Kept = field(default_factory=Kept)
+    _kept: BuildCache = field(default_factory=BuildCache)
 
     @property
     def text(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from radarcore.dataset.distributions import Choice, Distribution, Integers, distribution_of, is_distribution
-from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.read import located
 from radarcore.scenefile.tables import SceneTable
 
 KINDS = ("body", "point", "human", "arm", "interferer")

@@ -19,7 +19,7 @@ from radarcore.dataset.labels import Labels, dims_of
 from radarcore.dataset.variation import Variation
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import NUM_CODES, Frame, unit_of
-from radarcore.scenefile.build.errors import located
+from radarcore.scenefile.read import located
 
 FORMAT, VERSION = "radarcore dataset", 2
 

@@ -15,10 +15,9 @@ from radarcore.dataset.distributions import Choice, Distribution, Integers
 from radarcore.dataset.sample import Sample
 from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, shared
 from radarcore.radar.radar import Radar
-from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.build.kept import Kept
-from radarcore.scenefile.read import unit_at, values_of
-from radarcore.scenefile.simulation import Simulation
+from radarcore.scenefile.build.cache import BuildCache
+from radarcore.scenefile.load import Simulation
+from radarcore.scenefile.read import located, unit_at, values_of
 from radarcore.scenefile.tables import RunTable
 
 _SEED_PATH = "run.seed"
@@ -123,7 +122,7 @@ class Variation:
     body_names: tuple[str, ...]
     run: RunTable
     _tables: dict[str, Any]
-    _kept: Kept = field(default_factory=Kept)
+    _kept: BuildCache = field(default_factory=BuildCache)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Variation:
@@ -244,7 +243,7 @@ class _Trials:
     """Samples that are tried when a variation is loaded: one, and that with every end of every distribution."""
 
     def __init__(self, file: Path, tables: dict[str, Any], found: list[Found]) -> None:
-        self._file, self._tables, self._kept = file, tables, Kept()
+        self._file, self._tables, self._kept = file, tables, BuildCache()
         # All copies have the distributions of the first.
         self._found = [each for each in found if each.copy == 0]
         self._index = 0

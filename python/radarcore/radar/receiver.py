@@ -43,8 +43,8 @@ class Leakage:
     echo_phase_deg : float or sequence of float
         Its phase on top of that of the delay [degrees].
     step_db : float or sequence of float, optional
-        What is left, at the first sample, of the step as the transmitter turns on, behind the high-pass; over the power
-        of one transmitter [dB]. None: no step.
+        Step of turning the transmitter on, behind the high-pass at the first sample, over the power of one transmitter
+        [dB]. None: no step.
     step_phase_deg : float or sequence of float
         Its phase [degrees]: 180 for a real receiver that starts below its mean.
     step_time : float
@@ -205,8 +205,10 @@ class Receiver:
         frequency, also beyond the sampled band: the low-pass is the anti-alias filter. Noise passes the low-pass alone.
     high_pass_order, low_pass_order : int
         Orders of the filters; 6 dB per octave each.
-    iq_gain_db, iq_phase_deg : float, optional
-        Gain of Q over I [dB] and its phase error [degrees]; of I/Q receivers.
+    iq_gain_db : float, optional
+        Gain of Q over I [dB], of I/Q receivers.
+    iq_phase_deg : float, optional
+        Phase error of Q [degrees], of I/Q receivers.
     gain_db : float, optional
         From the receiver's input to that of the ADC, both at 50 ohm [dB].
     full_scale : float, optional

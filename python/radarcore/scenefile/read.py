@@ -6,13 +6,14 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from pydantic import ValidationError
 
 from radarcore import check
-from radarcore.scenefile.tables import SceneTable, Table
+from radarcore.scenefile.tables import RECORDS, SceneTable, Table, keys_of
 
 Location = tuple[str | int, ...]
 
@@ -69,9 +70,9 @@ def place(kind: str, index: int, name: object) -> str:
     return f"{kind}[{index}]" + (f" {name!r}" if isinstance(name, str) else "")
 
 
-def kind_of(table: type[Table]) -> str:
+def kind_of(table: type) -> str:
     """The `kind` that selects a table, or ""."""
-    field = table.model_fields.get("kind")
+    field = keys_of(table).get("kind")
     return "" if field is None else str(get_args(field.annotation)[0])
 
 
@@ -83,26 +84,59 @@ def unit_of(description: str | None) -> str:
 
 def unit_at(location: Location) -> str:
     """The unit of the key at a place of a file, or ""."""
-    return _key(location, is_unknown=False).unit
+    return _Place.of(location, None).unit
 
 
-def tables_in(annotation: Any) -> list[type[Table]]:
-    """Tables that a type is made of."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
+def tables_in(annotation: Any) -> list[type]:
+    """Tables and records that a type is made of."""
+    if isinstance(annotation, type) and (annotation in RECORDS or issubclass(annotation, Table)):
         return [annotation]
     return [table for part in get_args(annotation) for table in tables_in(part)]
 
 
-class _Key(NamedTuple):
-    """A place in a file."""
+class _Place(NamedTuple):
+    """What may be at a place of a file."""
 
-    path: Location
-    """Keys and indices, as the user wrote them."""
     unit: str
+    """Unit of the key."""
     known: list[str]
-    """Keys of the table that the last one is in."""
-    kinds: list[str]
-    """Kinds of table that may be there."""
+    """Keys of the table that the key is in."""
+    tables: list[type]
+    """Tables that the key may have."""
+
+    @classmethod
+    def of(cls, path: Location, values: object) -> _Place:
+        """A place of a file, whose values decide which of several tables is meant."""
+        unit = ""
+        holders: list[type] = [SceneTable]
+        tables = holders
+        for part in path:
+            if isinstance(part, str):
+                kind = values.get("kind") if isinstance(values, dict) else None
+                holders = [table for table in tables if kind is None or kind_of(table) == kind] or tables
+                keys = [keys_of(table)[part] for table in holders if part in keys_of(table)]
+                if keys:
+                    unit, tables = unit_of(keys[0].description), tables_in(keys[0].annotation)
+            values = _at(values, part)
+        return cls(unit, list(dict.fromkeys(name for table in holders for name in keys_of(table))), tables)
+
+
+def _at(values: object, part: str | int) -> object:
+    """An entry of a table or a list; None if there is none."""
+    if isinstance(values, dict):
+        return values.get(part)
+    return values[part] if isinstance(values, list) and isinstance(part, int) and part < len(values) else None
+
+
+def _path_of(location: Location, is_missing: bool, values: object) -> Location:
+    """Keys and indices of a pydantic location, which also has names of types: what the file itself does not have."""
+    path = list[str | int]()
+    for number, part in enumerate(location):
+        is_last = number == len(location) - 1
+        if _at(values, part) is not None or (is_missing and is_last):
+            path.append(part)
+            values = _at(values, part)
+    return tuple(path)
 
 
 class _Fault(NamedTuple):
@@ -115,6 +149,8 @@ class _Fault(NamedTuple):
     is_unknown_key: bool = False
     meant: Location | None = None
     """The key that an unknown one was probably meant to be."""
+    message: str = ""
+    """What a record of settings says about its own keys."""
 
 
 # Expected values by pydantic's types of errors.
@@ -139,7 +175,7 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
     """Lines of an error message, one per fault: place, expected, got."""
     faults: dict[Location, _Fault] = {}
     for details in error.errors(include_url=False):
-        fault = _fault(details)
+        fault = _fault(details, values)
         if (other := faults.get(fault.path)) is not None:  # a value of one of several types
             fault = fault._replace(expected=f"{other.expected} or {fault.expected}")
         faults[fault.path] = fault
@@ -150,34 +186,40 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
         # For a union of types the fault inside says more than that of the whole.
         if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
             unit = f" [{fault.unit}]" if fault.unit else ""
-            if fault.is_unknown_key:
+            if fault.message:
+                yield f"{_path_text(path, values)}.{fault.message}"
+            elif fault.is_unknown_key:
                 yield ": ".join(filter(None, [_path_text(path[:-1], values), fault.expected]))
             else:
                 yield f"{_path_text(path, values)}: expected {fault.expected}{unit}, got {fault.got}"
 
 
-def _fault(details: Any) -> _Fault:
+def _fault(details: Any, values: dict[str, Any]) -> _Fault:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
-    key = _key(details["loc"], is_unknown=kind == "extra_forbidden")
-    if kind == "extra_forbidden":
-        name = str(key.path[-1])
-        if name in DISTRIBUTIONS and len(key.path) > 1:
-            return _Fault(key.path[:-1], "a table", "", _DISTRIBUTION)
-        near = check.near(name, key.known)
-        meant = (*key.path[:-1], near[0]) if near else None
-        known = key.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
-        return _Fault(key.path, f"unknown key {unknown(name, known)}", "", "", is_unknown_key=True, meant=meant)
+    path = _path_of(details["loc"], kind == "missing", values)
+    at = _Place.of(path, values)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        name = str(path[-1])
+        if name in DISTRIBUTIONS and len(path) > 1:
+            return _Fault(path[:-1], "a table", "", _DISTRIBUTION)
+        near = check.near(name, at.known)
+        meant = (*path[:-1], near[0]) if near else None
+        known = at.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
+        return _Fault(path, f"unknown key {unknown(name, known)}", "", "", is_unknown_key=True, meant=meant)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.
         got = repr(context["tag"]) if "tag" in context else "none"
-        return _Fault((*key.path, "kind"), f"one of {', '.join(map(repr, key.kinds))}", "", got)
+        kinds = ", ".join(repr(kind_of(table)) for table in at.tables)
+        return _Fault((*path, "kind"), f"one of {kinds}", "", got)
+    if kind == "value_error":
+        return _Fault(path, "", "", "", message=str(context["error"]))
     if kind == "literal_error":
-        return _Fault(key.path, context["expected"], "", repr(value))
+        return _Fault(path, context["expected"], "", repr(value))
     if kind in ("too_long", "too_short"):
         number = context.get("max_length", context.get("min_length"))
-        return _Fault(key.path, f"{number} values", key.unit, str(context["actual_length"]))
+        return _Fault(path, f"{number} values", at.unit, str(context["actual_length"]))
     expected = _EXPECTED.get(kind, details["msg"][0].lower() + details["msg"][1:])
-    return _Fault(key.path, expected, key.unit, "none" if kind == "missing" else _value_text(value))
+    return _Fault(path, expected, at.unit, "none" if kind == "missing" else _value_text(value))
 
 
 def _value_text(value: object) -> str:
@@ -204,36 +246,15 @@ def _path_text(path: Location, values: dict[str, Any]) -> str:
     return ": ".join(filter(None, [head, tail]))
 
 
-def _key(location: Location, *, is_unknown: bool) -> _Key:
-    """Place of a pydantic location, which also holds names of types and kinds; the last one may be of no known key."""
-    tables: list[type[Table]] = [SceneTable]
-    holders, path, unit = tables, list[str | int](), ""
-    for number, part in enumerate(location):
-        is_key = is_unknown and number == len(location) - 1  # whatever else it is the name of
-        if isinstance(part, int):
-            path.append(part)
-            continue
-        fields = [table.model_fields[part] for table in tables if part in table.model_fields]
-        narrowed = [table for table in tables if part in (table.__name__, kind_of(table)) and not is_key]
-        if is_key or fields or not (narrowed or part in _TYPES):
-            holders = tables
-            path.append(part)
-            unit = unit_of(fields[0].description) if fields else ""
-            tables = tables_in(fields[0].annotation) if fields else []
-        elif narrowed:
-            tables = narrowed
-    known = dict.fromkeys(name for table in holders for name in table.model_fields)
-    return _Key(tuple(path), unit, list(known), [kind_of(table) for table in tables])
-
-
-# Types that pydantic puts into locations besides keys.
-_TYPES = (
-    "str",
-    "int",
-    "float",
-    "list[list[float]]",
-    "tuple[int, int]",
-    "tuple[float, float]",
-    "tuple[float, float, float]",
-    "literal['vertical','horizontal']",
-)
+@contextmanager
+def located(prefix: str) -> Iterator[None]:
+    """Put a place in the file in front of the messages of errors."""
+    try:
+        yield
+    except OSError as error:
+        text = str(error) if error.filename is None else f"{error.strerror}: {error.filename}"
+        raise type(error)(prefix + check.printable(text)) from error
+    except (ValueError, TypeError, KeyError, ImportError) as error:
+        text = str(error.args[0]) if isinstance(error, KeyError) else str(error)
+        kind = ImportError if isinstance(error, ImportError) else ValueError
+        raise kind(prefix + check.printable(" ".join(text.split()))) from error

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from radarcore.scenefile.read import kind_of, tables_in
-from radarcore.scenefile.tables import SceneTable, Table
+from radarcore.scenefile.tables import RECORDS, SceneTable, keys_of
 
 
 def text() -> str:
@@ -20,12 +20,18 @@ def text() -> str:
 
 def json_schema() -> dict[str, Any]:
     """The JSON schema of scene files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneTable.model_json_schema()}
+    found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneTable.model_json_schema()}
+    for record in RECORDS:
+        described = found["$defs"][record.__name__]
+        described["description"] = _first_line(record)
+        for name, key in keys_of(record).items():
+            described["properties"][name]["description"] = key.description
+    return found
 
 
-def _lines(table: type[Table], prefix: str) -> Iterator[str]:
+def _lines(table: type, prefix: str) -> Iterator[str]:
     """Lines of a table and of the tables in it."""
-    for name, field in table.model_fields.items():
+    for name, field in keys_of(table).items():
         if name == "kind":
             continue
         inner = tables_in(field.annotation)
@@ -54,6 +60,6 @@ def _choices(annotation: Any) -> str:
     return f" ({' | '.join(json.dumps(word) for word in dict.fromkeys(words))})" if words else ""
 
 
-def _first_line(table: type[Table]) -> str:
+def _first_line(table: type) -> str:
     first = (table.__doc__ or "").strip().splitlines()[0].rstrip(".")
     return first[0].lower() + first[1:]

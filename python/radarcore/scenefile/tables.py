@@ -5,12 +5,29 @@ Numbers are checked by the classes and functions that take them.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+import re
+from dataclasses import MISSING, fields
+from functools import reduce
+from inspect import Parameter, getdoc, signature
+from operator import or_
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, create_model
+from pydantic.fields import FieldInfo
+
+from radarcore.geometry import shapes
+from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+
+_STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+RECORDS = (Receiver, Leakage, AdcErrors)
+"""Records of settings that are tables as they are: their fields are the keys."""
+
+for _record in RECORDS:
+    _record.__pydantic_config__ = _STRICT  # type: ignore[union-attr]  # how pydantic knows that they are strict
 
 
 def _key(default: Any = ..., unit: str = "", text: str = "") -> Any:
@@ -21,7 +38,43 @@ def _key(default: Any = ..., unit: str = "", text: str = "") -> Any:
 class Table(BaseModel):
     """A table: no unknown keys, no text where a number is meant."""
 
-    model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config: ClassVar[ConfigDict] = _STRICT
+
+
+def keys_of(table: Any) -> dict[str, FieldInfo]:
+    """Keys of a table or a record, with their types, defaults and meanings."""
+    if table not in RECORDS:
+        keys: dict[str, FieldInfo] = table.model_fields
+        return keys
+    hints, texts = get_type_hints(table), parameter_texts(table)
+    keys = {}
+    for each in fields(table):
+        default = ... if each.default is MISSING else each.default
+        keys[each.name] = FieldInfo(annotation=hints[each.name], default=default, description=texts[each.name])
+    return keys
+
+
+def parameter_texts(documented: Any) -> dict[str, str]:
+    """First sentence about every parameter in a docstring, with its unit at the end."""
+    section = (getdoc(documented) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
+    texts: dict[str, str] = {}
+    for names, text in re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?)+)", section, re.MULTILINE):
+        sentence = re.split(r"[.:;] |\.$", " ".join(text.split()))[0]
+        unit = re.search(r" \[[^\]]+\]", sentence)
+        sentence = sentence[0].lower() + sentence[1:]
+        texts |= dict.fromkeys(names.split(", "), sentence.replace(unit[0], "") + unit[0] if unit else sentence)
+    return texts
+
+
+def _shape_table(kind: str) -> type[Table]:
+    """Table of a shape: its keys are the parameters of the function."""
+    make = getattr(shapes, kind)
+    hints, texts = get_type_hints(make) | {"size": Vector}, parameter_texts(make)
+    keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
+    for name, parameter in signature(make).parameters.items():
+        default = ... if parameter.default is Parameter.empty else parameter.default
+        keys[name] = (hints[name], Field(default, description=texts[name]))
+    return create_model(f"{kind.title()}Table", __base__=Table, __doc__=getdoc(make), **keys)
 
 
 class PoseTable(Table):
@@ -98,68 +151,6 @@ class SensorTable(PlacedTable):
     )
 
 
-class PlateTable(Table):
-    """A rectangle that faces -x."""
-
-    kind: Literal["plate"]
-    width: float = _key(..., "m", "along y")
-    height: float = _key(..., "m", "along z")
-
-
-class DiscTable(Table):
-    """A disc that faces -x."""
-
-    kind: Literal["disc"]
-    radius: float = _key(..., "m", "radius")
-
-
-class BoxTable(Table):
-    """A box."""
-
-    kind: Literal["box"]
-    size: Vector = _key(..., "m", "edges along x, y, z")
-
-
-class SphereTable(Table):
-    """A sphere."""
-
-    kind: Literal["sphere"]
-    radius: float = _key(..., "m", "radius")
-
-
-class CylinderTable(Table):
-    """A cylinder along z."""
-
-    kind: Literal["cylinder"]
-    radius: float = _key(..., "m", "radius")
-    length: float = _key(..., "m", "along z")
-    caps: bool = _key(True, "", "closed at both ends")
-
-
-class CapsuleTable(Table):
-    """A cylinder along z with half-spheres at its ends."""
-
-    kind: Literal["capsule"]
-    radius: float = _key(..., "m", "radius")
-    length: float = _key(..., "m", "along z, half-spheres included")
-
-
-class DihedralTable(Table):
-    """Two plates at a right angle, open towards -x."""
-
-    kind: Literal["dihedral"]
-    width: float = _key(..., "m", "edge of each plate across the fold")
-    height: float | None = _key(None, "m", "along the fold; default: width")
-
-
-class TrihedralTable(Table):
-    """A corner reflector, open towards -x."""
-
-    kind: Literal["trihedral"]
-    leg: float = _key(..., "m", "edges that meet in the corner")
-    shape: Literal["triangular", "square"] = _key("triangular", "", "of the three plates")
-
-
 class MeshTable(Table):
     """A mesh file."""
 
@@ -170,17 +161,9 @@ class MeshTable(Table):
     shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of the curved surface, or of facets")
 
 
-ShapeTable = (
-    PlateTable
-    | DiscTable
-    | BoxTable
-    | SphereTable
-    | CylinderTable
-    | CapsuleTable
-    | DihedralTable
-    | TrihedralTable
-    | MeshTable
-)
+SHAPES = tuple(_shape_table(kind) for kind in shapes.__all__)
+ShapeTable: Any = reduce(or_, (*SHAPES, MeshTable))
+"""A shape of `radarcore.shapes`, or a mesh file."""
 
 
 class MaterialTable(Table):
@@ -316,56 +299,6 @@ class PatternTable(Table):
     )
 
 
-class LeakageTable(Table):
-    """Leakage from the transmitters into the receivers; numbers for all receivers, or lists with one of each."""
-
-    level_db: float | list[float] | None = _key(None, "dB", "over the power of a transmitter; default: no tone")
-    delay: float = _key(0.0, "s", "delay")
-    phase_deg: float | list[float] = _key(0.0, "degrees", "on top of that of the delay")
-    echo_db: float | list[float] | None = _key(None, "dB", "second tone, off a cover or the board; default: none")
-    echo_delay: float = _key(0.0, "s", "delay of the second tone")
-    echo_phase_deg: float | list[float] = _key(0.0, "degrees", "of the second tone, as phase_deg")
-    step_db: float | list[float] | None = _key(None, "dB", "step of turning on at the first sample; default: none")
-    step_phase_deg: float | list[float] = _key(0.0, "degrees", "of the step")
-    step_time: float = _key(2e-6, "s", "in which the step falls to 1/e")
-
-
-class AdcErrorsTable(Table):
-    """Errors of an ADC, in its steps, and noise of its start in every chirp."""
-
-    noise_lsb: float | None = _key(None, "", "deviation of its noise; default: none")
-    chirp_offset_lsb: float | list[float] | None = _key(None, "", "deviation of offsets of chirps; default: none")
-    segment_offset_lsb: float | None = _key(
-        None, "", "deviation of offsets of chirps and sixteenths of the codes; default: none"
-    )
-    odd_width: float | None = _key(None, "", "width of odd codes; default: 1")
-    turn_on_db: float | None = _key(None, "dB", "noise at the start of chirps over thermal noise; default: none")
-    turn_on_time: float = _key(2e-6, "s", "in which that falls to 1/e")
-
-
-class ReceiverTable(Table):
-    """Receiver."""
-
-    output: Literal["iq", "real"] = _key("iq", "", "complex samples, or their real part")
-    noise_figure_db: float | None = _key(None, "dB", "noise figure at 290 K; default: no noise")
-    phase_noise: list[tuple[float, float]] | None = _key(
-        None, "", "of the oscillator: pairs of offset [Hz] and level [dBc/Hz]; default: none"
-    )
-    leakage: LeakageTable | None = _key(None, "", "from the transmitters; default: none")
-    rx_phase_deg: list[float] | None = _key(None, "degrees", "phase of every receiver; default: zero")
-    high_pass: float | None = _key(None, "Hz", "of the baseband, at -3 dB; default: none")
-    high_pass_order: int = _key(1, "", "of the high-pass, 6 dB per octave each")
-    low_pass: float | None = _key(None, "Hz", "anti-alias filter, at -3 dB; default: none")
-    low_pass_order: int = _key(4, "", "of the low-pass, 6 dB per octave each")
-    iq_gain_db: float | None = _key(None, "dB", "gain of Q over I; default: balanced")
-    iq_phase_deg: float | None = _key(None, "degrees", "phase error of Q; default: balanced")
-    gain_db: float | None = _key(None, "dB", "from the receiver's input to the ADC; default: 0")
-    full_scale: float | None = _key(None, "V", "voltage of a sample of 1; default: samples in sqrt(W)")
-    dc_offset: float | list[float] | None = _key(None, "", "added to samples, in their unit; default: none")
-    adc_bits: int | None = _key(None, "", "bits of the ADC; default: not rounded")
-    adc_errors: AdcErrorsTable | None = _key(None, "", "of the ADC, and noise of its start; default: none")
-
-
 class TdmTable(Table):
     """Transmitters in turn."""
 
@@ -440,7 +373,7 @@ class RadarTable(Table):
     pattern: PatternTable | None = _key(None, "", "of every antenna; default: isotropic, or the preset's")
     tx_patterns: list[PatternTable] | None = _key(None, "", "of every transmit antenna by itself; default: pattern")
     rx_patterns: list[PatternTable] | None = _key(None, "", "of every receive antenna by itself; default: pattern")
-    receiver: ReceiverTable | None = _key(None, "", "default: I/Q without noise, or the preset's")
+    receiver: Receiver | None = _key(None, "", "default: I/Q without noise, or the preset's")
     measured_receiver: bool = _key(False, "", "the receiver of the preset as it was measured, of a BGT60TR13C")
     if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from radarcore import check
 from radarcore.recording.recording import Recording
-from radarcore.scenefile.simulation import Simulation
+from radarcore.scenefile.load import Simulation
 from radarcore.sensor.emulator.chip import PACE_TIME, Chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults

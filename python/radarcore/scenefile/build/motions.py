@@ -17,8 +17,7 @@ from radarcore.motion.attached import Attached
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion
 from radarcore.motion.trajectory import Trajectory
-from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.read import unknown
+from radarcore.scenefile.read import located, unknown
 from radarcore.scenefile.tables import (
     ArmTable,
     BagMotionTable,

@@ -12,12 +12,11 @@ from radarcore import check
 from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
-from radarcore.scenefile.build.errors import located
-from radarcore.scenefile.build.kept import Kept
-from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, ReceiverTable, SteeredTable, TdmTable
+from radarcore.scenefile.build.cache import BuildCache
+from radarcore.scenefile.read import located
+from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, SteeredTable, TdmTable
 
 _WAVEFORM_KEYS = (
     "start_frequency",
@@ -34,7 +33,7 @@ _WAVEFORM_KEYS = (
 _WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
 
 
-def radar_of(table: RadarTable, directory: Path, kept: Kept) -> Radar:
+def radar_of(table: RadarTable, directory: Path, kept: BuildCache) -> Radar:
     """The radar of a table, made once; files of patterns are relative to the directory."""
     return kept.of(("radar", table.model_dump_json()), lambda: _radar(table, directory))
 
@@ -55,8 +54,7 @@ def _radar(table: RadarTable, directory: Path) -> Radar:
                 with located(f"{name}[{k}]."):
                     others[name].append(_pattern(entry, directory))
     if table.receiver is not None:
-        with located("receiver."):
-            others["receiver"] = _receiver(table.receiver)
+        others["receiver"] = table.receiver
     measured = _measured(table)
     if table.schedule is not None:
         with located("schedule."):
@@ -109,15 +107,6 @@ def _measured(table: RadarTable) -> dict[str, Any]:
     if table.receiver is not None:
         raise ValueError("measured_receiver: expected false where there is a table of the receiver, got true")
     return {"receiver": "measured", "if_gain_db": table.if_gain_db}
-
-
-def _receiver(table: ReceiverTable) -> Receiver:
-    values = table.model_dump()
-    for name, kind in (("leakage", Leakage), ("adc_errors", AdcErrors)):
-        if values[name] is not None:
-            with located(f"{name}."):
-                values[name] = kind(**values[name])
-    return Receiver(**values)
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:

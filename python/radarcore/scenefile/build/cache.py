@@ -1,4 +1,4 @@
-"""Parts that several scenes of one file share: radars, meshes, arms and their lines, made once."""
+"""Cache of what several scenes of one file share: radars, meshes, arms and their lines."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 _Made = TypeVar("_Made")
 
 _MOST = 256
-"""Things that are kept; the one that was not used for longest goes first."""
+"""Largest number of objects; the least recently used one goes first."""
 
 
-class Kept:
-    """Radars, meshes and arms by the tables that describe them; those of files as they were when first read."""
+class BuildCache:
+    """Radars, meshes and arms by the tables that describe them; files are read once."""
 
     def __init__(self) -> None:
         self._made: OrderedDict[Hashable, Any] = OrderedDict()
@@ -28,6 +28,6 @@ class Kept:
         found: _Made = self._made[key]
         return found
 
-    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
+    def __reduce__(self) -> tuple[type[BuildCache], tuple[()]]:
         """Another process makes its own."""
-        return Kept, ()
+        return BuildCache, ()
