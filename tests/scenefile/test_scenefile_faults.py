@@ -361,7 +361,7 @@ RADAR_FAULTS = {
     ),
     "leakage": (
         radar("receiver.leakage = { level_db = [-40, 1] }"),
-        "radar: receiver.leakage.level_db: expected at most 0 [dB], got ",
+        "radar: receiver.leakage.level_db[1]: expected at most 0 [dB], got 1",
     ),
     "leakage of words": (
         radar("receiver.leakage = { delay = 'x' }"),
