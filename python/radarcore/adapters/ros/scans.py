@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.adapters.depth import unpacked
 from radarcore.adapters.ros.messages import Types, checked_frame_id, header, header_nanoseconds, make, seconds
-from radarcore.processing.detection.point_cloud import Detections, detections_of_rows
+from radarcore.processing.detection.point_cloud import Detections
 
 _FIELDS = ("x", "y", "z", "velocity", "intensity")
 """Columns of a point cloud, float32 each."""
@@ -210,7 +210,8 @@ def _detections(columns: NDArray[np.float64], message: Any, approaching_positive
     kept = columns[:, np.isfinite(columns[0])]
     kept = kept[:, np.argsort(kept[0], kind="stable")]
     time = 0.0 if time_ns is None else seconds(time_ns, start_ns)
-    return detections_of_rows(kept, np.full((kept.shape[1], 4, 4), np.nan), time)
+    distance, velocity, azimuth, elevation, snr_db = kept
+    return Detections(distance, velocity, azimuth, elevation, snr_db, time=time)
 
 
 def _first(entry: Any, *names: str) -> Any:

@@ -3,54 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from math import isfinite, isnan, sqrt
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core, check
+from radarcore import _core
 from radarcore.processing.angles.directions import waves_of
 from radarcore.processing.clutter.static import remove_mean
-from radarcore.processing.detection.cfar import METHODS, checked_rate, per_axis
-from radarcore.processing.detection.map import (
-    LEAST_GAIN,
-    MAIN_LOBE,
-    Layout,
-    MapTest,
-    envelope,
-    envelope_at,
-    layout_of,
-    map_test,
-)
-from radarcore.processing.detection.point_cloud import Detections, detections_of_rows
+from radarcore.processing.detection.map import LEAST_GAIN, MAIN_LOBE, DetectionSettings, Layout, prepared, sidelobes
+from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.detection.tone import Fit, fit, refit_near
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
 from radarcore.processing.spectra.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
-from radarcore.processing.spectra.spectra import fast_spectrum, transformed
+from radarcore.processing.spectra.spectra import both_windows, fast_spectrum, transformed
 from radarcore.processing.spectra.windows import Window
 from radarcore.products import real_inner
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform, require_range
+from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame
-
-_TRAINING_2D, _TRAINING_1D = 8, 16
-"""Training cells on each side: some hundred of a map, so that the threshold hardly scatters, and as many of a profile
-as are still near."""
-
-_HIGHEST_RATE = 0.01
-"""Local maxima are about one in ten cells of noise: higher rates than a tenth of that are no detections."""
 
 _OFF_PEAK = 0.1
 """Error of the parabola through three cells, in noise [cells]."""
-
-_FEW = 16
-"""Maxima up to which they are worked out one by one."""
-
-_BLOCK = 64
-"""Maxima whose sidelobes are worked out at a time."""
 
 _LARGEST_NOISE = 20.0
 """Powers above that many medians are echoes rather than noise."""
@@ -79,9 +54,9 @@ def detect(
     off, by the window's own sidelobes, widened by what a fast target crosses in a frame. Maxima on the main lobe of a
     stronger echo fall to the same rule.
 
-    Noise in neighbouring cells of a windowed transform is correlated (Hann: -2/3 in amplitude). Training cells
-    therefore count for fewer, and cells above the threshold often stand together; both are reckoned with, so that
-    `false_alarm_rate` is that of detections, per cell.
+    Noise in neighbouring cells of a windowed transform is correlated, so training cells count for fewer. The threshold
+    is at most 0.3 dB higher than necessary for `false_alarm_rate` (0.6 dB for "os" in a profile): detections of noise
+    are as frequent as set, or a little rarer, because neighbours of a local maximum are no detections of their own.
 
     Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
     channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
@@ -108,17 +83,16 @@ def detect(
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
         in a profile without velocities 16.
     subtract_mean : bool
-        Take off the mean of the chirps, for a radar that stands still; the function `remove_static` is for one that
-        moves. What the noise then lacks at low velocities is reckoned with; targets that move less than about one
-        velocity bin are lost.
+        Subtract the mean of the chirps, for a radar at rest; the function `remove_static` is for one that moves. The
+        threshold takes the missing noise at low velocities into account. Targets slower than about one velocity bin
+        are lost.
     window, doppler_window : str, tuple or None
         Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
     min_range, max_range : float, optional
         Limits of the range [m]. Default: all but two range bins next to the radar (and, for real samples, the last),
         where it hears itself; they do not train either.
     dynamic_range_db : float
-        What is weaker by more than that than the strongest is not reported: receivers and simulations are not more
-        exact [dB].
+        Detections more than this below the strongest are discarded [dB]: receivers and simulations are not more exact.
 
     Returns
     -------
@@ -153,6 +127,18 @@ def detect(
     ([1.5], [-0.5])
     """
     # Check all arguments before any work.
+    settings = DetectionSettings(
+        false_alarm_rate=false_alarm_rate,
+        method=method,
+        guard=guard,  # type: ignore[arg-type]  # made a pair
+        training=training,  # type: ignore[arg-type]  # likewise
+        subtract_mean=subtract_mean,
+        window=window,
+        doppler_window=doppler_window,
+        min_range=min_range,
+        max_range=max_range,
+        dynamic_range_db=dynamic_range_db,
+    )
     require_one_frame("frame", frame)
     cube, radar = cube_and_radar(frame, radar)
     require_transmitters_apart(frame, radar)
@@ -171,24 +157,11 @@ def detect(
         raise ValueError(
             f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
         )
-    search = _search(
-        radar,
-        samples.dtype.kind == "c",
-        false_alarm_rate,
-        method,
-        guard,
-        training,
-        subtract_mean,
-        window,
-        doppler_window,
-        min_range,
-        max_range,
-        dynamic_range_db,
-    )
+    search = prepared(radar, samples.dtype.kind == "c", settings)
     layout, test = search.layout, search.test
 
     # Power over velocity and range; the noise is the same in all cells.
-    cells, power = _map(samples, wf, layout, window, subtract_mean)
+    cells, power = _map(samples, wf, layout, settings)
 
     # Cells above the threshold of their surroundings that no neighbour exceeds.
     first, last = search.columns
@@ -204,7 +177,8 @@ def detect(
     least = np.maximum(least, test.factor[rows, columns] * noise_floor)
     cell = np.array([rows, columns + first]).T
     offset, height = _core.between_cells(doubles, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
-    kept = _without_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout, search.least_part)
+    least = np.maximum(least, height.max() * 10.0 ** (-0.1 * dynamic_range_db))
+    kept = _above_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout)
     if len(kept) == 0:
         return _none(time)
 
@@ -239,116 +213,38 @@ def detect(
     # By range, within the limits.
     distance = range_ if layout.has_range else np.full(len(rows), np.nan)
     order = np.lexsort((velocity, distance))
-    if search.has_limits:
-        order = order[(distance[order] >= search.lowest) & (distance[order] <= search.highest)]
-    found = np.array([distance, velocity, seen.azimuth, seen.elevation, 10.0 * np.log10(in_cell)])
-    return detections_of_rows(found[:, order], covariance[order], time, seen.is_resolved[order], seen.ambiguous_beyond)
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """Checked arguments of `detect`, and what follows from them."""
-
-    layout: Layout
-    columns: tuple[int, int]
-    """First and last (exclusive) to be searched."""
-    test: MapTest
-    lowest: float
-    highest: float
-    """Limits of the range [m]."""
-    least_part: float
-    """Power of the weakest echo that is reported, over that of the strongest."""
-
-    @cached_property
-    def has_limits(self) -> bool:
-        """True if there are ranges that are not reported."""
-        return self.layout.has_range and (self.lowest > -np.inf or self.highest < np.inf)
-
-
-def _search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
-    """Search of a radar, kept for the next frame but of arguments that may have no hash, or that of others."""
-    return (_kept_search if _PLAIN.issuperset(map(type, arguments)) else _new_search)(radar, is_iq, *arguments)
-
-
-_PLAIN = {bool, int, float, str, type(None)}
-"""Types of arguments that are equal only if they mean the same, given equal types."""
-
-
-@lru_cache(maxsize=16, typed=True)
-def _kept_search(radar: Radar, is_iq: bool, *arguments: Any) -> _Search:
-    return _new_search(radar, is_iq, *arguments)
-
-
-def _new_search(
-    radar: Radar,
-    is_iq: bool,
-    false_alarm_rate: float,
-    method: str,
-    guard: int | Sequence[int],
-    training: int | Sequence[int] | None,
-    subtract_mean: bool,
-    window: Window,
-    doppler_window: Window,
-    min_range: float | None,
-    max_range: float | None,
-    dynamic_range_db: float,
-) -> _Search:
-    rate = checked_rate(false_alarm_rate)
-    if rate > _HIGHEST_RATE:
-        raise ValueError(f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {rate:g}")
-    check.choice("method", method, METHODS)
-    lowest, highest = _limits(radar.waveform, min_range, max_range)
-    dynamic_range = check.positive("dynamic_range_db", dynamic_range_db, "dB")
-    guards = _pair("guard", guard)
-    trainings = None if training is None else _pair("training", training)
-    if trainings is not None and not any(trainings):
-        raise ValueError(f"training: expected at least one cell on a side, got {training!r}")
-    if subtract_mean and radar.waveform.num_chirps < 2:
-        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
-    layout = layout_of(radar, window, doppler_window, subtract_mean, is_iq)
-    if trainings is None:
-        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
-    first, last = layout.searched(lowest)
-    shape = layout.num_rows, last - first
-    test = map_test(shape, layout.windows, guards, trainings, rate, method, layout.num_looks)
-    return _Search(layout, (first, last), test, lowest, highest, 10.0 ** (-0.1 * dynamic_range))
-
-
-def _pair(name: str, value: int | Sequence[int]) -> tuple[int, int]:
-    """Counts for rows and columns."""
-    row, column = per_axis(name, value, 2, 0)
-    return row, column
-
-
-def _limits(wf: Waveform, min_range: float | None, max_range: float | None) -> tuple[float, float]:
-    lowest = -np.inf if min_range is None else check.non_negative("min_range", min_range, "m")
-    highest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
-    if highest < lowest:
-        raise ValueError(f"max_range: expected at least min_range = {lowest:g} m, got {highest:g}")
-    if min_range is not None or max_range is not None:
-        require_range(wf)
-    return lowest, highest
+    if min_range is not None:
+        order = order[distance[order] >= min_range]
+    if max_range is not None:
+        order = order[distance[order] <= max_range]
+    return Detections(
+        distance[order],
+        velocity[order],
+        seen.azimuth[order],
+        seen.elevation[order],
+        10.0 * np.log10(in_cell[order]),
+        covariance[order],
+        time,
+        seen.is_resolved[order],
+        seen.ambiguous_beyond,
+    )
 
 
 def _map(
-    samples: NDArray[Any],
-    wf: Waveform,
-    layout: Layout,
-    window: Window,
-    subtract_mean: bool,
+    samples: NDArray[Any], wf: Waveform, layout: Layout, settings: DetectionSettings
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
-    moving = remove_mean(samples) if subtract_mean else samples
+    moving = remove_mean(samples) if settings.subtract_mean else samples
     if layout.has_velocity:
-        windowed = moving * layout.both_windows(moving.real.dtype)
+        windowed = moving * both_windows(layout.fast, layout.slow, len(layout.slow), moving.real.dtype)
         cells = transformed(windowed, wf, wf.num_samples, wf.num_chirps)
     else:
-        profiles = fast_spectrum(moving, wf, window=window, num_bins=None)
+        profiles = fast_spectrum(moving, wf, window=settings.window, num_bins=None)
         cells = profiles.reshape(-1, 1, profiles.shape[-1])
     cells = cells[..., : layout.num_columns]
     squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
     power = squares[:, ::2] + squares[:, 1::2]
-    if subtract_mean and layout.has_velocity:
+    if settings.subtract_mean and layout.has_velocity:
         power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
         for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
@@ -382,91 +278,41 @@ def _local_maxima(
     return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
 
 
-def _without_sidelobes(
+def _above_sidelobes(
     peaks: NDArray[np.float64],
     height: NDArray[np.float64],
     cell: NDArray[Any],
     threshold: NDArray[Any],
     layout: Layout,
-    least_part: float,
 ) -> NDArray[np.intp]:
-    """Maxima that are above their thresholds by more than the sidelobes of all stronger ones, the strongest first.
+    """Maxima above their thresholds after subtraction of the sidelobes of all stronger ones, the strongest first.
 
-    `peaks` are their rows and columns (axis, peak); none is below `least_part` of the highest.
+    `peaks` are the rows and columns of the maxima (axis, peak), `height` their powers, and `cell` those of their cells.
     """
-    without = _few_without_sidelobes if len(height) <= _FEW else _many_without_sidelobes
-    return np.array(without(peaks, height, cell, threshold, layout, least_part), dtype=np.intp)
-
-
-def _few_without_sidelobes(
-    peaks: NDArray[np.float64],
-    height: NDArray[np.float64],
-    cell: NDArray[Any],
-    threshold: NDArray[Any],
-    layout: Layout,
-    least_part: float,
-) -> list[int]:
-    """`_without_sidelobes` one by one, in less time than arrays of a few take to make."""
-    (rows, columns), heights = peaks.tolist(), height.tolist()
-    weakest = max(heights) * least_part
-    margins = [
-        sqrt(power) - sqrt(max(least, weakest)) for power, least in zip(cell.tolist(), threshold.tolist(), strict=True)
-    ]
-    kept: list[int] = []
-    for this in sorted((k for k, margin in enumerate(margins) if margin > 0.0), key=lambda k: -heights[k]):
-        leaked = 0.0
-        for other in kept:
-            apart_rows, apart_columns = abs(round(rows[this]) - rows[other]), abs(round(columns[this]) - columns[other])
-            apart_rows = min(apart_rows, layout.num_rows - apart_rows)
-            if layout.is_iq:
-                apart_columns = min(apart_columns, layout.num_columns - apart_columns)
-            speed = abs(rows[other] - layout.num_rows // 2)
-            near = _OFF_PEAK + 0.5 * layout.smear * min(speed, layout.num_rows - speed)
-            lobe = sqrt(heights[other]) * envelope_at(layout.windows[0], max(apart_rows - near, 0.0))
-            if layout.has_range:
-                lobe *= envelope_at(layout.windows[1], max(apart_columns - near, 0.0))
-            leaked += lobe
-        if leaked < margins[this]:
-            kept.append(this)
-    return kept
-
-
-def _many_without_sidelobes(
-    peaks: NDArray[np.float64],
-    height: NDArray[np.float64],
-    cell: NDArray[Any],
-    threshold: NDArray[Any],
-    layout: Layout,
-    least_part: float,
-) -> list[int]:
-    """`_without_sidelobes` in blocks."""
-    least = np.sqrt(np.maximum(threshold, height.max() * least_part))
-    margin = np.sqrt(cell.astype(np.float64)) - least
+    margin = np.sqrt(cell.astype(np.float64)) - np.sqrt(threshold)
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
-    cell_of = np.rint(peaks)
+    cell_rows, cell_columns = np.rint(peaks)
     # The distance that a target crosses in a frame widens its lobes along both axes alike.
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
-    near = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
+    widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
     amplitude = np.sqrt(height[order])
     leaked = np.zeros(len(order))
     kept = []
-    for first in range(0, len(order), _BLOCK):
-        some = slice(first, first + _BLOCK)
-        rows, columns = apart = np.abs(cell_of[:, None, first:] - peaks[:, some, None])
-        np.minimum(rows, layout.num_rows - rows, out=rows)
+    for index, (row, column) in enumerate(peaks.T):
+        if leaked[index] >= margin[index]:
+            continue
+        kept.append(index)
+        rows, columns = np.abs(cell_rows - row), np.abs(cell_columns - column)
+        rows = np.minimum(rows, layout.num_rows - rows)
         if layout.is_iq:
-            np.minimum(columns, layout.num_columns - columns, out=columns)
-        rows, columns = np.maximum(apart - near[some, None], 0.0)
-        lobes = amplitude[some, None] * envelope(layout.windows[0], rows)
+            columns = np.minimum(columns, layout.num_columns - columns)
+        lobes = amplitude[index] * sidelobes(layout.envelopes[0], np.maximum(rows - widened[index], 0.0))
         if layout.has_range:
-            lobes *= envelope(layout.windows[1], columns)
-        for index, lobe in enumerate(lobes, first):
-            if leaked[index] < margin[index]:
-                kept.append(index)
-                leaked[first:] += lobe
-    return order[kept].tolist() if kept else []
+            lobes *= sidelobes(layout.envelopes[1], np.maximum(columns - widened[index], 0.0))
+        leaked += lobes
+    return np.asarray(order[kept])
 
 
 def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:

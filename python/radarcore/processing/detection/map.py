@@ -1,8 +1,8 @@
-"""Layout of a map of ranges and velocities: windows, cells, and what follows from them for every frame."""
+"""The map of ranges and velocities that `detect` searches: its settings, its cells and the test of each cell."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -10,25 +10,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core
+from radarcore import _core, check
 from radarcore.processing.detection.cfar import (
     DEFAULT_RANK,
+    METHODS,
     averaging_factor,
+    checked_rate,
     ordered_factor,
+    per_axis,
     require_training,
     scaled_ranks,
     tabulated,
     training_counts,
     training_sums,
 )
-from radarcore.processing.detection.correlated_noise import cell_rate, independent_part, independent_part_below
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
 from radarcore.processing.spectra.noise import rounding_per_energy
-from radarcore.processing.spectra.spectra import both_windows
-from radarcore.processing.spectra.windows import Window, centred_window, window_centre, window_weights
-from radarcore.products import product
+from radarcore.processing.spectra.windows import (
+    Window,
+    centred_window,
+    hashable,
+    independent_share,
+    window_centre,
+    window_weights,
+)
 from radarcore.radar.radar import Radar
-from radarcore.radar.waveform import Waveform
+from radarcore.radar.waveform import Waveform, require_range
+from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 LEAST_GAIN = 0.05
@@ -37,6 +45,82 @@ LEAST_GAIN = 0.05
 MAIN_LOBE = 2
 """Cells from the middle of an echo to the first zero of the Hann window's main lobe: where leakage from the transmitter
 is, and what a cell must be guarded from."""
+
+
+_TRAINING_2D, _TRAINING_1D = 8, 16
+"""Training cells on each side: several hundred of a map, so that the threshold hardly scatters, and of a profile the
+near ones."""
+
+_HIGHEST_RATE = 0.01
+"""Largest false-alarm rate: about one in ten cells of noise is a local maximum."""
+
+
+@sealed
+@dataclass(kw_only=True, unsafe_hash=True)
+class DetectionSettings:
+    """Settings of `detect`, checked."""
+
+    false_alarm_rate: float
+    method: str
+    guard: tuple[int, int]
+    training: tuple[int, int] | None
+    subtract_mean: bool
+    window: Window
+    doppler_window: Window
+    min_range: float | None
+    max_range: float | None
+    dynamic_range_db: float
+
+    def __post_init__(self) -> None:
+        self.false_alarm_rate = checked_rate(self.false_alarm_rate)
+        if self.false_alarm_rate > _HIGHEST_RATE:
+            raise ValueError(
+                f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {self.false_alarm_rate:g}"
+            )
+        check.choice("method", self.method, METHODS)
+        self.guard = cells_per_side("guard", self.guard)
+        if self.training is not None:
+            given, self.training = self.training, cells_per_side("training", self.training)
+            if not any(self.training):
+                raise ValueError(f"training: expected at least one cell on a side, got {given!r}")
+        self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
+        self.window, self.doppler_window = hashable(self.window), hashable(self.doppler_window)
+        if self.min_range is not None:
+            self.min_range = check.non_negative("min_range", self.min_range, "m")
+        if self.max_range is not None:
+            self.max_range = check.positive("max_range", self.max_range, "m")
+            if self.min_range is not None and self.max_range < self.min_range:
+                raise ValueError(
+                    f"max_range: expected at least min_range = {self.min_range:g} m, got {self.max_range:g}"
+                )
+        self.dynamic_range_db = check.positive("dynamic_range_db", self.dynamic_range_db, "dB")
+
+
+@lru_cache(maxsize=16)
+def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
+    """The search for detections in a frame of a radar, prepared once for all frames."""
+    if settings.min_range is not None or settings.max_range is not None:
+        require_range(radar.waveform)
+    if settings.subtract_mean and radar.waveform.num_chirps < 2:
+        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
+    layout = layout_of(radar, settings.window, settings.doppler_window, settings.subtract_mean, is_iq)
+    first, last = layout.searched(settings.min_range)
+    return Search(layout, (first, last), map_test(layout, last - first, settings))
+
+
+def cells_per_side(name: str, value: int | Sequence[int]) -> tuple[int, int]:
+    """Numbers of cells along velocity and range."""
+    row, column = per_axis(name, value, 2, 0)
+    return row, column
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Layout of a map, the columns to be searched (the last exclusive), and the test of their cells."""
+
+    layout: Layout
+    columns: tuple[int, int]
+    test: MapTest
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,33 +156,22 @@ class Layout:
         """Amplitude of a tone of amplitude 1 in the middle of a cell."""
         return float(self.slow.sum() * (self.fast.sum()))
 
-    def both_windows(self, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """As `transformed` takes them, in the precision of the samples."""
-        if dtype not in self._both_windows:
-            self._both_windows[dtype] = both_windows(self.fast, self.slow, len(self.slow), dtype)
-        return self._both_windows[dtype]
-
-    @cached_property
-    def _both_windows(self) -> dict[np.dtype[Any], NDArray[Any]]:
-        return {}
-
     @cached_property
     def rounding(self) -> float:
         """Noise by rounding of the samples over the sum of their squares."""
         return rounding_per_energy(self.fast, self.slow)
 
     @cached_property
-    def windows(self) -> tuple[bytes, bytes]:
-        """Windows over what the rows and the columns are the transforms of, float64."""
-        return self.slow.tobytes(), (self.fast if self.has_range else np.ones(1)).tobytes()
+    def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Envelopes of the sidelobes along rows and columns, as `sidelobes` takes them."""
+        return envelope(self.slow), envelope(self.fast if self.has_range else np.ones(1))
 
     @cached_property
     def axes(self) -> Axes:
         """Shape of a tone in the cells about its peak."""
         most = 2 * REACH + 1
         num_cells = min(most, self.num_rows), min(most, self.num_columns)
-        windows = self.windows[0], self.fast.tobytes()
-        return axes_of(windows, num_cells, is_conjugate=self.is_down)
+        return axes_of((self.slow, self.fast), num_cells, is_conjugate=self.is_down)
 
     @cached_property
     def signed_beat_step(self) -> float:
@@ -122,11 +195,11 @@ class Layout:
         """Rows of the map."""
         return len(self.row_gain)
 
-    def searched(self, lowest: float) -> tuple[int, int]:
+    def searched(self, lowest: float | None) -> tuple[int, int]:
         """First and last column (exclusive) to be searched."""
         if not self.has_range or self.num_columns <= 2 * MAIN_LOBE:
             return 0, self.num_columns
-        first = MAIN_LOBE if lowest == -np.inf else min(MAIN_LOBE, int(max(0.0, lowest) / self.metres_per_column))
+        first = MAIN_LOBE if lowest is None else min(MAIN_LOBE, int(lowest / self.metres_per_column))
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
@@ -140,17 +213,7 @@ class Layout:
 
 
 def layout_of(radar: Radar, window: Window, doppler_window: Window, subtract_mean: bool, is_iq: bool) -> Layout:
-    """Layout of a radar's map, kept for the next frame unless windows may have no hash."""
-    named = all(each is None or isinstance(each, str) for each in (window, doppler_window))
-    return (_kept_layout if named else _new_layout)(radar, window, doppler_window, subtract_mean, is_iq)
-
-
-@lru_cache(maxsize=16)
-def _kept_layout(radar: Radar, *settings: Any) -> Layout:
-    return _new_layout(radar, *settings)
-
-
-def _new_layout(radar: Radar, window: Window, doppler_window: Window, subtract_mean: bool, is_iq: bool) -> Layout:
+    """Layout of a radar's map."""
     wf = radar.waveform
     fast = window_weights("window", window, wf.num_samples)
     slow = centred_window("doppler_window", doppler_window, wf.num_chirps)
@@ -246,9 +309,6 @@ class Coordinates:
 
 _Indices = NDArray[np.intp]
 
-_MOST_BY_PRODUCTS = 128
-"""Rows or columns up to which sums are products with matrices of ones and zeros: a few calls instead of dozens."""
-
 
 @dataclass(frozen=True, eq=False)
 class MapTest:
@@ -275,13 +335,11 @@ class MapTest:
     ) -> tuple[_Indices, _Indices, NDArray[np.float64]]:
         """Rows, columns and thresholds of the cells above it that are candidates, which are asked for by both."""
         if self.ranks is None:
-            threshold = self._sums(power) * self._in(power.dtype)[0]
-            is_above = power > threshold
-            is_above &= self.has_training
-            index = is_above.ravel().nonzero()[0]  # of two dimensions at once it takes longer than all before
-            rows, columns = np.divmod(index, power.shape[1])
+            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
+            rows, columns = np.nonzero((power > threshold) & self.has_training)
             kept = are_candidates(rows, columns)
-            return rows[kept], columns[kept], threshold.ravel()[index[kept]]
+            rows, columns = rows[kept], columns[kept]
+            return rows, columns, threshold[rows, columns]
         rows, columns = np.nonzero(self.has_training)
         kept = are_candidates(rows, columns)
         rows, columns = rows[kept], columns[kept]
@@ -292,34 +350,6 @@ class MapTest:
         rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
         ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
         return rows, columns, self.factor[rows, columns] * ordered
-
-    def _sums(self, power: NDArray[Any]) -> NDArray[Any]:
-        """Sums of the training cells, (row, column), see `training_sums`: of small maps by two products of matrices."""
-        if max(power.shape) > _MOST_BY_PRODUCTS:
-            return training_sums(power, self.guards, self.trainings)
-        _, over_columns, over_rows = self._in(power.dtype)
-        parts = product(power, over_columns).reshape(-1, power.shape[1])  # of every row two
-        return product(over_rows, parts)
-
-    def _in(self, dtype: np.dtype[Any]) -> tuple[NDArray[Any], ...]:
-        """`per_sum` and `_bands` in the precision of a map."""
-        if dtype not in self._by_dtype:
-            self._by_dtype[dtype] = tuple(each.astype(dtype) for each in (self.per_sum, *self._bands))
-        return self._by_dtype[dtype]
-
-    @cached_property
-    def _by_dtype(self) -> dict[np.dtype[Any], tuple[NDArray[Any], ...]]:
-        return {}
-
-    @cached_property
-    def _bands(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Masks of the cells that are added: columns beside the guard cells, and of the whole window; then rows."""
-        rows, columns = (np.abs(np.subtract.outer(*2 * [np.arange(length)])) for length in self.counts.shape)
-        (row_guard, column_guard), (row_training, column_training) = self.guards, self.trainings
-        across, along = columns <= column_guard + column_training, rows <= row_guard + row_training
-        over_columns = np.concatenate([across & (columns > column_guard), across], axis=1)
-        over_rows = np.stack([rows <= row_guard, along & (rows > row_guard)], axis=2).reshape(len(rows), -1)
-        return over_columns, over_rows
 
     def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells that have any."""
@@ -338,49 +368,29 @@ class MapTest:
         return around
 
 
-@lru_cache(maxsize=16)
-def map_test(
-    shape: tuple[int, int],
-    windows: tuple[bytes, bytes],
-    guards: tuple[int, int],
-    trainings: tuple[int, int],
-    rate: float,
-    method: str,
-    num_looks: int,
-) -> MapTest:
-    """Test of the local maxima of a map.
+def map_test(layout: Layout, num_columns: int, settings: DetectionSettings) -> MapTest:
+    """Test of the cells in some of the columns of a map.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    windows : (bytes, bytes)
-        Windows over slow and fast time, float64; as bytes, by which the test is kept for the next frame.
-    guards, trainings : (int, int)
-        Cells on each side, of rows and columns.
-    rate : float
-        False alarms per cell.
-    method : "ca" or "os"
-    num_looks : int
-        Powers added in every cell.
+    Training cells count as the smaller number of independent cells, see `independent_share`.
     """
-    slow, fast = map(np.frombuffer, windows)
-    rate = cell_rate(slow, fast, rate, num_looks)
-    counts = training_counts(shape, guards, trainings)
+    guards, trainings = settings.guard, settings.training
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+    counts = training_counts((layout.num_rows, num_columns), guards, trainings)
     require_training(counts, guards)
-    share = independent_part(slow, fast, guards, trainings, rate, num_looks)
+    share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
+    rate, looks = settings.false_alarm_rate, layout.num_looks
     ranks = None
-    if method == "ca":
-        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, num_looks)
+    if settings.method == "ca":
+        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, looks)
     else:
         ranks = scaled_ranks(counts, DEFAULT_RANK)
-        share = independent_part_below(share, DEFAULT_RANK, num_looks)
 
         def ordered(count: float) -> float:
-            """At the same quantile, of as many cells as are independent."""
+            """Factor at the same quantile of the independent cells."""
             independent = max(1.0, share * count)
             rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
-            return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, num_looks)
+            return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, looks)
 
         factor = tabulated(counts, ordered)
     per_sum = np.where(np.isfinite(factor), factor, 0.0) / np.maximum(counts, 1)
@@ -399,28 +409,12 @@ _PER_CELL = 16
 """Points of the window's spectrum per cell."""
 
 
-def envelope(window: bytes, distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest amplitude at this distance [cells] or farther, relative to that at the peak.
-
-    Farther than half of the transform there is no other cell: that distance has the last value. The window is float64,
-    as bytes, by which its envelope is kept for the next frame.
-    """
-    return _envelope(window).take((distance * _PER_CELL).astype(np.intp), mode="clip")
-
-
-def envelope_at(window: bytes, distance: float) -> float:
-    """`envelope` at a single distance, without arrays."""
-    table = _listed(window)
-    return table[min(int(distance * _PER_CELL), len(table) - 1)]
-
-
-@lru_cache(maxsize=64)
-def _listed(window: bytes) -> list[float]:
-    return [float(amplitude) for amplitude in _envelope(window)]
-
-
-@lru_cache(maxsize=64)
-def _envelope(window: bytes) -> NDArray[np.float64]:
-    weights = np.frombuffer(window)
+def envelope(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest amplitude of a window's transform at a distance from the peak or farther, 16 points per cell."""
     spectrum = np.abs(np.fft.rfft(weights, _PER_CELL * len(weights))) / weights.sum()
     return np.maximum.accumulate(spectrum[::-1])[::-1]
+
+
+def sidelobes(envelope: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Amplitude of an `envelope` at distances [cells], relative to the peak; beyond the last point, the last value."""
+    return envelope.take((distance * _PER_CELL).astype(np.intp), mode="clip")

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from radarcore import check, notice
 from radarcore.processing.detection.cfar import ordered_factor
-from radarcore.processing.detection.correlated_noise import independent_cells
-from radarcore.processing.detection.map import Coordinates, envelope
+from radarcore.processing.detection.map import Coordinates, envelope, sidelobes
 from radarcore.processing.inputs import (
     Samples,
     checked_samples,
@@ -22,7 +21,13 @@ from radarcore.processing.inputs import (
 )
 from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra.spectra import both_windows, transformed
-from radarcore.processing.spectra.windows import Window, centred_window, window_centre, window_weights
+from radarcore.processing.spectra.windows import (
+    Window,
+    centred_window,
+    independent_share,
+    window_centre,
+    window_weights,
+)
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame, is_of_adc
@@ -251,8 +256,12 @@ def strongest_peak(
     noise = max(noise, len(samples) * rounding_noise(samples, fast_weights, slow_weights))
     snr_db = float(10.0 * np.log10(height / noise))
     if least_snr_db is None:
-        independent = independent_cells(slow_weights if has_velocity else None, fast_weights if has_range else None)
-        independent *= 1.0 if np.iscomplexobj(samples) or not has_range else 0.5
+        independent = 1.0
+        if has_velocity:
+            independent *= len(slow_weights) * independent_share(slow_weights)
+        if has_range:
+            num_bins = len(fast_weights) if np.iscomplexobj(samples) else 0.5 * len(fast_weights)
+            independent *= num_bins * independent_share(fast_weights)
         least_snr_db = _least_snr_db(independent, power.size, len(samples))
     if snr_db < least_snr_db:
         return None
@@ -295,8 +304,8 @@ def _leakage(power: NDArray[np.float64], fast_weights: NDArray[np.float64], *, i
     if is_cyclic:
         bins = np.minimum(bins, len(fast_weights) - bins)
     is_near = bins <= _NEAREST
-    sidelobes = np.square(_SIDELOBES * envelope(fast_weights.tobytes(), bins))
-    return np.where(is_near, np.inf, sidelobes * power[:, is_near].max(axis=1, keepdims=True))
+    leaked = np.square(_SIDELOBES * sidelobes(envelope(fast_weights), bins))
+    return np.where(is_near, np.inf, leaked * power[:, is_near].max(axis=1, keepdims=True))
 
 
 def _least_snr_db(num_independent: float, num_cells: int, num_channels: int) -> float:

@@ -94,24 +94,6 @@ class Detections:
         return self.range[:, None] * unit_vectors(self.azimuth, np.nan_to_num(self.elevation))
 
 
-def detections_of_rows(
-    rows: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    time: float,
-    is_resolved: NDArray[np.bool_] | None = None,
-    ambiguous_beyond: float = 0.5 * np.pi,
-) -> Detections:
-    """Detections from an array (field, detection) of the coordinates and `snr_db`; arrays become read-only."""
-    if rows.shape[0] != 5 or covariance.shape != (rows.shape[1], 4, 4):
-        raise ValueError(f"rows: expected shapes (5, n) and (n, 4, 4), got {rows.shape} and {covariance.shape}")
-    found = object.__new__(Detections)
-    fields = zip((*COORDINATES, "snr_db"), check.frozen(rows), strict=True)
-    resolved: NDArray[np.bool_] = np.ones(rows.shape[1], bool) if is_resolved is None else is_resolved
-    vars(found).update(fields, covariance=check.frozen(covariance), time=time)
-    vars(found).update(is_resolved=check.frozen(resolved), ambiguous_beyond=ambiguous_beyond)
-    return found
-
-
 def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Numbers, NaN among them, read-only."""
     return check.frozen(check.shaped(name, np.array(check.numbers(name, value), ndmin=1), shape))

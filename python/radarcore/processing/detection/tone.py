@@ -75,14 +75,17 @@ class Fit:
     information: NDArray[np.float64]
 
 
-@lru_cache(maxsize=16)
-def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conjugate: bool = False) -> Axes:
+def axes_of(
+    windows: tuple[NDArray[np.float64], NDArray[np.float64]],
+    num_cells: tuple[int, int],
+    *,
+    is_conjugate: bool = False,
+) -> Axes:
     """The axes of the transforms of windows over slow and fast time.
 
     Parameters
     ----------
-    windows : (bytes, bytes)
-        float64; as bytes, by which the axes are kept for the next frame.
+    windows : (slow, fast) float64
     num_cells : (int, int)
         Rows and columns of a patch.
     is_conjugate : bool
@@ -91,8 +94,7 @@ def axes_of(windows: tuple[bytes, bytes], num_cells: tuple[int, int], *, is_conj
     most = max(num_cells)
     series = np.zeros((2, _DEGREE + 1, 2, 2 * most - 1), dtype=np.complex128)
     inverse = np.zeros((2, most, most), dtype=np.complex128)
-    for i, (window, number) in enumerate(zip(windows, num_cells, strict=True)):
-        weights = np.frombuffer(window)
+    for i, (weights, number) in enumerate(zip(windows, num_cells, strict=True)):
         n = np.arange(len(weights))
         waves = np.exp(-2j * np.pi * np.outer(np.arange(1 - number, number), n) / len(n))
         turns = 2j * np.pi * (n - np.average(n, weights=weights)) / len(n)

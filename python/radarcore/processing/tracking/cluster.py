@@ -246,7 +246,10 @@ def connected(number: int, blocks: Callable[[], Iterable[Indices]], fewest: int 
     # Each detection is connected with a node for its group so far, and with its neighbours in the next block.
     labels = np.arange(number)
     for pairs in blocks():
-        edges = np.concatenate([[np.arange(number), number + labels], pairs[:, is_core[pairs].all(axis=0)]], axis=1)
+        inner = pairs[:, is_core[pairs].all(axis=0)]
+        if inner.shape[1] == 0:
+            continue
+        edges = np.concatenate([[np.arange(number), number + labels], inner], axis=1)
         graph = coo_array((np.ones(edges.shape[1]), edges), shape=(2 * number, 2 * number))
         labels = connected_components(graph, directed=False)[1][:number].astype(np.int64)
     if fewest == 1:

@@ -1,4 +1,4 @@
-"""Peaks of a map in plain arrays, as the core is to find and to fit them."""
+"""Fit of a tone to the cells about its peak in plain arrays: the oracle of the core."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.processing.detection.tone import Axes, Fit
-
-_FLAT = 1e-30
-"""Curvature of the log power instead of none; neighbours are as high as the peak then, and there is no slope."""
 
 _NUM_STEPS = 2
 """Steps of Fisher's scoring from the parabola, which is 0.02 cells off: each about squares the error, or divides it by
@@ -22,49 +19,6 @@ _FARTHEST = 1.0
 _TINY = float(np.finfo(np.float64).tiny)
 _BOTH = np.arange(2)[:, None]
 """Index of the axis."""
-
-
-def local_maxima(power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool) -> NDArray[np.bool_]:
-    """True for cells (cell, 2) with power that no neighbour of eight exceeds."""
-    around = _surrounded(power, is_cyclic)
-    rows, columns = cells.T
-    square = np.stack([around[rows + i, columns + j] for i in range(3) for j in range(3)])
-    return np.asarray((square[4] >= square.max(axis=0)) & (square[4] > 0.0))
-
-
-def between_cells(
-    power: NDArray[Any], cells: NDArray[np.int64], *, is_cyclic: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offsets of local maxima along rows and columns (cell, 2) and heights, by parabolas through the log power."""
-    around = _surrounded(power, is_cyclic)
-    rows, columns = cells.T
-    cross = [(1, 1), (0, 1), (1, 0), (2, 1), (1, 2)]
-    levels = np.stack([around[rows + i, columns + j] for i, j in cross]).astype(np.float64)
-    levels = np.log(np.maximum(levels, 1e-30 * levels[0]))
-    levels[1:] -= levels[0]
-    slope, curvature = levels[1:3] - levels[3:], np.minimum(levels[1:3] + levels[3:], -_FLAT)
-    offset = np.clip(0.5 * slope / curvature, -0.5, 0.5)
-    return offset.T, np.exp(levels[0] - 0.25 * (slope * offset).sum(axis=0))
-
-
-def training_medians(
-    power: NDArray[Any], cells: NDArray[np.int64], *, guards: tuple[int, int], trainings: tuple[int, int]
-) -> NDArray[np.float64]:
-    """Medians of the training cells of some cells."""
-    rows, columns = np.indices(power.shape)
-    medians = []
-    for row, column in cells:
-        apart = np.abs(rows - row), np.abs(columns - column)
-        is_near = (apart[0] <= guards[0] + trainings[0]) & (apart[1] <= guards[1] + trainings[1])
-        is_guard = (apart[0] <= guards[0]) & (apart[1] <= guards[1])
-        medians.append(np.median(power[is_near & ~is_guard].astype(np.float64)))
-    return np.array(medians)
-
-
-def _surrounded(power: NDArray[Any], is_cyclic: bool) -> NDArray[Any]:
-    """The map with a row and a column more on all sides: rows are cyclic, columns too or even about both ends."""
-    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
-    return np.pad(around, ((0, 0), (1, 1)), mode="wrap" if is_cyclic or power.shape[1] < 2 else "reflect")
 
 
 def fit_tones(
