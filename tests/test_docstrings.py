@@ -146,7 +146,7 @@ def motive() -> Iterator[MotionCaptureServer]:
 
 @pytest.fixture(scope="module")
 def recording() -> rc.Recording:
-    scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
+    scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
     return rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3, progress=False)
 
 

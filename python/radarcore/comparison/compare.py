@@ -48,8 +48,6 @@ class Comparison(Record):
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
     >>> ball = rc.compare(recording, progress=False)["ball"]
     >>> ball.errors[0].num_frames, ball.errors[0].range.num_within
     (12, 12)
@@ -67,8 +65,6 @@ class Comparison(Record):
 
         Examples
         --------
-        >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-        >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
         >>> sorted(rc.compare(recording, progress=False).to_dict())
         ['differences', 'recordings', 'targets', 'truth']
         """

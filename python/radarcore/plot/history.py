@@ -69,8 +69,6 @@ def range_time(
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
     >>> ax = rc.plot.range_time(recording, names=["ball"])
     >>> ax.get_xlabel(), ax.get_ylabel()
     ('Time [s]', 'Range [m]')
@@ -128,8 +126,6 @@ def spectrogram(
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
     >>> ax = rc.plot.spectrogram(recording, max_velocity=2.0)
     >>> print(ax.get_ylabel(), "to", ax.get_ylim()[1])
     Velocity [m/s, receding positive] to 2.0
@@ -202,8 +198,6 @@ def tracks(
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
     >>> ax = rc.plot.tracks(recording, {}, quantity="velocity")
     >>> ax.get_ylabel()
     'Velocity [m/s]'

@@ -51,11 +51,9 @@ class Simulation:
 
     Examples
     --------
-    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
-    >>> np.savetxt("scene.toml", lines, fmt="%s")
-    >>> simulation = rc.load_scene("scene.toml")
+    >>> simulation = rc.load_scene(scene_file)
     >>> simulation.simulator().frame(0.0)
-    <Frame at 0 s: 3 channels x 64 chirps x 128 samples, float32, truth of point 0>
+    <Frame at 0 s: 3 channels x 64 chirps x 128 samples, float32, truth of ball>
     """
 
     scene: Scene
@@ -90,10 +88,8 @@ class Simulation:
 
         Examples
         --------
-        >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
-        >>> np.savetxt("scene.toml", lines, fmt="%s")
-        >>> rc.load_scene("scene.toml").record(progress=False)
-        <Recording of 4 frames in 0.075 s: 3 channels x 64 chirps x 128 samples, float32, truth of point 0>
+        >>> rc.load_scene(scene_file).record(progress=False)
+        <Recording of 4 frames in 0.075 s: 3 channels x 64 chirps x 128 samples, float32, truth of ball>
         """
         run = self.run
         if not self.scene.bodies and not self.scene.interferers:
@@ -135,10 +131,8 @@ def load_scene(path: str | PathLike[str], *, recorded: Recorded | None = None) -
 
     Examples
     --------
-    >>> lines = ['radar.preset = "bgt60tr13c"', "run.stop = 0.1", "[[point]]", "position = [2.0, 0.0, 0.0]"]
-    >>> np.savetxt("scene.toml", lines, fmt="%s")
-    >>> rc.load_scene("scene.toml").scene
-    <Scene: point 0>
+    >>> rc.load_scene(scene_file).scene
+    <Scene: ball>
     """
     file = Path(path)
     return simulation(read.table(file), file, recorded)

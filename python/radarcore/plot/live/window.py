@@ -96,10 +96,8 @@ def view(
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.5, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).record(0.0, 0.1)
     >>> rc.plot.view(recording.frames(), output="pictures", every=10.0)
-    4
+    12
     """
     canvas.require()
     check.positive("every", every, "s")

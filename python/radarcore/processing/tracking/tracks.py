@@ -312,8 +312,6 @@ def assign_to_truth(tracks: Tracks, truth: Truth, *, max_distance: float = 0.5) 
 
     Examples
     --------
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[-0.5, 0.0, 0.0], name="ball")])
-    >>> recording = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=32)).record(0.0, 0.3)
     >>> rc.assign_to_truth(rc.track(recording), recording.truth)
     {0: 'ball'}
     """
