@@ -105,7 +105,7 @@ class LiveView:
             threshold_db=threshold_db,
             max_detections=max_detections,
         )
-        self.figure: Figure = _figure() if figure is None else figure
+        self.figure: Figure = canvas.new_figure(*SIZE) if figure is None else figure
         self._limits = (0.0, 0.0)  # of the colours, set by the first frame
         self._make_axes()
         self._make_texts(title, max_detections)
@@ -224,8 +224,6 @@ class LiveView:
 
     def _make_axes(self) -> None:
         """Make the axes, and the artists in them that change."""
-        from matplotlib.cm import ScalarMappable
-
         stream = self._stream
         grid = self.figure.add_gridspec(3, 2, height_ratios=(0.06, 1.0, 0.22), width_ratios=(1.0, 1.2))
         self._text_axes = [self.figure.add_subplot(grid[row, :]) for row in (0, 2)]
@@ -233,15 +231,13 @@ class LiveView:
         self._changing: dict[Axes, list[Any]] = {}
 
         # Range over time.
-        self._colors = ScalarMappable(cmap=canvas.color_map("inferno"))
-        self._lookup = self._colors.cmap([*np.linspace(0.0, 1.0, 256), np.nan], bytes=True)
         nearest, farthest = canvas.edges(stream.ranges, stream.radar.waveform.range_resolution)
         extent = (-stream.seconds, 0.0, nearest, farthest)
         self._history = _image(right, stream.history.T, extent)
         right.set_ylim(0.0, farthest)
         right.set_xlabel("Time [s, now is 0]")
         right.set_ylabel("Range [m]")
-        canvas.color_bar(right, self._colors, "Power [dB over noise]")
+        canvas.color_bar(right, self._history, "Power [dB over noise]")
         self._changing[right] = [self._history]
 
         # The newest frame.
@@ -322,29 +318,22 @@ class LiveView:
         limits = (max(0.0, highest - _DYNAMIC_RANGE_DB), highest)
         if limits != self._limits:
             self._limits, self._still = limits, {}
-            self._colors.set_clim(*limits)
+            self._history.set_clim(*limits)
             if stream.velocities is None:
                 self._now_axes.set_ylim(limits[0] + LOWEST_DB, highest + 5.0)
 
-        self._history.set_data(self._pixels(stream.history.T))
+        self._history.set_data(stream.history.T)
         if stream.velocities is None:
             self._profile.set_ydata(stream.level[0])
             points = [(found.range, found.level_db) for found in stream.detections]
         else:
-            self._map.set_data(self._pixels(stream.level.T))
+            self._map.set(data=stream.level.T, clim=limits)
             points = [(found.velocity, found.range) for found in stream.detections]
         for ring in self._rings:
             ring.set_data([x for x, _ in points], [y for _, y in points])
         for i, number_text in enumerate(self._numbers):
             number_text.set_visible(i < len(points))
             number_text.xy = points[i] if i < len(points) else (0.0, 0.0)
-
-    def _pixels(self, level: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Colours of levels; the 257th is that of what is missing. Quicker than the images' own way there."""
-        low, high = self._limits
-        index = np.clip((level - low) * (255.0 / (high - low)), 0.0, 255.0)
-        pixels: NDArray[np.uint8] = self._lookup[np.where(np.isnan(index), 256.0, index).astype(np.intp)]
-        return pixels
 
     def _on_draw(self, _: object) -> None:
         """Keep the drawn background, after any redraw, and draw the moving parts on top."""
@@ -368,15 +357,13 @@ class LiveView:
                 self._texts_painted = time.perf_counter()
 
 
-def _figure() -> Figure:
-    """Figure that can be drawn, and drawn in part, without a window."""
-    return canvas.new_figure(*SIZE)
-
-
-def _image(ax: Axes, values: NDArray[Any], extent: tuple[float, float, float, float]) -> Any:
-    """Cells of equal size, whose colours come later."""
+def _image(ax: Axes, levels: NDArray[np.float32], extent: tuple[float, float, float, float]) -> Any:
+    """Cells of equal size; levels without a value are grey."""
     return ax.imshow(
-        np.zeros((*values.shape, 4), dtype=np.uint8),
+        levels,
+        cmap=canvas.color_map("inferno"),
+        vmin=0.0,
+        vmax=1.0,
         extent=extent,
         origin="lower",
         aspect="auto",
