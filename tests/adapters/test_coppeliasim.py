@@ -363,11 +363,9 @@ def test_missing_extra_names_what_to_install(monkeypatch: pytest.MonkeyPatch) ->
     ("call", "message"),
     [
         (lambda: coppeliasim.CoppeliaSim("no such name!"), "host: expected the name or address of a machine"),
-        (lambda: coppeliasim.CoppeliaSim(timeout=0.0), "timeout: expected a positive number"),
         (lambda: coppeliasim.from_grey_buffer(bytes(12), [4, 4]), "data: expected 16 bytes for 4 x 4 grey pixels"),
         (lambda: coppeliasim.from_matrix(np.zeros(16)), r"matrix: expected shape \(12,\), got \(16,\)"),
         (lambda: coppeliasim.from_matrix(np.zeros(12)), "rotation: expected a rotation matrix"),
-        (lambda: coppeliasim.CoppeliaSim("localhost", 99_999), "port: expected at most 65535, got 99999"),
         (lambda: coppeliasim.from_shape_viz([{"vertices": [0.0]}]), "items: expected 'indices' in item 0, got 'vert"),
     ],
 )

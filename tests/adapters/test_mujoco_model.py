@@ -241,8 +241,6 @@ def test_camera_or_site_by_name_is_a_radar() -> None:
         ),
         (lambda: parts(materials={"lid": "woood"}), KeyError, "woood"),
         (lambda: parts(materials={"lid": 3}), TypeError, r"materials\['lid'\]: expected Material or a name"),
-        (lambda: parts(rates="both"), ValueError, "rates: expected one of 'model', 'differences'"),
-        (lambda: parts(plane_size=0.0), ValueError, "plane_size: expected a positive number"),
     ],
 )
 def test_wrong_names_and_settings_are_errors_that_name_near_ones(

@@ -178,9 +178,7 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
     ("make", "error", "message"),
     [
         (lambda: Frame(CUBE[:1], 0.0, RADAR), ValueError, r"\(2, 4, 16\) \[channel, chirp, sample\].*got \(1, 4, 16\)"),
-        (lambda: Frame(CUBE[None], 0.0, RADAR), ValueError, r"got \(1, 2, 4, 16\)"),
         (lambda: Frame(CUBE.real.astype(int), 0.0, RADAR), TypeError, "cube: expected float32, .*got int64"),
-        (lambda: Frame(CUBE, np.nan, RADAR), ValueError, "time: expected a finite number"),
         (lambda: Frame(CUBE, 0.0, WAVEFORM), TypeError, "radar: expected Radar, got Waveform"),  # type: ignore[arg-type]
         (lambda: Frame(CUBE, 0.0, RADAR, recording().truth), ValueError, r"arrays of shape \(2,\), got \(3, 2\)"),
         (lambda: Frame(CUBE, 0.0, RADAR, "truth"), TypeError, "truth: expected Truth, got str"),  # type: ignore[arg-type]
@@ -191,15 +189,9 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
             ValueError,
             r"time: expected increasing times \[s\], got 1\.5 and then 1 at index 2",
         ),
-        (
-            lambda: Recording(np.stack([CUBE] * 2), [1700000000.05] * 2, RADAR),  # type: ignore[arg-type]
-            ValueError,
-            r"time: expected .*, got 1700000000\.05 and then 1700000000\.05 at index 1",
-        ),
         (lambda: Recording.from_frames([frame(1), frame(0)]), ValueError, "time: expected increasing times"),
         (lambda: Recording.from_frames([]), ValueError, "frames: expected at least one frame"),
         (lambda: Recording.from_frames([frame(0), CUBE]), TypeError, r"frames\[1\]: expected Frame"),  # type: ignore[list-item]
-        (lambda: Recording.from_frames([CUBE]), TypeError, r"frames\[0\]: expected Frame"),  # type: ignore[list-item]
         (
             lambda: Recording.from_frames([frame(0), frame(1, names=None)]),
             ValueError,
@@ -207,11 +199,6 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
         ),
         (lambda: Truth(("a",), *np.zeros((4, 2))), ValueError, r"range: expected shape \(1,\) or \(frame, 1\).*\(2,\)"),
         (lambda: Truth("arm", *np.zeros((4, 3))), TypeError, "names: expected one name per body"),  # type: ignore[arg-type]
-        (
-            lambda: Truth(("a",), np.zeros(1), np.zeros(2), np.zeros(1), np.zeros(1)),
-            ValueError,
-            r"velocity: expected shape \(1,\), got \(2,\)",
-        ),
         (lambda: Truth(("a",), ["x"], *np.zeros((3, 1))), TypeError, "range: expected numbers"),  # type: ignore[arg-type]
     ],
 )

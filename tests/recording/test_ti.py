@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -368,27 +366,3 @@ def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
     assert outcomes == {rc.Radar}
     assert len(messages) > 20
     assert all(message.startswith(str(tmp_path / "a.")) for message in messages)
-
-
-LARGE = """
-import resource, sys
-import radarcore as rc
-reader = rc.Recording.load(sys.argv[1], config=sys.argv[2])
-next(iter(reader))
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-total = sum(1 for frame in reader)
-print(total, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024)
-"""
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss is in kibibytes on Linux alone")
-def test_memory_does_not_grow_with_the_length_of_a_capture(tmp_path: Path) -> None:
-    scene = Scene(masks=(1,), num_loops=128)  # 131072 bytes a frame
-    data, config = write(tmp_path, np.zeros(0, "<i2"), commands(scene))
-    with data.open("wb") as file:
-        file.truncate(700 * 131072)
-    command = [sys.executable, "-c", LARGE, str(data), str(config)]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-    # As complex64 the samples would take 184 MB; pages of the file, 92 MB, count where they are mapped.
-    assert int(printed[0]) == 700
-    assert int(printed[1]) < 130e6
