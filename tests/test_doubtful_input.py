@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -225,54 +226,23 @@ def test_field_of_view_in_radians_is_said(make: Call, message: str) -> None:
         make()
 
 
-def test_vertical_angle_of_a_rendered_image_in_radians_is_said() -> None:
-    with pytest.warns(UserWarning, match=r"fovy_deg: expected degrees, got a view of 0\.8; radians\?"):
-        images.from_mujoco_renderer(np.full((4, 4), 2.0), fovy_deg=0.8, far=9.0)
-
-
 @pytest.mark.parametrize("view", [(2.0, 2.0), (0.1, 0.1), (1.0, 120.0), (0.916713, 0.916713)])
 def test_narrow_fields_of_view_are_fields_of_view(view: tuple[float, float]) -> None:
     rc.Simulator(rc.Scene([PLATE]), RADAR, field_of_view_deg=view)  # warnings are errors here
 
 
-WF = RADAR.waveform
-READERS: dict[str, Callable[[object], object]] = {  # functions of an array, by its name in messages
-    "position": lambda value: rc.Pose(value),
-    "velocity": lambda value: rc.PointTarget([1.0, 0.0, 0.0], velocity=value),
-    "points": lambda value: rc.Pose().apply(value),
-    "azimuth": lambda value: rc.GaussianPattern(3.0, 60.0, 40.0).gain(value, 0.0),
-    "elevation": lambda value: rc.IsotropicPattern().gain(0.0, value),
-    "cos_incidence": lambda value: rc.materials["glass"].response(60e9, value),
-    "range": lambda value: rc.Truth(("a", "b", "c"), value, [0.0] * 3, [0.0] * 3, [0.0] * 3),
-    "snr_db": lambda value: rc.processing.doppler_bound(WF.replace(num_chirps=4), value),
-    "times": lambda value: rc.Linear(rc.Pose(), velocity=[1.0, 0.0, 0.0]).poses_at(value),
-    "directions": lambda value: rc.rcs(rc.shapes.sphere(0.1), 60e9, value),
-    "delay": lambda value: rc.beat_signal(value, [1.0, 1.0, 1.0], WF),
-    "power": lambda value: rc.cfar(value, guard=0, training=1, false_alarm_rate=0.1),
-}
-
-
-@pytest.mark.parametrize("name", READERS)
-def test_arrays_take_real_numbers_alone(name: str) -> None:
+@pytest.mark.parametrize("value", [[1.0 + 1.0j, 0.0, 0.0], ["1", "0", "0"], np.array([1, 0, 0], dtype="datetime64[s]")])
+def test_arrays_take_real_numbers_alone(value: Any) -> None:
     """NumPy drops imaginary parts with a warning, and reads text and dates as numbers without one."""
-    given: list[object] = [
-        np.array([1.0 + 1.0j, 0.0, 0.0]),
-        ["1", "0", "0"],
-        np.array(["1", 0.0, 0.0], dtype=object),
-        np.array([1, 0, 0], dtype="datetime64[s]"),
-    ]
-    for value in given:
+    readers: dict[str, Callable[[Any], object]] = {
+        "position": rc.Pose,
+        "directions": lambda given: rc.rcs(rc.shapes.sphere(0.1), 60e9, given),
+        "delay": lambda given: rc.beat_signal(given, [1.0, 1.0, 1.0], RADAR.waveform),
+        "power": lambda given: rc.cfar(given, guard=0, training=1, false_alarm_rate=0.1),
+    }
+    for name, reader in readers.items():
         with pytest.raises(TypeError, match=rf"{name}: expected (real )?numbers.*, got "):
-            READERS[name](value)
-
-
-def test_weights_of_arrays_take_numbers_alone() -> None:
-    for make in (
-        lambda value: rc.Schedule.steered(weights=value),
-        lambda value: rc.array_pattern(rc.bgt60tr13c(), rx_weights=value, azimuth=[0.0]),
-    ):
-        with pytest.raises(TypeError, match=r"weights: expected numbers.*, got list of <U2"):
-            make(["1", "1j", "0"])
+            reader(value)
 
 
 FRAME = rc.Frame(np.zeros((3, 64, 128), np.float32), 0.0, rc.bgt60tr13c())
