@@ -18,8 +18,9 @@ from tempfile import TemporaryDirectory
 
 import radarcore as rc
 from page import machine, table
-from radarcore.dataset.making import num_cores
-from radarcore.dataset.variables import samples_in_shard
+from radarcore.dataset.making import Recipe, num_cores
+from radarcore.dataset.store import create, write_shard
+from radarcore.dataset.variables import attributes_of, layout_of, samples_in_shard
 from radarcore.simulate.schedule import frame_times
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
@@ -193,6 +194,27 @@ def memory(folder: Path, tiny: bool) -> str:
     return table(["frames made in one process", "memory [MB]"], rows)
 
 
+def writing(folder: Path, tiny: bool) -> str:
+    """Table of the time that the files of a shard take, of float samples and of compressed codes."""
+    rows = []
+    for name, receiver in {"float32": "", "codes of an ADC": ADC}.items():
+        scene = folder / "writing.toml"
+        scene.write_text(RADAR + receiver + (SHORT if tiny else LONG) + BALL)
+        recipe = Recipe(rc.dataset.Variation.load(scene), 1, rc.dataset.Labels(), 1)
+        number = 2 if tiny else 60
+        frames = recipe.first_frames(number)
+        layout = layout_of(recipe.variation, recipe.body_names, recipe.labels, frames, number, number)
+        attrs = attributes_of(recipe.variation, layout, 1, recipe.labels, frames[0].radar)
+        create(folder / name, layout, {}, attrs)
+        samples = [recipe.rows(layout, index) for index in range(number)]
+        began = cores_used()
+        write_shard(folder / name, layout, 0, samples)
+        seconds = cores_used() - began
+        size = size_of(folder / name) / 1e6
+        rows.append([name, f"{size:.1f}", f"{1e3 * seconds / number:.2f}", f"{size / seconds:.0f}"])
+    return table(["shard", "size [MB]", "writing per sample of 10 frames [ms]", "MB/s of one core"], rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tiny", action="store_true", help="a few frames of each")
@@ -205,6 +227,8 @@ def main() -> None:
         print(scaling(folder, options.tiny))
         print()
         print(memory(folder, options.tiny))
+        print()
+        print(writing(folder, options.tiny))
 
 
 if __name__ == "__main__":

@@ -45,15 +45,10 @@ def test_record_simulates_the_run(tmp_path: Path) -> None:
     ("shape", "mesh"),
     [
         ('{ kind = "plate", width = 0.2, height = 0.3 }', rc.shapes.plate(0.2, 0.3)),
-        ('{ kind = "disc", radius = 0.2 }', rc.shapes.disc(0.2)),
         ('{ kind = "box", size = [0.1, 0.2, 0.3] }', rc.shapes.box([0.1, 0.2, 0.3])),
-        ('{ kind = "sphere", radius = 0.2 }', rc.shapes.sphere(0.2)),
-        ('{ kind = "cylinder", radius = 0.2, length = 0.5 }', rc.shapes.cylinder(0.2, 0.5)),
+        ('{ kind = "sphere", radius = 0.2, subdivisions = 1 }', rc.shapes.sphere(0.2, subdivisions=1)),
         ('{ kind = "cylinder", radius = 0.2, length = 0.5, caps = false }', rc.shapes.cylinder(0.2, 0.5, caps=False)),
-        ('{ kind = "capsule", radius = 0.1, length = 0.5 }', rc.shapes.capsule(0.1, 0.5)),
-        ('{ kind = "dihedral", width = 0.2 }', rc.shapes.dihedral(0.2)),
         ('{ kind = "dihedral", width = 0.2, height = 0.1 }', rc.shapes.dihedral(0.2, 0.1)),
-        ('{ kind = "trihedral", leg = 0.2 }', rc.shapes.trihedral(0.2)),
         ('{ kind = "trihedral", leg = 0.2, shape = "square" }', rc.shapes.trihedral(0.2, shape="square")),
     ],
 )

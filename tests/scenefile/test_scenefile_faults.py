@@ -48,10 +48,6 @@ FAULTS = {
         shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'),
         "body[0] 'a': shape: unknown key 'sphere'; known: kind, radius",
     ),
-    "far sensor": (
-        "[sensor]\npose = { position = [1e200, 0, 0] }",
-        "sensor: pose.position: expected coordinates within",
-    ),
     "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
     "kind": (
         shaped('{ kind = "spere", radius = 0.1 }'),
@@ -75,10 +71,6 @@ FAULTS = {
         BALL + '[sensor]\nattached_to = "bal"',
         "sensor: attached_to: unknown 'bal'; did you mean 'ball'?",
     ),
-    "body attachment": (
-        BALL + 'attached_to = "arm/tool0"',
-        "body[0] 'ball': attached_to: unknown 'arm/tool0'; known: none",
-    ),
     "circle": (
         BALL + 'attached_to = "ball"',
         "body[0] 'ball': attached_to: expected a carrier that is not attached to this in turn, got 'ball'",
@@ -88,19 +80,13 @@ FAULTS = {
         "sensor: attached_to: unknown 'arm/tol0'; did you mean 'arm/tool0'?",
     ),
     "same names": (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
-    "same humans": (
-        "[[human]]\npath = [[3, 0], [5, 0]]\n" * 2,
-        "human[1] 'human': name: expected a name of its own, got that of human[0] 'human'",
-    ),
     # Wrong types and units.
     "unit in text": (
         shaped('{ kind = "sphere", radius = "10 cm" }'),
         "body[0] 'a': radius: expected a number [m], got '10 cm'",
     ),
-    "number as name": (BALL.replace('"ball"', "3"), "body[0]: name: expected text, got 3"),
     "boolean": ("[run]\nrate = true", "run: rate: expected a number [Hz], got true"),
     "infinite": ("[run]\nstop = inf", "run: stop: expected a finite number [s], got inf"),
-    "fraction": ("[run]\nseed = 1.5", "run: seed: expected an integer, got 1.5"),
     "no integers": ('[run]\nresolution = "fine"', "run: resolution: expected an integer or a list, got 'fine'"),
     "short vector": (
         BALL + "[sensor]\npose = { position = [1, 2] }",
@@ -113,27 +99,14 @@ FAULTS = {
     "no table": ("[[body]]\nshape = 3", "body[0]: shape: expected a table, got 3"),
     "missing": ('[[body]]\nname = "x"', "body[0] 'x': shape: expected a value, got none"),
     "missing size": (shaped('{ kind = "sphere" }'), "body[0] 'a': radius: expected a value [m], got none"),
-    "date": ("[run]\nstart = 2020-01-01", "run: start: expected a number [s], got '2020-01-01'"),
     # Values that cannot be.
     "negative size": (
         BALL + BALL.replace('"ball"', '"b"') + '[[body]]\nname = "table"\nshape = { kind = "sphere", radius = -0.1 }',
         "body[2] 'table': radius: expected a positive number [m], got -0.1",
     ),
-    "negative rcs": (
-        "[[point]]\nposition = [1, 0, 0]\nrcs = -1",
-        "point[0]: rcs: expected zero or a positive number [m^2], got -1.0",
-    ),
-    "much material": (
-        BALL + "material = { reflection = -1, albedo = 0.5 }",
-        "body[0] 'ball': material.reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got 1.5",
-    ),
     "two materials": (
         BALL + "material = { reflection = -1, permittivity = [2, 0] }",
         "body[0] 'ball': material.reflection: expected either reflection or permittivity, got both",
-    ),
-    "permittivity": (
-        BALL + "material = { permittivity = [2, -1] }",
-        "body[0] 'ball': material.permittivity: expected eps' - j eps'' with eps'' >= 0, got (2+1j)",
     ),
     "one permittivity": (
         BALL + "material = { permittivity = 2.0 }",
@@ -151,19 +124,11 @@ FAULTS = {
         BALL + "material = { permittivity = [2, 0], albedo = 0.1 }",
         "body[0] 'ball': material.albedo: expected none with permittivity (roughness or scattering",
     ),
-    "two ways to scatter": (
-        BALL + "material = { permittivity = [2, 0], roughness = 1e-4, scattering = 0.5 }",
-        "body[0] 'ball': material.scattering: expected either scattering or roughness, got both (0.5, 0.0001 m)",
-    ),
     "own material": (
         BALL + 'material = "fellt"\n[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]',
         "body[0] 'ball': material: no material 'fellt'; did you mean 'felt'?",
     ),
     "material without a name": ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
-    "key of a material": (
-        '[[material]]\nname = "felt"\nrougness = 1e-3',
-        "material[0] 'felt': unknown key 'rougness'; did you mean 'roughness'?",
-    ),
     "material of the library": (
         '[[material]]\nname = "wood"\nreflection = -0.5',
         "material[0] 'wood': name: expected a name of its own, got that of one of the library",
@@ -172,35 +137,13 @@ FAULTS = {
         '[[material]]\nname = "felt"\nalbedo = 0.5\n[[material]]\nname = "felt"\nalbedo = 0.4',
         "material[1] 'felt': name: expected a name of its own, got that of another",
     ),
-    "bright material": (
-        '[[material]]\nname = "felt"\nalbedo = 1.5',
-        "material[0] 'felt': reflection, albedo: expected abs(reflection)**2 + albedo of at most 1, got 1.5",
-    ),
     "two rotations": (
         "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
         "sensor: pose.look_at: expected one of rpy_deg, wxyz, xyzw and look_at, got also rpy_deg",
     ),
-    "look down": (
-        "[sensor]\npose = { look_at = [0, 0, -1] }",
-        "sensor: pose.look_at: expected a point not straight above or below (use rpy_deg for that)",
-    ),
-    "no rotation": (
-        "[sensor]\npose = { wxyz = [0, 0, 0, 0] }",
-        "sensor: pose.wxyz: expected (w, x, y, z) of any length but zero",
-    ),
-    "times": (
-        BALL.replace("pose", "#")
-        + 'motion = { kind = "trajectory", times = [0, 1, 0.5], poses = [{}, {}, { position = [1, 0, 0] }] }',
-        "body[0] 'ball': motion.times: expected increasing times [s], got 1 and then 0.5",
-    ),
     "pose and trajectory": (
         BALL + 'motion = { kind = "trajectory", times = [0, 1], poses = [{}, {}] }',
         "body[0] 'ball': pose: expected none together with a trajectory, which has its own poses",
-    ),
-    "joint times": (
-        '[[arm]]\njoints = { kind = "trajectory", times = [1, 1], angles_deg = '
-        "[[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]] }",
-        "arm[0] 'arm': joints.times: expected increasing times [s], got 1 and then 1",
     ),
     "joint angles": (
         '[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0] }',
@@ -211,9 +154,7 @@ FAULTS = {
         "[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]",
         "human[0] 'human': speed: expected at most 2.78 m/s",
     ),
-    "one waypoint": ("[[human]]\npath = [[3, 0]]", "human[0] 'human': path: expected at least two waypoints, got 1"),
     "run": ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
-    "rate": ("[run]\nrate = 0", "run: rate: expected a positive number [Hz], got 0.0"),
     "field of view": (
         "[run]\nfield_of_view_deg = [190, 60]",
         "run: field_of_view_deg: expected angles between 0 and 180 degrees, got [190.0, 60.0]",
@@ -232,10 +173,6 @@ FAULTS = {
         "sensor: pose: expected the antennas outside of every body smaller than 2 m when the run begins, got them "
         "inside 'ball'",
     ),
-    "point at the sensor": (
-        '[[point]]\nname = "p"\nposition = [0, 0, 0]',
-        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got 0 mm to 'p'",
-    ),
     "flange": (
         '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0\n[[arm]]\n'
         'joints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
@@ -247,10 +184,6 @@ RADAR_FAULTS = {
     "gigahertz": (
         radar("start_frequency = 60", without="start"),
         "radar: start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 60",
-    ),
-    "preset gigahertz": (
-        '[radar]\npreset = "bgt60tr13c"\nstop_frequency = 61.5',
-        "radar: stop_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 61.5",
     ),
     "preset": (
         '[radar]\npreset = "bgt60"',
@@ -267,10 +200,6 @@ RADAR_FAULTS = {
         radar('schedule = { kind = "steered", phases_deg = [[0], [0, 1]] }'),
         "radar: schedule.phases_deg: expected equally many per chirp, got [[0.0], [0.0, 1.0]]",
     ),
-    "order": (
-        radar('schedule = { kind = "tdm", order = [1] }'),
-        "radar: schedule.order: expected every number from 0 to 0 once, got [1]",
-    ),
     "sequence": (
         radar("sequences = [{ delay = 1e-3, num_chirps = 0 }]"),
         "radar: sequences[0].num_chirps: expected at least 1, got 0",
@@ -279,50 +208,26 @@ RADAR_FAULTS = {
         radar("max_range = 8"),
         "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0",
     ),
-    "wishes": (
-        radar("max_range = 8\nrate = 1e5", "stop_frequency"),
-        "radar: rate: expected at most 31250 Hz for a single chirp with max_range = 8 m at 2 MHz, got 100000",
-    ),
     "polarization": (
         radar('polarization = "circular"'),
         "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",
-    ),
-    "long polarization": (
-        radar("polarization = [0, 0, 2]"),
-        "radar: polarization: expected a unit vector, got one of length 2",
     ),
     "two slopes": (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
     "float count": (
         radar("num_samples = 64.0", without="num_samples"),
         "radar: num_samples: expected an integer, got 64.0",
     ),
-    "chirp times": (
-        radar("num_chirps = 2\nchirp_times = [1e-3, 0.0]"),
-        "radar: chirp_times: expected increasing times [s], got 0.001 and 0 at index 0 and 1",
-    ),
     "beam width": (
         radar("pattern = { beamwidth_azimuth_deg = 30 }"),
         "radar: pattern.beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
-    ),
-    "negative beam": (
-        radar("pattern = { beamwidth_azimuth_deg = -30, beamwidth_elevation_deg = 3 }"),
-        "radar: pattern.beamwidth_azimuth_deg: expected a number from 0.001 to 360 [degrees], got -30.0",
     ),
     "table without gains": (
         radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),
         "radar: pattern.gain_db: expected a list, as all three keys of a table are, got none",
     ),
-    "gains without angles": (
-        radar("pattern = { gain_db = [[0, 1], [0, 1]], elevation_deg = [0, 1] }"),
-        "radar: pattern.azimuth_deg: expected a list, as all three keys of a table are, got none",
-    ),
     "one gain": (
         radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = 3 }"),
         "radar: pattern.gain_db: expected a list, as all three keys of a table are, got 3.0",
-    ),
-    "table of radians": (
-        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 91], gain_db = [[0, 0], [0, 0]] }"),
-        "radar: pattern.elevation_deg: expected angles from -90 to 90 [degrees], got 91",
     ),
     "table of words": (
         radar('pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, "x"]] }'),
@@ -342,10 +247,6 @@ RADAR_FAULTS = {
     "file and gain": (
         radar('pattern = { path = "horn.csv", gain_db = 3 }'),
         "radar: pattern.path: expected it alone, got gain_db as well",
-    ),
-    "patterns": (
-        radar("tx_patterns = [{}, {}]"),
-        "radar: tx_patterns: expected 1 patterns, one per element, got 2",
     ),
     "one of the patterns": (
         radar("tx_patterns = [{ beamwidth_azimuth_deg = 30 }]"),

@@ -58,7 +58,7 @@ def run_make(
     labels : str
         truth, boxes, visibility, joints, cells; or none
     samples_per_shard : int
-        samples of a file (default: up to 64 MB)
+        samples of a file (default: up to 32 MB)
     """
     began = time.perf_counter()
     dataset = make(

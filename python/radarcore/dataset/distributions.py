@@ -1,7 +1,7 @@
 """Distributions of a value of a scene file.
 
-A draw is the inverse of the distribution function at one uniform number: the same number gives the same value, on any
-machine, with any version of NumPy.
+A draw is the inverse of the distribution function at one uniform number: the same number gives the same value on any
+machine, of a normal distribution with the same version of SciPy.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
-from math import ceil, erf, exp, floor, inf, isfinite, log, sqrt
-from statistics import NormalDist
+from math import ceil, floor, inf, isfinite
 from typing import Any, Protocol
+
+from scipy.special import ndtr, ndtri
 
 from radarcore import check
 from radarcore.scenefile.read import DISTRIBUTIONS
@@ -89,29 +90,22 @@ class Normal:
     @property
     def ends(self) -> tuple[float, ...]:
         """The bounds that there are, and the mean if it lies between them."""
-        low, high = (end if self.step is None or not isfinite(end) else self._on_grid(end) for end in self._bounds)
+        bounds = self.min, self.max
+        low, high = (end if self.step is None or not isfinite(end) else self._on_grid(end) for end in bounds)
         middle = self.mean if self.min <= self.mean <= self.max else self.at(0.5)
         return tuple(dict.fromkeys(value for value in (low, middle, high) if isfinite(value)))
 
     def at(self, share: float) -> float:
         """Quantile."""
-        # Seen from the side where the bounds are rarer, where probabilities are exact.
-        sign = -1.0 if self.min > self.mean else 1.0
-        low, high = self._probabilities()
-        probability = low + share * (high - low)
-        if not 0.0 < probability < 1.0:
-            probability = min(max(probability, 2.0**-54), 1.0 - 2.0**-53)
-        value = self.mean + sign * self.deviation * NormalDist().inv_cdf(probability)
+        sign, low, high = self._probabilities
+        probability = min(max(low + share * (high - low), 2.0**-54), 1.0 - 2.0**-53)
+        value = self.mean + sign * self.deviation * float(ndtri(probability))
         value = min(max(value, self.min), self.max)
         return value if self.step is None else self._on_grid(value)
 
-    @property
-    def _bounds(self) -> tuple[float, float]:
-        return self.min, self.max
-
     def _on_grid(self, value: float) -> float:
         assert self.step is not None  # only asked of grids
-        first, last = ((end - self.mean) / self.step for end in self._bounds)
+        first, last = ((end - self.mean) / self.step for end in (self.min, self.max))
         k = round((value - self.mean) / self.step)
         k = k if k <= last * (1.0 + 1e-12) else floor(last)
         k = k if k >= first * (1.0 + 1e-12) else ceil(first)
@@ -120,16 +114,15 @@ class Normal:
     @property
     def share(self) -> float:
         """Probability between the bounds of the distribution that is not cut."""
-        low, high = self._probabilities()
+        _, low, high = self._probabilities
         return abs(high - low)
 
-    def _probabilities(self) -> tuple[float, float]:
-        """Those below the bounds; above them, with their order turned round, where both lie above the mean."""
-        ends = [(end - self.mean) / self.deviation for end in (self.min, self.max)]
-        if self.min > self.mean:
-            ends = [-end for end in ends]
-        low, high = (0.5 * (1.0 + erf(end / sqrt(2.0))) for end in ends)
-        return low, high
+    @property
+    def _probabilities(self) -> tuple[float, float, float]:
+        """A sign, and the probabilities of values below both bounds, or above them with sign -1: exact far above."""
+        sign = -1.0 if self.min > self.mean else 1.0
+        low, high = (float(ndtr(sign * (end - self.mean) / self.deviation)) for end in (self.min, self.max))
+        return sign, low, high
 
 
 @dataclass(frozen=True)
@@ -147,8 +140,7 @@ class LogUniform:
 
     def at(self, share: float) -> float:
         """Quantile."""
-        value = exp(log(self.low) + share * (log(self.high) - log(self.low)))
-        return min(max(value, self.low), self.high)
+        return min(max(self.low ** (1.0 - share) * self.high**share, self.low), self.high)
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ def make(
     labels : Labels, optional
         Labels of every frame; default: the truth of every body.
     samples_per_shard : int, optional
-        Consecutive samples in one file per variable, which are one piece of work. Default: at most 64 MB, and at least
+        Consecutive samples in one file per variable, which are one piece of work. Default: at most 32 MB, and at least
         64 shards if there are as many samples.
     progress : bool
         Show a progress bar when run in a terminal.

@@ -37,7 +37,7 @@ NO_CODE = 2**16 - 1
 _LARGE_ROW = 4096
 """A variable whose samples have at least this size has a chunk per sample, others have one per shard [bytes]."""
 
-_SHARD_BYTES = 1 << 26
+_SHARD_BYTES = 1 << 25
 """Largest size of a shard of more than one sample [bytes]."""
 
 _SHARDS, _MAX_SAMPLES = 64, 1024
