@@ -456,8 +456,7 @@ def test_error_of_the_source_is_raised_after_the_last_picture(tmp_path: Path) ->
 def play(frames: Any, *, paced: bool = False, hold: bool = False) -> tuple[int, plot.LiveView | None]:
     """Window on a canvas without one: event loop, callbacks and blitting are real."""
     from radarcore.plot import canvas
-    from radarcore.plot.live.view import SIZE
-    from radarcore.plot.live.window import _play
+    from radarcore.plot.live.view import SIZE, _play
 
     figure, made = canvas.new_figure(*SIZE), []
 

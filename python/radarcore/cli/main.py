@@ -132,7 +132,7 @@ COMMANDS = (
     ),
     _Command(
         "sensor serve",
-        "serve:run",
+        "sensor:run_serve",
         _BOARDS,
         "serve a simulated scene or a recording by a board's protocol",
         "radarcore sensor serve scene.toml --link out/radar",

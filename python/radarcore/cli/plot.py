@@ -19,7 +19,6 @@ from radarcore.plot import canvas
 from radarcore.processing.clutter.static import remove_mean
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import track
-from radarcore.recording.bare import NOTHING_SAID, Description
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import Simulation, load_scene
@@ -114,78 +113,34 @@ def run(
     max_velocity : float
         end of the velocity axis to either side [m/s]
     """
-    draw(
-        source,
-        output,
-        kind=kind,
-        frame=frame,
-        sequence=sequence,
-        config=bare.description,
-        channel=channel,
-        min_range=min_range,
-        max_range=max_range,
-        max_velocity=max_velocity,
-        subtract_mean=subtract_mean,
-        overwrite=overwrite,
-    )
-    show(output)
-
-
-def draw(
-    source: Path,
-    picture: Path,
-    *,
-    kind: str = "overview",
-    frame: int | None = None,
-    sequence: int = 0,
-    config: Description = NOTHING_SAID,
-    overwrite: bool = False,
-    **view: Any,
-) -> None:
-    """Draw a recording or a scene file.
-
-    Parameters
-    ----------
-    source : path
-        Recording, or scene file (``.toml``).
-    picture : path
-        Output file, in the format of the suffix.
-    kind : str
-        One of `KINDS`.
-    frame : int, optional
-        Number of the frame, from the end when negative; default: the one in the middle.
-    sequence : int
-        Number of the sub-sequence, of radars with several.
-    config : Description
-        Of bare samples.
-    overwrite : bool
-        Replace an existing picture.
-    **view
-        `channel`, `min_range`, `max_range` [m], `max_velocity` [m/s]: those that the picture has, see `VIEWS`; and
-        `subtract_mean`: take off what stands still throughout, of a frame of a scene what does within the frame.
-        Default: of recordings of sensors, see `subtracts_mean`.
-    """
+    view = {
+        "channel": channel,
+        "min_range": min_range,
+        "max_range": max_range,
+        "max_velocity": max_velocity,
+        "subtract_mean": subtract_mean,
+    }
     plot.require()
-    check.choice("kind", kind, KINDS)
     suffixes = (".png", ".pdf", ".svg", ".jpg")
-    if picture.suffix.lower() not in suffixes:
-        raise ValueError(f"{picture}: expected a picture ({', '.join(suffixes)}), got suffix {picture.suffix!r}")
-    check_file(picture, overwrite=overwrite)
-    chosen = {name: value for name, value in view.items() if value is not None}
+    if output.suffix.lower() not in suffixes:
+        raise ValueError(f"{output}: expected a picture ({', '.join(suffixes)}), got suffix {output.suffix!r}")
+    check_file(output, overwrite=overwrite)
+    chosen: dict[str, Any] = {name: value for name, value in view.items() if value is not None}
     if wrong := sorted(
         name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ())
     ):
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
         raise ValueError(f"{wrong[0]}: expected a picture of kind {kinds}, got {kind!r}")
     if kind in FIGURES:
-        chosen |= {"path": picture, "overwrite": overwrite}
+        chosen |= {"path": output, "overwrite": overwrite}
     if source.suffix == ".toml":
         figure = _of_scene(load_scene(source), kind, frame, sequence, chosen)
     else:
-        recording = _sequence(load_recording(source, config), sequence)
+        recording = _sequence(load_recording(source, bare.description), sequence)
         figure = _of_recording(recording, source, kind, frame, chosen)
     if kind not in FIGURES:
-        canvas.save(figure, picture, overwrite=overwrite)
+        canvas.save(figure, output, overwrite=overwrite)
+    show(output)
 
 
 def _of_recording(recording: Recording, path: Path, kind: str, number: int | None, view: dict[str, Any]) -> Any:

@@ -15,7 +15,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, notice
-from radarcore.cli.bag_results import ResultBag
+from radarcore.adapters.ros.bag_writer import BagWriter
+from radarcore.adapters.ros.frames import FrameWriter
+from radarcore.adapters.ros.messages import nearest_nanoseconds
+from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
 from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, Source, SubtractMean, whole_number
 from radarcore.cli.sources import (
     NOT_BARE,
@@ -30,8 +33,10 @@ from radarcore.cli.terminal import show
 from radarcore.output import Lock, check_file, make_folder, refuse_source
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.processing.tracking.tracker import Tracker
 from radarcore.processing.tracking.tracks import TrackState
+from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.table import Table
 
@@ -186,9 +191,9 @@ def _processed(
             yield index, frame, part, found, tracker.update(found)
 
 
-def _results(path: Path, reader: AnyReader, files: ExitStack, *, with_samples: bool, overwrite: bool) -> ResultBag:
+def _results(path: Path, reader: AnyReader, files: ExitStack, *, with_samples: bool, overwrite: bool) -> _ResultBag:
     """Bag of the results."""
-    return ResultBag(path, reader.radar, reader.source, with_samples=with_samples, overwrite=overwrite, files=files)
+    return _ResultBag(path, reader.radar, reader.source, with_samples=with_samples, overwrite=overwrite, files=files)
 
 
 def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:
@@ -222,3 +227,64 @@ def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:
 def _texts(*values: float) -> list[str]:
     """Numbers as text; empty for what is not known."""
     return ["" if np.isnan(value) else f"{value:.6g}" for value in values]
+
+
+_FRAME_ID = "radar"
+_TOPIC = "/radar"
+
+
+class _ResultBag:
+    """Writes what was found in frame after frame.
+
+    ``/radar/scan`` (radar_msgs/RadarScan) and ``/radar/points`` (PointCloud2) are the detections, ``/radar/map`` is the
+    range-velocity map [dB] of every radar that has one.
+
+    Parameters
+    ----------
+    path : path
+        Bag to make, its format by the suffix.
+    radar : Radar
+        Of the recording.
+    source : dict
+        Its origin; of one from a bag the stamps go on from that one's.
+    with_samples : bool
+        Write the frames as well.
+    overwrite : bool
+    files : ExitStack
+        Finishes the bag.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        radar: Radar,
+        source: dict[str, Any],
+        *,
+        with_samples: bool,
+        overwrite: bool,
+        files: ExitStack,
+    ) -> None:
+        origin = source.get("bag")
+        self._start_ns = int(origin.get("start_ns", 0)) if isinstance(origin, dict) else 0
+        self._bag = files.enter_context(BagWriter(path, overwrite=overwrite))
+        self._frames = FrameWriter(self._bag, radar, source=source, start_ns=self._start_ns) if with_samples else None
+        for name, kind in (("scan", "radar_msgs/msg/RadarScan"), ("points", "sensor_msgs/msg/PointCloud2")):
+            self._bag.add_topic(f"{_TOPIC}/{name}", kind)
+
+    def write(self, frame: Frame, part: Frame, found: Detections) -> None:
+        """Write a frame, and what was found in it or in the sub-sequence `part` of it."""
+        if self._frames is not None:
+            self._frames.append(frame)
+        stamp = self._start_ns + nearest_nanoseconds(found.time)
+        options: dict[str, Any] = {"frame_id": _FRAME_ID, "time_ns": stamp, "types": self._bag.types}
+        if _has_map(part.radar):
+            power = (np.abs(range_doppler(part)) ** 2).sum(axis=0)
+            values = 10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny))
+            self._bag.write(f"{_TOPIC}/map", to_map_image(values, **options), stamp)
+        self._bag.write(f"{_TOPIC}/scan", to_radar_scan(found, **options), stamp)
+        self._bag.write(f"{_TOPIC}/points", to_point_cloud(found, **options), stamp)
+
+
+def _has_map(radar: Radar) -> bool:
+    waveform = radar.waveform
+    return not waveform.is_cw and waveform.num_chirps > 1 and waveform.has_uniform_chirps

@@ -1,14 +1,16 @@
-"""The commands `radarcore sensor`: list, info, record, view and selftest."""
+"""The commands `radarcore sensor`: boards, recordings of them, the live view, virtual boards and the self-test."""
 
 from __future__ import annotations
 
 import errno
 import json
+import math
 import platform
 import re
+import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
@@ -29,6 +31,8 @@ from radarcore.cli.options import (
     OutputFolder,
     Overwrite,
     Port,
+    Seconds,
+    Source,
     Speed,
     one_of_several,
 )
@@ -46,6 +50,9 @@ if TYPE_CHECKING:
     from radarcore.sensor.checks import Check
 
 _LENGTH = one_of_several()
+
+_BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
+"""Chip and protocol of the boards."""
 
 _Group = Literal["identity", "registers", "pattern", "noise", "frames"]
 
@@ -352,3 +359,98 @@ def _descriptors() -> dict[str, Any]:
     except (SensorError, ImportError) as error:
         found["errors"] = [str(error)]
     return found
+
+
+def run_serve(
+    source: Source,
+    /,
+    *,
+    protocol: Literal["strata", "comlib"] = "strata",
+    link: Annotated[Path | None, Parameter(metavar="PATH")] = None,
+    force: Flag = False,
+    speed: Speed = 1.0,
+    latency: Annotated[float, Parameter(metavar="S")] = 1e-3,
+    receiver: Literal["measured", "ideal"] = "measured",
+    duration: Seconds = None,
+    threads: Count = None,
+) -> None:
+    """Serve a simulated scene or a recording by a board's protocol.
+
+    Parameters
+    ----------
+    source : path
+        scene file (TOML), or recording with ADC codes
+    protocol : str
+        of the board
+    link : path
+        also make a symbolic link to the port
+    force : bool
+        replace a symbolic link of that name, as a killed server leaves one behind
+    speed : float
+        factor of real time, or max: as fast as the client reads (default: 1)
+    latency : float
+        seconds from a request to its answer
+    receiver : str
+        receivers behind a scene: with leakage and offsets of the chip as measured, or by the data sheet alone
+    duration : float
+        end after S seconds
+    threads : int
+        threads of the simulator (default: all cores)
+    """
+    from radarcore.sensor.emulator.pty import PtyPort
+    from radarcore.virtual.board import virtual_board
+
+    if duration is not None:
+        check.positive("duration", duration, "s")
+    frames, settings = _served(source)
+    chip, language = _BOARDS[protocol]
+    with (
+        virtual_board(
+            frames,
+            protocol=protocol,
+            speed=speed,
+            threads=threads,
+            receiver=receiver,
+            latency=latency,
+        ) as board,
+        PtyPort(board, link=link, replace_link=force) as port,
+    ):
+        try:
+            name = link or port.path
+            print(f"listening on {name}")
+            print(f"{source} as a {chip}, protocol {language}; {settings}")
+            print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
+            _print_news(duration, board.news)
+        except KeyboardInterrupt:
+            print("stopped", file=sys.stderr)
+        finally:
+            board.close()  # before the port, which waits for answers and thus for a frame that is being simulated
+    print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
+
+
+def _print_news(duration: float | None, news: Callable[[], list[str]]) -> None:
+    """Print news as they come, for a duration or until an interrupt."""
+    deadline = math.inf if duration is None else time.monotonic() + duration
+    while time.monotonic() < deadline:
+        time.sleep(0.2)
+        for line in news():
+            print(line, file=sys.stderr, flush=True)
+
+
+def _served(path: Path) -> tuple[Simulation | Recording, str]:
+    """Source of the frames, and what settings a client may have."""
+    if path.suffix == ".toml":
+        from radarcore.scenefile.load import load_scene  # takes longer to load than the rest
+
+        return load_scene(path), "the client sets samples, chirps and rate"
+    recording = Recording.load(path)
+    raw = recording.raw
+    if raw is None or len(raw) == 0:
+        raise ValueError(
+            f"{path}: expected at least one frame with codes of an ADC, got none; of a simulated recording, serve the "
+            "scene file"
+        )
+    num_rx, num_chirps, num_samples = raw.shape[1:]
+    rate = 1.0 / recording.radar.waveform.frame_interval
+    shape = f"{num_rx} receivers, {num_chirps} chirps and {num_samples} samples"
+    return recording, f"{len(raw)} frames over and over, recorded at {rate:.4g} Hz; the client must set {shape}"

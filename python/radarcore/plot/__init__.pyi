@@ -1,11 +1,11 @@
 from radarcore.plot.above import scene_from_above as scene_from_above
 from radarcore.plot.above import tracks_from_above as tracks_from_above
+from radarcore.plot.angles import antenna_pattern as antenna_pattern
+from radarcore.plot.angles import array_pattern as array_pattern
 from radarcore.plot.angles import range_angle_map as range_angle_map
+from radarcore.plot.angles import rcs as rcs
 from radarcore.plot.angles import virtual_array as virtual_array
 from radarcore.plot.canvas import require as require
-from radarcore.plot.cuts import antenna_pattern as antenna_pattern
-from radarcore.plot.cuts import array_pattern as array_pattern
-from radarcore.plot.cuts import rcs as rcs
 from radarcore.plot.figures import experiment as experiment
 from radarcore.plot.figures import overview as overview
 from radarcore.plot.frame import Image as Image
@@ -18,4 +18,4 @@ from radarcore.plot.history import range_time as range_time
 from radarcore.plot.history import spectrogram as spectrogram
 from radarcore.plot.history import tracks as tracks
 from radarcore.plot.live.view import LiveView as LiveView
-from radarcore.plot.live.window import view as view
+from radarcore.plot.live.view import view as view
