@@ -175,9 +175,7 @@ def sphere(radius: float, *, subdivisions: int | None = None, sagitta: float = 5
     0.031 m^2 of 0.031 m^2
     """
     radius, sagitta = check.positive("radius", radius, "m"), check.positive("sagitta", sagitta, "m")
-    if subdivisions is not None and check.count("subdivisions", subdivisions, 0) > _MAX_SUBDIVISIONS:
-        raise ValueError(f"subdivisions: expected at most {_MAX_SUBDIVISIONS}, got {subdivisions}")
-    level = 2 if subdivisions is None else subdivisions
+    level = 2 if subdivisions is None else check.count("subdivisions", subdivisions, 0, _MAX_SUBDIVISIONS)
     if subdivisions is None:
         # The edges halve and the sagitta quarters with every level, so the loop ends soon.
         while (depth := radius * _largest_depth(level)) > sagitta:

@@ -14,7 +14,7 @@ from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix
 from radarcore.motion.linear import Linear, together
 from radarcore.motion.live import Live, LiveBatch
-from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, newest_of, poses_at, with_factors
+from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, latest_update, poses_at, with_factors
 
 Members = NDArray[np.intp] | slice
 """Indices of the members of a group."""
@@ -91,7 +91,9 @@ class Motions:
         given = {id(motion) for motion in motions}
         every = [*motions, *(motion for motion in ordered if id(motion) not in given)]
         sources = {id(source): source for motion in every for source in [getattr(motion, "group", motion)]}
-        self._live = [source for source in sources.values() if not factors_of(source) and newest_of(source) is not None]
+        self._live = [
+            source for source in sources.values() if not factors_of(source) and latest_update(source) is not None
+        ]
         # Composed motions, after their factors.
         rank = {id(motion): number for number, motion in enumerate(ordered)}
         places = {id(motion): number for number, motion in enumerate(every)}
@@ -109,7 +111,7 @@ class Motions:
     @property
     def newest(self) -> float | None:
         """Time of the newest update of what is live [s], minus infinity before the first; None if nothing is live."""
-        return newest_of(*self._live)
+        return latest_update(*self._live)
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4): body coordinates to the world."""

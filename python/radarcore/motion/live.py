@@ -258,8 +258,8 @@ class History:
 
     def __init__(self) -> None:
         self.updates: tuple[Update, ...] = ()
-        self._told = False
-        self._took_milliseconds = False
+        self._has_warned = False
+        self._warned_of_milliseconds = False
 
     def add(self, update: Update) -> None:
         """One more update."""
@@ -273,9 +273,9 @@ class History:
             )
         newest = with_finite_differences(earlier[-1], update) if earlier else (update,)
         self.updates = (*earlier[max(0, len(earlier) - KEPT + 1) : -1], *newest)
-        if newest[-1].interval > LONG_STEP and not self._took_milliseconds:
+        if newest[-1].interval > LONG_STEP and not self._warned_of_milliseconds:
             step = steps_between(np.array([one.maps for one in newest])).max(axis=1)
-            self._took_milliseconds = warn_of_milliseconds("time", np.array([newest[-1].interval]), step)
+            self._warned_of_milliseconds = warn_of_milliseconds("time", np.array([newest[-1].interval]), step)
 
     def of(self, times: ArrayLike) -> tuple[tuple[Update, ...], Matrix]:
         """Updates for poses at times (n,) [s], and these; or an error if there are none."""
@@ -288,8 +288,8 @@ class History:
                 f"got {first:.9g} s"
             )
         elapsed = wanted.max(initial=-np.inf) - updates[-1].time
-        if elapsed > _LONG_AFTER and updates[-1].moves and not self._told:
-            self._told = True
+        if elapsed > _LONG_AFTER and updates[-1].moves and not self._has_warned:
+            self._has_warned = True
             notice.warn(
                 f"a Live motion is asked for {elapsed:.3g} s after its newest update, at {updates[-1].time:.9g} s: it "
                 "goes on at the velocity that it had there"

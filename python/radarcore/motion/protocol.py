@@ -42,7 +42,7 @@ def newest_update(motion: object) -> float | None:
     return getattr(motion, "newest", None)
 
 
-def newest_of(*motions: object) -> float | None:
+def latest_update(*motions: object) -> float | None:
     """The latest of the newest updates of motions [s]; None if none of them is live."""
     times = [time for motion in motions if (time := newest_update(motion)) is not None]
     return max(times, default=None)

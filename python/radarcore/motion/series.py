@@ -82,7 +82,7 @@ class Ends:
         self._kind = self.choice or ("hold" if speeds is None else "continue")
         self._first, self._last = float(times[0]), float(times[-1])
         self._slack = slack(times)
-        self._told = False
+        self._has_warned = False
 
     def split(self, times: ArrayLike) -> tuple[_Floats, _Floats]:
         """Times within the series, and time during which the velocity of the end goes on after or before [s]."""
@@ -108,8 +108,8 @@ class Ends:
         if self._kind == "error":
             raise ValueError(f"time: {text} (beyond='error')")
         moves = self._speeds[farthest > self._last] > _AT_REST
-        if self.choice is None and moves and not self._told:
-            self._told = True
+        if self.choice is None and moves and not self._has_warned:
+            self._has_warned = True
             notice.warn(
                 f"time: {text}: it goes on at the velocity of its end; choose by beyond='continue', 'hold' or 'error'"
             )
@@ -124,8 +124,8 @@ def slack(times: _Floats) -> float:
     return max(_SLACK, _STEPS * float(np.spacing(np.abs(times).max())))
 
 
-class Pieces:
-    """Pieces of a series between gaps: at least two times each.
+class Segments:
+    """Segments of a series between gaps: at least two times each.
 
     Parameters
     ----------
@@ -161,16 +161,16 @@ class Pieces:
         return kept
 
     def known(self, times: ArrayLike) -> NDArray[np.bool_]:
-        """True at times within a piece, but for rounding."""
+        """True at times within a segment, but for rounding."""
         wanted = check.numbers("times", times)
-        piece = self._nearest(wanted)
-        is_known: NDArray[np.bool_] = (wanted >= self._first[piece] - self._slack) & (
-            wanted <= self._last[piece] + self._slack
+        segment = self._nearest(wanted)
+        is_known: NDArray[np.bool_] = (wanted >= self._first[segment] - self._slack) & (
+            wanted <= self._last[segment] + self._slack
         )
         return is_known
 
     def split(self, times: _Floats) -> tuple[_Floats, NDArray[np.intp]]:
-        """Times within the pieces, and the index of each one's piece; a ValueError for those within a gap."""
+        """Times within the segments, and the index of each one's segment; a ValueError for those within a gap."""
         if not (is_known := self.known(times)).all():
             time = float(times[~is_known][0])
             first, last = self.gaps[np.searchsorted(self.gaps[:, 1], time)]
@@ -178,9 +178,9 @@ class Pieces:
                 f"time: {time:.9g} s is within a gap of this {self._series}, from {first:.9g} to {last:.9g} s; ask "
                 f"known(times) before, or bridge gaps by a larger max_gap or within_gaps='interpolate'"
             )
-        piece = self._nearest(times)
-        return np.clip(times, self._first[piece], self._last[piece]), piece
+        segment = self._nearest(times)
+        return np.clip(times, self._first[segment], self._last[segment]), segment
 
     def _nearest(self, times: _Floats) -> NDArray[np.intp]:
-        """Index of the piece that begins before a time, but for rounding; the first one for earlier times."""
+        """Index of the segment that begins before a time, but for rounding; the first one for earlier times."""
         return np.maximum(np.searchsorted(self._first - self._slack, times, side="right") - 1, 0)

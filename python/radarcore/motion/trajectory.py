@@ -1,4 +1,4 @@
-"""Splines through poses at given times, in pieces where times are missing."""
+"""Splines through poses at given times, in segments where times are missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.geometry.pose import Pose, as_pose, not_a_pose, transforms
 from radarcore.geometry.rotation import Matrix, cross_matrix, rotations_about
-from radarcore.motion.series import Ends, Pieces, check_steps, steps_between
+from radarcore.motion.series import Ends, Segments, check_steps, steps_between
 from radarcore.records import sealed
 
 WITHIN_GAPS = ("error", "interpolate")
@@ -35,7 +35,7 @@ class Trajectory:
         that it has there, or raises a ValueError. Default: it goes on, which is warned of once.
     max_gap : float, optional
         Neighbouring times further apart than this [s] bound a gap, as where motion capture did not see the body. Every
-        piece between gaps has its own splines; a pose with gaps on both sides has no velocity and is left out.
+        segment between gaps has its own splines; a pose with gaps on both sides has no velocity and is left out.
         Default: there are no gaps.
     within_gaps : "error" or "interpolate", optional
         A time within a gap raises a ValueError (default), or the splines go on through all gaps.
@@ -76,14 +76,14 @@ class Trajectory:
         self.max_gap: float | None = None if max_gap is None else check.positive("max_gap", max_gap, "s")
         self.within_gaps: str = check.choice("within_gaps", within_gaps, WITHIN_GAPS)
         if self.max_gap is not None:
-            kept = Pieces.neighbours(self.times, self.max_gap)
+            kept = Segments.neighbours(self.times, self.max_gap)
             self.times = check.frozen(self.times[kept])
             self.poses = tuple(self.poses[k] for k in kept)
-        self._pieces = Pieces("Trajectory", self.times, self.max_gap)
+        self._segments = Segments("Trajectory", self.times, self.max_gap)
 
         positions = np.array([pose.position for pose in self.poses])
         rotations = np.array([pose.rotation for pose in self.poses])
-        parts = [slice(0, len(self.times))] if self.within_gaps == "interpolate" else self._pieces.parts
+        parts = [slice(0, len(self.times))] if self.within_gaps == "interpolate" else self._segments.parts
         self._positions = [CubicSpline(self.times[part], positions[part], bc_type="natural") for part in parts]
         self._rotations = [RotationSpline(self.times[part], Rotation.from_matrix(rotations[part])) for part in parts]
         speeds = [
@@ -101,11 +101,11 @@ class Trajectory:
     @property
     def gaps(self) -> Matrix:
         """Times between which the poses are not known, (gap, 2) [s]."""
-        return self._pieces.gaps
+        return self._segments.gaps
 
     def known(self, times: ArrayLike) -> NDArray[np.bool_]:
         """True at times (n,) [s] that are neither within a gap nor before the first or after the last time."""
-        return self._pieces.known(times)
+        return self._segments.known(times)
 
     def at(self, time: float) -> Pose:
         """The pose at a time [s]."""
@@ -115,12 +115,12 @@ class Trajectory:
         """``[rotation | position]`` at several times [s], (n, 3, 4)."""
         inside, elapsed = self._ends.split(times)
         if len(self._positions) == 1:
-            return self._piece_poses(0, inside, elapsed)
-        inside, piece = self._pieces.split(inside)
+            return self._segment_poses(0, inside, elapsed)
+        inside, segment = self._segments.split(inside)
         poses = np.empty((len(inside), 3, 4))
-        for k in np.unique(piece).tolist():
-            here = piece == k
-            poses[here] = self._piece_poses(k, inside[here], elapsed[here])
+        for k in np.unique(segment).tolist():
+            here = segment == k
+            poses[here] = self._segment_poses(k, inside[here], elapsed[here])
         return poses
 
     def rate_at(self, time: float) -> Matrix:
@@ -130,14 +130,14 @@ class Trajectory:
             return np.zeros((3, 4))
         k = 0
         if len(self._positions) > 1:
-            clipped, piece = self._pieces.split(inside[None])
-            inside, k = clipped[0], int(piece[0])
+            clipped, segment = self._segments.split(inside[None])
+            inside, k = clipped[0], int(segment[0])
         # The spline's angular velocity is in body axes: d/dt R = R (omega x).
         turning = self.at(time).rotation @ cross_matrix(self._rotations[k](inside, 1))
         return transforms(turning, self._positions[k](inside, 1))
 
-    def _piece_poses(self, k: int, inside: Matrix, elapsed: Matrix) -> Matrix:
-        """Poses (n, 3, 4) on a piece at times (n,), and the elapsed times (n,) after or before them."""
+    def _segment_poses(self, k: int, inside: Matrix, elapsed: Matrix) -> Matrix:
+        """Poses (n, 3, 4) on a segment at times (n,), and the elapsed times (n,) after or before them."""
         spline, turning = self._positions[k], self._rotations[k]
         rotation, position = turning(inside).as_matrix(), spline(inside)
         beyond = elapsed[:, None]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.motion.group import Motions
-from radarcore.motion.protocol import Motion, newest_of
+from radarcore.motion.protocol import Motion, latest_update
 from radarcore.radar.waveform import Waveform
 from radarcore.scene.scene import Scene
 
@@ -39,7 +39,7 @@ class Placement:
     @property
     def newest(self) -> float | None:
         """Time of the newest update of what is live [s], minus infinity before the first; None if nothing is live."""
-        return newest_of(self._motions, *self._interfering)
+        return latest_update(self._motions, *self._interfering)
 
     @property
     def duration(self) -> float:

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
-from radarcore.geometry.rotation import Matrix
+from radarcore.geometry.rotation import Matrix, cross_matrix
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion, JointTrajectory
 from radarcore.motion.attached import Attached
-from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, newest_of, poses_at
+from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, latest_update, poses_at
 from radarcore.records import sealed
 from radarcore.scene.body import Body
 from radarcore.scene.material import Material
@@ -86,8 +86,7 @@ class RobotArm:
             if joint.axis is None:
                 continue
             if joint.kind == "revolute":
-                x, y, z = joint.axis
-                cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+                cross = cross_matrix(joint.axis)
                 self._first[k, :3, :3] = joint.origin.rotation @ cross
                 self._second[k, :3, :3] = joint.origin.rotation @ cross @ cross
             else:
@@ -397,7 +396,7 @@ class MovingArm:
     @property
     def newest(self) -> float | None:
         """Time of the newest update of base or joints [s]; None if neither is live."""
-        return newest_of(self.base, self.joint_motion)
+        return latest_update(self.base, self.joint_motion)
 
     def link_motion(self, link: str) -> Motion:
         """Motion of a link in the world, for bodies on it and for `Attached`.

@@ -103,7 +103,7 @@ def cartesian_line(
         raise ValueError(f"duration: expected at most {_MAX_DURATION:g} s, got {duration:g}")
     length = speed * (duration - ramp_time)
 
-    def way(times: Matrix) -> Matrix:
+    def distance_travelled(times: Matrix) -> Matrix:
         """Distance travelled [m], symmetric about the middle of the time."""
         past = np.minimum(times, duration - times)
         u = np.clip(past / ramp_time, 0.0, 1.0)
@@ -114,19 +114,19 @@ def cartesian_line(
     while True:
         # Solve for the angles at the knots, each from the one before.
         times = _knots(duration, ramp_time, interval)
-        rows = _follow(arm, link, angles, start.position, start.rotation, unit, way(times), length)
+        rows = _joint_angles(arm, link, angles, start.position, start.rotation, unit, distance_travelled(times), length)
         trajectory = JointTrajectory(start_time + times, rows)
 
         # Look at the tool between the knots.
         between = (times[:-1, None] + np.diff(times)[:, None] * [0.25, 0.5, 0.75]).ravel()
-        targets = start.position + way(between)[:, None] * unit
+        targets = start.position + distance_travelled(between)[:, None] * unit
         tool = arm.link_poses(trajectory.angles(start_time + between))[:, arm.link_number(link)]
         errors = np.abs(_error(tool, targets, start.rotation)).max(axis=-1)
         if errors.max() <= LINE_ERROR:
             break
         interval *= 0.5
         if interval < _MIN_KNOT_INTERVAL:
-            worst = float(way(between)[errors.argmax()])
+            worst = float(distance_travelled(between)[errors.argmax()])
             raise ValueError(
                 f"direction: the line comes too near a singular pose after {worst:.3f} of {length:.3f} m, where the "
                 f"joints move too abruptly to follow it"
@@ -136,23 +136,23 @@ def cartesian_line(
     return trajectory
 
 
-def _follow(
+def _joint_angles(
     arm: RobotArm,
     link: str,
     angles: Matrix,
     origin: Matrix,
     rotation: Matrix,
     unit: Matrix,
-    ways: Matrix,
+    distances: Matrix,
     length: float,
 ) -> Matrix:
-    """Joint angles at the given ways along the line, (n, num_joints)."""
-    rows, number = np.empty((len(ways), len(angles))), arm.link_number(link)
-    for k, way in enumerate(ways):
+    """Joint angles at the given distances along the line, (n, num_joints)."""
+    rows, number = np.empty((len(distances), len(angles))), arm.link_number(link)
+    for k, distance in enumerate(distances):
         # Newton's iteration with damped least squares: the damping only matters where the arm is nearly singular.
         for _ in range(_MAX_ITERATIONS):
             poses = arm.link_poses(angles)
-            error = _error(poses[number], origin + way * unit, rotation)
+            error = _error(poses[number], origin + distance * unit, rotation)
             if np.abs(error).max() <= _KNOT_ERROR:
                 break
             jacobian = arm.jacobian_at(number, poses)
@@ -161,7 +161,7 @@ def _follow(
         else:
             smallest = np.linalg.svd(arm.jacobian(link, angles), compute_uv=False).min()
             raise ValueError(
-                f"direction, duration: the line leaves the reach of {link!r} after {ways[max(k - 1, 0)]:.3f} of "
+                f"direction, duration: the line leaves the reach of {link!r} after {distances[max(k - 1, 0)]:.3f} of "
                 f"{length:.3f} m: it stays {np.linalg.norm(error[:3]):.2g} m and {np.linalg.norm(error[3:]):.2g} rad "
                 f"off, with {smallest:.2g} the smallest singular value of the Jacobian"
             )
