@@ -181,29 +181,3 @@ def test_pictures_go_into_given_axes(frame: rc.Frame) -> None:
         ax = figure_module.Figure().subplots()
         assert draw(ax) is ax  # type: ignore[no-untyped-call]
         assert ax.has_data()
-
-
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: plot.range_angle_map(RADAR), TypeError, "frame: expected Frame, got Radar"),
-        (lambda: plot.virtual_array(WAVEFORM), TypeError, "radar: expected Radar, got Waveform"),
-        (lambda: plot.virtual_array(RADAR, unit="inches"), ValueError, "unit: expected one of 'mm', 'wavelengths'"),
-        (lambda: plot.antenna_pattern(WAVEFORM), TypeError, "antenna: expected Radar or a pattern, got Waveform"),
-        (lambda: plot.array_pattern(RADAR, part="both"), ValueError, "part: expected one of 'two-way'"),
-        (lambda: plot.array_pattern(RADAR, cut="x"), ValueError, "cut: expected one of 'azimuth', 'elevation'"),
-        (lambda: plot.array_pattern(RADAR, steer=[1, 2, 3]), ValueError, r"steer: expected shape \(2,\), got \(3,\)"),
-        (lambda: plot.rcs([0.0], [1.0, 2.0]), ValueError, r"rcs_m2: expected shape \(1,\), got \(2,\)"),
-        (lambda: plot.rcs([0.0], [-1.0]), ValueError, r"rcs_m2: expected zero or positive numbers \[m\^2\], got -1"),
-        (lambda: plot.rcs([], []), ValueError, "azimuth_deg: expected at least one angle, got none"),
-    ],
-)
-def test_bad_arguments_are_refused_by_name(call: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        call()
-
-
-@pytest.mark.parametrize("width", [0.0, 181.0])
-def test_fields_of_view_beyond_the_front_are_refused(frame: rc.Frame, width: float) -> None:
-    with pytest.raises(ValueError, match="field_of_view_deg: expected"):
-        plot.range_angle_map(frame, field_of_view_deg=width)

@@ -137,14 +137,6 @@ def test_simulated_point_is_detected_where_its_truth_is() -> None:
     assert abs(strongest.velocity - truth.velocity[0]) <= 0.1 * of.waveform.velocity_resolution
 
 
-def test_two_targets_are_listed_by_range_and_their_sidelobes_are_not() -> None:
-    near, far = frame(0.5, 1.2), frame(1.1, -1.5, 1)
-    found = stream([Frame(5.0 * near.cube + far.cube, 0.0, RADAR)], subtract_mean=False).detections
-    assert [round(each.range, 1) for each in found] == [0.5, 1.1]
-    # Both have the same noise.
-    assert found[0].level_db - found[1].level_db == pytest.approx(20.0 * np.log10(5.0), abs=0.5)
-
-
 def test_level_is_power_over_the_noise_of_a_cell() -> None:
     # One real tone of amplitude a in white noise of variance s^2, Hann windows with the mean square 3/8: the cell
     # has (a/2)^2 (N/2)^2 (M/2)^2 over s^2 (3/8) N (3/8) M, once per channel.
@@ -208,11 +200,6 @@ def test_history_has_no_holes_where_frames_are_slow_and_uneven() -> None:
     filled = np.isfinite(taken.history).all(axis=1)
     assert filled[np.argmax(filled) :].all()
     assert filled.sum() == 1 + round((times[-1] - times[0]) / INTERVAL)
-
-
-def test_frames_of_the_same_moment_share_a_column() -> None:
-    taken = stream(Frame(frame(number=i).cube, 0.1 * i * INTERVAL, RADAR) for i in range(4))
-    assert np.isfinite(taken.history).all(axis=1).sum() == 1
 
 
 def test_unknown_losses_count_as_none() -> None:
@@ -279,9 +266,12 @@ def test_partial_drawing_leaves_the_picture_of_a_whole_one() -> None:
         np.testing.assert_array_equal(partial[rows, columns], whole[rows, columns])
 
 
-@pytest.mark.parametrize("num_chirps", [1, 2])
-def test_frames_without_velocity_show_range_alone(num_chirps: int) -> None:
-    of = radar(num_chirps=num_chirps)
+@pytest.mark.parametrize(
+    "chirps",
+    [{"num_chirps": 1}, {"num_chirps": 2}, {"num_chirps": 3, "chirp_interval": None, "chirp_times": [0.0, 4e-4, 1e-3]}],
+)
+def test_frames_without_velocity_show_range_alone(chirps: dict[str, Any]) -> None:
+    of = radar(**chirps)
     live = plot.LiveView(of, subtract_mean=False)
     live.update(frame(0.8, 0.0, of=of))
     (found,) = live.detections
@@ -292,14 +282,6 @@ def test_frames_without_velocity_show_range_alone(num_chirps: int) -> None:
     peak = profile.get_xdata()[np.argmax(profile.get_ydata())]
     assert abs(peak - 0.8) <= 0.5 * of.waveform.range_resolution
     assert "–" in texts(live)
-
-
-def test_unevenly_spaced_chirps_show_range_alone() -> None:
-    of = radar(num_chirps=3, chirp_interval=None, chirp_times=[0.0, 4e-4, 1e-3])
-    live = plot.LiveView(of, subtract_mean=False)
-    live.update(frame(0.8, 0.0, of=of))
-    assert "Range" in shown(live)
-    assert len(live.detections) == 1
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf], ids=["silence", "nan", "inf"])
@@ -335,34 +317,6 @@ def test_tiny_frames_have_levels(real: bool, num_samples: int) -> None:
     taken = stream(frame(number=i, of=of) for i in range(3))
     assert np.isfinite(taken.level).all()
     assert taken.level.shape == (12, len(taken.ranges))
-
-
-def test_frames_of_one_sample_are_drawn() -> None:
-    of = radar(num_samples=1, num_chirps=1)
-    live = plot.LiveView(of, subtract_mean=False)
-    live.draw()
-    painted: Any = live.figure.canvas
-    empty = np.array(painted.buffer_rgba())
-    live.update(frame(of=of))
-    live.draw()
-
-    # The spectrum of one sample is flat, up to half of the one bin that it is wide.
-    axes = shown(live)["Range"]
-    profile = axes.lines[0]
-    np.testing.assert_allclose(profile.get_xdata(), of.waveform.range_resolution * np.array([0.0, 0.25, 0.5]))
-    # All cells are the median: of the sum of two exponential variables of mean 1, 1.678.
-    np.testing.assert_allclose(profile.get_ydata(), 10.0 * np.log10(1.678 / 2.0), atol=1e-3)  # [dB]
-    assert columns(live)[-1]
-    assert not columns(live)[:-1].any()
-
-    # It is on the canvas: a line across the axes, along pixels that had the colour of the background.
-    box = axes.bbox.padded(-2)  # within the spines
-    rows = slice(len(empty) - int(box.y1), len(empty) - int(box.y0))
-    drawn = np.array(painted.buffer_rgba())[rows, int(box.x0) : int(box.x1)]
-    is_new = (drawn != empty[rows, int(box.x0) : int(box.x1)]).any(axis=(0, 2))
-    left, right = axes.transData.transform(profile.get_xydata())[[0, -1], 0] - box.x0
-    assert right - left > 100.0
-    assert is_new[int(left) + 2 : int(right) - 2].all()
 
 
 def test_silly_arguments_are_refused() -> None:

@@ -13,6 +13,9 @@ import pytest
 
 from picture_scenes import frame, image, recording, room
 from radarcore import plot
+from radarcore.radar.bgt60_presets import bgt60tr13c
+
+RADAR = bgt60tr13c()
 
 pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 
@@ -101,6 +104,16 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
             ValueError,
             "field_of_view_deg: expected two angles between 0 and 180",
         ),
+        (lambda: plot.range_angle_map(frame(), field_of_view_deg=181.0), ValueError, "field_of_view_deg: expected"),
+        (lambda: plot.range_angle_map(RADAR), TypeError, "frame: expected Frame, got Radar"),
+        (lambda: plot.virtual_array(RADAR, unit="inches"), ValueError, "unit: expected one of 'mm', 'wavelengths'"),
+        (lambda: plot.array_pattern(RADAR, part="both"), ValueError, "part: expected one of 'two-way'"),
+        (lambda: plot.array_pattern(RADAR, cut="x"), ValueError, "cut: expected one of 'azimuth', 'elevation'"),
+        (lambda: plot.array_pattern(RADAR, steer=[1, 2, 3]), ValueError, r"steer: expected shape \(2,\), got \(3,\)"),
+        (lambda: plot.rcs([0.0], [1.0, 2.0]), ValueError, r"rcs_m2: expected shape \(1,\), got \(2,\)"),
+        (lambda: plot.rcs([0.0], [-1.0]), ValueError, r"rcs_m2: expected zero or positive numbers \[m\^2\], got -1"),
+        (lambda: plot.rcs([], []), ValueError, "azimuth_deg: expected at least one angle, got none"),
+        (lambda: plot.tracks_from_above([]), TypeError, "tracks: expected Tracks, got list"),  # type: ignore[arg-type]
         (lambda: plot.experiment(recording([]), room()), ValueError, "recording: expected at least one frame"),
         (lambda: plot.experiment(recording(), None), TypeError, "scene: expected Scene, got NoneType"),  # type: ignore[arg-type]
     ],
