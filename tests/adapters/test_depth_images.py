@@ -166,4 +166,4 @@ def test_a_bag_without_depth_says_what_it_has(tmp_path: Path) -> None:
         info = info_of(1) | {"width": 2 * COLUMNS}
         written.write("/depth/camera_info", info, 1, type="sensor_msgs/msg/CameraInfo")
         written.write("/depth/image", image_of(1, depth_of(DISTANCE)), 1, type="sensor_msgs/msg/Image")
-    refused(bag, f"camera_info: expected that of images of {COLUMNS} x {ROWS} pixels, got one of {2 * COLUMNS}")
+    refused(bag, f"camera_info: expected a camera of {COLUMNS} x {ROWS} pixels, got one of {2 * COLUMNS}")

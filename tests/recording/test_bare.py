@@ -81,7 +81,7 @@ def test_real_samples_get_a_real_receiver(tmp_path: Path) -> None:
     plain = rc.Radar(RADAR.waveform, rx=RADAR.rx)
     loaded = rc.Recording.load(path, radar=plain)
     assert loaded.radar.is_real
-    assert loaded.radar.max_unambiguous_range == plain.max_range / 2.0
+    assert loaded.radar.max_unambiguous_range == plain.max_unambiguous_range / 2.0
     with pytest.raises(ValueError, match=r"a\.npy: expected I/Q samples of the radar's receiver, got real samples"):
         rc.Recording.load(path, radar=RADAR)
     with pytest.raises(ValueError, match=r"b\.npy: expected real samples of the radar's receiver, got I/Q samples"):

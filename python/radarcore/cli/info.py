@@ -19,7 +19,7 @@ from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
 from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.mesh_report import mesh_report
-from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.bare import NO_DESCRIPTION, Description
 from radarcore.recording.infineon import settings_of
 from radarcore.recording.recording import Recording, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
@@ -169,7 +169,7 @@ def _recording_line(place: Path, config: Description) -> str:
 def _recording(place: Path, config: Description) -> Recording:
     """Recording at a place, with the description if it is bare."""
     try:
-        return Recording.load(place, **vars(NOTHING_SAID))
+        return Recording.load(place, **vars(NO_DESCRIPTION))
     except (ValueError, TypeError):
         if not config.given or place.is_dir() or place.suffix == ".npz":
             raise

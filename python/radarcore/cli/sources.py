@@ -16,7 +16,7 @@ from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.frames import FRAME_TYPE, BagFrames
 from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
-from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.bare import NO_DESCRIPTION, Description
 from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
 
@@ -76,7 +76,7 @@ def only_radar(bag: BagReader) -> str:
     return found[0]
 
 
-def load_recording(source: Path, config: Description = NOTHING_SAID) -> Recording:
+def load_recording(source: Path, config: Description = NO_DESCRIPTION) -> Recording:
     """The recording at a path, or the frames of a bag, ``BAG`` or ``BAG:/TOPIC``."""
     path, topic = path_and_topic(source)
     if is_bag(path) and not config.given:
@@ -86,7 +86,7 @@ def load_recording(source: Path, config: Description = NOTHING_SAID) -> Recordin
 
 
 @contextmanager
-def open_recording(source: Path, config: Description = NOTHING_SAID) -> Iterator[AnyReader]:
+def open_recording(source: Path, config: Description = NO_DESCRIPTION) -> Iterator[AnyReader]:
     """The frames of the recording at a path, or of a bag, ``BAG`` or ``BAG:/TOPIC``, one by one."""
     path, topic = path_and_topic(source)
     if is_bag(path) and not config.given:

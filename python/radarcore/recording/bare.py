@@ -70,7 +70,7 @@ class Description:
                 raise TypeError(f"{name}: expected none, as {path} is {what}, got {got}")
 
 
-NOTHING_SAID = Description()
+NO_DESCRIPTION = Description()
 """Description of recordings that need none."""
 
 

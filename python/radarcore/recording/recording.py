@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording import bare, infineon
-from radarcore.recording.bare import NOTHING_SAID, Description
+from radarcore.recording.bare import NO_DESCRIPTION, Description
 from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -439,7 +439,7 @@ def facts_of_frames(recording: Recording) -> dict[str, Any]:
     }
 
 
-def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, description: Description = NOTHING_SAID) -> Stored:
+def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, description: Description = NO_DESCRIPTION) -> Stored:
     """Content of a recording on disk, unchecked; its cube may be one that is converted when it is asked for."""
     path = Path(path)
     if bare.is_bare(path, description):

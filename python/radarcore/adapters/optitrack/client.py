@@ -196,7 +196,7 @@ _NUM_OFFSETS = 1000
 
 
 class Updated(Protocol):
-    """A motion that is told its pose, such as `Live`."""
+    """A motion that takes poses as they come, such as `Live`."""
 
     def update(self, time: float, pose: Pose, /) -> None:
         """The pose at a time [s]."""

@@ -242,17 +242,17 @@ def _unit(file: Path, settings: dict[str, str], given: str | None) -> float:
     """Unit of lengths [m]."""
     if given is not None:
         check.choice("length_unit", given, tuple(_UNITS))
-    told = settings.get("Length Units", "").lower()
-    if not told and given is None:
+    stated = settings.get("Length Units", "").lower()
+    if not stated and given is None:
         raise ValueError(
             f"{file.name}: expected 'Length Units' in the first line, got none; "
             f"give length_unit='meters', 'centimeters' or 'millimeters'"
         )
-    if told and told not in _UNITS:
-        raise ValueError(f"{file.name}: expected Length Units Meters, Centimeters or Millimeters, got {told!r}")
-    if told and given is not None and told != given:
-        raise ValueError(f"length_unit: expected {told!r}, as the file says, got {given!r}")
-    return _UNITS[told or str(given)]
+    if stated and stated not in _UNITS:
+        raise ValueError(f"{file.name}: expected Length Units Meters, Centimeters or Millimeters, got {stated!r}")
+    if stated and given is not None and stated != given:
+        raise ValueError(f"length_unit: expected {stated!r}, as the file says, got {given!r}")
+    return _UNITS[stated or str(given)]
 
 
 def _frames(file: Path, rows: Iterator[list[str]], header: _Header, *, is_ended: bool) -> Array:

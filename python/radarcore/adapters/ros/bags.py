@@ -216,7 +216,7 @@ class BagReader:
         self.path: Path = Path(path)
         if not self.path.exists():
             raise FileNotFoundError(errno.ENOENT, "no such bag", str(self.path))
-        self._told = self._closed = False
+        self._has_warned = self._closed = False
         self._stack = ExitStack()
         self.version: int
         self._readers, self.version = self._opened()
@@ -440,8 +440,8 @@ class BagReader:
 
     def _warn(self, what: str) -> None:
         """One warning of a bag, however often its damage is met."""
-        if not self._told:
-            self._told = True
+        if not self._has_warned:
+            self._has_warned = True
             notice.warn(f"{self.path}: a bag that is cut or damaged: {what}")
 
     def _names(self, types: tuple[str, ...]) -> str:

@@ -134,16 +134,16 @@ def from_camera_info(message: Any, *, centered: bool = False, rectified: bool = 
 
 
 def check_size(camera_info: Any, image: Any) -> None:
-    """Refuse the camera of images of another size, as that of a topic beside the right one; zeros say nothing."""
+    """Refuse a camera whose images have another size; zeros say nothing."""
     window = getattr(camera_info, "roi", None)
-    told = []
+    stated = []
     for side, axis in (("width", "x"), ("height", "y")):
         whole = int(getattr(window, side, 0)) or int(getattr(camera_info, side, 0))
-        told.append(whole // max(int(getattr(camera_info, f"binning_{axis}", 1)), 1))
+        stated.append(whole // max(int(getattr(camera_info, f"binning_{axis}", 1)), 1))
     size = [int(image.width), int(image.height)]
-    if all(told) and told != size:
+    if all(stated) and stated != size:
         raise ValueError(
-            f"camera_info: expected that of images of {size[0]} x {size[1]} pixels, got one of {told[0]} x {told[1]}"
+            f"camera_info: expected a camera of {size[0]} x {size[1]} pixels, got one of {stated[0]} x {stated[1]}"
         )
 
 

@@ -303,7 +303,7 @@ class BagMotions:
         self._trees: dict[str, TransformTree] = {}
         self._series: dict[tuple[str, str | None], PoseSeries] = {}
         self._spans: list[tuple[float, float]] = []
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -446,8 +446,8 @@ class BagMotions:
         if len(times) < 2:
             return
         self._spans.append((float(times[0]), float(times[-1])))
-        if max_gap is None and name not in self._told:
-            self._told.add(name)
+        if max_gap is None and name not in self._warned:
+            self._warned.add(name)
             warn_of_gap(f"{self.bag.path}, {name}", times)
 
 

@@ -30,7 +30,7 @@ def to_radar_scan(
 ) -> Any:
     """Detections as a ``radar_msgs/RadarScan``; the signal-to-noise ratio is the amplitude [dB].
 
-    An elevation that is not told is 0, as the message defines it for 2D radars; other unknown values are NaN.
+    An unknown elevation is 0, as the message defines it for 2D radars; other unknown values are NaN.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def from_radar_scan(
     approaching_positive : bool
         The publisher's velocities are positive for what comes closer.
     has_elevation : bool
-        False for a 2D radar: its elevations, all 0, are not told.
+        False for a 2D radar: its elevations, all 0, are unknown.
     start_ns : int
         Stamp that counts as time 0 [ns].
 
@@ -118,7 +118,7 @@ def to_point_cloud(
 ) -> Any:
     """Detections as a ``sensor_msgs/PointCloud2`` with x, y, z [m], velocity [m/s] and intensity [dB], float32 each.
 
-    An elevation that is not told is 0; the points of an azimuth that is not told are NaN. Parameters are those of
+    An unknown elevation is 0; points of an unknown azimuth are NaN. Parameters are those of
     `to_radar_scan`.
 
     See Also
@@ -174,7 +174,7 @@ def from_point_cloud(
     message : sensor_msgs/PointCloud2
         Anything with its fields; any layout.
     velocity, intensity : str or None
-        Fields with the range rate [m/s] and the signal-to-noise ratio [dB]; None: not told.
+        Fields with the range rate [m/s] and the signal-to-noise ratio [dB]; None: unknown.
     approaching_positive : bool
         The publisher's velocities are positive for what comes closer.
     start_ns : int
