@@ -64,13 +64,6 @@ WAYS = [
         lambda snr: rc.processing.doppler_bound(UP, snr),
     ),
     Way(
-        "migration",
-        "tab:green",
-        (UP,),
-        lambda up: rc.processing.range_migration_velocity(up, UP, max_velocity=2.0),
-        lambda snr: rc.processing.range_migration_bound(UP, snr),
-    ),
-    Way(
         "up/down pair",
         "tab:orange",
         (ONE_UP, ONE_DOWN),

@@ -72,7 +72,6 @@ def works() -> dict[str, Callable[[], object]]:
             ),
             f"strongest_peak, {name}": lambda frame=frame: rc.strongest_peak(frame),
             f"doppler_velocity, {name}": lambda frame=frame: rc.doppler_velocity(frame),
-            f"range_migration_velocity, {name}": lambda frame=frame: rc.processing.range_migration_velocity(frame),
         }
         for method in ("doppler", "space-time"):
             found[f"remove_static, {method}, {name}"] = lambda frame=frame, method=method: rc.remove_static(

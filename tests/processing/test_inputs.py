@@ -86,7 +86,7 @@ def test_recordings_are_refused_in_words_where_one_frame_is_wanted(function: Cal
     "function",
     [
         *(rc.range_time, rc.spectrogram, rc.range_profile, rc.range_angle, rc.processing.chirp_rate_velocity),
-        *(rc.processing.range_migration_velocity, lambda recording: rc.remove_static(recording, [0.1, 0.0, 0.0])),
+        *(rc.processing.chirp_rate_velocity, lambda recording: rc.remove_static(recording, [0.1, 0.0, 0.0])),
         lambda recording: rc.track(recording),
     ],
 )

@@ -57,7 +57,6 @@ def pair(up: rc.Waveform, down: rc.Waveform) -> tuple[NDArray[np.complex128], ND
 SINGLE: list[tuple[Estimator, Callable[..., processing.CramerRaoBound]]] = [
     (rc.doppler_velocity, processing.doppler_bound),
     (processing.chirp_rate_velocity, processing.chirp_rate_bound),
-    (processing.range_migration_velocity, processing.range_migration_bound),
 ]
 
 
@@ -139,7 +138,6 @@ def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
 def test_changes_of_the_frequency_tell_velocities_beyond_those_of_doppler() -> None:
     fast = 2.0 * UP.max_velocity + 0.3
     samples = echo(UP, RANGE, fast)
-    assert processing.range_migration_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
     assert processing.chirp_rate_velocity(samples, UP).velocity == pytest.approx(fast, abs=1e-6)
     # Doppler's is another one, a whole number of intervals away but for the carrier's own error.
     alias = rc.doppler_velocity(samples, UP).velocity
@@ -154,10 +152,10 @@ def test_an_echo_smeared_within_the_chirp_is_found_by_dechirping() -> None:
     assert abs(found.velocity - 60.0) <= 4.0 * processing.chirp_rate_bound(one, 20.0).velocity
 
 
-def test_chirps_may_come_at_any_times_for_migration() -> None:
+def test_chirps_may_come_at_any_times_for_the_chirp_rate() -> None:
     times = UP.chirp_times + np.random.default_rng(1).uniform(0.0, 5e-3, 16).cumsum()
     staggered = UP.replace(chirp_times=times)
-    found = processing.range_migration_velocity(echo(staggered, RANGE, VELOCITY), staggered)
+    found = processing.chirp_rate_velocity(echo(staggered, RANGE, VELOCITY), staggered)
     assert abs(found.velocity - VELOCITY) <= 1e-6
     with pytest.raises(ValueError, match="chirps at equal intervals"):
         rc.doppler_velocity(echo(staggered, RANGE, VELOCITY), staggered)
@@ -178,7 +176,7 @@ def test_deviations_from_15_db_up_are_those_of_the_bound_and_as_predicted(
     wf = UP.replace(num_chirps=4)
     samples = echo(wf, RANGE, VELOCITY)
     # Estimates are worst where there is most noise: one of them stands for all at 30 dB.
-    for snr_db in (15.0, 30.0) if estimator is processing.range_migration_velocity and not is_real else (15.0,):
+    for snr_db in (15.0, 30.0) if estimator is processing.chirp_rate_velocity and not is_real else (15.0,):
         trials = noisy(samples.real if is_real else samples, snr_db, TRIALS, seed=int(snr_db))
         found = estimator(trials, wf, max_velocity=1.2)
         least = bound(wf, snr_db, is_real=is_real)
@@ -207,10 +205,11 @@ def test_deviations_of_one_pair_from_15_db_up_are_those_of_the_bound(is_real: bo
 
 
 def test_a_hann_window_is_less_accurate_as_predicted() -> None:
-    wf = UP.replace(num_chirps=4)
-    trials = noisy(echo(wf, RANGE, VELOCITY), 20.0, TRIALS, seed=5)
-    found = processing.range_migration_velocity(trials, wf, window="hann")
-    plain, windowed = (processing.range_migration_bound(wf, 20.0, window=window).velocity for window in (None, "hann"))
+    trials = noisy(echo(UP, RANGE, VELOCITY), 20.0, TRIALS, seed=5)
+    found = rc.doppler_velocity(trials, UP, window="hann", doppler_window="hann")
+    plain, windowed = (
+        processing.doppler_bound(UP, 20.0, window=window, doppler_window=window).velocity for window in (None, "hann")
+    )
     assert np.std(found.velocity) == pytest.approx(float(windowed), rel=ACCURACY)
     assert windowed > 1.5 * plain
 
@@ -281,7 +280,6 @@ def test_the_strongest_echo_within_the_limits_is_measured() -> None:
     assert abs(found.range - RANGE) <= 1e-5 * UP.range_resolution
     by_velocity = rc.doppler_velocity(samples, UP, min_velocity=0.0, window="hann", doppler_window="hann")
     assert by_velocity.velocity == pytest.approx(found.velocity)
-    assert abs(processing.range_migration_velocity(samples, UP, **limits).velocity - VELOCITY) <= 1e-3  # type: ignore[arg-type]
 
 
 def test_known_noise_gives_the_bound_itself() -> None:
@@ -312,10 +310,6 @@ CASES: list[tuple[Callable[[], object], str]] = [
     (lambda: rc.doppler_velocity(GOOD + np.nan, UP), "cube: expected finite samples, got 1024 that are not"),
     (lambda: rc.doppler_velocity(GOOD.astype(int), UP), "cube: expected float32"),
     (lambda: rc.doppler_velocity(GOOD[:, :1], UP.replace(num_chirps=1)), "waveform: expected at least 2 chirps, got 1"),
-    (
-        lambda: processing.range_migration_velocity(GOOD[:, :1], UP.replace(num_chirps=1)),
-        "expected at least 2 chirps, got 1",
-    ),
     (
         lambda: processing.chirp_rate_velocity(GOOD[..., :2], UP.replace(num_samples=2)),
         "expected at least 3 samples per chirp",

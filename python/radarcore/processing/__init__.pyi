@@ -19,13 +19,10 @@ from radarcore.processing.detection.point_cloud import Detections as Detections
 from radarcore.processing.estimation.bounds import CramerRaoBound as CramerRaoBound
 from radarcore.processing.estimation.bounds import chirp_rate_bound as chirp_rate_bound
 from radarcore.processing.estimation.bounds import doppler_bound as doppler_bound
-from radarcore.processing.estimation.bounds import frequency_bound as frequency_bound
-from radarcore.processing.estimation.bounds import range_migration_bound as range_migration_bound
 from radarcore.processing.estimation.bounds import up_down_bound as up_down_bound
 from radarcore.processing.estimation.velocity import VelocityEstimate as VelocityEstimate
 from radarcore.processing.estimation.velocity import chirp_rate_velocity as chirp_rate_velocity
 from radarcore.processing.estimation.velocity import doppler_velocity as doppler_velocity
-from radarcore.processing.estimation.velocity import range_migration_velocity as range_migration_velocity
 from radarcore.processing.estimation.velocity import up_down_velocity as up_down_velocity
 from radarcore.processing.spectra.mimo import Demultiplexed as Demultiplexed
 from radarcore.processing.spectra.mimo import demultiplex as demultiplex

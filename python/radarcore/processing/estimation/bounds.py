@@ -16,7 +16,7 @@ time ``var(T)`` and the carrier f in the middle of the chirp, the velocity's var
     ``info = f^2 var(T) + slope^2 var(t) var(T) + slope^2 var(t^2)``:
 
 Doppler from chirp to chirp, migration of the range from chirp to chirp, and change of the frequency within a chirp.
-`doppler_bound` has them all, of which the first is by far the largest; the other two bounds have one term each.
+`doppler_bound` has all three, of which the first is much the largest; `chirp_rate_bound` has the last one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
-from radarcore.processing.spectra.windows import Window, window_centre, window_weights
+from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.units import SPEED_OF_LIGHT
 
@@ -46,7 +46,7 @@ class CramerRaoBound:
     See Also
     --------
     doppler_bound : Bound of all samples of a frame.
-    frequency_bound : Bound of one tone.
+    up_down_bound : Bound of a pair of chirps.
 
     Examples
     --------
@@ -58,57 +58,6 @@ class CramerRaoBound:
 
     range: NDArray[np.float64]
     velocity: NDArray[np.float64]
-
-
-def frequency_bound(
-    num_samples: int,
-    sample_rate: float,
-    snr_db: ArrayLike,
-    *,
-    is_real: bool = False,
-    num_channels: int = 1,
-    window: Window = None,
-) -> NDArray[np.float64]:
-    """Standard deviation of the frequency of one tone of unknown amplitude and phase [Hz].
-
-    Without a window ``sqrt(6 / (snr num_samples (num_samples^2 - 1))) sample_rate / (2 pi)`` for I/Q samples.
-
-    Parameters
-    ----------
-    num_samples : int
-        At least 2.
-    sample_rate : float
-        [Hz].
-    snr_db : array_like
-        Power of the tone over that of the noise, per sample [dB].
-    is_real : bool
-        Real samples: 3 dB worse than I/Q samples of the same ratio.
-    num_channels : int
-        Channels that share the frequency, each with a phase of its own.
-    window : str, tuple or None
-        Window of the estimate, as `scipy.signal.get_window` names it: a Hann window makes it 1.53 times worse.
-
-    Returns
-    -------
-    std : (...) float64
-        In the shape of `snr_db`.
-
-    See Also
-    --------
-    doppler_bound : Of range and velocity.
-
-    Examples
-    --------
-    >>> print(f"{rc.processing.frequency_bound(64, 1e6, snr_db=20.0):.0f} Hz")
-    76 Hz
-    """
-    number = check.count("num_samples", num_samples, 2)
-    interval = 1.0 / check.positive("sample_rate", sample_rate, "Hz")
-    weights = window_weights("window", window, number)
-    time = interval * (np.arange(number) - window_centre(weights))
-    gradients = np.asarray(2.0 * np.pi * time[None, None, :], dtype=np.float64)
-    covariance = _covariance(gradients, weights[None, :], per_chirp=True)
-    return _deviation(float(covariance[0, 0]), _information(snr_db, is_real, num_channels))
 
 
 def doppler_bound(
@@ -128,10 +77,13 @@ def doppler_bound(
         With a ramp and at least two chirps.
     snr_db : array_like
         Power of the echo over that of the noise, per sample [dB].
-    is_real, num_channels
-        As in `frequency_bound`.
+    is_real : bool
+        Real samples: 3 dB worse than I/Q samples of the same ratio.
+    num_channels : int
+        Channels that share range and velocity, each with its own amplitude and phase.
     window, doppler_window : str, tuple or None
-        Windows of the estimate over fast and slow time; the bound is then the deviation with them.
+        Windows of the estimate over fast and slow time: the bound is the deviation with them. Default: none, the most
+        accurate.
 
     Returns
     -------
@@ -140,7 +92,7 @@ def doppler_bound(
     See Also
     --------
     doppler_velocity : The estimate that it bounds.
-    range_migration_bound : Without Doppler's ambiguity.
+    processing.chirp_rate_bound : Without Doppler's ambiguity.
 
     Examples
     --------
@@ -182,7 +134,7 @@ def up_down_bound(
         From the start of the frame `up` to that of `down` [s]; default: ``up.frame_interval``, or 0 where their first
         chirps come at different times after it, as those of sub-sequences of one frame do.
     is_real, num_channels, window
-        As in `frequency_bound`.
+        As in `doppler_bound`; a Hann window makes the bound 1.53 times larger. Default: none, the most accurate.
 
     Returns
     -------
@@ -228,7 +180,7 @@ def chirp_rate_bound(
     snr_db : array_like
         Power of the echo over that of the noise, per sample [dB].
     is_real, num_channels, window
-        As in `frequency_bound`.
+        As in `doppler_bound`; a Hann window makes the bound 1.53 times larger. Default: none, the most accurate.
 
     Returns
     -------
@@ -250,50 +202,13 @@ def chirp_rate_bound(
     require_range(waveform)
     if waveform.num_samples < 3:
         raise ValueError(f"waveform: expected at least 3 samples per chirp, got {waveform.num_samples}")
-    return _of_frequency_change(waveform, 2, 4.0, snr_db, is_real, num_channels, window)
-
-
-def range_migration_bound(
-    waveform: Waveform,
-    snr_db: ArrayLike,
-    *,
-    is_real: bool = False,
-    num_channels: int = 1,
-    window: Window = None,
-) -> CramerRaoBound:
-    """Bound from the beat frequency's change from chirp to chirp alone: that of `range_migration_velocity`.
-
-    ``sqrt(12) f / bandwidth`` times that of Doppler, but without its ambiguity.
-
-    Parameters
-    ----------
-    waveform : Waveform
-        With a ramp and at least two chirps.
-    snr_db : array_like
-        Power of the echo over that of the noise, per sample [dB].
-    is_real, num_channels, window
-        As in `frequency_bound`.
-
-    Returns
-    -------
-    bound : CramerRaoBound
-        The range suffers from the velocity, as in `chirp_rate_bound`.
-
-    See Also
-    --------
-    range_migration_velocity : The estimate that it bounds.
-    doppler_bound : Far smaller, but ambiguous.
-
-    Examples
-    --------
-    >>> waveform = rc.bgt60tr13c(num_chirps=64).waveform
-    >>> bound = rc.processing.range_migration_bound(waveform, snr_db=0.0)
-    >>> print(f"{bound.velocity:.2f} m/s")
-    0.12 m/s
-    """
-    require_range(waveform)
-    _require_chirps("waveform", waveform, 2)
-    return _of_frequency_change(waveform, 1, 2.0, snr_db, is_real, num_channels, window)
+    covariance = _beat_covariance(waveform, window)[np.ix_([0, 2], [0, 2])]
+    per_velocity = 4.0 * waveform.slope / SPEED_OF_LIGHT
+    per_range = 2.0 * waveform.slope / SPEED_OF_LIGHT
+    to_estimates = np.array(
+        [[1.0 / per_range, -beat_carrier(waveform) / (waveform.slope * per_velocity)], [0.0, 1.0 / per_velocity]]
+    )
+    return _bound(to_estimates @ covariance @ to_estimates.T, snr_db, is_real, num_channels)
 
 
 def middle_of_chirp(waveform: Waveform) -> float:
@@ -367,32 +282,14 @@ def up_down_equations(up: Waveform, down: Waveform, down_delay: float | None) ->
     return 2.0 / SPEED_OF_LIGHT * np.array(rows)
 
 
-def _of_frequency_change(
-    waveform: Waveform,
-    which: int,
-    factor: float,
-    snr_db: ArrayLike,
-    is_real: bool,
-    num_channels: int,
-    window: Window,
-) -> CramerRaoBound:
-    """Bound from one of the changes of the beat frequency, ``factor * slope * velocity / c``."""
-    covariance = _beat_covariance(waveform, window)[np.ix_([0, which], [0, which])]
-    per_velocity = factor * waveform.slope / SPEED_OF_LIGHT
-    per_range = 2.0 * waveform.slope / SPEED_OF_LIGHT
-    to_estimates = np.array(
-        [[1.0 / per_range, -beat_carrier(waveform) / (waveform.slope * per_velocity)], [0.0, 1.0 / per_velocity]]
-    )
-    return _bound(to_estimates @ covariance @ to_estimates.T, snr_db, is_real, num_channels)
-
-
 def _beat_covariance(waveform: Waveform, window: Window) -> NDArray[np.float64]:
-    """Covariance of beat frequency and changes that can be told, at unit information; inf for others."""
-    can_be_told = np.array([True, waveform.num_chirps > 1, waveform.num_samples > 2])
-    told = np.flatnonzero(can_be_told)
+    """Covariance of the beat frequency and its observable changes, at unit information; inf for others."""
+    observable = np.flatnonzero([True, waveform.num_chirps > 1, waveform.num_samples > 2])
     covariance = np.full((3, 3), np.inf)
-    gradients = beat_gradients(waveform)[told]
-    covariance[np.ix_(told, told)] = _covariance(gradients, _weights(waveform, window, None), per_chirp=True)
+    gradients = beat_gradients(waveform)[observable]
+    covariance[np.ix_(observable, observable)] = _covariance(
+        gradients, _weights(waveform, window, None), per_chirp=True
+    )
     return covariance
 
 

@@ -1,4 +1,4 @@
-"""Range and velocity of one echo, measured in four ways, each with its predicted standard deviation."""
+"""Range and velocity of one echo, measured in three ways, each with its predicted standard deviation."""
 
 from __future__ import annotations
 
@@ -58,8 +58,9 @@ def doppler_velocity(
     min_range, max_range, min_velocity, max_velocity : float, optional
         Limits of the search [m], [m/s].
     window, doppler_window : str, tuple or None
-        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, as the noise
-        wants it; a Hann window makes deviations 1.53 times larger, and keeps other echoes off.
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: none, the
+        most accurate for a single echo in noise; a Hann window makes deviations 1.53 times larger but suppresses the
+        sidelobes of other echoes.
     noise : float, optional
         Power of the noise per sample, I and Q together. Default: measured, from the median of the
         range-Doppler map of what the fitted echo leaves: other echoes, in a few cells, do not count.
@@ -79,7 +80,7 @@ def doppler_velocity(
     --------
     processing.doppler_bound : Least standard deviation.
     strongest_peak : Quicker, to some hundredths of a bin.
-    processing.range_migration_velocity : Without Doppler's ambiguity.
+    processing.chirp_rate_velocity : Without Doppler's ambiguity.
 
     Examples
     --------
@@ -285,81 +286,9 @@ def chirp_rate_velocity(
     -2.0 m/s from one chirp
     """
     given = checked_input(cube, waveform)
-    if given.waveform.num_samples < 3:
-        raise ValueError(f"waveform: expected at least 3 samples per chirp, got {given.waveform.num_samples}")
-    return _from_frequency_change(
-        given, -1, 4.0, bounds.chirp_rate_bound, min_range, max_range, max_velocity, window, noise
-    )
-
-
-def range_migration_velocity(
-    cube: Samples,
-    waveform: Waveform | Radar | None = None,
-    *,
-    min_range: float = 0.0,
-    max_range: float | None = None,
-    max_velocity: float = 10.0,
-    window: Window = None,
-    noise: float | None = None,
-) -> VelocityEstimate:
-    """Velocity from the change of the beat frequency from chirp to chirp: the range's migration over the frame.
-
-    Amplitudes and phases of chirps are free, so that velocities have no ambiguity, chirps may come at any times, and
-    the phase of the oscillator need not hold from chirp to chirp. ``sqrt(12) f / bandwidth`` times less accurate than
-    Doppler: use it to tell which of Doppler's velocities is right. Fitted by least squares as in `chirp_rate_velocity`,
-    from the best of the velocities up to `max_velocity`; what changes within a chirp tells nothing here.
-
-    Parameters
-    ----------
-    cube, waveform, min_range, max_range, max_velocity, window, noise
-        As in `chirp_rate_velocity`; at least two chirps.
-
-    Returns
-    -------
-    estimate : VelocityEstimate
-        The range is corrected by this velocity, as in `chirp_rate_velocity`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `doppler_velocity`.
-
-    See Also
-    --------
-    range_migration_bound : Least standard deviation.
-    doppler_velocity : The most accurate way.
-
-    Examples
-    --------
-    >>> waveform = rc.Waveform(
-    ...     start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=128, num_chirps=64, chirp_interval=1e-3
-    ... )
-    >>> scene = rc.Scene([rc.PointTarget([2.0, 0.0, 0.0], velocity=[1.0, 0.0, 0.0])])
-    >>> frame = rc.Simulator(scene, rc.Radar(waveform)).frame()
-    >>> print(f"{rc.processing.range_migration_velocity(frame).velocity:+.2f} m/s")
-    +1.00 m/s
-    """
-    given = checked_input(cube, waveform)
-    if given.waveform.num_chirps < 2:
-        raise ValueError(f"waveform: expected at least 2 chirps, got {given.waveform.num_chirps}")
-    return _from_frequency_change(
-        given, 1, 2.0, bounds.range_migration_bound, min_range, max_range, max_velocity, window, noise
-    )
-
-
-def _from_frequency_change(
-    given: EchoInput,
-    which: int,
-    factor: float,
-    bound_of: Callable[..., bounds.CramerRaoBound],
-    min_range: float,
-    max_range: float | None,
-    max_velocity: float,
-    window: Window,
-    noise: float | None,
-) -> VelocityEstimate:
-    """Velocity from one of the changes of the beat frequency, ``factor * slope * velocity / c``."""
     wf = given.waveform
+    if wf.num_samples < 3:
+        raise ValueError(f"waveform: expected at least 3 samples per chirp, got {wf.num_samples}")
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = checked_noise(noise)
@@ -367,13 +296,13 @@ def _from_frequency_change(
     weights = _weights(wf, window)
 
     def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
-        return bound_of(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
+        return bounds.chirp_rate_bound(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
 
     def measure(frame: NDArray[Any]) -> Echo:
         fit = search(frame)
         if fit is None:
             return Echo()
-        velocity = SPEED_OF_LIGHT / (factor * wf.slope) * fit.parameters[which]
+        velocity = SPEED_OF_LIGHT / (4.0 * wf.slope) * fit.parameters[-1]
         # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
         shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
         distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
@@ -385,19 +314,19 @@ def _from_frequency_change(
 def _beat_fit(
     given: EchoInput, ranges: tuple[float, float], fastest: float, window: Window
 ) -> Callable[[NDArray[Any]], PhaseFit | None]:
-    """Fit of the mean beat frequency of a frame and of what can be told of its changes.
+    """Fit of the mean beat frequency of a frame and of its observable changes.
 
     From chirp to chirp where there are several, and, as the last parameter, within chirps of more than two samples.
     """
     wf = given.waveform
-    told = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
-    gradients = bounds.beat_gradients(wf)[told]
+    observable = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
+    gradients = bounds.beat_gradients(wf)[observable]
     weights = _weights(wf, window)
     slow, fast = bounds.beat_times(wf)
     shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
 
     def phase(parameters: Array) -> Array:
-        frequency, change, rate = _in_place(parameters, told)
+        frequency, change, rate = _in_place(parameters, observable)
         turned: Array = 2.0 * np.pi * ((frequency + change * shifted) * fast + 0.5 * rate * fast**2)
         return turned
 
@@ -405,15 +334,15 @@ def _beat_fit(
         start = search_beat(frame, wf, ranges, fastest, window)
         if start is None:
             return None
-        return fit_phase(frame, phase, gradients, np.array(start)[told], weights, per_chirp=True)
+        return fit_phase(frame, phase, gradients, np.array(start)[observable], weights, per_chirp=True)
 
     return search
 
 
-def _in_place(parameters: Array, told: list[int]) -> Array:
+def _in_place(parameters: Array, observable: list[int]) -> Array:
     """All three parameters, those not fitted being 0."""
     full = np.zeros(3)
-    full[told] = parameters
+    full[observable] = parameters
     return full
 
 
