@@ -185,7 +185,7 @@ class Radar:
             **({"sub-sequences": len(self.waveforms)} if self.more_waveforms else {}),
         }
 
-    @property
+    @cached_property
     def num_channels(self) -> int:
         """Number of TX-RX pairs; of receivers where a schedule has all transmitters send at once."""
         return len(self.rx) if self._is_sum else len(self.tx) * len(self.rx)

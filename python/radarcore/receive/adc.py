@@ -44,10 +44,8 @@ class Use(NamedTuple):
         return {"clipped_share": self.clipped_share, **codes}
 
 
-def use_of_all(uses: list[Use]) -> Use | None:
-    """Use by all sub-sequences of a frame; None without any."""
-    if not uses:
-        return None
+def use_of_all(uses: list[Use]) -> Use:
+    """Use by all sub-sequences of a frame."""
     clipped, sizes, lowest, highest = zip(*uses, strict=True)
     return Use(sum(clipped), sum(sizes), min(lowest), max(highest))
 

@@ -62,16 +62,17 @@ def ideal_frame(
 
 def counts_of(ideals: Sequence[_core.IdealFrame]) -> dict[str, Any]:
     """Counts of a frame, for `Frame.stats`: sums over its sub-sequences, the worst residual, and the plans of all."""
-    total: dict[str, Any] = dict(ideals[0].counts)
-    for ideal in ideals[1:]:
+    total: dict[str, Any] = {}
+    residual, plans = 0.0, []
+    for ideal in ideals:
         for name, number in ideal.counts.items():
             before = total.get(name, 0)
             total[name] = max(before, number) if name.endswith("_nodes") else before + number
-    floors = [ideal.rcs_floor for ideal in ideals if ideal.rcs_floor is not None]
-    if floors:
-        total["rcs_floor"] = max(floors)
-    residuals = [hypot(*ideal.series_errors) for ideal in ideals]
-    return {**total, "series_residual": max(residuals), "plan": "\n".join([ideal.plan for ideal in ideals])}
+        if ideal.rcs_floor is not None:
+            total["rcs_floor"] = max(total.get("rcs_floor", 0.0), ideal.rcs_floor)
+        residual = max(residual, hypot(*ideal.series_errors))
+        plans.append(ideal.plan)
+    return {**total, "series_residual": residual, "plan": "\n".join(plans)}
 
 
 @lru_cache(maxsize=8)

@@ -162,8 +162,6 @@ class Interference:
 
 def counted(parts: list[Counts]) -> Counts:
     """Counts of a frame from those of its sub-sequences: all chirps, the mean of the powers, and the strongest."""
-    if not parts:
-        return {}
     return parts[0] | {
         "chirps_hit": sum(part["chirps_hit"] for part in parts),
         "interference_power": float(np.mean([part["interference_power"] for part in parts])),

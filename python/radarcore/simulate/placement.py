@@ -27,10 +27,16 @@ class Placement:
         Sensor to world.
     waveform : Waveform
         Times of a frame.
+
+    Attributes
+    ----------
+    duration : float
+        Of a frame [s].
     """
 
     def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
         self._parts, self._waveform = scene.parts, waveform
+        self.duration: float = waveform.duration
         self._kept_offsets: dict[int, NDArray[np.float64]] = {}
         self._interfering = [interferer.motion for interferer in scene.interferers]
         # The sensor is the last of them.
@@ -40,11 +46,6 @@ class Placement:
     def newest(self) -> float | None:
         """Time of the newest update of what is live [s], minus infinity before the first; None if nothing is live."""
         return latest_update(self._motions, *self._interfering)
-
-    @property
-    def duration(self) -> float:
-        """Duration of a frame [s]."""
-        return self._waveform.duration
 
     @property
     def frames_ahead(self) -> int:
@@ -72,7 +73,7 @@ class Placement:
 
     def poses_in_the_middle(self, starts: Sequence[float]) -> NDArray[np.float64]:
         """Poses, as of `poses_at`, in the middle of frames that start at `starts` [s], (frame, body + 1, 3, 4)."""
-        middles = np.array(starts) + 0.5 * self._waveform.duration
+        middles = np.array(starts) + 0.5 * self.duration
         poses: NDArray[np.float64] = self._motions.poses_at(middles)
         return poses
 

@@ -28,7 +28,7 @@ def ramps_of(radar: Radar) -> Waveform:
 
 
 def received(
-    samples: Sequence[NDArray[Any]], radar: Radar, start: float, *, seed: int
+    samples: Sequence[NDArray[Any]], sequences: Sequence[Radar], start: float, *, seed: int
 ) -> tuple[NDArray[Any], Use | None]:
     """Cube of a frame as the receivers deliver it, (channel, chirp, sample), and its use of the ADC's range.
 
@@ -36,16 +36,17 @@ def received(
     ----------
     samples : sequence of arrays
         `at_receivers`, of every sub-sequence.
-    radar : Radar
+    sequences : sequence of Radar
+        Of the same sub-sequences.
     start : float
         Start of the frame [s].
     seed : int
     """
     parts: list[NDArray[Any]] = []
     uses: list[Use] = []
-    for number, (arriving, part) in enumerate(zip(samples, radar.sequences(), strict=True)):
+    for number, (arriving, part) in enumerate(zip(samples, sequences, strict=True)):
         parts.append(receive(arriving, part, start, seed=(seed + number * _SEED_STEP) % 2**64, uses=uses))
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), use_of_all(uses)
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), use_of_all(uses) if uses else None
 
 
 def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:

@@ -426,8 +426,8 @@ class Simulator(Settings):
                 counts.append(self._interferences[number].add_to(samples, engine, placed.start, ask))
             ideals.append(ideal)
             arriving.append(samples)
-        cube, use = received(arriving, self.radar, placed.start, seed=self.seed)
-        return Simulated(placed.start, ideals, cube, counted(counts), use)
+        cube, use = received(arriving, self._sequences, placed.start, seed=self.seed)
+        return Simulated(placed.start, ideals, cube, counted(counts) if counts else {}, use)
 
     @staticmethod
     def _ideal(
@@ -452,7 +452,8 @@ class Simulator(Settings):
         for ideal in ideals:
             self._warnings.unresolved(ideal)
         self._warnings.unsplit_cells(stats.get("cells_not_split", 0))
-        self._warnings.strong_interferer(stats.get("strongest_interferer", 0.0))
+        if interference:
+            self._warnings.strong_interferer(interference["strongest_interferer"])
         rows = ideals[0].truth
         assert rows is not None  # as every scene has one
         self._hide_points(rows)
