@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
-from radarcore.receive.noise import Draws
+from radarcore.receive.noise import RandomStreams
 from radarcore.receive.phase_noise import phase_density, phase_differences
 
 C = 299_792_458.0
@@ -22,7 +22,7 @@ def differences(
     pairs: tuple[tuple[float, float], ...], *delays: float, num_chirps: int, num_samples: int, interval: float = 1e-3
 ) -> NDArray[np.float64]:
     starts, times = interval * np.arange(num_chirps), np.arange(num_samples) / RATE
-    return phase_differences(pairs, delays, starts, times, Draws(5, 0.25)).astype(np.float64)
+    return phase_differences(pairs, delays, starts, times, RandomStreams(5, 0.25)).astype(np.float64)
 
 
 def variance(pairs: tuple[tuple[float, float], ...], delay: float, lowest: float = 10.0) -> float:
@@ -61,7 +61,7 @@ def test_spectrum_is_that_of_the_phase_times_four_sine_squared() -> None:
 @pytest.mark.parametrize("delay", [1e-10, 2e-9, 67e-9, 1.3e-6])
 def test_variance_is_the_integral_of_the_formula(pairs: tuple[tuple[float, float], ...], delay: float) -> None:
     starts, times = np.array([0.0, 1e-3]), np.arange(64) / RATE
-    frames = [phase_differences(pairs, (delay,), starts, times, Draws(k, 0.5)) for k in range(1500)]
+    frames = [phase_differences(pairs, (delay,), starts, times, RandomStreams(k, 0.5)) for k in range(1500)]
     lowest = 1.0 / (8.0 * (1e-3 + 64 / RATE))  # slower offsets are left out
     # Slow tones have one draw per frame: at most 4 sqrt(2 / 1500) = 15 % where they have all of the power.
     assert np.mean(np.square(frames, dtype=np.float64)) == pytest.approx(variance(pairs, delay, lowest), rel=0.15)
@@ -81,7 +81,7 @@ def test_slow_phase_noise_runs_on_from_chirp_to_chirp() -> None:
     starts, times = interval * np.arange(8), np.arange(num_samples) / RATE
     means = np.array(
         [
-            phase_differences(pairs, (delay,), starts, times, Draws(k, 0.0))[0].mean(axis=1, dtype=np.float64)
+            phase_differences(pairs, (delay,), starts, times, RandomStreams(k, 0.0))[0].mean(axis=1, dtype=np.float64)
             for k in range(num_frames)
         ]
     )

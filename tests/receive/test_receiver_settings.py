@@ -15,7 +15,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.receive.chain import receive
-from radarcore.receive.noise import Draws
+from radarcore.receive.noise import RandomStreams
 
 ALL: dict[str, Any] = {
     "output": "iq",
@@ -81,7 +81,10 @@ def test_effects_have_streams_of_their_own() -> None:
     )
     number = 50_000
     numbers = [
-        Draws(seed, start).normal(effect, (number,)) for effect in effects for seed in (0, 1) for start in (0.0, 0.1)
+        RandomStreams(seed, start).normal(effect, (number,))
+        for effect in effects
+        for seed in (0, 1)
+        for start in (0.0, 0.1)
     ]
     correlation = np.corrcoef(numbers) - np.eye(len(numbers))
     assert abs(correlation).max() < 5.0 / np.sqrt(number)  # 378 pairs: 5 sigma

@@ -164,7 +164,7 @@ def _chirp(
     """Start, slope and number of samples of a chirp."""
     rate, (lowest, highest) = limits.sample_rate, limits.frequencies
     widest = highest - (lowest if start_frequency is None else start_frequency)
-    reach, fineness = wishes.get("max_range"), wishes.get("range_resolution")
+    max_range, resolution = wishes.get("max_range"), wishes.get("range_resolution")
     shared = _with(wishes, ("max_range",), limits)
 
     if num_samples is not None and num_samples > limits.max_samples:
@@ -174,21 +174,21 @@ def _chirp(
     # The slope: as steep as the range allows, which makes the shortest chirps.
     most = limits.max_samples if num_samples is None else num_samples
     samples = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
-    if reach is not None:
-        slope = _stepped(limits, min(SPEED_OF_LIGHT * rate / (4.0 * reach), limits.max_slope), math.floor)
+    if max_range is not None:
+        slope = _stepped(limits, min(SPEED_OF_LIGHT * rate / (4.0 * max_range), limits.max_slope), math.floor)
         if slope <= 0.0:
             farthest = SPEED_OF_LIGHT * rate / (4.0 * limits.slope_step)
-            raise WishError("max_range", farthest, f" at {_hertz(rate)}", reach)
-    elif fineness is not None:
-        slope = _resolving(limits, fineness, samples)
+            raise WishError("max_range", farthest, f" at {_hertz(rate)}", max_range)
+    elif resolution is not None:
+        slope = _resolving(limits, resolution, samples)
         # The more samples, the less of the band is lost before the first.
         while (
             num_samples is None
             and samples < most
-            and _needed(limits, fineness, slope) > _fitting(limits, slope, widest)
+            and _needed(limits, resolution, slope) > _fitting(limits, slope, widest)
         ):
             samples = min(most, samples + samples // 8 + 1)
-            slope = _resolving(limits, fineness, samples)
+            slope = _resolving(limits, resolution, samples)
     elif default_bandwidth is not None:
         slope = _stepped(limits, default_bandwidth * rate / samples, math.floor)
     else:
@@ -196,14 +196,14 @@ def _chirp(
 
     # The samples: as many as the resolution asks for, or fewer than usual where the band is too narrow for these.
     fitting = min(most, _fitting(limits, slope, widest))
-    if fineness is not None:
-        needed = _needed(limits, fineness, slope)
+    if resolution is not None:
+        needed = _needed(limits, resolution, slope)
         if needed > fitting:
-            if reach is None:
+            if max_range is None:
                 slope = _stepped(limits, min(widest / (limits.adc_delay + most / rate), limits.max_slope), math.floor)
                 fitting = min(most, _fitting(limits, slope, widest))
             finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
-            raise WishError("range_resolution", finest, shared, fineness)
+            raise WishError("range_resolution", finest, shared, resolution)
         needed = max(needed, num_samples or 1)
     else:
         needed = min(samples, fitting) if num_samples is None else num_samples
@@ -216,15 +216,15 @@ def _chirp(
     return {"start_frequency": start, "slope": slope, "num_samples": needed}
 
 
-def _resolving(limits: Limits, fineness: float, num_samples: int) -> float:
+def _resolving(limits: Limits, resolution: float, num_samples: int) -> float:
     """Least slope whose samples resolve a distance [Hz/s]; at most the steepest."""
-    slope = _stepped(limits, SPEED_OF_LIGHT * limits.sample_rate / (2.0 * fineness * num_samples), math.ceil)
+    slope = _stepped(limits, SPEED_OF_LIGHT * limits.sample_rate / (2.0 * resolution * num_samples), math.ceil)
     return slope if slope <= limits.max_slope else _stepped(limits, limits.max_slope, math.floor)
 
 
-def _needed(limits: Limits, fineness: float, slope: float) -> int:
+def _needed(limits: Limits, resolution: float, slope: float) -> int:
     """Least number of samples that resolve a distance."""
-    return math.ceil(SPEED_OF_LIGHT * limits.sample_rate / (2.0 * fineness * slope) * (1.0 - _ROUNDING))
+    return math.ceil(SPEED_OF_LIGHT * limits.sample_rate / (2.0 * resolution * slope) * (1.0 - _ROUNDING))
 
 
 def _fitting(limits: Limits, slope: float, widest: float) -> int:
@@ -247,7 +247,7 @@ def _times(
     centre: float = chirp["start_frequency"] + chirp["slope"] * (limits.adc_delay + 0.5 * sampled)
     wavelength = SPEED_OF_LIGHT / centre
     shortest = num_tx * (limits.adc_delay + sampled + limits.idle_time)
-    speed, fineness, rate = (wishes.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
+    speed, resolution, rate = (wishes.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
     frame = math.inf if rate is None else 1.0 / rate
     turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
 
@@ -259,15 +259,15 @@ def _times(
             shared = _with(wishes, ("range_resolution", "max_range"), limits)
             raise WishError("max_velocity", wavelength / (4.0 * shortest), shared + turns, speed)
         interval = limits.shortened(longest)
-    elif fineness is not None:
-        interval = limits.longest(wavelength / (2.0 * fineness * usual))
+    elif resolution is not None:
+        interval = limits.longest(wavelength / (2.0 * resolution * usual))
     else:
         interval = shortest if default_interval is None else num_tx * default_interval
     # Faster where the usual number of chirps would not fit into the frame; where that is still too slow, it is refused.
     interval = max(shortest, min(interval, limits.shortened(frame / usual)))
 
     # Chirps: as many as the resolution asks for, or as usual, or fewer where the frame is too short for these.
-    least = 1 if speed is None and fineness is None else 2
+    least = 1 if speed is None and resolution is None else 2
     most = limits.max_chirps
     if rate is not None:
         most = min(most, math.floor(frame / limits.longest(interval) * (1.0 + _ROUNDING)))
@@ -276,15 +276,15 @@ def _times(
             chirps = "a single chirp" if least == 1 else "two chirps"
             raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{shared}", rate)
     needed = min(_NUM_CHIRPS, most)
-    if fineness is not None:
+    if resolution is not None:
         shortened = limits.shortened(interval)
-        needed = max(least, math.ceil(wavelength / (2.0 * fineness * shortened) * (1.0 - _ROUNDING)))
+        needed = max(least, math.ceil(wavelength / (2.0 * resolution * shortened) * (1.0 - _ROUNDING)))
         allowed = most if num_chirps is None else min(most, num_chirps)
         if needed > allowed:
             shared = _with(wishes, ("rate", "max_velocity"), limits, at_rate=False)
             chirps = "" if num_chirps is None else f" and num_chirps = {num_chirps}"
             finest = wavelength / (2.0 * allowed * shortened)
-            raise WishError("velocity_resolution", finest, shared + chirps, fineness)
+            raise WishError("velocity_resolution", finest, shared + chirps, resolution)
     if num_chirps is not None:
         if num_chirps > limits.max_chirps:
             raise ValueError(f"num_chirps: expected at most {limits.max_chirps}, got {num_chirps}")

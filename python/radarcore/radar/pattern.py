@@ -19,7 +19,7 @@ from radarcore.records import Twinned, sealed
 from radarcore.units import power_from_db
 
 _BEAMWIDTHS = (1e-3, 360.0)
-"""Smallest and largest beam width [degrees]: that of a dish of a hundred metres, and one that is no beam any more."""
+"""Limits of beam widths [degrees]: a dish of a hundred metres, and the width above which nothing is directive."""
 
 _RADIATED_DB = 1.0
 """Power radiated over power fed beyond which gain and beam widths contradict each other [dB]: data sheets round."""

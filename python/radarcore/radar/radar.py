@@ -27,7 +27,7 @@ _POLARIZATIONS = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0)}
 
 
 _WIDEST_APERTURE = 100.0
-"""Distance of the outermost antennas beyond which positions are hardly in metres [wavelengths]."""
+"""Largest plausible distance of the outermost antennas [wavelengths]; beyond it positions are not in metres."""
 
 
 @sealed

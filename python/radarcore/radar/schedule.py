@@ -26,8 +26,8 @@ _LARGEST_WEIGHT = 1.0 + 1e-9
 class Schedule:
     """Which transmitter sends when, and in which phase; made by `tdm`, `ddm` and `steered`.
 
-    A radar without a schedule has every transmitter apart from the others as if by magic: each is received as if it
-    were alone, at the same time. Schedules are what real radars do about it.
+    Without a schedule the transmitters of a radar are ideally separated: each is received as if it were alone, all at
+    the same time. No hardware does this; schedules are what real radars do.
 
     Parameters
     ----------

@@ -19,10 +19,10 @@ _MAX_COUNT = 2**24
 """Largest number of samples or chirps of a frame: axes of so many still fit into memory."""
 
 _WIDEST_BAND = 0.3
-"""Sampled bandwidth over centre frequency beyond which a slope is hardly meant."""
+"""Sampled bandwidth over centre frequency: implausible above this ratio."""
 
 _LONGEST_CHIRP = 0.1
-"""Chirps that last longer are hardly meant: a sample rate in kilohertz, for example [s]."""
+"""Longest plausible chirp [s]; longer ones come from a sample rate in kilohertz, for example."""
 
 _USUAL_RATE = 40.0
 """Highest default rate of frames back to back [Hz]."""

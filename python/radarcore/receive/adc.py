@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore.radar.receiver import AdcErrors, Receiver
-from radarcore.receive.noise import Draws
+from radarcore.receive.noise import RandomStreams
 from radarcore.units import power_from_db
 
 _SEGMENTS = 16
@@ -72,7 +72,7 @@ def offset(receiver: Receiver, numbers: NDArray[Any], num_rx: int) -> None:
     numbers += np.tile(values, len(numbers) // num_rx)[:, None, None]
 
 
-def add_errors(receiver: Receiver, errors: AdcErrors, numbers: NDArray[Any], num_rx: int, draws: Draws) -> None:
+def add_errors(receiver: Receiver, errors: AdcErrors, numbers: NDArray[Any], num_rx: int, draws: RandomStreams) -> None:
     """Add the ADC's offsets and noise, in place, to the real numbers (channel, chirp, number)."""
     step, parts = lsb(receiver), 1 if receiver.output == "real" else 2
     by_part = numbers.reshape(*numbers.shape[:2], -1, parts)

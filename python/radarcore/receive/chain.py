@@ -14,7 +14,7 @@ from radarcore.receive import adc
 from radarcore.receive.adc import apply_iq_imbalance
 from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
 from radarcore.receive.leakage import leakage_step, leakage_tones
-from radarcore.receive.noise import Draws, thermal_noise, turn_on_noise
+from radarcore.receive.noise import RandomStreams, thermal_noise, turn_on_noise
 from radarcore.receive.phase_noise import phase_differences
 
 
@@ -42,7 +42,7 @@ def receive(
         # White noise of an I/Q receiver has half of its power in either part.
         variance = receiver.noise_variance(radar.waveform.sample_rate) * (0.5 if receiver.output == "iq" else 1.0)
         return _core.receive(ideal, output=receiver.output, deviation=variance**0.5, seed=seed, start=start)
-    draws = Draws(seed, start)
+    draws = RandomStreams(seed, start)
     signal = _mixed(ideal, receiver, radar, draws)
     if receiver.output == "real":
         signal = np.ascontiguousarray(signal.real)
@@ -51,13 +51,13 @@ def receive(
     return _digitised(signal, receiver, radar, draws, [] if uses is None else uses)
 
 
-def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[Any]:
+def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: RandomStreams) -> NDArray[Any]:
     """Signal (channel, chirp, sample) behind mixer and filters [sqrt(W)]: phase noise, receiver phases, leakage."""
     blocks = ideal.reshape(-1, radar.num_channels, *ideal.shape[1:])
     signal: NDArray[Any] = blocks[0]
-    turns = _turns(receiver, radar, draws)
-    for part, turn in zip(blocks[1:], turns, strict=True):
-        part *= turn
+    factors = _phase_noise_factors(receiver, radar, draws)
+    for part, factor in zip(blocks[1:], factors, strict=True):
+        part *= factor
         signal += part
     if receiver.rx_phase_deg is not None:
         signal *= np.exp(1j * radar.channel_phases).astype(signal.dtype)[:, None, None]
@@ -67,8 +67,8 @@ def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws) 
             tone = leaked[:, None] * _leaking(radar)
             by_receiver += tone
             # The phase noise of an echo of its delay.
-            for share, turn in zip(phase_noise_shares(receiver, radar.waveform, delay), turns, strict=True):
-                added = np.float32(share) * turn
+            for share, factor in zip(phase_noise_shares(receiver, radar.waveform, delay), factors, strict=True):
+                added = np.float32(share) * factor
                 by_receiver += tone * (added if len(added) == 1 else added.reshape(by_receiver.shape))
         if leakage.step_db is not None:
             by_receiver += leakage_step(leakage, radar)[:, None]
@@ -85,7 +85,7 @@ def _leaking(radar: Radar) -> NDArray[np.complex64]:
     return total
 
 
-def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex64]:
+def _phase_noise_factors(receiver: Receiver, radar: Radar, draws: RandomStreams) -> NDArray[np.complex64]:
     """Change that phase noise makes to an echo of 1 at the delays of the parts of the signal: ``exp(j phase) - 1``.
 
     Shape (delay, 1 or channel, chirp, sample): transmitters that take turns send at times of their own.
@@ -100,17 +100,17 @@ def _turns(receiver: Receiver, radar: Radar, draws: Draws) -> NDArray[np.complex
         offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
     starts = np.add.outer(offsets, waveform.chirp_times).ravel()
     phase = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
-    turns: NDArray[np.complex64] = np.empty(phase.shape, np.complex64)
-    np.sin(phase, out=turns.imag)
+    factors: NDArray[np.complex64] = np.empty(phase.shape, np.complex64)
+    np.sin(phase, out=factors.imag)
     # With all digits of small ones.
     half = np.sin(0.5 * phase)
-    turns.real = -2.0 * half * half
-    by_offset = turns.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
+    factors.real = -2.0 * half * half
+    by_offset = factors.reshape(len(delays), len(offsets), waveform.num_chirps, waveform.num_samples)
     return by_offset if len(offsets) == 1 else by_offset[:, of_channel]
 
 
 def _digitised(
-    samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: Draws, uses: list[adc.Use]
+    samples: NDArray[Any], receiver: Receiver, radar: Radar, draws: RandomStreams, uses: list[adc.Use]
 ) -> NDArray[Any]:
     """Samples behind I/Q imbalance, noise, gain, offsets and ADC; in place."""
     waveform, num_channels, errors = radar.waveform, radar.num_channels, receiver.adc_errors or AdcErrors()

@@ -23,7 +23,7 @@ _ALIASES = 64
 """Bands above and below the sampled one from which noise is folded into it."""
 
 
-def thermal_noise(receiver: Receiver, waveform: Waveform, num_channels: int, draws: Draws) -> NDArray[Any]:
+def thermal_noise(receiver: Receiver, waveform: Waveform, num_channels: int, draws: RandomStreams) -> NDArray[Any]:
     """Noise (channel, chirp, sample) [sqrt(W)]: float32 or, of an I/Q receiver, complex64.
 
     White noise of ``k T F`` per Hz that passes the low-pass; what that leaves above the sampled band is folded into it.
@@ -41,7 +41,7 @@ def thermal_noise(receiver: Receiver, waveform: Waveform, num_channels: int, dra
 
 
 def turn_on_noise(
-    receiver: Receiver, errors: AdcErrors, waveform: Waveform, num_channels: int, draws: Draws
+    receiver: Receiver, errors: AdcErrors, waveform: Waveform, num_channels: int, draws: RandomStreams
 ) -> NDArray[Any]:
     """Noise of turning on (channel, chirp, sample) [sqrt(W)]: a draw for every channel and chirp, decaying."""
     assert errors.turn_on_db is not None
@@ -89,7 +89,7 @@ _WORD = 2**64
 
 
 @dataclass(frozen=True)
-class Draws:
+class RandomStreams:
     """Normally distributed numbers of a frame.
 
     Parameters

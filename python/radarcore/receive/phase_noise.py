@@ -1,4 +1,4 @@
-"""Phase noise of the oscillator: of now against that of a delay ago, as a mixer of echoes has it.
+"""Phase noise of the oscillator: the phase now minus the phase one delay earlier (range correlation).
 
 With a phase ``phi(t)`` of the oscillator an echo of delay tau is turned by ``phi(t) - phi(t - tau)``, whose power
 spectral density is ``4 sin^2(pi f tau)`` times that of phi (Budge, Burt, Range correlation effects in radars, 1993).
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore.products import product
-from radarcore.receive.noise import Draws, even_length, real_noise
+from radarcore.receive.noise import RandomStreams, even_length, real_noise
 
 _SLOW_PER_DECADE = 16
 """Tones per decade of the offsets that turn by less than half a turn in a chirp."""
@@ -42,9 +42,9 @@ def phase_differences(
     delays: tuple[float, ...],
     starts: NDArray[np.float64],
     sample_times: NDArray[np.float64],
-    draws: Draws,
+    draws: RandomStreams,
 ) -> NDArray[np.float32]:
-    """Phase of now against that of `delays` ago [rad], (delay, chirp, sample), all of one oscillator.
+    """Phase now minus the phase `delays` earlier [rad], (delay, chirp, sample), all of one oscillator.
 
     Offsets from those of `_LONGEST` frames to half the sample rate. Those that turn by more than a quarter of
     a turn in the samples of a chirp are drawn anew for every chirp; slower ones are tones that run through the frame.
@@ -120,7 +120,7 @@ def _bands(starts: tuple[float, ...], sample_times: tuple[float, ...]) -> tuple[
 
 
 def _differences(frequency: NDArray[np.floating], delays: tuple[float, ...]) -> NDArray[np.complex128]:
-    """``1 - exp(-j 2 pi f tau)``, (delay, frequency): of now against that of a delay ago."""
+    """``1 - exp(-j 2 pi f tau)``, (delay, frequency): range correlation of a delay."""
     angle = np.pi * np.multiply.outer(np.asarray(delays), frequency)
     # Without the cancellation of near delays.
     differences: NDArray[np.complex128] = 2j * np.sin(angle) * np.exp(-1j * angle)
