@@ -20,9 +20,6 @@ _Paths = tuple[_Reals, NDArray[np.complex128], _Reals | None, _Reals | None]
 METHODS = ("auto", "direct", "grid")
 """Ways to form the sum over paths."""
 
-SINGLE_PRECISION_TOLERANCE = 1e-6
-"""Tolerances below this give complex128 and float64, others complex64 and float32."""
-
 MAX_THREADS = 1024
 """Largest number of threads that the core starts."""
 
@@ -115,11 +112,6 @@ def beat_signal(
 def check_tolerance(tolerance: float) -> float:
     """Checked tolerance."""
     return check.within("tolerance", tolerance, 1e-12, 0.1)
-
-
-def sample_dtype(tolerance: float) -> type[np.complex64] | type[np.complex128]:
-    """Type of samples that is precise enough for a tolerance."""
-    return np.complex128 if check_tolerance(tolerance) < SINGLE_PRECISION_TOLERANCE else np.complex64
 
 
 def check_threads(threads: int | None) -> int | None:
