@@ -325,7 +325,7 @@ def test_strong_interferer_is_warned_of_once() -> None:
         ({"start": np.nan}, ValueError, "start: expected a finite number"),
         ({"rate": 0.0}, ValueError, "rate: expected a positive number"),
         ({"rate": 1e6}, ValueError, r"rate: expected at most .* frames of .* ms per second \[Hz\], got 1e\+06"),
-        ({"drift_ppm": 1e5}, ValueError, "drift_ppm: expected -10000 to 10000"),
+        ({"drift_ppm": 1e5}, ValueError, "drift_ppm: expected a number from -10000 to 10000"),
         ({"start_phase": "never"}, ValueError, "start_phase: expected one of 'chirp', 'frame', got 'never'"),
     ],
 )
