@@ -170,7 +170,7 @@ def _switched(chain: Receiver, own: Receiver) -> Receiver:
     off: dict[str, Any] = {name: None for name in names if getattr(own, name) is None}
     if own.adc_errors is not None and chain.adc_errors is not None:
         none: dict[str, Any] = {name: None for name, error in asdict(own.adc_errors).items() if error is None}
-        off["adc_errors"] = replace(chain.adc_errors, **{"odd_width": own.adc_errors.odd_width} | none)
+        off["adc_errors"] = replace(chain.adc_errors, **none | {"odd_width": own.adc_errors.odd_width})
     return replace(chain, **off)
 
 
