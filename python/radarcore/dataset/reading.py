@@ -179,11 +179,6 @@ class Dataset:
             raise KeyError(f"no variable {name!r}; {check.near_names(name, arrays)}")
         return np.asarray(arrays[name][...])
 
-    def axes(self, name: str) -> tuple[str, ...]:
-        """Names of the axes of a variable or coordinate."""
-        names: tuple[str, ...] = (self._arrays | self._coordinates)[name].metadata.dimension_names
-        return names
-
     def attributes(self, name: str) -> dict[str, Any]:
         """Unit and meaning of a variable or coordinate."""
         return dict((self._arrays | self._coordinates)[name].attrs)
@@ -195,11 +190,6 @@ class Dataset:
     def file_of(self, name: str, shard: int) -> Path:
         """File of a variable for a shard."""
         return self.path / file_of(name, shard, self._arrays[name].ndim - 1)
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        return tuple(sorted(self._coordinates))
 
     @property
     def samples_per_shard(self) -> int:

@@ -94,7 +94,7 @@ class Variable:
             raise ValueError(f"expected shape {self.shape} {list(self.dims)} as in all samples, got {row.shape}")
         if self.dtype != TEXT and row.dtype != dtype:
             raise ValueError(f"expected {self.dtype} as in all samples, got {row.dtype}")
-        return row.astype(dtype)
+        return row.astype(dtype, copy=False)
 
 
 @dataclass(frozen=True)
