@@ -30,10 +30,10 @@ from radarcore.sensor.bgt60.registers import (
     start_words,
     temperature_code,
     temperature_of,
-    word_bytes,
     write_word,
 )
 from radarcore.sensor.bgt60.settings import Settings, registers_of, settings_of, slice_size_of
+from radarcore.sensor.strata.packets import encode_commands
 
 # The words that start settings V1 with a gain of 33 dB.
 WORDS = """
@@ -90,15 +90,15 @@ def test_start_sends_main_last_with_the_trigger() -> None:
     registers = registers_of(dataclasses.replace(V1_SETTINGS, if_gain_db=33), 6144)
     words = start_words(registers)
     assert [f"{word:08X}" for word in words] == WORDS.split()
-    assert word_bytes(words) == bytes.fromhex("".join(WORDS.split()))
+    assert encode_commands(words) == bytes.fromhex("".join(WORDS.split()))
     # The order of the mapping does not matter.
     assert start_words(dict(reversed(registers.items()))) == words
 
 
 def test_words_go_out_most_significant_byte_first() -> None:
-    assert word_bytes([write_word(ADC0, 0x0A0210)]) == bytes.fromhex("030a0210")
+    assert encode_commands([write_word(ADC0, 0x0A0210)]) == bytes.fromhex("030a0210")
     stop = write_word(MAIN, 0x1E8270 | FSM_RESET | FIFO_RESET)
-    assert word_bytes([stop]) == bytes.fromhex("011e827c")
+    assert encode_commands([stop]) == bytes.fromhex("011e827c")
     with pytest.raises(ValueError, match="registers: expected MAIN"):
         start_words({1: 0x0A0210})
     for address, value in ((0x80, 0), (-1, 0), (0, 1 << 24), (0, -1)):

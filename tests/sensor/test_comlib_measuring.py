@@ -165,7 +165,7 @@ def test_host_waits_for_a_board_that_has_lost_step():
     board = ComLibBoard(Pipe(emulator), timeout=0.2, board_timeout=60.0)
     emulator.receive(b"\xc0")
     begin = time.monotonic()
-    with pytest.raises(RequestError, match=r"bad start byte \(0x0002\)"):
+    with pytest.raises(RequestError, match=r"bad start \(0x0002\)"):
         board.temperature()
     assert board.temperature() == pytest.approx(40.0)
     # The board says when it listens again; it is not waited for as long as others may take.

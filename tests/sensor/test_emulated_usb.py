@@ -67,17 +67,3 @@ def test_bus_has_the_errors_of_libusb() -> None:
     usb.util.dispose_resources(device)
     assert number(device.get_active_configuration) == errno.ENODEV
     assert usb.core.find(backend=bus) is None
-
-
-def test_descriptors_of_both_kinds_are_read_by_pyusb() -> None:
-    bus = bus_with(cdc_device(Loopback(), high_speed=False), vendor_device(Requests(), serial_number="7"))
-    cdc, vendor = usb.core.find(find_all=True, backend=bus)
-    assert "CDC" in str(cdc)  # pyusb's own listing walks all of it
-    assert "Vendor Specific" in str(vendor)
-    assert [interface.bInterfaceClass for interface in cdc[0]] == [0x02, 0x0A]
-    assert [endpoint.wMaxPacketSize for endpoint in cdc[0][1, 0]] == [64, 64]
-    assert (vendor.manufacturer, vendor.product, vendor.serial_number) == ("Infineon", "Radar Baseboard MCU7", "7")
-    assert cdc.serial_number is None
-    # The length that the configuration tells is that of its parts.
-    parts = [cdc[0], *cdc[0], *(endpoint for interface in cdc[0] for endpoint in interface)]
-    assert cdc[0].wTotalLength == sum(part.bLength + len(part.extra_descriptors) for part in parts)

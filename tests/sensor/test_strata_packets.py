@@ -144,9 +144,7 @@ def test_identity_of_a_board():
     assert strata.decode_board_info(info) == (0x058B, 0x0251, "Radar Baseboard MCU7")
     version = strata.Version.decode(bytes.fromhex("02 00 06 00 00 00 00 00 04 00 00 00 00 00 00 00"))
     assert (version.firmware, version.protocol_major, version.protocol_minor) == ("2.6.0", 4, 0)
-    text = "00010203-0405-0607-0809-0a0b0c0d0e0f"
-    assert strata.uuid_text(bytes(range(16))) == text
-    assert strata.uuid_bytes(text) == bytes(range(16))
+    assert strata.uuid_text(bytes(range(16))) == "00010203-0405-0607-0809-0a0b0c0d0e0f"
 
 
 def test_status_has_a_name_and_a_number():
@@ -213,7 +211,6 @@ def test_any_bulk_transfer_is_a_packet_or_refused(data):
         (lambda: strata.data_configuration(6143), "slice_size: expected an even number up to 65534, got 6143"),
         (lambda: strata.data_configuration(65536), "slice_size: expected an even number up to 65534, got 65536"),
         (lambda: strata.data_configuration(0), "slice_size: expected at least 2, got 0"),
-        (lambda: strata.uuid_bytes("12"), "uuid: expected 32 hexadecimal digits, got '12'"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(make, message):

@@ -24,7 +24,7 @@ from radarcore.sensor.errors import (
 )
 from radarcore.sensor.transport import serialport
 from radarcore.sensor.transport.capture import Capture, Replay
-from radarcore.sensor.transport.ports import Port, open_stream
+from radarcore.sensor.transport.ports import open_stream
 from radarcore.sensor.transport.serialport import SerialStream
 from radarcore.sensor.transport.usbport import UsbStream
 from small_boards import HANG, Call, Loopback, Unplugged, read_all
@@ -199,14 +199,6 @@ def test_board_that_goes_ends_a_read_that_waits(by_board: bool) -> None:
             stream.write(b"x", 1.0)
         stream.close()
     port.close()  # does nothing
-
-
-def test_open_stream_takes_paths_and_ports() -> None:
-    with PtyPort(Loopback()) as port:
-        for place in (port.path, Port("serial", port.path, None, None, "", "", "")):
-            stream = open_stream(place)
-            assert isinstance(stream, SerialStream)
-            stream.close()
 
 
 def test_missing_port_is_not_found(tmp_path: Path) -> None:

@@ -148,32 +148,6 @@ def test_partial_writes_are_continued() -> None:
     stream.close()
 
 
-def test_board_that_takes_nothing_is_a_timeout() -> None:
-    stream, _, device = stream_to(Loopback())
-    device.max_write = 0
-    with pytest.raises(SensorTimeoutError, match=r"usb:1-1: the board took 0 of 3 bytes in 0\.01 s"):
-        stream.write(b"abc", 0.01)
-    stream.write(b"", 0.0)  # nothing to take
-    stream.close()
-
-
-def test_silent_board_reads_as_nothing() -> None:
-    stream, _, _ = stream_to(Loopback())
-    assert stream.read(100, 0.0) == b""
-    assert stream.read(100, 0.12) == b""
-    stream.close()
-
-
-def test_what_has_come_is_discarded() -> None:
-    peripheral = Loopback(b"old" * 100, b"older")
-    stream, _, _ = stream_to(peripheral)
-    assert stream.read(1, HANG) == b"o"
-    stream.discard()
-    stream.write(b"new", HANG)
-    assert read_all(stream, 3) == b"new"
-    stream.close()
-
-
 def test_discard_ends_although_the_board_goes_on() -> None:
     class Endless(Loopback):
         def send(self, size: int, timeout: float) -> bytes:
@@ -227,16 +201,6 @@ def test_board_that_unplugs_itself_is_gone_from_the_bus() -> None:
     stream.close()
 
 
-def test_closing_ends_a_read_that_waits() -> None:
-    stream, _, device = stream_to(Loopback())
-    call = Call(lambda: stream.read(1, 10 * HANG))
-    time.sleep(0.02)
-    Call(stream.close).result()
-    with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-        call.result()
-    assert device.driver_is_bound
-
-
 def test_closing_ends_a_write_that_waits() -> None:
     stream, _, device = stream_to(Loopback())
     device.max_write = 0
@@ -271,12 +235,6 @@ def test_board_plugged_in_anew_has_a_new_address_and_opens() -> None:
     again.write(b"abc", HANG)
     assert read_all(again, 3) == b"abc"
     again.close()
-
-
-def test_device_is_plugged_in_once() -> None:
-    bus = bus_with(device := cdc_device(Loopback()))
-    with pytest.raises(ValueError, match="expected one that is not plugged in"):
-        bus.plug(device)
 
 
 def test_closed_ports_are_disconnected() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
@@ -89,11 +89,6 @@ def write_word(address: int, value: int) -> int:
     if not (0 <= address < 0x80 and 0 <= value <= 0xFFFFFF):
         raise ValueError(f"address, value: expected 7 and 24 bits, got {address} and {value}")
     return address << 25 | 1 << 24 | value
-
-
-def word_bytes(words: Iterable[int]) -> bytes:
-    """SPI words as they go out, most significant byte first."""
-    return b"".join(word.to_bytes(4, "big") for word in words)
 
 
 def chip_name(chip_id: int) -> str:

@@ -14,11 +14,6 @@ class EndpointType(IntEnum):
     """FMCW settings."""
     RADX = 0x52414458
     """ADC of the controller."""
-    RDPL = 0x5244504C
-    RP2G = 0x52503247
-    RIND = 0x52494E44
-    RTDC = 0x52544443
-    RCAL = 0x5243414C
     IRDR = 0x69524452
     """The one endpoint of the firmware of 2016/17, whose messages are others."""
 
@@ -120,78 +115,9 @@ class ProtocolStatus(IntEnum):
     UNKNOWN_MESSAGE = 0xFFFF
 
 
-PROTOCOL_STATUS_NAMES: dict[int, str] = {
-    0x0000: "OK",
-    0x0001: "time-out of an incomplete message",
-    0x0002: "bad start byte",
-    0x0003: "endpoint does not exist",
-    0x0005: "empty payload",
-    0x0006: "payload larger than the buffer",
-    0x0007: "bad end marker",
-    0xFFFF: "unknown message, or of a wrong size",
-}
-"""Names of the status codes of endpoint 0."""
-
-STATUS_NAMES: dict[int, str] = {
-    0x0000: "OK",
-    0x0002: "busy",
-    0x0003: "not possible in the current mode",
-    0x0004: "time-out",
-    0x0005: "unsupported frame interval",
-    0x0006: "antenna does not exist",
-    0x0007: "sensor does not exist",
-    0x0008: "unsupported frame format",
-    0x0009: "frequency out of range",
-    0x000A: "TX power out of range",
-    0x000B: "signal part not available",
-    0x0020: "unsupported direction",
-    0x0050: "sample rate out of range",
-    0x0051: "unsupported resolution",
-    0x0052: "unsupported gain level",
-    0x0100: "unsupported TX mode",
-    0x0101: "unsupported high-pass gain",
-    0x0102: "unsupported high-pass cutoff",
-    0x0103: "unsupported VGA gain",
-    0x0104: "unsupported reset timer",
-    0x0105: "unsupported charge pump setting",
-    0x0106: "unsupported pulse setting",
-    0x0107: "unsupported order of the PLL",
-    0x0108: "unsupported dither setting",
-    0x0109: "unsupported cycle slip setting",
-    0x010A: "calibration failed",
-    0x010B: "unsupported phase setting",
-    0x0110: "undefined tracking mode",
-    0x0111: "undefined ADC sample time",
-    0x0112: "undefined ADC oversampling",
-    0x0120: "gap in the sequence of shapes",
-    0x0121: "unsupported number of repetitions",
-    0x0122: "unsupported power mode",
-    0x0123: "unsupported post delay",
-    0x0124: "unsupported number of frames",
-    0x0125: "unsupported shape number",
-    0x0126: "unsupported pre-chirp delay",
-    0x0127: "unsupported post-chirp delay",
-    0x0128: "unsupported PA delay",
-    0x0129: "unsupported ADC delay",
-    0x012A: "unsupported wake-up time",
-    0x012B: "unsupported settle time",
-    0x012C: "unsupported FIFO slice size",
-    0x012D: "slices cannot be released",
-    0x012E: "FIFO overflow",
-    0x012F: "no memory",
-    0x0130: "SPI test failed",
-    0x0131: "chip setup failed",
-    0x0132: "memory test failed",
-    0x0133: "device not supported",
-    0x0134: "feature not supported",
-    0x0135: "pre-chirp delay exceeds the PA delay",
-    0x0136: "register out of range",
-    0xFFFF: "unknown message, or of a wrong size",
-}
-"""Names of the status codes of all other endpoints."""
-
-
 def status_text(endpoint: int, code: int) -> str:
     """Name and number of a status, for messages: ``busy (0x0002)``; endpoint 0 has names of its own."""
-    names = STATUS_NAMES if endpoint else PROTOCOL_STATUS_NAMES
-    return f"{names.get(code, 'unknown status')} (0x{code:04X})"
+    names: type[IntEnum] = Status if endpoint else ProtocolStatus
+    if code not in {status.value for status in names}:
+        return f"unknown status (0x{code:04X})"
+    return f"{names(code).name.lower().replace('_', ' ').replace('tx', 'TX')} (0x{code:04X})"

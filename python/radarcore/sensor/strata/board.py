@@ -37,9 +37,6 @@ _Decoded = TypeVar("_Decoded")
 _SFCTL_AT_PROBE = 0x100000
 """Normal timing of MISO, two wait cycles: what a register can be read with."""
 
-_MOST_WORDS = 255
-"""SPI words of a request: firmware counts them in 8 bits."""
-
 _TEMPERATURE_AGE = 0.1
 """A temperature is asked for again after so long [s]: while it measures, the sensor needs as long."""
 
@@ -370,8 +367,8 @@ class StrataBoard:
         wanted = list(addresses)
         values: list[int] = []
         with self._conversation:
-            for first in range(0, len(wanted), _MOST_WORDS):
-                some = wanted[first : first + _MOST_WORDS]
+            for first in range(0, len(wanted), packets.MAX_WORDS):
+                some = wanted[first : first + packets.MAX_WORDS]
                 answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands(a << 25 for a in some)))
                 values += self._decoded(packets.decode_values, answer)
         if len(values) != len(wanted):
@@ -386,8 +383,8 @@ class StrataBoard:
         addresses = sorted(registers, key=lambda address: (address == MAIN, address))
         with self._conversation:
             self.stop()
-            for first in range(0, len(addresses), _MOST_WORDS):
-                self._execute(write_word(a, registers[a]) for a in addresses[first : first + _MOST_WORDS])
+            for first in range(0, len(addresses), packets.MAX_WORDS):
+                self._execute(write_word(a, registers[a]) for a in addresses[first : first + packets.MAX_WORDS])
 
     def reset(self) -> None:
         """Stop, and reset the chip by its pin: registers as after power-up, but SFCTL, so that they can be read."""

@@ -7,7 +7,6 @@ bulk transfer. Numbers are little-endian; the CRC and the SPI words of a request
 
 from __future__ import annotations
 
-import re
 import struct
 from binascii import crc_hqx
 from collections.abc import Iterable
@@ -379,14 +378,6 @@ def uuid_text(payload: bytes) -> str:
         raise ProtocolError(f"Strata UUID: expected 16 bytes, got {len(payload)}")
     digits = payload.hex()
     return "-".join((digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:]))
-
-
-def uuid_bytes(text: str) -> bytes:
-    """The 16 bytes of a UUID's text; ValueError if it is none."""
-    digits = text.replace("-", "")
-    if not re.fullmatch("[0-9A-Fa-f]{32}", digits):
-        raise ValueError(f"uuid: expected 32 hexadecimal digits, got {text!r}")
-    return bytes.fromhex(digits)
 
 
 class DataConfiguration(NamedTuple):
