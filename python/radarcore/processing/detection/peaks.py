@@ -210,13 +210,6 @@ def strongest_peak(
         return None
     power = power[: None if has_velocity else 1, : None if has_range else 1]
 
-    # The local maxima among their four neighbours. Velocity is cyclic, range too with I/Q; the spectrum of real
-    # samples is even about both its ends.
-    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
-    around = np.pad(around, ((0, 0), (1, 1)), mode="wrap" if np.iscomplexobj(samples) else "reflect")
-    neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
-    is_peak = (power > 0.0) & np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
-
     # Range and velocity of a cell.
     centres = window_centre(fast_weights), window_centre(slow_weights)
     coordinates = Coordinates(waveform, *centres, has_velocity)
@@ -226,6 +219,8 @@ def strongest_peak(
         return coordinates.at(beat, (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval))
 
     # The strongest within the limits.
+    is_iq = np.iscomplexobj(samples)
+    is_peak = local_maxima(power, is_iq=is_iq)
     rows, columns = np.ogrid[: power.shape[0], : power.shape[1]]
     ranges, velocities = measure(rows, columns)
     if not waveform.is_cw:
@@ -239,16 +234,13 @@ def strongest_peak(
     row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
 
     # Refine by a parabola through the log power along each axis.
-    level = np.log(np.maximum(around[row : row + 3, column : column + 3], 1e-30 * power[row, column]))
-    row_offset, row_gain = parabolic_peak(*level[:, 1])
-    column_offset, column_gain = parabolic_peak(*level[1, :])
+    (row_offset, column_offset), height = between_cells(power, row, column, is_iq=is_iq)
     at_row = (row + row_offset) % num_velocity  # half a cell below the lowest velocity is the highest
     at_column = column + column_offset
     peak_range, velocity = measure(at_row, at_column)
     num_samples, num_chirps = waveform.num_samples, waveform.num_chirps
     range_index = round(at_column * num_samples / num_range)
     velocity_index = round((at_row - num_velocity // 2) * num_chirps / num_velocity) + num_chirps // 2
-    height = float(power[row, column] * np.exp(row_gain + column_gain))
 
     # Over the noise.
     is_filtered, level = filtered_rows(power)  # rows without noise do not tell its level
@@ -326,6 +318,34 @@ def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple
     if lowest > highest:
         raise ValueError(f"max_{name}: expected at least min_{name} = {lowest:g} {unit}, got {highest:g}")
     return lowest, highest
+
+
+def local_maxima(power: NDArray[np.float64], *, is_iq: bool) -> NDArray[np.bool_]:
+    """True for cells (doppler, range) that none of their four neighbours exceeds."""
+    around = _surrounded(power, is_iq)
+    neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
+    is_highest: NDArray[np.bool_] = np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
+    return is_highest & (power > 0.0)
+
+
+def between_cells(
+    power: NDArray[np.float64], row: int, column: int, *, is_iq: bool
+) -> tuple[tuple[float, float], float]:
+    """Offsets [cells] of a local maximum from its cell along both axes, and its height."""
+    cells = _surrounded(power, is_iq)[row : row + 3, column : column + 3]
+    level = np.log(np.maximum(cells, 1e-30 * power[row, column]))
+    row_offset, row_gain = parabolic_peak(*level[:, 1])
+    column_offset, column_gain = parabolic_peak(*level[1, :])
+    return (row_offset, column_offset), float(power[row, column] * np.exp(row_gain + column_gain))
+
+
+def _surrounded(power: NDArray[np.float64], is_iq: bool) -> NDArray[np.float64]:
+    """The map with the neighbours of its edges: velocity is cyclic, range too with I/Q.
+
+    The spectrum of real samples is even about both its ends.
+    """
+    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
+    return np.pad(around, ((0, 0), (1, 1)), mode="wrap" if is_iq else "reflect")
 
 
 def parabolic_peak(left: float, middle: float, right: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.detection.peaks import parabolic_peak
+from radarcore.processing.detection.peaks import between_cells, local_maxima, parabolic_peak
 from radarcore.processing.estimation.bounds import beat_times, carrier
 from radarcore.processing.spectra.spectra import fast_spectrum, spectrum
 from radarcore.processing.spectra.windows import Window, window_weights
@@ -177,10 +177,8 @@ def search_doppler(
         num_velocity_bins=num_velocity,
     )
     power = _power(transformed).sum(axis=0)  # (doppler, range)
-    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
-    around = np.pad(around, ((0, 0), (1, 1)), mode="wrap" if np.iscomplexobj(frame) else "reflect")
-    neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
-    is_peak = (power > 0.0) & np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
+    is_iq = np.iscomplexobj(frame)
+    is_peak = local_maxima(power, is_iq=is_iq)
 
     def measure(row: Any, column: Any) -> tuple[Any, Any]:
         # beat = slope delay + doppler, with the Doppler frequency at the middle of the chirp, as in eq. (1).
@@ -197,8 +195,8 @@ def search_doppler(
     if not is_peak.any():
         return None
     row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
-    level = np.log(np.maximum(around[row : row + 3, column : column + 3], 1e-30 * power[row, column]))
-    found = measure(row + parabolic_peak(*level[:, 1])[0], column + parabolic_peak(*level[1, :])[0])
+    (row_offset, column_offset), _ = between_cells(power, row, column, is_iq=is_iq)
+    found = measure(row + row_offset, column + column_offset)
     return float(found[0]), float(found[1])
 
 
