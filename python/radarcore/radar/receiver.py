@@ -151,6 +151,8 @@ class AdcErrors:
     --------
     >>> errors = rc.AdcErrors(noise_lsb=0.9, chirp_offset_lsb=0.8)
     >>> receiver = rc.Receiver(noise_figure_db=12.0, full_scale=1.0, adc_bits=12, adc_errors=errors)
+    >>> receiver.adc_errors.noise_lsb
+    0.9
     """
 
     noise_lsb: float | None = None
