@@ -113,7 +113,7 @@ def test_python_examples_of_motion_capture_run_with_a_server(
 def test_python_examples_of_coppeliasim_run_with_a_server(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from coppelia_stub import Stub
+    from doubles.coppelia_stub import Stub
     from radarcore.adapters import coppeliasim
 
     connect = coppeliasim.CoppeliaSim

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from coppelia_stub import ANGLE, BALL, FAR, GREYS, HEIGHT, PLATE_AT, PLATE_VELOCITY, RADIUS, TIME_STEP, Stub
+from doubles.coppelia_stub import ANGLE, BALL, FAR, GREYS, HEIGHT, PLATE_AT, PLATE_VELOCITY, RADIUS, TIME_STEP, Stub
 from radarcore.adapters import coppeliasim
 
 RADAR = rc.bgt60tr13c(start_frequency=60e9, stop_frequency=61e9, num_samples=128, num_chirps=64, chirp_interval=300e-6)

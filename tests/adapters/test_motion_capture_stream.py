@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import natnet_packets as made
+import doubles.natnet_packets as made
 import radarcore as rc
 from doubles.motive import MotionCaptureServer
 from radarcore.adapters.optitrack import CapturedFrame, MotionCaptureClient, NatNetError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from motive_files import MARKERS, motive_file
+from doubles.motive_files import MARKERS, motive_file
 from radarcore.adapters.optitrack import CapturedBody, MotionCapture, read_motive_csv, write_motive_csv
 
 TIMES = 2.5 + np.arange(60) / 120.0

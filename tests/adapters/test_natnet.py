@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import natnet_packets as made
+import doubles.natnet_packets as made
 import radarcore as rc
-from motive_files import TO_MOTIVE, motive_file
+from doubles.motive_files import TO_MOTIVE, motive_file
 from radarcore.adapters.optitrack import (
     NatNetError,
     decode_frame,

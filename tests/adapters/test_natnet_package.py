@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import natnet_packets as made
+import doubles.natnet_packets as made
 import radarcore as rc
 from doubles.motive import MotionCaptureServer
-from motive_files import TO_MOTIVE
+from doubles.motive_files import TO_MOTIVE
 from radarcore.adapters.optitrack import decode_frame, decode_model
 
 natnet = pytest.importorskip("natnet", reason="a second decoder: pip install natnet")

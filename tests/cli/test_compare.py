@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from motive_files import motive_file
+from doubles.motive_files import motive_file
 from radarcore.cli.main import main
 
 RADAR = rc.bgt60tr13c(num_chirps=32)

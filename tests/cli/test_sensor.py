@@ -14,7 +14,7 @@ import pytest
 from cyclopts import App
 
 import radarcore as rc
-from boards import CLI, SWING, Numbered, python
+from doubles.boards import CLI, SWING, Numbered, python
 from radarcore.cli.board_settings import NOT_SET, BoardSettings, radar_of, sight
 from radarcore.cli.main import main
 from radarcore.sensor import open_sensor, virtual_board

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import Numbered
 from dca1000_files import Scene, commands
+from doubles.boards import Numbered
 from radarcore.cli.info import measured_facts
 from radarcore.cli.main import main
 from radarcore.sensor import virtual_board

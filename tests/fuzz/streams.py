@@ -11,9 +11,9 @@ from random import Random
 from typing import Any
 from unittest.mock import patch
 
-from boards import Numbered
-from comlib_boards import Pipe, Ramp
-from comlib_boards import radar as comlib_radar
+from doubles.boards import Numbered
+from doubles.comlib_boards import Pipe, Ramp
+from doubles.comlib_boards import radar as comlib_radar
 from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib

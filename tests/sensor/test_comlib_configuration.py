@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from comlib_boards import Pipe, Ramp, radar
+from doubles.comlib_boards import Pipe, Ramp, radar
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import EndpointType
 from radarcore.sensor.comlib.messages import (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from comlib_boards import Ramp
+from doubles.comlib_boards import Ramp
 from radarcore.radar.radar import Radar
 from radarcore.sensor.comlib.codes import Base
 from radarcore.sensor.comlib.messages import (

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from comlib_boards import Pipe, Ramp, board_with, radar
+from doubles.comlib_boards import Pipe, Ramp, board_with, radar
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.errors import (

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged
-from comlib_boards import Pipe, Ramp
+from doubles.boards import TRANSPORTS, Numbered, number_of, opened, plugged
+from doubles.comlib_boards import Pipe, Ramp
 from doubles.usb_bus import EmulatedBus, cdc_device
 from full_disk import largest_file
 from radarcore.recording.frame import to_samples

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from boards import Numbered, numbered
 from chip_settings import V1, image
-from comlib_boards import Ramp
+from doubles.boards import Numbered, numbered
+from doubles.comlib_boards import Ramp
 from doubles.vendor_board import VendorBoard
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60.registers import (

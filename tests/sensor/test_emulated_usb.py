@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from doubles.small_boards import Loopback, Requests
 from doubles.usb_bus import bus_with, cdc_device, vendor_device
-from small_boards import Loopback, Requests
 
 usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
 import_module("usb.util")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import Numbered, number_of, numbered, opened
 from chip_settings import power_up
+from doubles.boards import Numbered, number_of, numbered, opened
 from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size
 from radarcore.sensor.emulator.chip import Chip

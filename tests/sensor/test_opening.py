@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from boards import Numbered, number_of, opened, plugged
+from doubles.boards import Numbered, number_of, opened, plugged
+from doubles.small_boards import Loopback
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor import (
@@ -31,7 +32,6 @@ from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
 from short_requests import shorten_requests
-from small_boards import Loopback
 
 SMALL = bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 OLD = Identity(version=Version(2, 0, 0, protocol_major=3))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import TRANSPORTS, opened, plugged
+from doubles.boards import TRANSPORTS, opened, plugged
 from radarcore.sensor import SensorError, open_sensor
 from radarcore.sensor.bgt60.registers import ADC0, CSU1_2, PLL1_1
 from radarcore.sensor.bgt60.registers import test_pattern as pattern_of

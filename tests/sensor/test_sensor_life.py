@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import radarcore as rc
-from boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
+from doubles.boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
 from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort

@@ -6,8 +6,8 @@ import time
 import pytest
 
 import radarcore as rc
-from boards import Numbered, opened
 from chip_settings import power_up
+from doubles.boards import Numbered, opened
 from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.bgt60.registers import FIFO_RESET, FSM_RESET, FSTAT, MAIN, start_words, write_word
 from radarcore.sensor.bgt60.settings import Settings, registers_of

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from doubles.small_boards import HANG, Call, Loopback, Unplugged, read_all
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.errors import (
@@ -27,7 +28,6 @@ from radarcore.sensor.transport.capture import Capture, Replay
 from radarcore.sensor.transport.ports import open_stream
 from radarcore.sensor.transport.serialport import SerialStream
 from radarcore.sensor.transport.usbport import UsbStream
-from small_boards import HANG, Call, Loopback, Unplugged, read_all
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")
 

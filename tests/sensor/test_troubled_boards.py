@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 import pytest
 
-import comlib_boards
 import radarcore as rc
-from boards import TRANSPORTS, Numbered, number_of, opened
+from doubles import comlib_boards
+from doubles.boards import TRANSPORTS, Numbered, number_of, opened
 from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
 from doubles.vendor_board import VendorBoard
 from radarcore.sensor import Sensor, SensorTimeoutError, open_sensor

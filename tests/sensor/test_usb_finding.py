@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
+from doubles.small_boards import HANG, Loopback, Requests, read_all
 from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, stream_to, vendor_device
 from radarcore.sensor.errors import SensorError, SensorNotFoundError
 from radarcore.sensor.transport.ports import Port, describe_usb, find_ports, open_stream, open_vendor_port
-from small_boards import HANG, Loopback, Requests, read_all
 
 
 def test_boards_are_found_by_their_ids() -> None:

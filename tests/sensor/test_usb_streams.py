@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
+from doubles.small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
 from doubles.usb_bus import bus_with, cdc_device, stream_to, vendor_device, vendor_port_to
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
 from radarcore.sensor.transport.ports import find_ports, open_stream, open_vendor_port
 from radarcore.sensor.transport.stream import Stalled
 from radarcore.sensor.transport.usbport import UDEV_RULE, UsbStream
-from small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
 
 usb: Any = pytest.importorskip("usb", reason="needs the extra `usb`: pip install radarcore[usb]")
 import_module("usb.util")

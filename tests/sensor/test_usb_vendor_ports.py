@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from doubles.small_boards import HANG, Call, Requests, Stall, Unplugged
 from doubles.usb_bus import EmulatedBus, vendor_device, vendor_port_to
 from radarcore.sensor.errors import ProtocolError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.transport.stream import Stalled
 from radarcore.sensor.transport.usbport import UsbVendorPort
-from small_boards import HANG, Call, Requests, Stall, Unplugged
 
 
 def test_control_transfers_carry_their_requests() -> None:

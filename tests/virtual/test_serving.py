@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import CLI, SWING, Numbered, numbered, python
+from doubles.boards import CLI, SWING, Numbered, numbered, python
 from radarcore.cli.main import main
 from radarcore.sensor import SensorTimeoutError, open_sensor, virtual_board
 from radarcore.sensor.bgt60.registers import start_words

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from boards import opened
 from chip_settings import V1, image, power_up
+from doubles.boards import opened
 from radarcore.sensor.bgt60.registers import CSU1_0, CSU1_1, CSU1_2, PLL1_0, PLL1_1, PLL1_2, PLL1_3
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.emulator.sequence import constant_wave_of, sequence_of

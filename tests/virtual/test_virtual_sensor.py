@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from boards import CLI, SWING, python
+from doubles.boards import CLI, SWING, python
 from radarcore.cli.main import main
 from radarcore.sensor import RequestError, SensorTimeoutError, open_sensor, virtual_board
 from radarcore.sensor.bgt60.registers import start_words
