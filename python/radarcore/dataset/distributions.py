@@ -140,7 +140,7 @@ class LogUniform:
 
     def at(self, share: float) -> float:
         """Quantile."""
-        return min(max(self.low ** (1.0 - share) * self.high**share, self.low), self.high)
+        return float(min(max(self.low ** (1.0 - share) * self.high**share, self.low), self.high))
 
 
 @dataclass(frozen=True)
