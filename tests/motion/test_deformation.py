@@ -368,41 +368,6 @@ def test_two_times_make_a_straight_line() -> None:
 # --- silly input -----------------------------------------------------------------------------------------------------
 
 PLATE = rc.shapes.plate(0.2, 0.2)
-FOUR = np.zeros((2, 4, 3))
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (
-            lambda: rc.Body(PLATE, deformation=rc.Deformation([0, 1], FOUR[:, :3])),
-            ValueError,
-            "deformation: expected 4 vertices as the mesh has, got 3",
-        ),
-        (
-            lambda: rc.Body(PLATE, deformation=PLATE.vertices),  # type: ignore[arg-type]
-            TypeError,
-            "deformation: expected Deformation or a function of time, got ndarray",
-        ),
-    ],
-)
-def test_what_is_no_deformation_is_refused_with_its_name(make: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("value", "error", "message"),
-    [
-        (np.full((4, 3), 1e200), ValueError, "vertices: expected coordinates below 1e15 m"),
-    ],
-)
-def test_function_that_returns_no_vertices_is_refused_with_the_time(
-    value: Any, error: type[Exception], message: str
-) -> None:
-    body = rc.Body(PLATE, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=lambda _: value)
-    with pytest.raises(error, match=message):
-        simulator([body]).depth_image(0.25)
 
 
 @pytest.mark.filterwarnings("ignore:no body is seen")

@@ -94,15 +94,3 @@ def test_gaps_are_read_only_and_survive_pickling() -> None:
 def test_steps_of_just_the_largest_gap_are_none() -> None:
     times = np.arange(50) * 0.1  # steps differ from 0.1 by rounding
     assert rc.Trajectory(times, [pose_at(t) for t in times], max_gap=0.1).gaps.shape == (0, 2)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"max_gap": 0.05}, r"max_gap: expected at least 0\.1 s, the shortest step of the times, got 0\.05 s"),
-        ({"within_gaps": "bridge"}, "within_gaps: expected"),
-    ],
-)
-def test_silly_gaps_are_errors_that_name_them(given: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.Trajectory(TIMES, POSES, **given)

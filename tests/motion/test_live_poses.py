@@ -177,31 +177,7 @@ def updated(time: float, **values: Any) -> rc.Live:
     return live
 
 
-def in_group(poses: Any, **rates: Any) -> None:
-    rc.LiveGroup(2).update(0.0, poses, **rates)
-
-
 MAPS = np.tile(np.eye(4), (2, 1, 1))
-
-
-@pytest.mark.parametrize(
-    ("call", "kind", "message"),
-    [
-        (lambda: rc.Live().at(0.0), ValueError, "Live: expected an update before any pose is asked for, got none"),
-        (lambda: updated(2.0).at(0.8), ValueError, "time: expected 1 s, the first update .* or later, got 0.8 s"),
-        (lambda: updated(0.5), ValueError, r"time: expected 1 s, .* or later, got 0.5 s; clear\(\) forgets"),
-        (lambda: updated(2.0, velocity=[3e8, 0, 0]), ValueError, "velocities: expected less than 3e.08 m/s"),
-        (lambda: rc.LiveGroup(2)[2], ValueError, "number: expected an index below 2, got 2"),
-        (lambda: in_group([rc.Pose(), 3]), TypeError, "poses: expected Pose, got int"),
-        (lambda: in_group(2.0 * MAPS), ValueError, "poses: expected rotation matrices .* got another at index 0"),
-        (lambda: in_group(MAPS * [[1], [1], [-1], [1]]), ValueError, "rotation matrices .* at index 0"),
-        (lambda: in_group(1e200 * MAPS), ValueError, "poses: expected rotation matrices"),
-        (lambda: in_group(MAPS, angular_velocities=1e8 * np.eye(2, 3)), ValueError, "less than 1e.07 rad/s, got 1e.08"),
-    ],
-)
-def test_silly_updates_are_errors_that_name_them(call: Any, kind: type[Exception], message: str) -> None:
-    with pytest.raises(kind, match=message):
-        call()
 
 
 def test_no_times_are_no_poses() -> None:

@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import radarcore as rc
 from reference import point_echo_reference
-
-STEP = 1e-5
 
 
 def wandering(seed: int, beyond: str | None = None) -> rc.Trajectory:
     rng = np.random.default_rng(seed)
     poses = [rc.Pose.from_rpy(rng.normal(size=3), 0.5 * rng.normal(size=3)) for _ in range(9)]
     return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses, beyond=beyond)
-
-
-def finite_difference(motion: Any, time: float) -> NDArray[np.float64]:
-    later, earlier = motion.at(time + STEP), motion.at(time - STEP)
-    return np.column_stack([later.rotation - earlier.rotation, later.position - earlier.position]) / (2.0 * STEP)
 
 
 def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None:
@@ -33,15 +22,6 @@ def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None
         np.testing.assert_allclose(motion.at(time).position, pose.position, atol=1e-12)
         # Accelerations below 1e3 /s^2 over 2e-9 s.
         np.testing.assert_allclose(motion.rate_at(time - 1e-9), motion.rate_at(time + 1e-9), atol=1e-5)
-
-
-def test_trajectory_goes_on_before_and_after_without_a_step_of_velocity() -> None:
-    motion = wandering(4, beyond="continue")
-    for end in (0.0, 2.0):
-        np.testing.assert_allclose(motion.rate_at(end - 1e-9), motion.rate_at(end + 1e-9), atol=1e-5)
-        outside = end + (end - 1.0)
-        np.testing.assert_allclose(motion.rate_at(outside), finite_difference(motion, outside), atol=1e-6)
-        np.testing.assert_allclose(motion.rate_at(outside)[:, 3], motion.rate_at(end)[:, 3], atol=1e-12)
 
 
 def test_two_poses_are_a_straight_uniform_motion() -> None:
@@ -77,32 +57,3 @@ def test_bodies_ride_on_bodies() -> None:
     assert truth is not None
     # The nearest corner row of the plate, 2.5 m ahead and 0.2 m up, recedes by the cosine of its elevation.
     assert truth.velocity[0] == pytest.approx(0.5 * 2.5 / np.hypot(2.5, 0.2), rel=2e-3)  # a pixel is 2 cm
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (lambda: rc.Trajectory([1.0, 0.5], [rc.Pose()] * 2), ValueError, "got 1 and then 0.5"),
-        (
-            lambda: rc.Trajectory([0.0, 1.0, 1.0 + 2e-16], [rc.Pose()] * 3),
-            ValueError,
-            "times: expected times at least 1e-12 s apart, got 2.22045e-16 s at index 2",
-        ),
-        (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose()]), ValueError, "poses: expected 2, one per time, got 1"),
-        (lambda: rc.Trajectory([0.0, 1.0], [rc.Pose(), 3]), TypeError, "poses: expected Pose, got int at index 1"),
-        (
-            lambda: rc.Attached(lambda t: t).at(0.5),
-            TypeError,
-            "expected a function that returns Pose, got float at 0.5 s",
-        ),
-        (
-            lambda: rc.Attached("arm"),
-            TypeError,
-            "parent: expected Pose, Linear, Trajectory, Attached, Live or a function",
-        ),
-        (lambda: rc.Attached(rc.Pose(), 3), TypeError, "motion: expected Pose, Linear"),
-    ],
-)
-def test_silly_motion_is_an_error_that_names_it(make: Callable[[], Any], error: type, message: str) -> None:
-    with pytest.raises(error, match=message):
-        make()

@@ -239,43 +239,6 @@ def test_number_of_sources_is_that_of_the_shortest_description() -> None:
     assert shortest_description(np.array([[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]]), 200).tolist() == [1, 0]
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"method": "esprit"}, ValueError, "method: expected one of 'bartlett', 'capon', 'music', 'fft'"),
-        ({"method": "fft", "radar": UNEVEN}, ValueError, "method: expected channels at equal steps along a line"),
-        ({"azimuth": np.zeros((2, 2))}, ValueError, "azimuth, elevation: expected angles that broadcast to one axis"),
-        ({"azimuth": [0.0, np.nan]}, ValueError, "azimuth: expected finite numbers"),
-        ({"azimuth": np.zeros(3), "elevation": np.zeros(2)}, ValueError, "elevation: expected a shape that broadcasts"),
-        ({"method": "music", "num_sources": 6}, ValueError, "num_sources: expected fewer than the 6 channels"),
-        ({"method": "music", "num_sources": 0}, ValueError, "num_sources: expected at least 1, got 0"),
-        ({"method": "capon", "loading": 0.0}, ValueError, "loading: expected a positive number"),
-        ({"num_range_bins": 10}, ValueError, "num_range_bins: expected at least 64"),
-        ({"window": "no such"}, ValueError, "window: expected a window"),
-        ({"channel_phase": [0.0]}, ValueError, r"channel_phase: expected shape \(8,\)"),
-        ({"cube": np.ones((7, 32, 64))}, ValueError, r"cube: expected shape \(\.\.\., channel, chirp, sample\)"),
-        ({"cube": np.ones((8, 32, 64), np.int16)}, TypeError, "cube: expected float32"),
-        ({"radar": WAVEFORM}, TypeError, "radar: expected Radar with a cube that is no Frame or Recording, got Wave"),
-        ({"radar": None}, TypeError, "radar: expected Radar with a cube .*, got none"),
-    ],
-)
-def test_bad_arguments_are_refused_by_name(changes: dict[str, Any], error: type[Exception], message: str) -> None:
-    given = {"cube": np.ones((8, 32, 64)), "radar": EIGHT} | changes
-    with pytest.raises(error, match=message):
-        rc.range_angle(given.pop("cube"), given.pop("radar"), **given)
-
-
-def test_ranges_without_a_bin_and_radars_without_ranges_are_refused() -> None:
-    samples = np.ones((8, 32, 64))
-    with pytest.raises(ValueError, match=r"at_range: expected at most 9\.99\d* m, the last range bin, got 12"):
-        rc.azimuth_elevation(samples, EIGHT, at_range=12.0)
-    with pytest.raises(ValueError, match=r"azimuth: expected shape \(n,\), got \(1, 2\)"):
-        rc.azimuth_elevation(samples, EIGHT, at_range=1.0, azimuth=[[0.0, 0.1]])
-    still = rc.Radar(WAVEFORM.replace(slope=0.0), rx=row(8))
-    with pytest.raises(ValueError, match="measures no range"):
-        rc.range_angle(samples, still)
-
-
 def test_degrees_are_warned_of() -> None:
     with pytest.warns(UserWarning, match=r"azimuth: expected radians, got -90; degrees\?"):
         rc.range_angle(cube(EIGHT, [0.0]), EIGHT, azimuth=[-90.0, 0.0])

@@ -128,36 +128,3 @@ def test_weighted_channels_of_simulated_targets_follow_the_two_way_pattern() -> 
         beam = np.abs(np.tensordot(weights, cube, 1)).mean()
         found.append(20.0 * np.log10(beam))
     np.testing.assert_allclose(np.array(found) - found[4], expected - expected[4], atol=0.1)
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
-        ({"steer": [0.1, 0.2, 0.3]}, ValueError, r"steer: expected shape \(2,\), got \(3,\)"),
-        ({"tx_weights": [1.0]}, ValueError, r"tx_weights: expected shape \(2,\), got \(1,\)"),
-        ({"rx_weights": np.zeros(3)}, ValueError, "rx_weights: expected finite numbers, not all of them zero"),
-        ({"rx_weights": [1.0, np.nan, 0.0]}, ValueError, "rx_weights: expected finite numbers"),
-        ({"rx_weights": "taylor"}, TypeError, "rx_weights: expected numbers"),
-        ({"rx_window": "taylor"}, ValueError, "rx_window: expected elements at equal steps along a line, got others"),
-        ({"tx_window": "no such"}, ValueError, "tx_window: expected a window"),
-        ({"azimuth": [0.0, np.inf]}, ValueError, "azimuth: expected finite numbers"),
-    ],
-)
-def test_bad_arguments_are_refused_by_name(changes: dict[str, Any], error: type[Exception], message: str) -> None:
-    radar = rc.Radar(WAVEFORM, tx=row(2), rx=row(3) * np.array([[1.0], [1.0], [1.3]]))
-    given: dict[str, Any] = {"radar": radar, "azimuth": AZIMUTH} | changes
-    with pytest.raises(error, match=message):
-        rc.array_pattern(given.pop("radar"), given.pop("azimuth"), **given)
-
-
-@pytest.mark.parametrize(
-    ("positions", "wavelength", "message"),
-    [
-        (np.zeros(3), 0.004, r"positions: expected shape \(n, 3\), got \(3,\)"),
-        (np.zeros((2, 3)), 0.0, "wavelength: expected a positive number"),
-    ],
-)
-def test_bad_positions_and_wavelengths_are_refused(positions: Any, wavelength: float, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.steering_weights(positions, wavelength, 0.0)

@@ -161,34 +161,3 @@ def test_channels_add_information_and_an_echo_without_power_has_none() -> None:
     one, four = (processing.doppler_bound(SHORT, [0.0, -np.inf], num_channels=number) for number in (1, 4))
     np.testing.assert_allclose(four.velocity[0], 0.5 * one.velocity[0])
     assert one.velocity[1] == one.range[1] == np.inf
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: processing.doppler_bound(LONG, "much"), "snr_db: expected numbers"),
-        (lambda: processing.doppler_bound(LONG, 0.0, num_channels=0), "num_channels: expected at least 1, got 0"),
-        (lambda: processing.doppler_bound(LONG, 0.0, window="none"), "window: expected a window"),
-        (lambda: processing.doppler_bound(ONE, 0.0), "waveform: expected at least 2 chirps, got 1"),
-        (
-            lambda: processing.chirp_rate_bound(ONE.replace(num_samples=2), 0.0),
-            "waveform: expected at least 3 samples",
-        ),
-        (
-            lambda: processing.up_down_bound(ONE, ONE, 0.0),
-            "down: expected a slope of the other sign than up's 4e\\+12 Hz/s",
-        ),
-        (
-            lambda: processing.up_down_bound(ONE, DOWN.replace(num_samples=1), 0.0),
-            "down: expected at least 2 samples",
-        ),
-        (
-            lambda: processing.up_down_bound(ONE, DOWN, 0.0, down_delay=np.nan),
-            "down_delay: expected a finite number",
-        ),
-        (lambda: processing.doppler_bound(LONG.replace(slope=0.0), 0.0), "measures no range"),
-    ],
-)
-def test_bad_arguments_are_refused(call: Callable[[], object], message: str) -> None:
-    with pytest.raises((ValueError, TypeError), match=message):
-        call()

@@ -122,7 +122,6 @@ def test_an_echo_leaves_no_rounding_error_in_the_sums_around_it() -> None:
     assert not mask[far].any()  # the factor of 0.3 is above 1
 
 
-POWER = np.ones((8, 9))
 SETTINGS: dict[str, Any] = {"guard": 1, "training": 2, "false_alarm_rate": 1e-3}
 
 
@@ -132,30 +131,3 @@ def test_silence_and_empty_maps_have_no_detections() -> None:
         for method in ("ca", "os"):
             mask = rc.cfar(empty, method=method, **SETTINGS)
             assert (mask.shape, mask.dtype, mask.any()) == (empty.shape, np.dtype(bool), np.False_)
-
-
-@pytest.mark.parametrize(
-    ("power", "changes", "error", "message"),
-    [
-        (POWER + 1j, {}, TypeError, r"power: expected real numbers, got complex128 \(power of a spectrum"),
-        (-POWER, {}, ValueError, r"power: expected 0 or above \(not dB\), got -1.0 at index \(0, 0\)"),
-        (np.where(np.eye(8), np.nan, 1.0), {}, ValueError, r"got nan at index \(0, 0\)"),
-        (1.0, {}, ValueError, "power: expected at least one axis"),
-        (POWER, {"guard": -1}, ValueError, "guard: expected at least 0, got -1"),
-        (POWER, {"guard": (1, 2, 3)}, ValueError, r"guard: expected one number, or one per axis \(2\)"),
-        (POWER, {"training": 0}, ValueError, "training: expected at least one cell on a side, got 0"),
-        (POWER, {"training": (1, 1.5)}, TypeError, r"training\[1\]: expected an integer"),
-        (POWER, {"false_alarm_rate": 0.0}, ValueError, "false_alarm_rate: expected a positive number"),
-        (POWER, {"false_alarm_rate": 1.0}, ValueError, "false_alarm_rate: expected a probability below 1, got 1.0"),
-        (POWER, {"method": "so"}, ValueError, "method: expected one of 'ca', 'os', got 'so'"),
-        (POWER, {"rank": 3}, ValueError, "rank: expected none with method 'ca', got 3"),
-        (POWER, {"rank": 41, "method": "os"}, ValueError, "rank: expected at most 40, the training cells"),
-        (POWER, {"num_looks": 0}, ValueError, "num_looks: expected at least 1"),
-        (POWER, {"axes": 2}, ValueError, "axes: expected an index below 2, got 2"),
-        (POWER, {"axes": (0, 0)}, ValueError, "axes: expected one or two different axes"),
-        (POWER, {"axes": "ab"}, TypeError, "axes: expected one or two integers, got 'ab'"),
-    ],
-)
-def test_silly_input_is_refused_by_name(power: Any, changes: dict[str, Any], error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        rc.cfar(power, **(SETTINGS | changes))

@@ -105,15 +105,6 @@ def test_distance_is_that_in_space_where_there_are_angles() -> None:
     assert labels(detections([2.0, 2.0], None, [-0.5, NAN]), distance=0.1) == [0, 0]
 
 
-def test_many_detections_are_grouped_like_few() -> None:
-    """A tree finds the pairs of many: the same groups as those of a line cut into pieces on paper."""
-    order = np.random.default_rng(0).permutation(1200)
-    distance = 1.0 + 0.01 * np.arange(1200) + 0.1 * (np.arange(1200) // 100)
-    found = cluster(detections(distance[order], np.zeros(1200)), distance=0.05, velocity=0.1)
-    np.testing.assert_array_equal(found.labels, order // 100)
-    assert found.num_detections.tolist() == [100] * 12
-
-
 def test_groups_within_deviations_of_their_errors() -> None:
     covariance = np.full((3, 4, 4), NAN)
     covariance[:, :2, :2] = np.diag([0.1**2, 0.5**2])
@@ -193,24 +184,3 @@ def test_no_detections_are_no_clusters() -> None:
     assert found.labels.shape == (0,)
     assert found.extent.shape == (0, 4)
     assert len(cluster(detections([NAN, 1.0, NAN]))) == 3
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"distance": 0.0}, ValueError, "distance: expected a positive number"),
-        ({"velocity": -1.0}, ValueError, "velocity: expected a positive number"),
-        ({"distance": NAN}, ValueError, "distance: expected a finite number"),
-        ({"min_detections": 0}, ValueError, "min_detections: expected at least 1, got 0"),
-        ({"velocity_ambiguity": "fast"}, TypeError, "velocity_ambiguity: expected a number"),
-        ({"num_deviations": 3.0}, ValueError, "num_deviations: expected detections with positive variances, got nan"),
-    ],
-)
-def test_silly_options_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        cluster(detections([1.0, 2.0]), **options)
-
-
-def test_other_things_than_detections_are_refused() -> None:
-    with pytest.raises(TypeError, match="detections: expected Detections, got list"):
-        cluster([1.0])  # type: ignore[arg-type]

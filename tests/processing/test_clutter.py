@@ -15,10 +15,6 @@ from radarcore.processing.spectra.noise import known_noise
 
 RNG = np.random.default_rng(1)
 CUBE = RNG.standard_normal((2, 3, 8, 5)).astype(np.float32)
-UP_DOWN = rc.Waveform(
-    start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=5, num_chirps=8, chirp_interval=1e-4
-).alternating()
-FRAME = rc.Frame(CUBE[0, :1], 0.0, rc.Radar(UP_DOWN))
 
 
 def test_mean_is_removed_along_the_axis_named() -> None:
@@ -139,29 +135,3 @@ def test_frames_and_recordings_stay_what_they_are() -> None:
         assert abs(peak.range - truth.range[1]) <= 0.002 * wf.range_resolution
         assert abs(peak.velocity - truth.velocity[1]) <= 0.002 * wf.velocity_resolution * 32 / 30
     assert len(rc.remove_mean(recording[:0])) == 0
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "keywords", "error", "message"),
-    [
-        (rc.remove_mean, [CUBE], {"axis": 4}, ValueError, "axis: expected an index below 4, got 4"),
-        (rc.remove_mean, [CUBE.astype(int)], {}, TypeError, "cube: expected float32"),
-        (rc.cancel_pulses, [CUBE], {"num_pulses": 4}, ValueError, "num_pulses: expected 2 or 3, got 4"),
-        (rc.cancel_pulses, [CUBE[..., :1, :]], {}, ValueError, r"cube: expected at least 2 chirps \(num_pulses\)"),
-        (rc.remove_running_mean, [CUBE, [0.0]], {"time_constant": 1.0}, ValueError, r"time: expected shape \(2,\)"),
-        (rc.remove_running_mean, [CUBE, [1.0, 0.0]], {"time_constant": 1.0}, ValueError, "time: expected increasing"),
-        (rc.remove_running_mean, [CUBE, [0.0, 1.0]], {"time_constant": 0.0}, ValueError, "time_constant: expected a"),
-        (rc.remove_running_mean, [CUBE[0, 0], [0.0] * 8], {"time_constant": 1.0}, ValueError, r"cube: expected shape"),
-        (processing.noise_level, [-CUBE], {}, ValueError, "power: expected 0 or above"),
-        (processing.noise_level, [CUBE**2], {"num_looks": 0}, ValueError, "num_looks: expected at least 1"),
-        (rc.remove_running_mean, [FRAME], {"time_constant": 1.0}, TypeError, "cube: expected a Recording"),
-        (rc.remove_running_mean, [CUBE], {"time_constant": 1.0}, TypeError, "time: expected the times"),
-        (rc.remove_mean, [FRAME], {}, ValueError, "radar: expected one waveform, got 2"),
-        (rc.cancel_pulses, [FRAME], {}, ValueError, "radar: expected one waveform, got 2"),
-    ],
-)
-def test_silly_input_is_refused_by_name(
-    function: Any, arguments: Any, keywords: dict[str, Any], error: Any, message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        function(*arguments, **keywords)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -47,20 +44,3 @@ def test_nothing_of_it_is_a_range() -> None:
     assert WAVEFORM.is_cw
     assert WAVEFORM.bandwidth == 0.0
     assert WAVEFORM.range_resolution == WAVEFORM.max_range == np.inf
-
-
-@pytest.mark.parametrize(
-    "measure",
-    [
-        lambda _: WAVEFORM.range_axis(),
-        lambda rec: rc.range_profile(rec.cube, WAVEFORM),
-        lambda rec: rc.range_doppler(rec.cube, WAVEFORM),
-        lambda rec: rc.range_time(rec),
-        lambda rec: rc.spectrogram(rec, max_range=3.0),
-        lambda rec: rc.strongest_peak(rec.cube[0], WAVEFORM, min_range=1.0),
-    ],
-    ids=["axis", "profile", "map", "over time", "gate", "limit"],
-)
-def test_functions_of_range_say_that_there_is_none(measure: Callable[[Any], object], recording: rc.Recording) -> None:
-    with pytest.raises(ValueError, match=r"a CW radar \(slope = 0 Hz/s\) measures no range"):
-        measure(recording)

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore import _core
 from radarcore.units import SPEED_OF_LIGHT
 
 WAVEFORM = rc.Waveform(
@@ -225,38 +224,3 @@ def test_spread_of_estimates_in_noise_is_their_covariance(name: str) -> None:
     # Whitened by the bound, the errors have unit variance, to 4 sigma of 3000 draws, sqrt(2 / 3000) each.
     whitened = np.linalg.solve(np.linalg.cholesky(bound), errors.T)
     np.testing.assert_allclose(whitened @ whitened.T / number, np.eye(sum(told)), atol=4 * np.sqrt(2 / number))
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
-        ({"snapshots": np.ones((3, 5))}, ValueError, r"snapshots: expected shape \(n, 4\), got \(3, 5\)"),
-        ({"snapshots": np.ones(4)}, ValueError, r"snapshots: expected shape \(n, 4\), got \(4,\)"),
-        ({"snapshots": "cells"}, TypeError, r"snapshots: expected numbers of shape \(n, 4\), got str"),
-        ({"velocity": [1.0]}, ValueError, r"velocity: expected shape \(3,\), got \(1,\)"),
-        ({"velocity": "fast"}, TypeError, "velocity: expected numbers"),
-        ({"snr_db": 10.0}, ValueError, r"snr_db: expected shape \(3,\), got \(\)"),
-        ({"channel_phase": [0.0]}, ValueError, r"channel_phase: expected shape \(4,\), got \(1,\)"),
-        ({"channel_phase": [0.0, 0.0, 0.0, np.nan]}, ValueError, "channel_phase: expected finite numbers"),
-    ],
-)
-def test_bad_arguments_are_refused_by_name(changes: dict[str, Any], error: type[Exception], message: str) -> None:
-    given = {"snapshots": np.ones((3, 4)), "radar": rc.Radar(WAVEFORM, rx=row(4, 0.5))} | changes
-    with pytest.raises(error, match=message):
-        rc.directions(given.pop("snapshots"), given.pop("radar"), **given)
-
-
-def test_core_refuses_arrays_that_do_not_fit() -> None:
-    ones = np.ones((4, 3))
-    with pytest.raises(ValueError, match="num_receivers: expected receivers of 4 channels, got 3"):
-        _core.fit_spheres(
-            np.ones((1, 4), complex),
-            np.zeros((1, 2)),
-            np.ones(1),
-            ones,
-            ones,
-            num_receivers=3,
-            wavenumber=1.0,
-            observable=(True, True),
-        )

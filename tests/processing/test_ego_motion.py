@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -202,37 +201,3 @@ def test_frame_keeps_what_is_not_samples() -> None:
     assert filtered.stats == found.stats | {"cube_unit": "parts of full scale"}  # no codes any more
     assert filtered.raw is None
     assert not np.shares_memory(filtered.cube, coded.cube)
-
-
-FRAME = rc.Frame(np.zeros((3, 64, 64), dtype=np.float32), 0.0, radar())
-CW = rc.Radar(CHIP.waveform.replace(slope=0.0), receiver=rc.Receiver(output="real"))
-CASES: list[tuple[Callable[[], object], str]] = [
-    (lambda: rc.remove_static(np.zeros((3, 64, 64)), [0, 0, 0]), "frame: expected Frame or Recording, got ndarray"),  # type: ignore[call-overload]
-    (lambda: rc.remove_static(FRAME, 0.25), r"sensor_velocity: expected shape \(3,\), got \(\)"),
-    (lambda: rc.remove_static(FRAME, [0.25, 0.0]), r"sensor_velocity: expected shape \(3,\), got \(2,\)"),
-    (lambda: rc.remove_static(FRAME, [np.nan, 0.0, 0.0]), "sensor_velocity: expected finite numbers"),
-    (lambda: rc.remove_static(FRAME, [1e8, 0.0, 0.0]), "sensor_velocity: expected at most 299792 m/s"),
-    (
-        lambda: rc.remove_static(FRAME, [0.1, 0.0, 0.0], method="mean"),
-        "method: expected one of 'doppler', 'space-time'",
-    ),
-    (
-        lambda: rc.remove_static(FRAME, [0.1, 0.0, 0.0], suppression_db=0.0),
-        "suppression_db: expected a positive number",
-    ),
-    (lambda: rc.remove_static(FRAME, [0.1, 0, 0], field_of_view_deg=(180.0, 20.0)), "angles from 0 to below 180"),
-    (lambda: rc.remove_static(FRAME, [20.0, 0.0, 0.0]), "frame: expected more than 64 chirps, as clutter from -20"),
-    (lambda: rc.remove_static(rc.Frame(np.zeros((1, 64, 64)), 0.0, CW), [0, 0, 0]), "I/Q samples of a CW radar"),
-]
-
-
-@pytest.mark.parametrize(("call", "message"), CASES)
-def test_bad_arguments_are_refused(call: Callable[[], object], message: str) -> None:
-    with pytest.raises((ValueError, TypeError), match=message):
-        call()
-
-
-def test_one_chirp_tells_nothing_of_velocity() -> None:
-    one = rc.Radar(CHIP.waveform.replace(num_chirps=1))
-    with pytest.raises(ValueError, match="frame: expected more than 1 chirps"):
-        rc.remove_static(rc.Frame(np.zeros((1, 1, 64), dtype=np.complex64), 0.0, one), [0.0, 0.0, 0.0])

@@ -86,19 +86,6 @@ def test_two_predictions_are_one_over_both_intervals() -> None:
         np.testing.assert_allclose(a, b, rtol=ROUNDING)
 
 
-def test_update_of_a_known_prior_is_the_weighted_mean() -> None:
-    """Range 2 with variance 4, measured as 5 with variance 12: mean weighted by 1/4 and 1/12, variance 3."""
-    state, covariance = update(
-        np.array([[2.0, 0.0]]),
-        np.diag([4.0, 1.0])[None],
-        np.array([[3.0]]),
-        np.array([[[1.0, 0.0]]]),
-        np.full((1, 1, 1), 12.0),
-    )
-    np.testing.assert_allclose(state, [[2.75, 0.0]], rtol=ROUNDING)
-    np.testing.assert_allclose(covariance, np.diag([3.0, 1.0])[None], rtol=ROUNDING)
-
-
 def test_update_is_that_of_the_information_filter() -> None:
     """P^-1 + H' R^-1 H, and x + P H' R^-1 v: another route to the same numbers."""
     state, covariance = states(5, 3), covariances(5, 6)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -40,22 +38,3 @@ def test_rows_of_every_transmitter_are_those_below_its_own_shift(
             np.testing.assert_array_equal(found.spectrum[2 * tx + rx, :, 0], rows + 100.0 * rx)
     stacked = rc.demultiplex(np.stack([maps, 2.0 * maps]), radar).spectrum
     np.testing.assert_array_equal(stacked[1], 2.0 * found.spectrum)
-
-
-@pytest.mark.parametrize(
-    ("maps", "radar", "error", "message"),
-    [
-        (np.zeros((2, 24, 5), complex), WAVEFORM, TypeError, "radar: expected Radar, got Waveform"),
-        (np.zeros((2, 24, 5), complex), radar_of(2, None), ValueError, "radar: expected a schedule .* got none"),
-        (np.zeros((2, 24, 5), complex), radar_of(2, rc.Schedule.tdm()), ValueError, "kind 'ddm', got 'tdm'"),
-        (np.zeros((2, 24, 5)), radar_of(2, rc.Schedule.ddm()), TypeError, "spectrum: expected complex numbers"),
-        (np.zeros((4, 24, 5), complex), radar_of(2, rc.Schedule.ddm()), ValueError, "with rx = 2, got"),
-        (np.zeros((24, 5), complex), radar_of(2, rc.Schedule.ddm()), ValueError, "with rx = 2, got"),
-        (np.zeros((2, 25, 5), complex), radar_of(2, rc.Schedule.ddm()), ValueError, "got 25 bins for turns of"),
-    ],
-)
-def test_maps_and_radars_that_do_not_fit_are_refused(
-    maps: Any, radar: Any, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        rc.demultiplex(maps, radar)

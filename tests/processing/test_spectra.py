@@ -259,40 +259,6 @@ STAGGERED = waveform().replace(chirp_times=400e-6 * np.arange(32) + 50e-6 * (np.
 CUBE = np.ones((1, 32, 64), np.float32)
 
 
-@pytest.mark.parametrize(
-    ("function", "cube", "keywords", "error", "message"),
-    [
-        (range_profile, CUBE[..., :63], {}, ValueError, r"num_samples = 64, got \(1, 32, 63\)"),
-        (range_profile, np.float32(1.0), {}, ValueError, r"cube: expected shape \(..., sample\).*got \(\)"),
-        (range_doppler, CUBE[:, :31], {}, ValueError, r"num_chirps = 32, num_samples = 64, got \(1, 31, 64\)"),
-        (range_doppler, CUBE[0, 0], {}, ValueError, r"got \(64,\)"),
-        (strongest_peak, CUBE[0], {}, ValueError, r"\(channel, chirp, sample\) with .*got \(32, 64\)"),
-        (strongest_peak, CUBE[None], {}, ValueError, r"got \(1, 1, 32, 64\)"),
-        (range_profile, CUBE.astype(np.int16), {}, TypeError, r"got int16 \(raw ADC counts: scale them first"),
-        (range_doppler, CUBE.astype(object), {}, TypeError, "float32, float64, complex64 or complex128, got object"),
-        (strongest_peak, CUBE.astype(str), {}, TypeError, "cube: expected float32"),
-        (range_profile, CUBE.astype(np.float16), {}, TypeError, "got float16"),
-        (range_profile, CUBE, {"num_bins": 63}, ValueError, r"num_bins: expected at least 64 \(num_samples\), got 63"),
-        (range_profile, CUBE, {"num_bins": 64.5}, TypeError, "num_bins: expected an integer"),
-        (range_doppler, CUBE, {"num_range_bins": 0}, ValueError, "num_range_bins: expected at least"),
-        (range_doppler, CUBE, {"num_velocity_bins": 31}, ValueError, "num_velocity_bins: expected at least 32"),
-        (range_profile, CUBE, {"window": "henn"}, ValueError, "window: expected a window of scipy.*got 'henn'"),
-        (range_profile, CUBE, {"window": ""}, ValueError, "window: expected a window"),
-        (range_profile, CUBE, {"window": "kaiser"}, ValueError, "window: expected a window"),
-        (range_profile, CUBE, {"window": 3}, TypeError, "window: expected a window of scipy.*got 3"),
-        (range_doppler, CUBE, {"doppler_window": "x"}, ValueError, "doppler_window: expected a window"),
-        (strongest_peak, CUBE, {"min_range": np.nan}, ValueError, "min_range: expected a finite number"),
-        (strongest_peak, CUBE, {"max_range": -1.0}, ValueError, "max_range: expected at least min_range = 0 m, got -1"),
-        (strongest_peak, CUBE, {"min_velocity": 2, "max_velocity": 1}, ValueError, "max_velocity: expected at least"),
-        (strongest_peak, CUBE, {"min_snr_db": np.nan}, ValueError, "min_snr_db: expected a finite number"),
-        (strongest_peak, CUBE, {"min_velocity": "fast"}, TypeError, "min_velocity: expected a number"),
-    ],
-)
-def test_silly_input_is_refused_by_name(function: Any, cube: Any, keywords: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        function(cube, waveform(), **keywords)
-
-
 @pytest.mark.parametrize("function", [range_doppler, strongest_peak])
 def test_chirps_at_unequal_intervals_are_refused_with_the_reason(function: Any) -> None:
     with pytest.raises(ValueError, match=r"equal intervals, because the Doppler transform.*0.00035 to 0.00045 s"):

@@ -213,47 +213,6 @@ STAGGERED = Recording(
 )
 
 
-@pytest.mark.parametrize(
-    ("recording", "keywords", "error", "message"),
-    [
-        (RECORDING.cube, {}, TypeError, "recording: expected Recording or Frame, got ndarray"),
-        (None, {}, TypeError, "recording: expected Recording or Frame, got NoneType"),
-        (STAGGERED, {}, ValueError, "waveform: expected chirps at equal intervals"),
-        (RECORDING, {"channel": 1}, ValueError, "channel: expected an index below 1, got 1"),
-        (RECORDING, {"channel": 0.5}, TypeError, "channel: expected an integer"),
-        (RECORDING, {"window_length": 0}, ValueError, "window_length: expected at least 1, got 0"),
-        (RECORDING, {"window_length": 33}, ValueError, "window_length: expected at most 32, the most chirps without"),
-        (RECORDING, {"window_length": 8.5}, TypeError, "window_length: expected an integer"),
-        (RECORDING, {"overlap": 1}, ValueError, "overlap: expected a part of the window, 0 to below 1, got 1"),
-        (RECORDING, {"overlap": -0.1}, ValueError, "overlap: expected zero or a positive"),
-        (RECORDING, {"overlap": "half"}, TypeError, "overlap: expected a number"),
-        (RECORDING, {"min_range": -1}, ValueError, r"min_range: expected zero or a positive number \[m\]"),
-        (RECORDING, {"min_range": 6}, ValueError, "min_range: expected at most 4.79668 m, the last range bin, got 6"),
-        (RECORDING, {"min_range": 2, "max_range": 1}, ValueError, "max_range: expected at least min_range = 2 m"),
-        (RECORDING, {"min_range": 1.51, "max_range": 1.6}, ValueError, "max_range: expected a gate that holds the c"),
-        (RECORDING, {"num_velocity_bins": 31}, ValueError, r"num_velocity_bins: expected at least 32 \(window_length"),
-        (RECORDING, {"window": "henn"}, ValueError, "window: expected a window of scipy"),
-        (RECORDING, {"doppler_window": 3}, TypeError, "doppler_window: expected a window of scipy"),
-    ],
-)
-def test_silly_input_is_refused_by_name(recording: Any, keywords: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        spectrogram(recording, **keywords)
-
-
-@pytest.mark.parametrize(
-    ("recording", "keywords", "error", "message"),
-    [
-        (RECORDING.cube, {}, TypeError, "recording: expected Recording or Frame, got ndarray"),
-        (RECORDING, {"channel": -2}, ValueError, "channel: expected at least -1, got -2"),
-        (RECORDING, {"num_bins": 63}, ValueError, r"num_bins: expected at least 64 \(num_samples\), got 63"),
-    ],
-)
-def test_silly_input_of_range_time_is_refused_by_name(recording: Any, keywords: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        range_time(recording, **keywords)
-
-
 def test_range_alone_does_not_mind_unequal_intervals() -> None:
     assert range_time(STAGGERED).power.shape == (2, 33)
 

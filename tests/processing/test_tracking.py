@@ -559,48 +559,5 @@ def test_detections_without_covariance_have_the_usual_errors() -> None:
     assert [state.range for state in Tracker().update(wild)] == pytest.approx([2.0, 3.0])
 
 
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"acceleration_density": 0.0}, ValueError, "acceleration_density: expected a positive number"),
-        ({"acceleration_density": None}, TypeError, "acceleration_density: expected a number"),
-        ({"max_speed": np.inf}, ValueError, "max_speed: expected a finite number"),
-        ({"velocity_ambiguity": -2.0}, ValueError, "velocity_ambiguity: expected a positive number"),
-        ({"gate": 1.0}, ValueError, "gate: expected a probability between 0 and 1, got 1"),
-        ({"confirm_hits": 0}, ValueError, "confirm_hits: expected at least 1, got 0"),
-        ({"confirm_hits": 6}, ValueError, "confirm_frames: expected at least confirm_hits = 6, got 5"),
-        ({"max_missed": -1}, ValueError, "max_missed: expected at least 0, got -1"),
-        ({"max_missed": 2.5}, TypeError, "max_missed: expected an integer"),
-        ({"max_gap": 0.0}, ValueError, "max_gap: expected a positive number"),
-        ({"cluster_distance": -1.0}, ValueError, "cluster_distance: expected a positive number"),
-        ({"deviations": (0.1, 0.1)}, ValueError, r"deviations: expected shape \(4,\), got \(2,\)"),
-        ({"deviations": (0.1, 0.1, 0.0, 0.1)}, ValueError, "deviations: expected positive numbers"),
-        ({"extent": -0.1}, ValueError, "extent: expected zero or a positive number"),
-        ({"num_dimensions": 4}, ValueError, "num_dimensions: expected 1, 2 or 3, got 4"),
-        ({"detector": 4}, TypeError, "detector: expected a function of a frame, got int"),
-    ],
-)
-def test_silly_settings_are_refused(settings: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        track([], **settings)
-
-
-@pytest.mark.parametrize(
-    ("source", "error", "message"),
-    [
-        (3.0, TypeError, "source: expected Recording or an iterable of Detections or Frame, got float"),
-        ([1.0], TypeError, "detections: expected Detections, got float"),
-        (stream(np.zeros((2, 1, 2)), times=[0.0, 0.0]), ValueError, "detections: expected those of a later time"),
-    ],
-)
-def test_silly_sources_are_refused(source: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        track(source)
-    with pytest.raises(TypeError, match="tracks: expected Tracks, got list"):
-        assign_to_truth([], Truth((), *np.zeros((4, 0))))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"truth: expected arrays of shape \(0, 0\), got \(0,\)"):
-        assign_to_truth(track([]), Truth((), *np.zeros((4, 0))))
-
-
 def test_keywords_of_the_tracker_are_the_fields_of_its_settings() -> None:
     assert list(TrackerKeywords.__annotations__) == [field.name for field in fields(TrackerSettings)]

@@ -40,27 +40,3 @@ def test_beam_that_radiates_just_what_it_is_fed_with_does_not_warn(beamwidth: fl
     rc.GaussianPattern(gain_db, beamwidth, beamwidth)
     with pytest.warns(UserWarning, match="gain_db: expected at most"):
         rc.GaussianPattern(gain_db + 3.5, beamwidth, beamwidth)
-
-
-@pytest.mark.parametrize("frequency", [60.0, 60e6, 60e12])
-def test_frequencies_in_other_units_are_refused(frequency: float) -> None:
-    with pytest.raises(ValueError, match=r"start_frequency: expected 1e8 to 3e12 \[Hz\] \(60 GHz is 60e9\), got 6"):
-        rc.Waveform(**SETTINGS | {"start_frequency": frequency, "slope": 1.0})
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"start_frequency": 77e9, "stop_frequency": 78e9}, "start_frequency: expected 5.7e.*got 7.7e"),
-        ({"stop_frequency": 77e9}, r"stop_frequency: expected 5.7e\+10 to 6.4e\+10 \[Hz\] of a BGT60TR13C, got 7.7e"),
-        ({"slope": 1e15}, "slope, end of the ramp: expected 5.7e.*, got 1.27"),
-    ],
-)
-def test_chip_at_frequencies_that_it_does_not_reach_is_refused(settings: dict[str, float], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.bgt60tr13c(**settings)
-
-
-def test_unknown_keyword_of_a_preset_names_the_near_one() -> None:
-    with pytest.raises(TypeError, match=r"bgt60tr13c: unknown keyword 'stop_freqency'; .*'stop_frequency'"):
-        rc.bgt60tr13c(stop_freqency=61e9)

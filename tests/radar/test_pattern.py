@@ -264,50 +264,6 @@ def test_table_tells_its_size_and_cannot_be_changed() -> None:
         mine.gain_db[0, 0] = 1.0
 
 
-TWO, FLAT, NAN = [0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]], float("nan")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ((TWO, TWO, [0.0, 0.0]), ValueError, r"gain_db: expected shape \(2, 2\), got \(2,\)"),
-        (
-            (TWO, TWO, [[0.0, 0.0], [0.0, 1e30]]),
-            ValueError,
-            r"gain_db: expected -1000 to 1000 \[dB\], got 1e\+30 at .*",
-        ),
-        (([0.0], TWO, [[0.0, 0.0]]), ValueError, r"azimuth: expected at least two angles \[rad\], got 1"),
-        ((TWO, [0.0], [[0.0], [0.0]]), ValueError, r"elevation: expected at least two angles \[rad\], got 1"),
-        (([], [], np.zeros((0, 0))), ValueError, r"azimuth: expected at least two angles \[rad\], got 0"),
-        (
-            ([1.0, 0.0], TWO, FLAT),
-            ValueError,
-            r"azimuth: expected increasing angles \[rad\], got 1 and then 0 at index 1",
-        ),
-        (
-            (TWO, [0.5, 0.5], FLAT),
-            ValueError,
-            r"elevation: expected increasing angles.*got 0.5 and then 0.5 at index 1",
-        ),
-        (([0.0, 3.2], TWO, FLAT), ValueError, r"azimuth: expected angles from -3.14159 to 3.14159 \[rad\], got 3.2"),
-        (([-180, 180], TWO, FLAT), ValueError, r"azimuth: .* \[rad\], got -180; degrees\? np.deg2rad"),
-        ((TWO, [-1.6, 0.0], FLAT), ValueError, r"elevation: expected angles from -1.5708 to 1.5708 \[rad\], got -1.6"),
-        ((TWO, [0.0, NAN], FLAT), ValueError, r"elevation: expected finite numbers, got nan at index \(1,\)"),
-        ((FLAT, TWO, FLAT), ValueError, r"azimuth: expected shape \(n,\), got \(2, 2\)"),
-    ],
-)
-def test_what_is_no_table_is_refused_with_its_name(arguments: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        rc.TabulatedPattern(*arguments)
-
-
-def test_degrees_that_are_no_table_are_refused_in_degrees() -> None:
-    with pytest.raises(ValueError, match=r"azimuth_deg: expected angles from -180 to 180 \[degrees\], got 190"):
-        rc.TabulatedPattern.from_degrees([0, 190], [0, 1], FLAT)
-    with pytest.raises(ValueError, match=r"elevation_deg: expected increasing angles \[degrees\], got 3 and then 2"):
-        rc.TabulatedPattern.from_degrees([0, 1], [3, 2], FLAT)
-
-
 def test_file_of_a_table_has_a_line_per_direction_in_any_order(tmp_path: Path) -> None:
     path = tmp_path / "horn.csv"
     path.write_text("gain_db, azimuth_deg,elevation_deg\n1,-10,0\n\n2,10,0\n3,-10,5\n4,10,5\n", encoding="utf-8-sig")

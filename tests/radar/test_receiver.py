@@ -69,32 +69,3 @@ def test_without_noise_iq_is_the_signal_and_real_its_real_part() -> None:
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=100, num_chirps=50, chirp_interval=100e-6
 )
-
-
-def frame(
-    receiver: rc.Receiver | None, scene: rc.Scene | None = None, *, time: float = 0.0, **options: Any
-) -> rc.Frame:
-    radar = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]], receiver=receiver)
-    return rc.Simulator(scene or rc.Scene(), radar, resolution=8, **options).frame(time)
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"output": "complex"}, ValueError, "output: expected one of 'iq', 'real', got 'complex'"),
-        ({"noise_figure_db": -1.0}, ValueError, r"noise_figure_db: expected zero or a positive number \[dB\], got -1"),
-    ],
-)
-def test_what_is_no_receiver_is_refused_with_its_name(
-    changes: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        rc.Receiver(**changes)
-
-
-def test_high_pass_is_refused_beside_any_waveform_without_a_sweep() -> None:
-    sweep = rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=32, num_chirps=4)
-    still = sweep.replace(slope=0.0).delayed(1e-3)
-    for waveforms in (still, [sweep, still], [still.delayed(0.0), sweep]):
-        with pytest.raises(ValueError, match=r"receiver\.high_pass: expected None for a radar without a sweep"):
-            rc.Radar(waveforms, receiver=rc.Receiver(high_pass=80e3))

@@ -286,16 +286,3 @@ def test_chirps_before_a_frame_by_any_number_of_frames_shift_nothing() -> None:
         60e-6,
     )
     assert np.array_equal(beat(near, wf), beat(more, wf))
-
-
-@pytest.mark.parametrize(
-    ("cutoff", "order", "message"),
-    [
-        (0.0, 4, "cutoff: expected a positive number"),
-        (1e5, 0, "order: expected at least 1"),
-        (1e5, 17, "order: expected at most 16"),
-    ],
-)
-def test_filters_that_cannot_be_are_refused(cutoff: float, order: int, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        LowPass(cutoff, order)

@@ -77,21 +77,3 @@ def test_leakage_adds_to_echoes() -> None:
 
     both = of(scene, rc.Receiver(leakage=leakage))
     np.testing.assert_allclose(both, of(scene, rc.Receiver()) + of(rc.Scene(), rc.Receiver(leakage=leakage)), rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"level_db": float("nan")}, ValueError, "level_db: expected a finite number"),
-        ({"level_db": (-30.0, "x")}, TypeError, r"level_db\[1\]: expected a number \[dB\], got 'x'"),
-        ({"level_db": ()}, ValueError, "level_db: expected a number, or one per receiver, got none"),
-        ({"level_db": 2000.0}, ValueError, "level_db: expected a number from -1000 to 1000"),
-        ({"delay": -1e-9}, ValueError, r"delay: expected zero or a positive number \[s\]"),
-        ({"phase_deg": None}, TypeError, "phase_deg: expected a number"),
-        ({"step_db": float("inf")}, ValueError, "step_db: expected a finite number"),
-        ({"step_time": 0.0}, ValueError, r"step_time: expected a positive number \[s\]"),
-    ],
-)
-def test_what_is_no_leakage_is_refused_by_name(settings: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        rc.Leakage(**settings)

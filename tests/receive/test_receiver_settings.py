@@ -148,74 +148,6 @@ def test_files_from_before_the_settings_load() -> None:
     assert rc.Radar.from_dict(values).receiver == rc.Receiver(output="real", noise_figure_db=12.0)
 
 
-NAN, INF = float("nan"), float("inf")
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"phase_noise": []}, (TypeError, ValueError), "phase_noise: expected"),
-        ({"phase_noise": -80.0}, ValueError, r"phase_noise: expected shape \(n, 2\)"),
-        ({"phase_noise": [(0.0, -80.0)]}, ValueError, "phase_noise: expected positive, increasing offsets"),
-        ({"phase_noise": [(1e5, -80.0), (1e4, -70.0)]}, ValueError, "phase_noise: expected positive, increasing"),
-        ({"leakage": -30.0}, TypeError, "leakage: expected Leakage or None, got float"),
-        ({"rx_phase_deg": -75.0}, TypeError, "rx_phase_deg: expected one number per receiver, got -75"),
-        ({"rx_phase_deg": [0.0, NAN]}, ValueError, r"rx_phase_deg\[1\]: expected a finite number"),
-        ({"high_pass": 0.0}, ValueError, r"high_pass: expected a positive number \[Hz\]"),
-        ({"low_pass": NAN}, ValueError, r"low_pass: expected a finite number \[Hz\], got nan"),
-        ({"low_pass_order": 0}, ValueError, "low_pass_order: expected at least 1, got 0"),
-        ({"high_pass_order": 1.5}, TypeError, "high_pass_order: expected an integer, got 1.5"),
-        ({"high_pass_order": 17}, ValueError, "high_pass_order: expected at most 16, got 17"),
-        ({"iq_gain_db": INF}, ValueError, "iq_gain_db: expected a finite number"),
-        ({"iq_phase_deg": 1.0, "output": "real"}, ValueError, "iq_phase_deg: expected None for a real receiver, got 1"),
-        ({"gain_db": 1e4}, ValueError, "gain_db: expected a number from -1000 to 1000"),
-        ({"full_scale": -1.0}, ValueError, r"full_scale: expected a positive number \[V\]"),
-        ({"dc_offset": [NAN, 0.0]}, ValueError, r"dc_offset\[0\]: expected a finite number"),
-        ({"adc_bits": 12}, ValueError, "full_scale: expected a value, as adc_bits is given, got None"),
-        ({"adc_bits": 25, "full_scale": 1.0}, ValueError, "adc_bits: expected at most 24, got 25"),
-        ({"adc_bits": True, "full_scale": 1.0}, TypeError, "adc_bits: expected an integer, got True"),
-        ({"phase_noise": [(1e5, 1.0)]}, ValueError, r"phase_noise\[0\]\[1\]: expected at most 0 \[dBc/Hz\], got 1"),
-        ({"high_pass": 6e5, "low_pass": 5e5}, ValueError, "high_pass: expected less than low_pass, 500000 Hz, got 6"),
-    ],
-)
-def test_wrong_settings_are_refused_by_name(settings: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        rc.Receiver(**settings)
-
-
-@pytest.mark.parametrize(
-    ("errors", "message"),
-    [
-        ({"turn_on_db": 3.0}, r"noise_figure_db: expected a value, as adc_errors\.turn_on_db is given, got None"),
-        ({"turn_on_time": -1.0}, r"turn_on_time: expected a positive number \[s\]"),
-        ({"noise_lsb": 1.0}, "adc_bits: expected a value, as adc_errors is given, got None"),
-        ({"noise_lsb": -1.0}, "noise_lsb: expected zero or a positive number"),
-        ({"chirp_offset_lsb": (1.0, -1.0)}, r"chirp_offset_lsb\[1\]: expected zero or a positive number"),
-        ({"segment_offset_lsb": NAN}, "segment_offset_lsb: expected a finite number"),
-        ({"odd_width": 2.5}, "odd_width: expected a number from 0 to 2"),
-    ],
-)
-def test_wrong_errors_of_the_adc_are_refused_by_name(errors: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.Receiver(adc_errors=rc.AdcErrors(**errors))
-
-
-@pytest.mark.parametrize(
-    ("leakage", "message"),
-    [
-        ({"level_db": 1.0}, r"level_db: expected at most 0 \[dB\], got 1"),
-        ({"level_db": (-30.0, 0.5)}, r"level_db\[1\]: expected at most 0 \[dB\], got 0.5"),
-        ({"echo_db": 20.0}, r"echo_db: expected at most 0 \[dB\], got 20"),
-        ({"step_db": 3.0}, r"step_db: expected at most 0 \[dB\], got 3"),
-        ({"delay": 17e-6}, r"receiver\.leakage\.delay: expected at most the ramp, 1.6e-05 s, got 1.7e-05 s"),
-        ({"echo_delay": 1.0}, r"receiver\.leakage\.echo_delay: expected at most the ramp, 1.6e-05 s, got 1 s"),
-    ],
-)
-def test_leakage_that_gains_or_comes_after_the_ramp_is_refused(leakage: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(leakage=rc.Leakage(**leakage)))
-
-
 @pytest.mark.parametrize(
     ("filters", "warning"),
     [
@@ -269,20 +201,6 @@ def test_adc_that_clips_or_uses_two_codes_raises_one_warning(settings: dict[str,
 def test_adc_without_a_signal_raises_no_warning() -> None:
     radar = rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real", full_scale=0.1, adc_bits=8))
     assert rc.Simulator(rc.Scene(), radar, resolution=8).frame().stats["clipped_share"] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("settings", "name"),
-    [
-        ({"rx_phase_deg": (0.0, 1.0, 2.0)}, "rx_phase_deg"),
-        ({"dc_offset": (0.0,)}, "dc_offset"),
-        ({"leakage": rc.Leakage(level_db=(-1.0, -2.0, -3.0))}, r"leakage\.level_db"),
-        ({"leakage": rc.Leakage(step_db=0.0, step_phase_deg=(1.0, 2.0, 3.0))}, r"leakage\.step_phase_deg"),
-    ],
-)
-def test_other_numbers_than_receivers_are_refused_by_the_radar(settings: dict[str, Any], name: str) -> None:
-    with pytest.raises(ValueError, match=rf"receiver\.{name}: expected one number, or 2, one per receiver, got"):
-        rc.Radar(WAVEFORM, rx=RX, receiver=rc.Receiver(**settings))
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-8])

@@ -242,23 +242,6 @@ def test_frames_of_a_real_mesh_are_the_sum_over_their_paths() -> None:
     np.testing.assert_allclose(got, expected, atol=2e-5 * np.linalg.norm(paths.amplitude[0]))
 
 
-def test_a_floor_of_cross_section_finds_what_a_budget_is_too_small_for() -> None:
-    ball = conductor(rc.shapes.sphere(0.1, subdivisions=6), 1.0)
-    expected = sphere_echo(0.1, 1.0, WAVENUMBERS)
-
-    def of(ray_budget: float) -> tuple[int, float]:
-        """Rays, and relative error of the range profile."""
-        got = simulator(ball, real_meshes.RADAR, rcs_floor=1e-7, ray_budget=ray_budget, resolution=64).frame()
-        errors = profile_errors(np.conj(got.cube[0, 0]), expected, 0.0, 2.0)
-        return got.stats["rays_cast"], errors.relative
-
-    with pytest.warns(UserWarning, match="adaptive sampling ended at its finest cells or its ray_budget"):
-        few_rays, few_error = of(10_000)
-    many_rays, many_error = of(np.inf)
-    assert few_rays <= 2 * 10_000 < many_rays  # with those of the cells that were tried
-    assert many_error < few_error < 0.1
-
-
 # --- corners, walls, Doppler, matt sphere --------------------------------------------------------------------------
 
 

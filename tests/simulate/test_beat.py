@@ -120,15 +120,6 @@ def test_beat_frequency_and_phase_have_the_values_of_the_closed_form(
     np.testing.assert_allclose(abs(samples), 1.0, rtol=0, atol=4 * EPS)
 
 
-def test_residual_video_phase_is_there() -> None:
-    # -pi S tau^2 is 1.398 rad at 10 m and 100 MHz/us; without it the phase at t = 0 would be that of f0 tau alone.
-    wf = rc.Waveform(start_frequency=60e9, slope=1e14, sample_rate=20e6, num_samples=1)
-    tau = 20.0 / C
-    got = rc.beat_signal([tau], [1.0], wf, **STRICT)[0, 0, 0]
-    video = np.angle(got * np.exp(-2j * np.pi * (60e9 * tau % 1.0)))
-    assert video == pytest.approx(-1.398, abs=0.0005)
-
-
 @pytest.mark.parametrize("velocity", [-2.0, 1.0])
 def test_receding_target_has_positive_slow_time_phase(velocity: float) -> None:
     wf = waveform(slope=1e12, adc_delay=0.0, num_samples=4, chirp_interval=200e-6)
@@ -206,24 +197,6 @@ def test_delays_and_amplitudes_at_nodes_reproduce_cubics(num_nodes: int) -> None
     assert abs(constant[0] - exact_signal(delay, weights[0][:, None, None], wf)).max() <= bound
 
 
-@pytest.mark.parametrize(("num_delays", "num_amplitudes"), [(4, 7), (12, 5), (4, 200), (200, 4)])
-def test_delays_and_amplitudes_have_nodes_of_their_own(num_delays: int, num_amplitudes: int) -> None:
-    # Both are cubics of x in [-1, 1], which series of so many terms hold exactly; more than 64 are summed directly.
-    wf, rng = waveform(), np.random.default_rng(num_amplitudes)
-    shapes = rng.uniform(-1.0, 1.0, (4, 3)) * np.array([[1e-9], [1e-9], [1e-10], [1e-10]]) + [[10e-9], [0], [0], [0]]
-    weights = rng.standard_normal((4, 3)) + 1j * rng.standard_normal((4, 3))
-
-    def at(coefficients: NDArray[Any], times: NDArray[np.float64]) -> NDArray[Any]:
-        return np.polynomial.polynomial.polyval(2.0 * times / wf.duration - 1.0, coefficients)
-
-    delay = at(shapes, wf.delay_times(num_delays)).T[:, None]
-    amplitude = at(weights, wf.delay_times(num_amplitudes)).T[:, None]
-    expected = exact_signal(at(shapes, all_times(wf)), at(weights, all_times(wf)), wf)
-    for method in ("auto", "direct"):
-        got = rc.beat_signal(delay, amplitude, wf, tolerance=1e-6, method=method)
-        assert np.sqrt(np.mean(abs(got[0] - expected) ** 2)) <= 1e-6 * np.sqrt(np.sum(abs(weights).sum(axis=0) ** 2))
-
-
 @pytest.mark.parametrize("num_nodes", [4, 8, 12])
 @pytest.mark.parametrize("slope", [50e12, -50e12])
 def test_pass_by_at_nodes_agrees_with_exact_geometry_at_every_sample(num_nodes: int, slope: float) -> None:
@@ -271,18 +244,6 @@ def test_samples_are_single_unless_the_tolerance_is_below_a_millionth(tolerance:
     assert (error <= tolerance + single * size + own).all()
 
 
-def test_methods_agree() -> None:
-    delay, rate, _, amplitude = random_paths(np.random.default_rng(8), (2, 300))
-    direct, auto = (
-        rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, tolerance=1e-6, method=method)
-        for method in ("direct", "auto")
-    )
-    norm = np.linalg.norm(amplitude, axis=1)
-    error = np.sqrt((abs(direct.astype(complex) - auto) ** 2).mean(axis=(1, 2)))
-    # Both within the tolerance, and both rounded to single precision (6e-8 of samples of about the norm, twice).
-    assert (error <= 2.0 * (1e-6 + 6e-8) * norm).all()
-
-
 @pytest.mark.parametrize("shape", [(0,), (1, 0), (3, 0), (4, 3, 0)])
 def test_no_paths_give_silence(shape: tuple[int, ...]) -> None:
     silence = rc.beat_signal(np.zeros(shape), np.zeros(shape), waveform())
@@ -298,14 +259,6 @@ def test_no_channels_give_no_samples() -> None:
 def test_path_without_amplitude_is_silent_and_without_delay_is_constant() -> None:
     assert not rc.beat_signal([1e-9, 2e-9], [0.0, 0.0], waveform()).any()
     np.testing.assert_array_equal(rc.beat_signal([0.0], [2.0 - 1.0j], waveform()), np.full((1, 16, 40), 2.0 + 1.0j))
-
-
-def test_one_sample_of_one_chirp_is_a_signal() -> None:
-    wf = waveform(num_samples=1, num_chirps=1, adc_delay=0.0)
-    got = rc.beat_signal([1e-9], [1.0], wf, **STRICT)
-    assert got.shape == (1, 1, 1)
-    expected = np.exp(2j * np.pi * (60.0 - 0.5 * 50e12 * 1e-18))
-    assert abs(got[0, 0, 0] - expected) <= rounding(wf, np.array([1e-9]), np.ones(1))
 
 
 def test_what_numpy_takes_for_numbers_is_accepted() -> None:
@@ -335,55 +288,3 @@ def test_arguments_are_left_alone() -> None:
     rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, delay_acceleration=acceleration)
     for values, copy in zip(arguments, before, strict=True):
         np.testing.assert_array_equal(values, copy)
-
-
-def test_more_samples_than_memory_holds_are_a_memory_error() -> None:
-    with pytest.raises(MemoryError, match=r"samples: \[1, 4194304, .*\] .* do not fit into memory"):
-        rc.beat_signal([1e-9], [1.0], waveform(num_samples=2**20, num_chirps=2**22, chirp_interval=1.0, slope=0.0))
-
-
-NAN, INF = float("nan"), float("inf")
-D, A = np.full((2, 3), 1e-9), np.ones((2, 3), complex)
-NODAL = np.full((4, 2, 3), 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"delay": np.zeros((1, 1, 1, 1))}, ValueError, r"delay: expected \(path,\).*got \(1, 1, 1, 1\)"),
-        ({"amplitude": np.zeros((1, 1, 1, 1))}, ValueError, r"amplitude: expected \(path,\).*got \(1, 1, 1, 1\)"),
-        ({"amplitude": np.ones(4)}, ValueError, r"amplitude: expected shape .*2, 3\).*got \(4,\)"),
-        ({"amplitude": np.ones((4, 2, 3))}, ValueError, r"amplitude: expected shape .*got \(4, 2, 3\)"),
-        ({"delay": NODAL, "amplitude": np.ones((3, 3, 3))}, ValueError, r"amplitude: expected shape \(3, 2, 3\).*got"),
-        ({"delay": np.zeros((4097, 2, 3))}, ValueError, "delay: expected 1 to 4096 nodes, got 4097"),
-        ({"delay_rate": np.zeros((2, 2))}, ValueError, r"delay_rate: expected shape \(2, 3\).*got \(2, 2\)"),
-        ({"delay": NODAL, "delay_rate": D}, ValueError, r"delay_rate: expected none .* nodes \(4, 2, 3\)"),
-        ({"delay": [NAN, 0.0, 0.0], "amplitude": 1.0}, ValueError, "delay: expected finite numbers.*got NaN"),
-        (
-            {"delay": [0.0, -INF, 0.0], "amplitude": 1.0},
-            ValueError,
-            "delay: expected finite numbers, got -inf at flat index 1",
-        ),
-        (
-            {"delay_rate": np.full((2, 3), NAN)},
-            ValueError,
-            "delay_rate: expected finite numbers, got NaN at flat index 0",
-        ),
-        ({"delay_acceleration": np.full((2, 3), INF)}, ValueError, "delay_acceleration: expected finite.*got inf"),
-        ({"amplitude": np.full((2, 3), complex(0.0, NAN))}, ValueError, "amplitude: expected finite numbers, got"),
-        ({"delay": D + 0j}, TypeError, "delay: expected real numbers, got complex128"),
-        ({"delay": "near"}, TypeError, "delay: expected real numbers, got <U4"),
-        ({"delay": [[1e-9, 2e-9], [1e-9]]}, TypeError, "delay: expected real numbers, got list"),
-        ({"amplitude": "loud"}, TypeError, "amplitude: expected complex numbers, got <U4"),
-        ({"waveform": {"slope": 1.0}}, TypeError, "waveform: expected Waveform, got dict"),
-        ({"method": "fast"}, ValueError, "method: expected one of 'auto', .*got 'fast'"),
-        ({"tolerance": 1.0}, ValueError, "tolerance: expected a number from 1e-12 to 0.1, got 1.0"),
-        ({"threads": 10**6}, ValueError, "threads: expected .*1024, got 1000000"),
-    ],
-)
-def test_what_is_no_set_of_paths_is_refused_with_its_name(
-    changes: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    arguments = {"delay": D, "amplitude": A, "waveform": waveform()} | changes
-    with pytest.raises(error, match=message):
-        rc.beat_signal(**arguments)

@@ -111,29 +111,6 @@ def test_directions_come_one_by_one_or_many_and_threads_do_not_matter() -> None:
     assert edge_on.tolist() == [0.0]
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"directions": [[2.0, 0.0, 0.0]]}, "directions: expected unit vectors, got one of length 2"),
-        ({"directions": [1.0, 0.0]}, "directions: expected shape"),
-        ({"directions": [FRONT] * 2, "receiver": [FRONT] * 3}, "directions: expected shape"),
-        ({"frequency": -1.0}, "frequency: expected a positive number"),
-        ({"polarization": "slant"}, "polarization: expected 'vertical', 'horizontal' or a unit vector, got 'slant'"),
-        ({"max_bounces": 0}, "max_bounces: expected at least 1, got 0"),
-        ({"directions": None}, "directions: expected unit vectors, or azimuth_deg and elevation_deg, got none"),
-        ({"azimuth_deg": 0.0}, "directions: expected either directions or azimuth_deg and elevation_deg, got both"),
-        (
-            {"directions": None, "azimuth_deg": [1.0, 2.0], "elevation_deg": [1.0, 2.0, 3.0]},
-            r"elevation_deg: expected a shape that fits \(2,\) of azimuth_deg, got \(3,\)",
-        ),
-    ],
-)
-def test_silly_questions_are_refused(options: dict[str, Any], message: str) -> None:
-    settings: dict[str, Any] = {"frequency": FREQUENCY, "directions": FRONT} | options
-    with pytest.raises(ValueError, match=message):
-        rc.rcs(rc.shapes.plate(0.1, 0.1), settings.pop("frequency"), settings.pop("directions"), **settings)
-
-
 CAR = np.array([[-2.1, 0.3], [2.1, 0.3], [2.1, 0.8], [1.2, 0.95], [0.5, 1.4], [-1.0, 1.4], [-1.7, 0.95], [-2.1, 0.9]])
 """Outline of a car from the side, (corner, (x, z)) [m], counterclockwise seen from the right."""
 

@@ -283,18 +283,6 @@ def test_phase_noise_of_echoes_leaves_the_signal_alone() -> None:
     np.testing.assert_allclose(cube_of([tone(1e8)], noisy), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"more_waveforms": [FMCW.delayed(0.01)]}, "radar: expected an interferer of one waveform, got 2"),
-        ({"tx": PAIR, "schedule": rc.Schedule.ddm()}, "radar: expected no schedule, or one of kind 'tdm', got 'ddm'"),
-    ],
-)
-def test_interferers_beyond_the_model_are_refused(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.Interferer(rc.Radar(FMCW, **settings), rc.Pose([3.0, 0.0, 0.0]))
-
-
 # --- Descriptions
 
 
@@ -315,23 +303,6 @@ def test_strong_interferer_is_warned_of_once() -> None:
     with pytest.warns(UserWarning, match="received with -4 dBm: real receivers compress") as caught:
         list(sim.frames(0.0, 0.1, 20.0))
     assert len(caught) == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"radar": CW}, TypeError, "radar: expected Radar, got Waveform"),
-        ({"motion": [1.0, 0.0, 0.0]}, TypeError, "motion: expected Pose"),
-        ({"start": np.nan}, ValueError, "start: expected a finite number"),
-        ({"rate": 0.0}, ValueError, "rate: expected a positive number"),
-        ({"rate": 1e6}, ValueError, r"rate: expected at most .* frames of .* ms per second \[Hz\], got 1e\+06"),
-        ({"drift_ppm": 1e5}, ValueError, "drift_ppm: expected a number from -10000 to 10000"),
-        ({"start_phase": "never"}, ValueError, "start_phase: expected one of 'chirp', 'frame', got 'never'"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        rc.Interferer(**{"radar": rc.Radar(CW), "motion": rc.Pose(), **options})
 
 
 def test_interferer_at_our_antenna_is_refused() -> None:

@@ -136,14 +136,6 @@ def test_motions_together_are_those_of_each_alone() -> None:
             np.testing.assert_allclose(rates[:, number], rate, rtol=0.0, atol=1e-9)
 
 
-def test_rates_are_derivatives_of_places() -> None:
-    # step^2 / 6 of third derivatives of up to 100 m/s^3, and rounding over the step.
-    step, time = 1e-5, 1.3
-    together = Motions([make() for name, make in MOTIONS.items() if "person" not in name])
-    before, after = together.poses_at(np.array([time - step, time + step]))
-    np.testing.assert_allclose(together.rates_at(np.array([time]))[0], (after - before) / (2.0 * step), atol=1e-7)
-
-
 def test_motions_at_rest_have_equal_bits_at_all_times() -> None:
     arm = RobotArm.ur10().moving(np.ones(6), rc.Pose([1.0, 2.0, 3.0]))
     resting = [LINEAR.pose, rc.Linear(LINEAR.pose, np.zeros(3)), rc.Attached(LINEAR.pose, rc.Pose([1.0, 0.0, 0.0]))]
@@ -253,26 +245,6 @@ def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> No
         )
 
 
-def test_what_stands_still_is_placed_once_for_all_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    wall, moving = rc.Pose([3.0, 0.0, 0.0]), rc.Linear(rc.Pose([2.0, 0.3, 0.0]), [0.1, 0.0, 0.0])
-    plate = rc.shapes.plate(0.5, 0.5)
-    simulators = [
-        simulator([rc.Body(plate, motion=wall), rc.Body(plate, motion=moving)], sensor)
-        for sensor in (None, rc.Linear(rc.Pose(), [0.0, 0.1, 0.0]))
-    ]
-    expected = [[sim.frame(time).cube for time in (0.0, 0.5)] for sim in simulators]
-    own = rc.Pose.poses_at
-
-    def watched(pose: rc.Pose, times: Any) -> Any:
-        assert pose is not wall
-        return own(pose, times)
-
-    monkeypatch.setattr(rc.Pose, "poses_at", watched)
-    for sim, cubes in zip(simulators, expected, strict=True):
-        for time, cube in zip((0.0, 0.5), cubes, strict=True):
-            np.testing.assert_array_equal(sim.frame(time).cube, cube)
-
-
 def test_another_simulator_has_its_radar_elsewhere() -> None:
     plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
     sim, nearer = simulator([plate]), rc.Pose([1.0, 0.0, 0.0])
@@ -289,40 +261,6 @@ def test_people_and_arms_travel_to_other_processes() -> None:
     sim = simulator([body for body in bodies if not isinstance(getattr(body, "motion", None), FunctionMotion)], sensor)
     cube = sim.frame(0.8).cube
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(sim)).frame(0.8).cube, cube)
-
-
-@pytest.mark.parametrize(
-    ("motion", "error", "message"),
-    [
-        (
-            lambda time: np.eye(4),
-            TypeError,
-            r"pose: expected a function that returns Pose, got ndarray at 0 s; rc.Pose",
-        ),
-        (lambda time: None, TypeError, r"pose: expected a function that returns Pose, got NoneType at"),
-    ],
-)
-def test_function_that_returns_no_pose_is_named_with_the_time(
-    motion: Any, error: type[Exception], message: str
-) -> None:
-    plate = rc.shapes.plate(0.5, 0.5)
-    for sim in (
-        simulator([rc.Body(plate, motion=motion)]),
-        simulator([rc.Body(plate)], motion),
-        simulator([rc.Body(plate, motion=rc.Attached(LINEAR, motion))]),
-    ):
-        with pytest.raises(error, match=message):
-            sim.frame(0.0)
-
-
-def test_joint_angles_of_another_number_are_refused() -> None:
-    arm = RobotArm.ur10()
-    late = arm.moving(lambda time: np.zeros(6 if time < 1.0 else 5))
-    message = r"joint_motion: expected shape \(6,\), got \(5,\)"
-    with pytest.raises(ValueError, match=message):
-        poses_at(late.link_motion("tool0"), np.array([0.5, 1.5]))
-    with pytest.raises(ValueError, match=message):
-        arm.moving(JointTrajectory([0.0, 1.0], np.zeros((2, 5))))
 
 
 def test_points_without_an_echo_do_not_reach_beyond_the_largest_range() -> None:

@@ -161,20 +161,6 @@ def test_material_follows_the_radars_band() -> None:
         )
 
 
-def test_depth_images_and_simulators_of_dielectrics_are_pickled() -> None:
-    import pickle
-
-    simulator = rc.Simulator(
-        rc.Scene([rc.Body(rc.shapes.plate(1.0, 1.0), material=GLASS, motion=rc.Pose([1.0, 0.0, 0.0]))]),
-        rc.Radar(waveform(), polarization="vertical"),
-        resolution=8,
-    )
-    seen = simulator.depth_image()
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(seen)).reflectance, seen.reflectance)
-    again = pickle.loads(pickle.dumps(simulator))
-    np.testing.assert_array_equal(again.frame().cube, simulator.frame().cube)
-
-
 @pytest.mark.parametrize("max_bounces", [1, 3])
 def test_power_without_a_polarisation_is_the_mean_over_both(max_bounces: int) -> None:
     # Matt concrete at 70 degrees, where the fields of both polarisations have opposite signs.

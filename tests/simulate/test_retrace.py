@@ -127,32 +127,6 @@ def test_parts_of_a_frame_are_frames_of_their_own() -> None:
     np.testing.assert_allclose(frame.truth.velocity[1:], truth.velocity[1:], atol=1e-12)
 
 
-def test_an_angle_that_is_none_is_refused() -> None:
-    with pytest.raises(ValueError, match="retrace_deg: expected a positive number"):
-        rc.Simulator(rc.Scene([plate(0.1)]), rc.Radar(WAVEFORM), retrace_deg=0.0)
-
-
-def test_a_plate_that_swings_and_rests_in_the_middle_of_the_frame_is_cast_again() -> None:
-    # 40 degrees to either side, as (1 - cos): no angular velocity in the middle of the frame.
-    def swing(time: float) -> rc.Pose:
-        angle = np.deg2rad(40.0) * (1.0 - np.cos(np.pi * (time / DURATION - 0.5)))
-        return rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.0, angle])
-
-    def frame(most: float) -> rc.Frame:
-        body = rc.Body(rc.shapes.plate(0.1, 0.1), material=CONDUCTOR, motion=swing)
-        return rc.Simulator(
-            rc.Scene([body]), rc.Radar(WAVEFORM), field_of_view_deg=(12.0, 12.0), retrace_deg=most
-        ).frame()
-
-    chosen, fine = frame(1.0), frame(0.2)
-    assert chosen.stats["casts"] >= 33
-    level = [np.abs(each.cube[0]).mean(axis=-1) for each in (chosen, fine)]
-    # Of the few chirps in which the foot of the perpendicular passes an edge, one is sampled by cells, the other not.
-    assert np.linalg.norm(level[0] - level[1]) < 0.03 * np.linalg.norm(level[1])
-    # The middle chirp sees the whole plate, the ends hardly any of it.
-    assert level[0][32] > 10.0 * level[0][0]
-
-
 def test_a_body_that_shakes_by_less_than_the_limit_is_cast_once() -> None:
     def shake(time: float) -> rc.Pose:
         return rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.0, np.deg2rad(3.0) * np.sin(4.0 * np.pi * time / DURATION)])

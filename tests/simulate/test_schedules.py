@@ -250,35 +250,6 @@ def test_alternating_chirps_give_range_and_velocity_by_both_slopes() -> None:
     assert 0.5 * (apparent[0] - apparent[1]) / factor == pytest.approx(velocity, abs=2.0 * step / factor)
 
 
-def test_recordings_of_schedules_and_sub_sequences_make_the_round_trip(tmp_path: Any) -> None:
-    scene = rc.Scene([rc.PointTarget(POSITION, velocity=VELOCITY)])
-    for name, schedule in (("tdm", rc.Schedule.tdm(20e-6)), ("steered", rc.Schedule.steered([1.0, 1j, -1.0]))):
-        radar = radar_of(schedule, SEQUENCES)
-        recording = rc.Simulator(scene, radar, resolution=16).record(0.0, 0.075, 40.0, progress=False)
-        recording.save(tmp_path / name)
-        back = rc.Recording.load(tmp_path / name)
-        assert back.radar == radar
-        np.testing.assert_array_equal(back.cube, recording.cube)
-        for frame, parts in zip(
-            back.frames(), zip(*map(rc.Recording.frames, back.sequences()), strict=True), strict=True
-        ):
-            for one, other in zip(frame.sequences(), parts, strict=True):
-                assert one.radar == other.radar
-                np.testing.assert_array_equal(one.cube, other.cube)
-    with pytest.raises(ValueError, match=r"radar: expected one waveform, got 2; `.sequences\(\)`"):
-        rc.range_doppler(back)
-
-
-def test_results_do_not_depend_on_threads() -> None:
-    sphere = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([1.5, 0.0, 0.0]), [1.0, 0.0, 0.0]), name="sphere")
-    radar = radar_of(rc.Schedule.tdm(20e-6), SEQUENCES, receiver=rc.Receiver(noise_figure_db=3.0))
-    one, two = (
-        rc.Simulator(rc.Scene([sphere]), radar, resolution=32, threads=threads).record(0.0, 0.075, progress=False)
-        for threads in (1, 2)
-    )
-    np.testing.assert_array_equal(one.cube, two.cube)
-
-
 @pytest.mark.parametrize("schedule", [rc.Schedule.tdm(20e-6), rc.Schedule.ddm(), rc.Schedule.steered(azimuth=0.2)])
 def test_depth_images_have_schedules_too(schedule: rc.Schedule) -> None:
     """A pixel of a depth image moves as a point does: the ratio to the radar without a schedule is the same."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import signal
 import warnings
 from pathlib import Path
@@ -423,104 +422,6 @@ def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
 # --- silly input ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"resolution": 0}, ValueError, "resolution: expected at least 1, got 0"),
-        ({"resolution": 2**20}, ValueError, "resolution: expected at most 268435456 rays"),
-        ({"field_of_view_deg": (0, 60)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
-        ({"field_of_view_deg": (60, 180)}, ValueError, "field_of_view_deg: expected angles between 0 and 180 degrees"),
-        ({"field_of_view_deg": 60}, ValueError, r"field_of_view_deg: expected shape \(2,\), got \(\)"),
-        (
-            {"sampling": "fine"},
-            ValueError,
-            "sampling: expected one of 'adaptive', 'fast', 'footprint', 'point', got 'fine'",
-        ),
-        ({"method": "fft"}, ValueError, "method: expected one of 'auto', 'direct', 'grid', got 'fft'"),
-        ({"tolerance": 0.0}, ValueError, "tolerance: expected a number from 1e-12 to 0.1, got 0.0"),
-        ({"tolerance": 1e-15}, ValueError, "tolerance: expected a number from 1e-12 to 0.1, got 1e-15"),
-        ({"seed": -1}, ValueError, "seed: expected at least 0, got -1"),
-        ({"seed": 2**64}, ValueError, r"seed: expected less than 2\*\*64, got 18446744073709551616"),
-        ({"threads": 0}, ValueError, "threads: expected at least 1, got 0"),
-        ({"radar_motion": np.eye(4)}, TypeError, r"radar_motion: expected Pose, Linear, .* got ndarray"),
-        ({"radar_motion": [0, 0, 0]}, TypeError, r"radar_motion: expected Pose, Linear, .* got list"),
-    ],
-)
-def test_silly_option_is_an_error_that_names_it(options: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        simulator([], **options)
-
-
-def test_scene_and_radar_of_another_kind_are_errors() -> None:
-    with pytest.raises(TypeError, match="scene: expected Scene, got list"):
-        rc.Simulator([], instant())  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="radar: expected Radar, got Waveform"):
-        rc.Simulator(rc.Scene(), waveform())  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("name", ["frame", "paths", "depth_image"])
-@pytest.mark.parametrize(
-    ("time", "error"), [(np.nan, ValueError), (np.inf, ValueError), ("now", TypeError), (True, TypeError)]
-)
-def test_silly_time_is_an_error(name: str, time: Any, error: type[Exception]) -> None:
-    with pytest.raises(error, match="time: expected a "):
-        getattr(simulator([]), name)(time)
-
-
-@pytest.mark.parametrize(
-    ("times", "message"),
-    [
-        ((1.0, 1.0, 40.0), "stop: expected a time after start 1 s, got 1 s"),
-        ((1.0, 0.5, 40.0), "stop: expected a time after start 1 s, got 0.5 s"),
-        ((0.0, np.inf, 40.0), "stop: expected a finite number"),
-        ((np.nan, 1.0, 40.0), "start: expected a finite number"),
-        ((0.0, 1.0, 0.0), r"rate: expected a positive number \[Hz\], got 0"),
-    ],
-)
-def test_silly_recording_times_are_errors(times: tuple[float, float, float], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        simulator([]).record(*times, progress=False)
-    with pytest.raises(ValueError, match=message):
-        simulator([]).frames(*times)  # before the first frame is asked for
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (
-            lambda: rc.Scene([rc.PointTarget([1, 0, 0]), "ball"]),
-            TypeError,
-            "PointTarget and Interferer, got str at index 1",
-        ),
-        (lambda: rc.Scene(rc.PointTarget([1, 0, 0])), TypeError, "bodies: expected a list of .*, got PointTarget"),
-        (lambda: rc.Body("part.obj"), TypeError, "mesh: expected Mesh, got str"),
-        (lambda: rc.Body(rc.shapes.box(1.0), material="metal"), TypeError, "material: expected Material"),
-        (
-            lambda: rc.Body(rc.shapes.box(1.0), motion=[1, 0, 0]),
-            TypeError,
-            r"motion: expected Pose, Linear, .* got list; rc.Pose\(...\) makes a pose of it",
-        ),
-        *(
-            (make, TypeError, r"got \w+( at index 0)?; rc.Pose.from_matrix\(...\) makes a pose of it")
-            for make in (
-                lambda: rc.Body(rc.shapes.box(1.0), motion=np.eye(4)),
-                lambda: rc.Attached(np.eye(4)[:3].tolist(), rc.Pose()),
-                lambda: rc.Linear(np.eye(4)),
-                lambda: rc.Trajectory([0.0, 1.0], [np.eye(4), np.eye(4)]),
-            )
-        ),
-        (lambda: rc.PointTarget([1, 0]), ValueError, r"position: expected shape \(3,\), got \(2,\)"),
-        (lambda: rc.PointTarget([1, 0, 0], rcs=-1.0), ValueError, "rcs: expected zero or a positive number"),
-        (lambda: rc.PointTarget([1, 0, 0], velocity=3.0), ValueError, r"velocity: expected shape \(3,\), got \(\)"),
-        (lambda: rc.materials["perfect_conducter"], KeyError, "did you mean 'perfect_conductor'"),
-        (lambda: rc.Linear([0, 0, 0]), TypeError, "pose: expected Pose, got list"),
-    ],
-)
-def test_silly_part_of_a_scene_is_an_error(make: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        make()
-
-
 # --- matt surfaces, processes ---------------------------------------------------------------------------------------
 
 
@@ -572,13 +473,6 @@ def test_a_forked_child_simulates_too() -> None:
     with os.fdopen(read, "rb") as pipe:
         assert pipe.read() == b"same"
     os.waitpid(child, 0)
-
-
-def test_simulators_travel_to_other_processes() -> None:
-    sim = simulator([matt(0.3, (1.0, 0.0, 0.0)), rc.PointTarget([2.0, 0.0, 0.0])], resolution=16)
-    again = pickle.loads(pickle.dumps(sim))
-    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
-    assert again.scene.names == sim.scene.names
 
 
 def test_frames_longer_than_their_interval_are_warned_of() -> None:

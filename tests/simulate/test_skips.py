@@ -231,12 +231,6 @@ def test_tiles_are_taken_over_behind_a_beam_too() -> None:
     assert sum(reused) == len(reused) - 4
 
 
-@pytest.mark.parametrize("floor", [0.0, -3.0, np.nan, -np.inf, "low"])
-def test_gain_floor_is_a_positive_number_of_decibels(floor: Any) -> None:
-    with pytest.raises((ValueError, TypeError), match="gain_floor_db"):
-        simulator(gain_floor_db=floor)
-
-
 def test_points_hide_behind_bodies() -> None:
     sim = simulator()
     front, behind, beside = [2.5, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.2, 0.2]
@@ -272,13 +266,3 @@ def test_an_image_can_be_kept(tmp_path: Any) -> None:
     again = pickle.loads(path.read_bytes())
     for name in ("distance", "cos_incidence", "reflectance", "body", "directions", "surface_distance", "normals"):
         np.testing.assert_array_equal(getattr(again, name), getattr(image, name))
-
-
-def test_a_simulator_can_be_sent_to_another_process() -> None:
-    import pickle
-
-    sim = simulator()
-    frame = sim.frame(0.1)
-    again = pickle.loads(pickle.dumps(sim))
-    assert again.frame(0.1).stats["tiles_reused"] == 0
-    np.testing.assert_array_equal(again.frame(0.1).cube, frame.cube)

@@ -124,7 +124,7 @@ def test_amplitudes_that_begin_with_nothing_are_followed(first: float, method: s
 
 
 @pytest.mark.parametrize("method", [*METHODS, "direct"])
-@pytest.mark.parametrize(("num_delays", "num_amplitudes"), [(6, 3), (3, 7), (5, 1), (1, 4)])
+@pytest.mark.parametrize(("num_delays", "num_amplitudes"), [(6, 3), (3, 7), (5, 1), (1, 4), (4, 70), (70, 4)])
 def test_amplitudes_may_have_nodes_of_their_own(num_delays: int, num_amplitudes: int, method: str) -> None:
     wf, paths = sweep_waveform(24, 32), moving(400)
 

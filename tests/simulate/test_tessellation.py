@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from test_adaptive import BAND, db, rms, spectrum
 from test_closed_forms import CONDUCTOR, sphere
+from test_tiles import BAND, db, rms, spectrum
 
 import radarcore as rc
 from bounce_scenes import BALL, RADIUS, SENSOR, image_of, phasors, reflected_by_ball, wall

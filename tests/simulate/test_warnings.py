@@ -9,10 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.simulate import warnings as simulation_warnings
 
 WAVEFORM = rc.Waveform.from_sweep(
     start_frequency=60e9, stop_frequency=60.1e9, sample_rate=2e6, num_samples=32, num_chirps=4, chirp_interval=3e-4
@@ -76,25 +74,6 @@ def test_antennas_in_a_room_or_beside_a_body_are_not() -> None:
     room = body(rc.shapes.box([4.0, 4.0, 4.0]), mount)
     plate = body(PLATE, mount @ rc.Pose([2e-3, 0.0, 0.0]), "plate")
     assert simulator(room, plate, motion=mount).frame().stats["rays_hit"] > 0
-
-
-def test_only_triangles_near_the_antennas_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    num_measured = []
-
-    def distance(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-        num_measured.append(len(corners))
-        return exact(point, corners)
-
-    exact = simulation_warnings._distance_to_triangles
-    monkeypatch.setattr(simulation_warnings, "_distance_to_triangles", distance)
-    sphere = rc.shapes.sphere(1.5, subdivisions=6)  # 81 920 triangles around the antennas
-    beside = 0.998 * sphere.vertices[sphere.triangles[1000]].mean(axis=0)
-    for position, fewest, most in ((np.zeros(3), 0, 0), (beside, 1, 100)):
-        num_measured.clear()
-        sim = simulator(body(sphere), motion=rc.Pose(position))
-        sim._warnings.refuse_place(sim._placement, 0.0)
-        assert len(num_measured) == 3, "one per antenna"
-        assert fewest <= sum(num_measured) <= most
 
 
 def warned(run: Callable[[], object]) -> list[str]:
