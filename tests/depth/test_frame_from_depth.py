@@ -360,6 +360,10 @@ def test_result_does_not_depend_on_threads_and_follows_the_receiver() -> None:
 FLAT = np.full((8, 8), 2.0)
 
 
+INTEGERS = r"distance: expected floating-point numbers \[m\], or scale with integers \(1e-3 .*, got uint16"
+BODY = np.zeros((8, 8), int)
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "message"),
     [
@@ -367,53 +371,28 @@ FLAT = np.full((8, 8), 2.0)
         ({"distance": np.zeros((0, 8))}, ValueError, "distance: expected shape"),
         ({"distance": FLAT + 0j}, TypeError, "distance: expected real numbers"),
         ({"distance": [[1.0], [1.0, 2.0]]}, TypeError, "distance: expected"),
-        (
-            {"distance": (1e3 * FLAT).astype(np.uint16)},
-            TypeError,
-            r"distance: expected floating-point numbers \[m\], or scale with integers \(1e-3 .*, got uint16",
-        ),
+        ({"distance": (1e3 * FLAT).astype(np.uint16)}, TypeError, INTEGERS),
         ({"previous": FLAT.astype(int), "interval": 0.1}, TypeError, "previous: expected floating-point numbers"),
-        ({"scale": 0.0}, ValueError, r"scale: expected a positive number \[m per unit\], got 0"),
         ({"distance": np.full((1, 8), 2.0)}, ValueError, "normals: expected normals with an image of 1 x 8"),
         ({"reflectance": 1.5}, ValueError, "reflectance: expected numbers from 0 to 1, got 1.5"),
-        ({"reflectance": -0.1}, ValueError, "reflectance: expected numbers from 0 to 1"),
         ({"reflectance": np.nan}, ValueError, "reflectance: expected numbers from 0 to 1"),
         ({"reflectance": np.ones((4, 8))}, ValueError, "reflectance: expected one number or shape"),
-        ({"albedo": "matt"}, TypeError, "albedo: expected numbers, got"),
-        ({"radar": WAVEFORM}, TypeError, "radar: expected Radar, got Waveform"),
         ({"camera": (60.0, 180.0)}, ValueError, "field_of_view_deg: expected angles"),
-        ({"camera": 60.0}, ValueError, "field_of_view_deg: expected shape"),
         ({"previous": FLAT}, ValueError, "interval: expected previous and interval together, got previous alone"),
         ({"interval": 0.1}, ValueError, "interval: expected previous and interval together, got interval alone"),
-        ({"previous": FLAT, "interval": 0.0}, ValueError, "interval: expected a positive number"),
         ({"previous": FLAT[:4], "interval": 0.1}, ValueError, r"previous: expected shape \(8, 8\), got \(4, 8\)"),
         ({"previous": FLAT, "interval": 0.1, "twists": np.zeros((1, 6))}, ValueError, "twists: expected either"),
-        ({"normals": np.ones((8, 8))}, ValueError, r"normals: expected shape \(8, 8, 3\), got \(8, 8\)"),
         ({"body": np.zeros((8, 8))}, TypeError, "body: expected integers, got float64"),
-        ({"body": np.zeros((8, 4), int)}, ValueError, r"body: expected shape \(8, 8\), got \(8, 4\)"),
         ({"twists": np.zeros((2, 6))}, ValueError, "body: expected the body of every pixel"),
-        ({"body": np.full((8, 8), 3), "twists": np.zeros((2, 6))}, ValueError, "body: expected numbers below 2"),
-        ({"body": np.zeros((8, 8), int), "twists": np.zeros((1, 3))}, ValueError, r"twists: expected shape \(1, 6\)"),
-        ({"body": np.zeros((8, 8), int), "twists": np.full((1, 6), np.nan)}, ValueError, "twists: expected finite"),
-        ({"far": 0.0}, ValueError, "far: expected a positive number"),
-        ({"max_points": 0}, ValueError, "max_points: expected at least 1"),
+        ({"body": BODY + 3, "twists": np.zeros((2, 6))}, ValueError, "body: expected numbers below 2"),
+        ({"body": BODY, "twists": np.zeros((1, 3))}, ValueError, r"twists: expected shape \(1, 6\)"),
         ({"sampling": "adaptive"}, ValueError, "sampling: expected one of 'footprint', 'point'"),
-        ({"time": np.inf}, ValueError, "time: expected a finite number"),
-        ({"tolerance": 0.0}, ValueError, "tolerance: expected a number from 1e-12 to 0.1"),
-        ({"seed": -1}, ValueError, "seed: expected at least 0"),
-        ({"threads": 0}, ValueError, "threads: expected at least 1"),
     ],
 )
-def test_bad_input_is_named(options: dict[str, Any], kind: type[Exception], message: str) -> None:
-    settings: dict[str, Any] = {"distance": FLAT, "reflectance": 1.0, "radar": RADAR} | options
+def test_refusals_say_what_was_expected(options: dict[str, Any], kind: type[Exception], message: str) -> None:
+    settings: dict[str, Any] = {"distance": FLAT, "reflectance": 1.0} | options
     with pytest.raises(kind, match=message):
-        frame_of(settings.pop("distance"), settings.pop("reflectance"), settings.pop("radar"), **settings)
-
-
-@pytest.mark.parametrize("values", [(0.0, 1.0, 1.0, 1.0), (1.0, -1.0, 1.0, 1.0), (1.0, 1.0, np.nan, 1.0)])
-def test_camera_refuses_what_is_no_camera(values: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match=r"f[xy]|c[xy]"):
-        rc.Camera(*values)
+        frame_of(settings.pop("distance"), settings.pop("reflectance"), **settings)
 
 
 @pytest.mark.parametrize("name", ["sphere", "cylinder", "person"])

@@ -218,32 +218,3 @@ def test_trihedrals_plates_are_wound_alike():
     for shape in ("triangular", "square"):
         edges = directed_edges(shapes.trihedral(0.1, shape=shape)).tolist()
         assert len({tuple(edge) for edge in edges}) == len(edges), "no edge is run through twice in one direction"
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan, "wide"], ids=repr)
-def test_sizes_that_are_no_positive_numbers_are_named(value):
-    for name, make in (
-        ("width", lambda: shapes.plate(value, 0.1)),
-        ("size along y", lambda: shapes.box([0.1, value, 0.1])),
-        ("radius", lambda: shapes.sphere(value)),
-        ("sagitta", lambda: shapes.cylinder(0.1, 0.1, sagitta=value)),
-        ("leg", lambda: shapes.trihedral(value)),
-    ):
-        with pytest.raises((ValueError, TypeError), match=f"^{name.split()[0]}"):
-            make()
-
-
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: shapes.capsule(0.1, 0.15), ValueError, "length: expected at least the two half-spheres, 0.2 m"),
-        (lambda: shapes.capsule(0.1, 0.3, segments=10), ValueError, "segments: expected a multiple of 4, got 10"),
-        (lambda: shapes.sphere(0.1, subdivisions=8), ValueError, "subdivisions: expected at most 7, got 8"),
-        (lambda: shapes.sphere(0.1, sagitta=1e-9), ValueError, "sagitta: expected at least .* got 1e-09"),
-        (lambda: shapes.disc(0.1, sagitta=1e-12), ValueError, "sagitta: .* takes .* segments, expected at most 4096"),
-        (lambda: shapes.disc(1.0, sagitta=5e-324), ValueError, "sagitta: .* segments"),
-    ],
-)
-def test_requests_that_make_no_shape_say_why(call, error, message):
-    with pytest.raises(error, match=message):
-        call()

@@ -9,6 +9,7 @@ from radarcore.models import robots
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.line import cartesian_line
 from radarcore.models.robots.named import UR10, data_file
+from solids import area_vectors, is_closed
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -173,17 +174,6 @@ def test_radar_on_the_arm_measures_its_own_speed_towards_a_wall(ur10):
 
 
 # Shapes
-
-
-def area_vectors(mesh):
-    a, b, c = (mesh.vertices[index] for index in mesh.triangles.T)
-    return 0.5 * np.cross(b - a, c - a)
-
-
-def is_closed(mesh):
-    """Every edge belongs to exactly two faces that run through it in opposite directions."""
-    edges = {tuple(edge) for edge in mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).tolist()}
-    return len(edges) == 3 * len(mesh.triangles) and all((b, a) in edges for a, b in edges)
 
 
 @pytest.mark.parametrize("link", MESH_TRIANGLES)
