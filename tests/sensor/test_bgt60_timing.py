@@ -187,17 +187,3 @@ def test_odd_frame_that_is_too_long_is_refused_with_its_neighbours() -> None:
         choose_slice_size(
             Settings(num_samples=1, num_chirps=4095, rx_mask=7, chirp_time=1e-4, frame_time=1.0, end_frequency=58.1e9)
         )
-
-
-@pytest.mark.parametrize(
-    ("slice_size", "message"),
-    [
-        (0, "slice_size: expected 2 to 16384, got 0; the nearest is 2"),
-        (16386, "slice_size: expected 2 to 16384, got 16386; the nearest is 16384"),
-        (77, "slice_size: expected an even number, got 77; the nearest are 76, 78"),
-    ],
-)
-def test_slices_hold_pairs_and_fit_the_memory(slice_size: int, message: str) -> None:
-    with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
-        registers_of(Settings(), slice_size)
-    assert str(caught.value) == message

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import radarcore as rc
 from doubles.comlib_boards import Pipe, Ramp, radar
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import EndpointType
@@ -113,32 +112,6 @@ def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
         # Half of a setting is not measured with.
         with pytest.raises(SensorError, match="not configured"):
             board.start()
-
-
-@pytest.mark.parametrize(
-    ("wanted", "options", "message"),
-    [
-        (lambda: radar(num_tx=2), {}, r"tx: expected one antenna, got 2; .*\(RadarSoli\) is not public"),
-        (lambda: radar(5), {}, "rx: expected at most 4 antennas.*got 5"),
-        (radar, {"rx_mask": 0b111}, "rx_mask: expected 4 receivers, as in rx, got 3"),
-        (radar, {"rx_mask": 0x1F}, "rx_mask: expected at most 0xf, got 0x1f"),
-        (radar, {"tx_power": 32}, "tx_power: expected 0 to 31, got 32"),
-        (lambda: radar(start_frequency=77e9), {}, r"start_frequency: expected 5\.6e\+10 to 6\.4e\+10 Hz"),
-        (lambda: radar(start_frequency=64e9), {}, "start_frequency: expected room for a ramp"),
-        (
-            lambda: radar(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]),
-            {},
-            "waveform: expected chirps at equal intervals",
-        ),
-        (lambda: radar(num_chirps=2, chirp_times=[1e-3, 2e-3]), {}, "chirp_times: expected the first chirp at 0 s"),
-        (lambda: replace(radar(), waveform=radar().waveform.alternating()), {}, "waveform: expected one, got 2 sub"),
-        (lambda: replace(radar(), schedule=rc.Schedule.ddm()), {}, "schedule: expected none with one antenna"),
-    ],
-)  # fmt: skip
-def test_what_no_setting_comes_near_to_is_refused(wanted, options, message):
-    board = ComLibBoard(Pipe(ComLibEmulator(Ramp())))
-    with pytest.raises(ValueError, match=message):
-        board.configure(wanted(), **options)
 
 
 def test_refusal_of_the_board_is_told_in_words():

@@ -37,12 +37,6 @@ def test_frames_come_as_the_source_gave_them(is_interleaved):
     assert [(index, round(begin, 9)) for _, index, begin in source.calls] == [(0, 0.0), (1, 0.05), (2, 0.1)]
 
 
-def test_temperature_is_that_of_the_chip():
-    emulator = ComLibEmulator(Ramp(), temperature=-3.25)
-    board = ComLibBoard(Pipe(emulator))
-    assert board.temperature() == pytest.approx(-3.25, abs=1e-9)
-
-
 def test_temperature_told_with_a_frame_is_no_frame():
     emulator = ComLibEmulator(Ramp())
     board = ComLibBoard(Pipe(emulator))
@@ -216,13 +210,3 @@ def test_unplugged_board_is_disconnected_and_can_be_closed():
     board.close()
     board.close()
     assert board._stream.is_closed
-
-
-def test_close_stops_the_board():
-    emulator = ComLibEmulator(Ramp())
-    board = ComLibBoard(Pipe(emulator))
-    board.configure(radar())
-    board.start()
-    board.close()
-    assert board._stream.is_closed
-    assert emulator._interval == 0

@@ -95,20 +95,6 @@ def test_status_names_depend_on_the_endpoint():
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Message(256, b"").encode(), "endpoint: expected 0 to 255, got 256"),
-        (lambda: Message(1, bytes(65536)).encode(), "payload: expected at most 65535 bytes, got 65536"),
-        (lambda: Format(-1, 0, 0).encode(), "ComLib frame format: .*-1"),
-        (lambda: StatusMessage(0, 65536).encode(), "ComLib status: .*65536"),
-    ],
-)
-def test_what_does_not_fit_is_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
-@pytest.mark.parametrize(
     "decode",
     [
         decode_endpoints,

@@ -25,8 +25,6 @@ from radarcore.sensor import (
     open_sensor,
     virtual_board,
 )
-from radarcore.sensor.bgt60.registers import start_words
-from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
@@ -104,24 +102,6 @@ def test_receivers_are_chosen_by_their_place():
             assert frames[0].cube.shape == (len(rows), 8, 32)
 
 
-def test_frame_times_without_time_stamps_follow_from_the_frame_interval():
-    with opened(Controller(Numbered(), speed=None, has_timestamps=False)) as sensor:
-        interval = sensor.configure(SMALL).waveform.frame_interval
-        frames = list(sensor.frames(5))
-        np.testing.assert_allclose([frame.time for frame in frames], np.arange(5) * interval, rtol=1e-12)
-        assert "device_time" not in frames[0].stats
-
-
-def test_board_measures_at_its_own_rate():
-    with opened(Controller(Numbered(), speed=4.0)) as sensor:
-        sensor.configure(SMALL)
-        began = time.monotonic()
-        frames = list(sensor.frames(40))
-        elapsed = time.monotonic() - began
-    assert [number_of(frame.raw) for frame in frames] == list(range(40))
-    assert elapsed > 38 * 25e-3 / 4.0  # faster than the board can would be wrong
-
-
 def test_slow_consumer_loses_whole_frames_and_is_told():
     with opened(Controller(Numbered(), speed=20.0), queue_size=4) as sensor:
         sensor.configure(SMALL)
@@ -149,20 +129,6 @@ def test_overflow_of_the_fifo_is_reported_and_measuring_goes_on():
     assert [str(w.message) for w in caught if w.category is FramesLostWarning], "never silent"
     indices = [frame.stats["index"] for frame in frames]
     assert all(b > a for a, b in pairwise(indices))
-
-
-def test_chip_that_nobody_reads_overflows_and_starts_again():
-    controller = Controller(Numbered(), speed=1000.0)
-    with opened(controller) as sensor:
-        settings = Settings.from_radar(SMALL)
-        controller.chip.execute(start_words(registers_of(settings, 768)))
-        deadline = time.monotonic() + 10.0
-        while not controller.chip.has_overflown and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert controller.chip.has_overflown, "data were not started: nobody takes them"
-        controller.chip.speed = None
-        sensor.configure(SMALL)
-        assert [number_of(frame.raw) for frame in sensor.frames(2)] == [0, 1]
 
 
 # The board sends as fast as it can, and a busy machine takes its frames too late.
@@ -197,15 +163,6 @@ def test_unplugging_in_the_middle_of_a_frame_ends_the_wait_at_once():
         with pytest.raises(SensorDisconnectedError):
             next(frames)
         assert time.monotonic() - began < 5.0
-
-
-def test_silent_board_is_a_timeout():
-    with opened(Controller(Numbered(), speed=1.0)) as sensor:
-        sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=3.0))
-        frames = sensor.frames(timeout=0.2)
-        next(frames)
-        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
-            next(frames)
 
 
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # on a busy machine: the board never waits

@@ -11,7 +11,7 @@ import pytest
 import radarcore as rc
 from chip_settings import power_up
 from doubles.boards import Numbered, number_of, numbered, opened
-from radarcore.sensor import FramesLostWarning, Sensor, SensorError, SensorTimeoutError
+from radarcore.sensor import FramesLostWarning, Sensor, SensorError
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
@@ -368,14 +368,6 @@ def test_duration_of_a_recording_is_rounded_to_frames(tmp_path):
         recording = sensor.record(tmp_path / "rec", duration=9.6 * INTERVAL, progress=False)
         assert len(recording) == 10
         assert len(sensor.record(tmp_path / "short", duration=0.1 * INTERVAL, progress=False)) == 1
-
-
-def test_frame_is_waited_for_longer_than_frames_take(monkeypatch):
-    monkeypatch.setattr("radarcore.sensor.device._SILENCE", 0.1)
-    with Sensor(Clocked([])) as sensor:
-        sensor.configure(power_up(num_chirps=8, frame_interval=0.2))
-        with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.3 s"):
-            next(sensor.frames())
 
 
 @pytest.mark.parametrize("speed", [None, 20.0])

@@ -264,22 +264,6 @@ def test_board_that_is_gone_fails_one_check_and_skips_the_rest():
     }
 
 
-def test_dead_receiver_of_a_board_with_comlib_is_named():
-    board = ComLibEmulator(Receivers(dead=2))
-    with PtyPort(board) as port, open_sensor(port.path, protocol="comlib") as sensor:
-        checks = {check.name: check for check in sensor.selftest("noise")}
-    assert failed(checks) == ["noise"]
-    assert checks["noise"].values["noise"][2] == 0.0
-
-
-def test_wrong_words_are_refused_at_once():
-    with opened(controller()) as sensor:
-        with pytest.raises(ValueError, match="groups: expected one of"):
-            sensor.selftest(("registers", "magic"))
-        with pytest.raises(ValueError, match="duration: expected a positive number"):
-            sensor.selftest(duration=0.0)
-
-
 # The chip's test pattern
 
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radarcore.sensor.errors import ProtocolError, RequestError
+from radarcore.sensor.errors import RequestError
 from radarcore.sensor.interface import Damage
 from radarcore.sensor.strata import packets as strata
 from radarcore.sensor.strata.packets import (
@@ -168,69 +168,7 @@ def test_error_of_another_length_than_4_is_a_text():
     assert strata.decode_data(b"\xdb\x00\x09\x00\x0c\x00sensor lost\0") == packet
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["", "d3", "d3 00 00 00 01 00", "d3 00 00 00 00 00 00", "40 00 00 00 00 00", "d7 00 00 00 04 00 01 02 03 04"],
-)
-def test_bulk_transfer_of_another_size_is_refused(text):
-    with pytest.raises(ProtocolError, match="Strata data packet: expected"):
-        strata.decode_data(bytes.fromhex(text))
-
-
-@fuzz
-@given(st.binary(max_size=40))
-def test_any_bulk_transfer_is_a_packet_or_refused(data):
-    try:
-        packet = strata.decode_data(data)
-    except ProtocolError:
-        return
-    assert len(packet.payload) <= len(data) - 6
-
-
 # Packets that do not fit
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda: strata.encode_request(Request.write(1, 0, 0, bytes(4086))),
-            "payload: expected at most 4085 bytes, got",
-        ),
-        (lambda: strata.encode_request(Request.read(1, 0, 0, 65536)), "length: expected 0 to 65535, got 65536"),
-        (lambda: strata.encode_request(Request(Kind.WRITE, 1, 0, 0, 3, b"1")), "payload: expected 3 bytes, got 1"),
-        (lambda: strata.encode_request(Request(Kind.READ, 1, 0, 0, 1, b"1")), "payload: expected 0 bytes, got 1"),
-        (lambda: strata.encode_request(Request.write(256, 0, 0)), "request: expected 0 to 255, got 256"),
-        (lambda: strata.encode_response(Response(Kind.READ, 0, bytes(4090))), "payload: expected at most 4089 bytes"),
-        (lambda: strata.encode_response(Response(Kind.READ, -1)), "status: expected 0 to 255, got -1"),
-        (lambda: strata.encode_data(DataPacket(bytes(65528), 0, timestamp=0)), "expected at most 65535 .*got 65536"),
-        (lambda: strata.encode_data(DataPacket(b"", 65536)), "counter: expected 0 to 65535, got 65536"),
-        (lambda: strata.encode_data(DataPacket(b"", 0, is_last=False, timestamp=0)), "is_last: expected True"),
-        (lambda: strata.encode_data(DataPacket(b"1", 0, error=1)), "payload: expected none with an error, got 1 bytes"),
-        (lambda: strata.encode_commands([2**32]), "words: expected numbers of 32 bit"),
-        (lambda: strata.data_configuration(6143), "slice_size: expected an even number up to 65534, got 6143"),
-        (lambda: strata.data_configuration(65536), "slice_size: expected an even number up to 65534, got 65536"),
-        (lambda: strata.data_configuration(0), "slice_size: expected at least 2, got 0"),
-    ],
-)
-def test_what_does_not_fit_is_refused_by_name(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("decode", "data"),
-    [
-        (strata.Version.decode, bytes(15)),
-        (strata.decode_board_info, bytes(3)),
-        (strata.uuid_text, bytes(17)),
-        (strata.decode_values, bytes(5)),
-        (strata.decode_commands, bytes(5)),
-    ],
-)
-def test_answers_of_a_wrong_size_are_refused(decode, data):
-    with pytest.raises(ProtocolError, match=f"expected .*got {len(data)}"):
-        decode(data)
 
 
 @pytest.mark.parametrize(
@@ -277,20 +215,6 @@ requests = (
 START_BYTES = (0x40, 0x43, 0xC0, *range(0xD0, 0xE0))
 rubbish = st.lists(st.sampled_from([byte for byte in range(256) if byte not in START_BYTES]), max_size=50).map(bytes)
 cuts = st.lists(st.integers(0, 5000))
-
-
-@fuzz
-@given(st.lists(answers), cuts)
-def test_host_gets_every_packet_however_the_stream_is_cut(sent, places):
-    stream = b"".join(map(encode, sent))
-    assert feed_all(HostParser(), pieces(stream, places)) == sent
-
-
-@fuzz
-@given(st.lists(requests), cuts)
-def test_board_gets_every_request_however_the_stream_is_cut(sent, places):
-    stream = b"".join(map(strata.encode_request, sent))
-    assert feed_all(BoardParser(), pieces(stream, places)) == sent
 
 
 @fuzz
@@ -396,14 +320,6 @@ def test_packets_behind_one_that_claims_too_much_come_with_the_doubt():
     assert found == [packet, answer]
     assert damage == Damage(len(false), "packet that never became whole", Status.PAYLOAD_INCOMPLETE)
     assert parser.doubt() == []
-
-
-def test_packet_in_step_waits_for_its_end():
-    data = encode(DataPacket(bytes(4087), 0))
-    parser = HostParser()
-    parser.feed(encode(Response(Kind.WRITE, 0)))
-    assert feed_all(parser, [data[i : i + 100] for i in range(0, 4000, 100)]) == []
-    assert parser.feed(data[4000:]) == [DataPacket(bytes(4087), 0)]
 
 
 def test_damage_tells_its_status_once():

@@ -106,16 +106,6 @@ def test_ids_of_two_boards_are_refused_with_their_places() -> None:
         open_stream("usb:058b:0251", usb_backend=bus)
 
 
-@pytest.mark.parametrize(
-    "path", ["usb:", "usb:1", "usb:1-", "usb:a-b", "usb:1-2-3", "usb:058b:", "usb:xyz:1", "usb:1:2:3"]
-)
-def test_malformed_place_is_a_value_error(path: str) -> None:
-    with pytest.raises(ValueError, match=r"port: expected usb:BUS-ADDRESS or usb:VID:PID, got 'usb:"):
-        open_stream(path, usb_backend=EmulatedBus())
-    with pytest.raises(ValueError, match="got '/dev/tty'"):
-        open_vendor_port("/dev/tty", usb_backend=EmulatedBus())
-
-
 @pytest.mark.parametrize("path", ["usb:1-1", "usb:058b:0251"])
 def test_empty_place_is_not_found(path: str) -> None:
     with pytest.raises(SensorNotFoundError, match="is the board plugged in"):

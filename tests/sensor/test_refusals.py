@@ -1,0 +1,175 @@
+"""Arguments and bytes that boards, chip, protocols and ports refuse: what was expected, and what came."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarcore as rc
+from chip_settings import power_up
+from doubles.boards import Numbered, opened
+from doubles.comlib_boards import Pipe, Ramp, radar
+from doubles.usb_bus import EmulatedBus
+from radarcore.sensor.bgt60.registers import start_words, temperature_code, temperature_of, write_word
+from radarcore.sensor.bgt60.settings import Settings, registers_of
+from radarcore.sensor.comlib.board import ComLibBoard
+from radarcore.sensor.comlib.messages import Format, Message
+from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.emulator.strata import Controller
+from radarcore.sensor.errors import ProtocolError
+from radarcore.sensor.strata import packets
+from radarcore.sensor.strata.packets import DataPacket, Kind, Request, Response
+from radarcore.sensor.transport.capture import Replay
+from radarcore.sensor.transport.ports import open_stream, open_vendor_port
+
+Row = tuple[Callable[[], object], str]
+
+
+class Small:
+    """Source of frames of another shape than the board's."""
+
+    def frame(self, radar: rc.Radar, index: int, time: float) -> np.ndarray:
+        return np.zeros((1, 2, 3), np.uint16)
+
+
+def of_rx(rx: list[list[float]]) -> Settings:
+    return Settings.from_radar(rc.Radar(power_up().waveform, rx=rx))
+
+
+def of_waveform(**changes: Any) -> Settings:
+    return Settings.from_radar(power_up(**changes))
+
+
+def comlib(wanted: rc.Radar | None = None, **options: Any) -> rc.Radar:
+    return ComLibBoard(Pipe(ComLibEmulator(Ramp()))).configure(radar() if wanted is None else wanted, **options)
+
+
+def frame_of(source: Any) -> bytes:
+    board = ComLibEmulator(source)
+    board.receive(Message(1, b"\x01\x01").encode())
+    return board.send(100, 0.0)
+
+
+def data(text: str) -> DataPacket:
+    return packets.decode_data(bytes.fromhex(text))
+
+
+STRATA: list[Row] = [
+    (lambda: packets.encode_request(Request.write(1, 0, 0, bytes(4086))), "payload: expected at most 4085 bytes, got"),
+    (lambda: packets.encode_request(Request(Kind.WRITE, 1, 0, 0, 3, b"1")), "payload: expected 3 bytes, got 1"),
+    (lambda: packets.encode_request(Request.write(256, 0, 0)), "request: expected 0 to 255, got 256"),
+    (lambda: packets.encode_response(Response(Kind.READ, 0, bytes(4090))), "payload: expected at most 4089 bytes"),
+    (lambda: packets.encode_data(DataPacket(bytes(65528), 0, timestamp=0)), "expected at most 65535 .*got 65536"),
+    (lambda: packets.encode_data(DataPacket(b"", 0, is_last=False, timestamp=0)), "is_last: expected True"),
+    (lambda: packets.encode_data(DataPacket(b"1", 0, error=1)), "payload: expected none with an error, got 1 bytes"),
+    (lambda: packets.encode_commands([2**32]), "words: expected numbers of 32 bit"),
+    (lambda: packets.data_configuration(6143), "slice_size: expected an even number up to 65534, got 6143"),
+]
+SETTINGS: list[Row] = [
+    (lambda: registers_of(Settings(), 77), "slice_size: expected an even number, got 77; the nearest are 76, 78"),
+    (lambda: registers_of(Settings(), 16386), "slice_size: expected 2 to 16384, got 16386; the nearest is 16384"),
+    (lambda: Settings(chirp_time=float("nan")), "chirp_time: expected"),
+    (lambda: Settings(rx_mask=0).to_radar(), "rx_mask: expected 1 to 7, got 0"),
+    (lambda: of_rx([[0.0, 0.0, 1.2e-4]]), "rx: expected three antennas, or some of"),
+    (lambda: of_rx([[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]]), "rx: expected three antennas"),  # in the wrong order
+    (lambda: of_rx([[0.0, 0.0, 0.0]] * 4), "rx: expected three antennas, or some of"),
+    (
+        lambda: Settings.from_radar(rc.Radar(power_up().waveform, tx=1e-3 * np.eye(2, 3))),
+        "tx: expected one antenna, got 2",
+    ),
+    (lambda: of_waveform(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]), "chirp_times: expected evenly spaced chirps"),
+    (lambda: of_waveform(num_chirps=2, chirp_times=[1e-3, 2e-3]), "chirp_times: .* from 0 s on, got 0.001 s"),
+    (lambda: of_waveform(chirp_interval=36e-6), "chirp_interval: expected at least 39.7125 us for 64 samples at 2 MHz"),
+    (lambda: of_waveform(frame_interval=30e-3), "frame_interval: expected at least 37.2805875 ms for 64 chirps"),
+    (lambda: of_waveform(start_frequency=57e9), r"start_frequency \(3.1125 us before the first sample\): .*got 57 GHz"),
+    (lambda: of_waveform(stop_frequency=64e9), r"slope \(the ramp's end, one sample after the last\): .*got 64 GHz"),
+    (lambda: Settings.from_radar(replace(power_up(), schedule=rc.Schedule.tdm())), "schedule: .*, got 'tdm'"),
+    (
+        lambda: Settings.from_radar(replace(power_up(), waveform=power_up().waveform.alternating())),
+        "waveform: expected one, got 2 sub-sequences",
+    ),
+    (lambda: start_words({1: 0x0A0210}), "registers: expected MAIN"),
+    (lambda: write_word(0x80, 0), "address, value: expected 7 and 24 bits"),
+    (lambda: temperature_of(1024), "code: expected"),
+    (lambda: temperature_code(float("nan")), "temperature: expected a finite number"),
+]
+COMLIB: list[Row] = [
+    (lambda: comlib(radar(num_tx=2)), r"tx: expected one antenna, got 2; .*\(RadarSoli\) is not public"),
+    (lambda: comlib(radar(5)), "rx: expected at most 4 antennas.*got 5"),
+    (lambda: comlib(rx_mask=0b111), "rx_mask: expected 4 receivers, as in rx, got 3"),
+    (lambda: comlib(rx_mask=0x1F), "rx_mask: expected at most 0xf, got 0x1f"),
+    (lambda: comlib(tx_power=32), "tx_power: expected 0 to 31, got 32"),
+    (lambda: comlib(radar(start_frequency=77e9)), r"start_frequency: expected 5\.6e\+10 to 6\.4e\+10 Hz"),
+    (lambda: comlib(radar(start_frequency=64e9)), "start_frequency: expected room for a ramp"),
+    (lambda: comlib(radar(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3])), "waveform: expected chirps at equal interv"),
+    (lambda: comlib(radar(num_chirps=2, chirp_times=[1e-3, 2e-3])), "chirp_times: expected the first chirp at 0 s"),
+    (lambda: comlib(replace(radar(), waveform=radar().waveform.alternating())), "waveform: expected one, got 2 sub"),
+    (lambda: comlib(replace(radar(), schedule=rc.Schedule.ddm())), "schedule: expected none with one antenna"),
+    (lambda: Message(1, bytes(65536)).encode(), "payload: expected at most 65535 bytes, got 65536"),
+    (lambda: Format(-1, 0, 0).encode(), "ComLib frame format: .*-1"),
+    (lambda: ComLibEmulator(Ramp(), sample_rate=4e6), "sample_rate: expected 20000 to 3000000 Hz, got 4000000"),
+    (lambda: frame_of(Small()), r"frame: expected codes of 12 bit, uint16 \(4, 16, 64\), got uint16 \(1, 2, 3\)"),
+]
+PORTS: list[Row] = [
+    (lambda: open_stream(""), "path: expected the path of a serial port"),
+    (lambda: open_stream("a\0b"), "path: expected the path of a serial port"),
+    *(
+        (lambda path=path: open_stream(path, usb_backend=EmulatedBus()), "port: expected usb:BUS-ADDRESS or usb:VID:")
+        for path in ("usb:", "usb:1-2-3", "usb:xyz:1", "usb:1:2:3")
+    ),
+    (lambda: open_vendor_port("/dev/tty", usb_backend=EmulatedBus()), "got '/dev/tty'"),
+    (lambda: Controller(Numbered(), latency=-1.0), "latency: expected .*, got -1"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), [*STRATA, *SETTINGS, *COMLIB, *PORTS])
+def test_arguments_that_do_not_fit_are_value_errors(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: packets.Version.decode(bytes(15)), "expected .*got 15"),
+        (lambda: packets.decode_board_info(bytes(3)), "expected .*got 3"),
+        (lambda: packets.uuid_text(bytes(17)), "expected .*got 17"),
+        (lambda: packets.decode_values(bytes(5)), "expected .*got 5"),
+        (lambda: packets.decode_commands(bytes(5)), "expected .*got 5"),
+        (lambda: data(""), "Strata data packet: expected"),
+        (lambda: data("d3 00 00 00 01 00"), "Strata data packet: expected"),
+        (lambda: data("d3 00 00 00 00 00 00"), "Strata data packet: expected"),
+        (lambda: data("40 00 00 00 00 00"), "Strata data packet: expected"),
+        (lambda: data("d7 00 00 00 04 00 01 02 03 04"), "Strata data packet: expected"),  # no room for its time stamp
+    ],
+)
+def test_bytes_of_another_size_are_errors_of_the_protocol(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ProtocolError, match=message):
+        call()
+
+
+def test_other_types_are_named() -> None:
+    with pytest.raises(TypeError, match=r"^num_samples: expected"):
+        Settings(num_samples=True)
+    with pytest.raises(TypeError, match=r"^is_transmitting: expected"):
+        Settings(is_transmitting=1)  # type: ignore[arg-type]  # on purpose
+    with pytest.raises(TypeError, match=r"^radar: expected Radar, got Settings"):
+        Settings.from_radar(Settings())  # type: ignore[arg-type]  # on purpose
+
+
+def test_missing_capture_is_not_found(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Replay(tmp_path / "none")
+
+
+def test_groups_of_a_selftest_are_checked_at_once() -> None:
+    with opened(Controller(Numbered())) as sensor:
+        with pytest.raises(ValueError, match="groups: expected one of"):
+            sensor.selftest(("registers", "magic"))
+        with pytest.raises(ValueError, match="duration: expected a positive number"):
+            sensor.selftest(duration=0.0)
