@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,11 +36,6 @@ def test_unpacked_codes_are_writable_uint16_from_any_bytes() -> None:
     for kind in (bytes, bytearray, memoryview):
         unpacked = unpack_msb(kind(b"\x12\x34\x56"))
         assert (unpacked.dtype, unpacked.flags.writeable) == (np.uint16, True)
-
-
-def test_codes_of_any_shape_and_layout_are_packed_in_c_order() -> None:
-    cube = np.arange(24, dtype=np.int64).reshape(2, 3, 4)
-    assert pack_msb(cube.transpose(2, 1, 0)) == pack_msb(cube.transpose(2, 1, 0).ravel().tolist())
 
 
 def test_samples_go_from_minus_one_to_one_in_float32() -> None:
@@ -90,28 +82,3 @@ def test_pattern_is_that_of_the_chip() -> None:
     assert np.array_equal(pattern[4095:], pattern[:905])
     assert np.array_equal(test_pattern(5, 4093), pattern[4093:4098])
     assert np.array_equal(test_pattern(3, 10 * 4095 + 1), pattern[1:4])
-
-
-def test_nothing_is_packed_to_nothing() -> None:
-    assert pack_msb([]) == b""
-    for empty in (unpack_msb(b""), test_pattern(0), to_codes([])):
-        assert (empty.shape, empty.dtype) == ((0,), np.uint16)
-    assert to_samples([]).dtype == np.float32
-
-
-@pytest.mark.parametrize(
-    ("call", "arguments", "error", "message"),
-    [
-        (unpack_msb, (b"1234",), ValueError, "data: expected a multiple of 3 bytes, got 4"),
-        (pack_msb, ([1, 2, 3],), ValueError, "codes: expected an even number of them, got 3"),
-        (pack_msb, ([1, 4096],), ValueError, "codes: expected 0 to 4095, got 4096"),
-        (pack_msb, ([1.0],), TypeError, "codes: expected integers, got float64"),
-        (to_samples, ([70000],), ValueError, "codes: expected 0 to 4095, got 70000"),
-        (to_codes, ([0.0, float("nan")],), ValueError, "samples: expected numbers, got NaN"),
-        (to_codes, ([1j],), TypeError, "samples: expected real numbers, got complex128"),
-    ],
-)
-def test_silly_input_is_refused(call: Any, arguments: tuple[Any, ...], error: type[Exception], message: str) -> None:
-    with pytest.raises(error) as caught:
-        call(*arguments)
-    assert str(caught.value).startswith(message)

@@ -66,19 +66,15 @@ def edited(values: dict[str, Any], **changes: Any) -> str:
     ("edit", "message"),
     [
         (lambda meta: json.dumps(meta, indent=1)[:40], r"meta\.json, line \d"),
-        (lambda meta: "", r"meta\.json, line 1"),
         (lambda meta: "[1, 2]", "expected format 'radarcore recording', got 'list'"),
         (lambda meta: edited(meta, format="HDF5"), "expected format 'radarcore recording', got 'HDF5'"),
         (lambda meta: edited(meta, version=2), r"expected version 1 \(or older\), got 2; a newer radarcore wrote it"),
-        (lambda meta: edited(meta, version=None), "expected version 1"),
         (lambda meta: json.dumps({key: meta[key] for key in meta if key != "radar"}), "expected the key 'radar'"),
-        (lambda meta: edited(meta, radar=7), r"meta\.json: "),
         (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": "loud"}), "tx_power_dbm: expected a number"),
         (
             lambda meta: edited(meta, radar=meta["radar"] | {"pattern": {"kind": "gaussian", "\b": 1}}),
             r"unexpected keyword argument '\\x08'",
         ),
-        (lambda meta: edited(meta, radar=meta["radar"] | {"tx_power_dbm": 10**400}), "too large"),
         (lambda meta: edited(meta, truth=["arm"]), r"truth_range\.npy: expected shape \(n, 1\).*got \(3, 2\)"),
         (
             lambda meta: edited(meta, radar=meta["radar"] | {"rx": [[0, 0, 0]]}),
@@ -197,15 +193,11 @@ def test_archive_of_any_tool_is_read(tmp_path: Path, compression: int) -> None:
     ("members", "message"),
     [
         ({"cube": header((2**31, 2, 4, 16))}, r"cube\.npy: expected the samples of shape .*, got room for \d+ bytes"),
-        ({"cube": header((2**70, 2, 4, 16))}, r"cube\.npy: expected the samples of shape"),
-        ({"cube": header((3, -2, 4, 16))}, r"cube\.npy: expected the samples of shape"),
         ({"time": header((3,), "|O")}, r"time\.npy: expected numbers or text, got objects"),
         ({"time": header((3,))[:40]}, r"time\.npy: damaged or not an NPY file"),
         ({"time": header((3,)).replace(b"}", b"(")}, r"time\.npy: damaged or not an NPY file"),
         ({"time": npy(np.zeros(3, np.complex128))}, "rec.npz, time: expected float64, got complex128"),
-        ({"truth_range": npy(np.zeros((3, 2), np.complex128))}, "truth_range: expected float64, got complex128"),
         ({"truth_azimuth": npy(np.float64(0.0))}, r"rec.npz, truth: azimuth: expected shape \(3, 2\)"),
-        ({"truth_range": npy(np.zeros(1))}, r"rec.npz, truth: range: expected shape"),
     ],
 )
 @pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])

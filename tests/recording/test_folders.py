@@ -60,14 +60,6 @@ def test_info_lists_the_recordings_of_a_folder(several: Path, capsys: pytest.Cap
     assert "d.npy 4 frames of 3 x 4 x 16, 0.1 s, 60 GHz" in " ".join(capsys.readouterr().out.split())
 
 
-def test_info_names_the_board_of_a_recording_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    board = {"port": "/dev/ttyACM0", "name": "Radar Baseboard MCU7", "firmware": "2.6.0"}
-    for name in ("a", "b"):
-        replace(recording(1), source={"sensor": board}).save(tmp_path / name)
-    assert main(["info", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.splitlines()[1].endswith("GHz, Radar Baseboard MCU7, firmware 2.6.0")
-
-
 def test_sensors_of_a_recording_are_listed_and_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder(tmp_path / "rec")
     shutil.copytree(path / FOLDER, path / "RadarIfxAvian_01")

@@ -10,23 +10,19 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 from chip_settings import power_up
 from infineon_folders import FOLDER, OLD_NAMES, SENSOR, SHAPE, array, config, folder, saved, some_codes, text
-from radarcore.cli.main import main
 from radarcore.processing.spectra.spectra import range_profile
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Truth, to_codes, to_samples
-from radarcore.recording.infineon import is_recording
 from radarcore.recording.recording import Recording
-from radarcore.units import SPEED_OF_LIGHT
-from reference import beat_signal_reference
 
 FULL_SCALE = {"cube_unit": "full scale"}
 
@@ -68,24 +64,11 @@ def test_folder_of_the_sensor_is_the_recording_too(tmp_path: Path, monkeypatch: 
     assert "something else" not in str(alone.source)
 
 
-def test_codes_are_kept(tmp_path: Path) -> None:
-    rec = Recording.load(folder(tmp_path / "rec"))
-    assert rec.raw is not None
-    assert rec.raw.dtype == np.uint16
-    np.testing.assert_array_equal(rec.raw, some_codes())
-    np.testing.assert_array_equal(rec[2].raw, some_codes()[2])
-
-
 @pytest.mark.parametrize(("numbers", "rows"), [([1, 3], [0, 2]), ([2], [1]), ([3, 1], [0, 2])])
 def test_some_receivers_have_their_places(tmp_path: Path, numbers: list[int], rows: list[int]) -> None:
     codes = some_codes(2, (len(numbers), 4, 16))
     path = folder(tmp_path / "rec", config_json=config(rx_antennas=numbers), radar_npy=array(codes))
     np.testing.assert_array_equal(Recording.load(path).radar.rx, bgt60tr13c().rx[rows])
-
-
-def test_end_below_start_is_a_down_chirp(tmp_path: Path) -> None:
-    path = folder(tmp_path / "rec", config_json=config(start_frequency_Hz=63500000000, end_frequency_Hz=58000000000))
-    assert Recording.load(path).radar.waveform.slope == pytest.approx(-5.5e9 / (16 / 2e6 + 3.1125e-6), rel=1e-12)
 
 
 @pytest.mark.parametrize("values", [OLD_NAMES, {"device_config": OLD_NAMES}])
@@ -115,14 +98,6 @@ def test_recorder_that_was_killed_leaves_its_whole_frames(tmp_path: Path) -> Non
     np.testing.assert_array_equal(rec.raw, some_codes())
 
 
-def test_several_sensors_are_named(tmp_path: Path) -> None:
-    path = folder(tmp_path / "rec")
-    shutil.copytree(path / FOLDER, path / "RadarIfxAvian_01")
-    with pytest.raises(ValueError, match="of one sensor, got RadarIfxAvian_00, RadarIfxAvian_01; give one of these"):
-        Recording.load(path)
-    assert Recording.load(path / "RadarIfxAvian_01").source["infineon"]["folder"] == "RadarIfxAvian_01"
-
-
 def test_sensor_of_another_kind_is_warned_of(tmp_path: Path) -> None:
     path = folder(tmp_path / "rec", meta_json=text(SENSOR | {"description": "BGT60UTR11AIP"}))
     with pytest.warns(UserWarning, match="the sensor is 'BGT60UTR11AIP'; its antennas") as caught:
@@ -142,48 +117,34 @@ def without(key: str) -> bytes:
     ("files", "message"),
     [
         ({"config_json": None}, f"rec/{FOLDER}: expected a recording, got one without config.json"),
-        ({"radar_npy": None}, f"rec/{FOLDER}: expected a recording, got one without radar.npy"),
         ({"config_json": b"{\n  'a'"}, r"config\.json, line 2: "),
-        ({"config_json": b""}, r"config\.json, line 1: "),
         ({"config_json": b"[" * 100_000}, r"config\.json: "),
-        ({"config_json": b"[]"}, r"config\.json: expected an object, got list"),
         ({"config_json": b"{}"}, "expected a device_config of 'fmcw_single_shape', got none"),
         (
             {"config_json": scene_config("fmcw_scene")},
             "expected a device_config of 'fmcw_single_shape', got 'fmcw_scene'",
         ),
-        ({"config_json": text({"device_config": []})}, "'fmcw_single_shape', got list"),
-        ({"config_json": text({"device_config": {"fmcw_single_shape": 3}})}, "got 'fmcw_single_shape'"),
         (
             {"config_json": without("start_frequency_Hz")},
             r"config\.json: expected the key 'start_frequency_Hz', got none",
         ),
-        ({"config_json": without("rx_antennas")}, "expected the key 'rx_antennas', got none"),
         (
             {"config_json": config(sample_rate_Hz="fast")},
             r"config\.json: sample_rate_Hz: expected a number, got 'fast'",
         ),
         ({"config_json": config(sample_rate_Hz=10**400)}, r"config\.json: "),
-        ({"config_json": config(num_samples_per_chirp=10**400)}, r"config\.json: "),
-        ({"config_json": config(chirp_repetition_time_s=1e-6)}, "chirp_interval: expected at least"),
-        ({"config_json": config(rx_antennas=[])}, r"rx_antennas: expected some of the receivers 1, 2, 3.*got \[\]"),
         ({"config_json": config(rx_antennas=[1, 4])}, r"rx_antennas: .*got \[1, 4\]"),
-        ({"config_json": config(rx_antennas=[[1]])}, r"rx_antennas: .*got \[\[1\]\]"),
         ({"config_json": config(mimo_mode="tdm")}, "mimo_mode: expected 'off', got 'tdm'"),
         (
             {"config_json": config(num_chirps_per_frame=64)},
             r"\(n, 3, 64, 16\) by its config\.json, got \(5, 3, 4, 16\)",
         ),
         ({"meta_json": b"{"}, rf"{FOLDER}/meta\.json, line 1"),
-        ({"meta_json": b"7"}, r"meta\.json: expected an object, got int"),
         ({"meta_json": text({"adc_resolution": 10})}, "expected an adc_resolution of 12 bits, got 10"),
         ({"format_version": b"2.0.0\n"}, r"format\.version: expected version 1, got '2.0.0'"),
-        ({"format_version": b"9" * 1000}, r"format\.version: expected version 1, got '9{20}'"),
-        ({"radar_npy": b"no array"}, r"radar\.npy: damaged or not an NPY file"),
         ({"radar_npy": array(some_codes())[:500]}, r"radar\.npy: damaged or not an NPY file"),
         ({"radar_npy": saved(to_samples(some_codes()))}, r"radar\.npy: expected uint16, got float32"),
         ({"radar_npy": saved(np.asfortranarray(some_codes()))}, "in Fortran order"),
-        ({"radar_npy": saved(some_codes()[0])}, r"expected shape \(n, 3, 4, 16\)"),
         (
             {"radar_npy": array(some_codes() | 4096)},
             r"radar\.npy, from frame 0: codes: expected 0 to 4095, got 8180",
@@ -491,99 +452,32 @@ def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None
     assert (place / "again").exists() == is_there
 
 
-def test_place_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("precious")
-    with pytest.raises(NotADirectoryError, match="file/rec"):
-        full_scale().save(tmp_path / "file" / "rec", format="infineon")
+# A real one, where there is one.
 
 
-def test_commands_take_such_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = folder(tmp_path / "rec")
-    assert main(["info", str(path)]) == 0
-    assert "5, 3, 4, 16" in capsys.readouterr().out
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    assert main(["plot", str(path / FOLDER), "-o", str(tmp_path / "overview.png"), "--kind", "overview"]) == 0
-    assert (tmp_path / "overview.png").stat().st_size > 10_000
-
-
-def test_other_directories_are_no_such_recordings(tmp_path: Path) -> None:
-    full_scale().save(tmp_path / "own")
-    assert not is_recording(tmp_path / "own")
-    assert not is_recording(tmp_path / "nowhere")
-    assert not is_recording(tmp_path)
-
-
-# Long ones: one that is made here, as a sensor and a slow target would, and a real one where there is one.
-
-MOST_LIKE_IT = config(num_chirps_per_frame=8, num_samples_per_chirp=64)
-SLOW = 0.05  # m/s
-
-
-class Measured(NamedTuple):
-    """A recording, and what is known of it."""
-
-    path: Path
-    num_frames: int
-    means: list[float]
-    """Mean codes of the receivers."""
-    nearest_bin: float
-    farthest_bin: float
-    """Range bins in which something moves, in a transform of 256 samples."""
-
-
-def excerpt(path: Path) -> Measured:
-    """Thirty frames: receivers with offsets, leakage, noise, and a target that comes from 0.45 m at 0.05 m/s."""
-    rng, num_frames, means = np.random.default_rng(5), 30, [1581.0, 1967.0, 2064.0]
-    wave = power_up(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
-    ranges = 0.45 - SLOW * wave.frame_interval * np.arange(num_frames)
-    signals = np.stack(
-        [
-            beat_signal_reference(
-                2.0 * np.array([0.05, range_]) / SPEED_OF_LIGHT,
-                [400.0, 60.0],
-                wave,
-                2.0 * np.array([0.0, -SLOW]) / SPEED_OF_LIGHT,
-            ).real
-            for range_ in ranges
-        ]
-    )  # (frame, 1, chirp, sample)
-    signals = signals - signals.mean() + 5.0 * rng.standard_normal((num_frames, 3, 8, 64))
-    codes = np.rint(np.array(means)[:, None, None] + signals).astype(np.uint16)
-    folder(path, config_json=MOST_LIKE_IT, radar_npy=array(codes))
-    bins = 256 * wave.slope * 2.0 * ranges / SPEED_OF_LIGHT / wave.sample_rate
-    return Measured(path, num_frames, means, bins.min(), bins.max())
-
-
-@pytest.fixture(scope="module", params=["made", "real"])
-def measured(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    if request.param == "made":
-        return excerpt(tmp_path_factory.mktemp("recordings") / "made")
+@pytest.fixture(scope="module")
+def real() -> Path:
+    """A recording of a real sensor, in front of which a person moves."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
     if not path.is_dir():
         pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    # As published: the means, and a person who moves.
-    return Measured(path, 256, [1581.0, 1967.0, 2064.0], 40.0, 60.0)
+    return path
 
 
-def test_long_recording_is_written_to_the_last_byte(measured: Measured, tmp_path: Path) -> None:
-    Recording.load(measured.path).save(tmp_path / "again", format="infineon")
-    assert contents(tmp_path / "again") == contents(measured.path)
+def test_real_recording_is_written_to_the_last_byte(real: Path, tmp_path: Path) -> None:
+    Recording.load(real).save(tmp_path / "again", format="infineon")
+    assert contents(tmp_path / "again") == contents(real)
 
 
-def test_long_recording_is_what_its_receivers_had(measured: Measured) -> None:
-    rec = Recording.load(measured.path)
-    assert rec.cube.shape == (measured.num_frames, 3, 8, 64)
+def test_real_recording_has_its_settings_and_shows_what_moves(real: Path) -> None:
+    """Mean codes of the receivers, and the range bins of the person, are as published."""
+    rec = Recording.load(real)
+    assert rec.cube.shape == (256, 3, 8, 64)
     assert rec.raw is not None
-    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), measured.means, atol=1.0)
-    assert (
-        rec.radar.waveform
-        == power_up(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689).waveform
-    )
-
-
-def test_long_recording_shows_its_moving_target(measured: Measured) -> None:
-    rec = Recording.load(measured.path)
+    np.testing.assert_allclose(rec.raw.mean(axis=(0, 2, 3)), [1581.0, 1967.0, 2064.0], atol=1.0)
+    expected = power_up(num_chirps=8, chirp_interval=0.0005911249900236726, frame_interval=0.07726884633302689)
+    assert rec.radar.waveform == expected.waveform
     profiles = range_profile(rec.cube.mean(axis=2), rec.radar.waveform, num_bins=256)  # (frame, channel, range)
     moving = (np.abs(profiles - profiles.mean(axis=0)) ** 2).sum(axis=(0, 1))
-    assert measured.nearest_bin <= np.argmax(moving) <= measured.farthest_bin
+    assert 40 <= np.argmax(moving) <= 60

@@ -15,7 +15,7 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from recordings import CUBE, FILES, RADAR, WAVEFORM, assert_same, frame, recording
+from recordings import CUBE, FILES, RADAR, assert_same, frame, recording
 
 
 def test_recording_gives_its_frames_back() -> None:
@@ -172,39 +172,6 @@ def test_suffix_without_a_format_is_refused(tmp_path: Path, path: str) -> None:
         recording().save(tmp_path / path, format="zarr")
     with pytest.raises(ValueError, match="to write frame by frame"):
         RecordingWriter(tmp_path / "rec.npz", RADAR)
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (lambda: Frame(CUBE[:1], 0.0, RADAR), ValueError, r"\(2, 4, 16\) \[channel, chirp, sample\].*got \(1, 4, 16\)"),
-        (lambda: Frame(CUBE.real.astype(int), 0.0, RADAR), TypeError, "cube: expected float32, .*got int64"),
-        (lambda: Frame(CUBE, 0.0, WAVEFORM), TypeError, "radar: expected Radar, got Waveform"),  # type: ignore[arg-type]
-        (lambda: Frame(CUBE, 0.0, RADAR, recording().truth), ValueError, r"arrays of shape \(2,\), got \(3, 2\)"),
-        (lambda: Frame(CUBE, 0.0, RADAR, "truth"), TypeError, "truth: expected Truth, got str"),  # type: ignore[arg-type]
-        (lambda: Recording(CUBE, [0.0], RADAR), ValueError, r"\(n, 2, 4, 16\) \[frame, .*got \(2, 4, 16\)"),  # type: ignore[arg-type]
-        (lambda: Recording(CUBE[None], [0.0, 1.0], RADAR), ValueError, r"time: expected shape \(1,\)"),  # type: ignore[arg-type]
-        (
-            lambda: Recording(np.stack([CUBE] * 3), [0.0, 1.5, 1.0], RADAR),  # type: ignore[arg-type]
-            ValueError,
-            r"time: expected increasing times \[s\], got 1\.5 and then 1 at index 2",
-        ),
-        (lambda: Recording.from_frames([frame(1), frame(0)]), ValueError, "time: expected increasing times"),
-        (lambda: Recording.from_frames([]), ValueError, "frames: expected at least one frame"),
-        (lambda: Recording.from_frames([frame(0), CUBE]), TypeError, r"frames\[1\]: expected Frame"),  # type: ignore[list-item]
-        (
-            lambda: Recording.from_frames([frame(0), frame(1, names=None)]),
-            ValueError,
-            r"frames\[1\]: expected complex64",
-        ),
-        (lambda: Truth(("a",), *np.zeros((4, 2))), ValueError, r"range: expected shape \(1,\) or \(frame, 1\).*\(2,\)"),
-        (lambda: Truth("arm", *np.zeros((4, 3))), TypeError, "names: expected one name per body"),  # type: ignore[arg-type]
-        (lambda: Truth(("a",), ["x"], *np.zeros((3, 1))), TypeError, "range: expected numbers"),  # type: ignore[arg-type]
-    ],
-)
-def test_silly_input_is_refused_by_name(make: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        make()
 
 
 @pytest.mark.parametrize("source", [{"array": np.zeros(3)}, {"level": float("nan")}])

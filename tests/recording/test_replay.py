@@ -83,13 +83,3 @@ def test_replay_without_waiting_gives_what_frames_gives() -> None:
     assert_same(replayed, rec)
     assert list(of_times().replay(speed=None, loop=True)) == []
     assert list(of_times().replay()) == []
-
-
-def test_replay_by_the_real_clock_ends() -> None:
-    assert len(list(of_times(0.0, 0.01, 0.02).replay())) == 3
-
-
-@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf")])
-def test_speed_that_is_none_is_refused_at_once(speed: float) -> None:
-    with pytest.raises(ValueError, match="speed: expected"):
-        recording().replay(speed=speed)

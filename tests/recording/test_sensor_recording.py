@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from radarcore.recording.frame import Frame, to_samples
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from recordings import CODES, CUBE, FRAME_TIMES, RADAR, SENSOR, recording, sensor_frame
@@ -38,18 +36,6 @@ def test_samples_in_watts_have_no_codes() -> None:
     unit = {"cube_unit": "full scale"}
     assert Recording(CUBE[None], np.zeros(1), RADAR, source=unit).raw is None  # I/Q
     assert Recording(np.zeros((1, 2, 4, 16)), np.zeros(1), RADAR, source=unit).raw is not None
-
-
-@pytest.mark.parametrize(
-    ("raw", "error", "message"),
-    [
-        (CODES[0].astype(np.int32), TypeError, "raw: expected uint16, got int32"),
-        (CODES, ValueError, r"raw: expected shape \(3, 4, 16\) as the cube, got \(4, 3, 4, 16\)"),
-    ],
-)
-def test_codes_that_do_not_fit_the_samples_are_refused(raw: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        Frame(to_samples(CODES[0]), 0.0, SENSOR, raw=raw)
 
 
 # Lost frames.
@@ -84,24 +70,3 @@ def test_where_nobody_counted_lost_frames_there_is_no_file(tmp_path: Path) -> No
     loaded = Recording.load(tmp_path / "rec")
     assert loaded.lost is None
     assert "lost_before" not in loaded[0].stats
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "message"),
-    [
-        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=lost), ValueError, r"lost: expected shape \(1,\)"),  # type: ignore[arg-type]
-        (
-            lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[-1]),
-            ValueError,
-            "lost: expected .* from 0 on, got -1",
-        ),  # type: ignore[arg-type]
-        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[2**31]), ValueError, "lost: expected numbers"),  # type: ignore[arg-type]
-        (lambda lost: Recording(CUBE[None], [0.0], RADAR, lost=[0.5]), TypeError, "lost: expected integers"),  # type: ignore[arg-type]
-        (lambda lost: Recording.from_frames([sensor_frame(0, lost_before=-1)]), ValueError, "lost_before.*at least 0"),
-        (lambda lost: Recording.from_frames([sensor_frame(0, lost_before=2**31)]), ValueError, "lost_before.*at most"),
-        (lambda lost: Recording(CUBE[None], [0.0], RADAR, source=None), TypeError, "source: expected a dict"),  # type: ignore[arg-type]
-    ],
-)
-def test_silly_counts_are_refused_by_name(make: Any, error: Any, message: str) -> None:
-    with pytest.raises(error, match=message):
-        make([0, 0])

@@ -130,16 +130,6 @@ def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -
     assert parts_of(tmp_path / "other_0.bin") == (tmp_path / "other_0.bin",)  # another capture may be other_1.bin
 
 
-def test_capture_is_saved_as_a_recording(tmp_path: Path) -> None:
-    data, config = write(tmp_path, SCENE.numbers("lanes2", q_first=True), commands(SCENE))
-    recording = rc.Recording.load(data, config=config)
-    recording.save(tmp_path / "saved")
-    again = rc.Recording.load(tmp_path / "saved")
-    assert again.radar == recording.radar
-    assert again.source == recording.source
-    np.testing.assert_array_equal(again.cube, recording.cube)
-
-
 def test_frame_that_is_not_whole_is_left_out_with_a_warning(tmp_path: Path) -> None:
     words = SCENE.numbers("lanes2", q_first=True)
     data, config = write(tmp_path, words[:-7], commands(SCENE))
@@ -257,19 +247,11 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 3"}, "one transmitter per chirp .TDM., got the mask 0x3 of chirp 0"),
         ({"chirp0": "chirpCfg 0 0 0 1e6 0 0 0 1"}, "chirps as their profile has them, got changes of chirp 0"),
         ({"chirp0": "chirpCfg 0 0 1 0 0 0 0 1"}, r"chirps of one profile, got those of \[0, 1\]"),
-        ({"chirp1": ""}, "expected chirp 1, which the frame has, in chirpCfg, got none"),
-        ({"chirp0": "chirpCfg 0 1e9 0 0 0 0 0 1"}, "expected chirps 0 to 511, got 0 to 1000000000"),
-        ({"frameCfg": "frameCfg 0 nan 16 0 50 1 0"}, "line 11: expected numbers after frameCfg"),
         ({"channelCfg": "channelCfg 31 5 0"}, "a mask of up to 4 receivers, got 0x1f"),
-        ({"chirp0": "chirpCfg 0 0 0 0 0 0 0 -1"}, "a mask of up to 4 transmitters of chirp 0, got -0x1"),
         ({"bpmCfg": "bpmCfg -1 1 0 1"}, "got binary phase modulation"),
         ({"dfeDataOutputMode": "dfeDataOutputMode 3"}, "got sub-frames or no frames"),
         ({"lvdsStreamCfg": "lvdsStreamCfg -1 1 1 0"}, r"samples alone .*, got 1 1 0"),
-        ({"lvdsStreamCfg": "lvdsStreamCfg -1 0 0 1"}, r"samples alone .*, got 0 0 1"),
         ({"frameCfg": "frameCfg 0 1 16 0 64 50 1 0"}, "line 11: expected 7 numbers after frameCfg, got 8"),
-        ({"frameCfg": ""}, "expected the command frameCfg, got none"),
-        ({"channelCfg": "channelCfg 15 x 0"}, "line 5: expected numbers after channelCfg"),
-        ({"channelCfg": "channelCfg 0 5 0"}, "at least one receiver, got the mask 0x0"),
         ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
         ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
         ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
@@ -281,13 +263,11 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
             {"profileCfg": "profileCfg 0 77 7 6 12 0 0 60 1 64 6000 0 0 30"},
             r"ends after the last sample, 16\.6667 us after its start \(6 us and 64 .*, got a ramp of 12 us",
         ),
-        ({"profileCfg": "profileCfg 0 77 7 1 12 0 0 300 1 64 6000 0 0 30"}, r"266 MHz/us, got 77 to 80\.6 GHz at 300"),
         (
             {"profileCfg": "profileCfg 0 77 7 6 80 0 0 60 1 64 6000 0 0 30"},
             r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60",
         ),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
-        ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 4 * " 1 0"}, "pairs for TX1 to TX3, got pairs for 1 tr"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
         ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),
     ],
@@ -313,20 +293,11 @@ def _edited(values: dict[str, Any], *path: Any, to: Any) -> dict[str, Any]:
         (("rfConfig", "waveformType"), "advancedFrameChirp", "frames without sub-frames"),
         (("rfConfig", "rlBpmChirps", 0, "rlBpmChirpCfg_t", "constBpmVal"), "0x5", "got binary phases"),
         (("rfConfig", "rlChirps", 1, "rlChirpCfg_t", "idleTimeVar_usec"), 1.5, "got idleTimeVar_usec of chirp 1"),
-        (("rfConfig", "rlChanCfg_t", "rxChannelEn"), "15 of them", "rxChannelEn: expected an integer"),
         (("rfConfig", "rlChanCfg_t", "rxChannelEn"), 10**400, "a mask of up to 4 receivers|expected an integer"),
-        (("rfConfig", "rlFrameCfg_t", "framePeriodicity_msec"), 10**400, "rlFrameCfg_t: "),
-        (("rfConfig", "rlFrameCfg_t", "chirpEndIdx"), 10**9, "expected chirps 0 to 511"),
-        (
-            ("rfConfig", "rlProfiles", 0, "rlProfileCfg_t", "rampEndTime_usec"),
-            12.0,
-            r"a ramp that ends after the last sample, 16\.6667 us",
-        ),
         (("rfConfig", "rlProfiles"), [], "expected profile 0, which chirps have, got none"),
         (("rawDataCaptureConfig", "rlDevDataPathCfg_t", "transferFmtPkt0"), "0x6", "samples alone"),
         (("rawDataCaptureConfig", "rlDevLaneEnable_t", "laneEn"), "0x1", "two or four LVDS lanes, got 1"),
         (("rawDataCaptureConfig", "rlDevDataFmtCfg_t", "chInterleave"), 0, "receivers one after the other on 2 LVDS"),
-        (("rawDataCaptureConfig", "rlDevDataFmtCfg_t"), {}, "expected the key 'iqSwapSel', got none"),
     ],
 )
 def test_settings_of_mmwave_studio_are_refused_by_name(
