@@ -80,22 +80,8 @@ def test_scene_of_a_sample_gives_its_frames(folder: Path, tmp_path: Path, capsys
 def test_failed_samples_are_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plate = "[[body]]\nshape = { kind = 'plate', width = 0.5, height = 0.5 }\npose.position = "
     write_scene(tmp_path, plate + "[{ uniform = [-0.002, 0.002] }, 0.0, 0.0]")
-    assert (
-        main(
-            [
-                "dataset",
-                "make",
-                str(tmp_path / "scene.toml"),
-                "-o",
-                str(tmp_path / "out"),
-                "--count",
-                "12",
-                "--workers",
-                "1",
-            ]
-        )
-        == 0
-    )
+    arguments = ["dataset", "make", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--count", "12"]
+    assert main([*arguments, "--workers", "1"]) == 0
     printed = capsys.readouterr()
     dataset = rc.dataset.open_dataset(tmp_path / "out")
     assert len(dataset.failed) > 3
@@ -111,9 +97,3 @@ def test_lost_worker_is_told_with_the_option_that_goes_on(
     monkeypatch.setattr("radarcore.cli.dataset.verify", MagicMock(side_effect=lost))
     assert main(["dataset", "verify", str(folder / "out")]) == 1
     assert "--resume goes on with the rest" in capsys.readouterr().err
-
-
-def test_file_that_is_no_dataset_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "notes.txt").write_text("mine")
-    assert main(["dataset", "info", str(folder / "notes.txt")]) == 1
-    assert "notes.txt: expected a dataset, got a file, no folder" in capsys.readouterr().err

@@ -7,9 +7,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.cli import demo
-from radarcore.cli.main import main
 from radarcore.models import robots
-from radarcore.recording.writer import RecordingWriter
 
 needs_robots = pytest.mark.skipif(
     not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
@@ -62,18 +60,3 @@ def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path) -> None:
     assert result["triangles"] > 100_000  # 5862 of the arm, 109 000 of the man
     cylinder = result["targets"][0]
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 4
-
-
-def test_interrupt_leaves_a_readable_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    frames = iter(range(2))
-    original = RecordingWriter.append
-
-    def interrupted(self: RecordingWriter, frame: rc.Frame) -> None:
-        if next(frames, None) is None:
-            raise KeyboardInterrupt
-        original(self, frame)
-
-    monkeypatch.setattr(RecordingWriter, "append", interrupted)
-    assert main(["demo", "--no-robots", "--ray-budget", "400000", "-o", str(tmp_path)]) == 130
-    with pytest.warns(UserWarning, match="2 of 200 planned frames"):
-        assert len(rc.Recording.load(tmp_path / "recording")) == 2

@@ -224,14 +224,11 @@ def test_radar_of_a_scene_keeps_its_waveform_and_phases(tmp_path: Path) -> None:
             "--samples 64 --max-range 20 --bandwidth 1GHz",
             "bandwidth: expected at most 239.1 MHz with max_range = 20 m at 4 MHz, got 1 GHz",
         ),
-        ("--bandwidth 6GHz", "bandwidth: expected at most 5.4"),
         ("--max-velocity 100", "max_velocity: expected at most 31.08 m/s with max_range = 10 m at 4 MHz, got 100"),
         ("--rate 1000 --chirps 64", "rate: expected at most 390 Hz with num_chirps = 64 and max_range = 10 m at"),
-        ("--max-range 1e6", "max_range: expected at most 6139 m"),
         ("--samples 5000", "num_samples: expected at most 3266 at 2 MHz, got 5000"),
         ("--bandwidth 4", "bandwidth: expected a frequency with its unit, as 1.5GHz or 500MHz, got '4'"),
         ("--rx 1,1", "rx: expected some of 1,2,3"),
-        ("--rx ,", "rx: expected some of 1,2,3"),
     ],
 )
 def test_what_cannot_be_had_is_named_with_what_it_was_asked_beside(words: str, message: str) -> None:

@@ -85,7 +85,12 @@ def test_a_fault_of_a_scene_is_one_line_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == [scene]
 
 
-def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "status", "message"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "ended by SIGTERM")]
+)
+def test_simulation_that_is_told_to_end_leaves_a_readable_recording(
+    tmp_path: Path, scene: Path, number: signal.Signals, status: int, message: str
+) -> None:
     scene.write_text(APPROACHING.replace("stop = 0.3", "stop = 1000.0").replace("-0.5, 0.0", "0.0, 0.0"))
     output = tmp_path / "recording"
     # A background job of a shell ignores interrupts by default.
@@ -101,10 +106,10 @@ def test_interrupt_leaves_a_readable_recording(tmp_path: Path, scene: Path) -> N
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    os.kill(process.pid, signal.SIGINT)
+    os.kill(process.pid, number)
     _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert errors == "radarcore: interrupted\n"
+    assert process.returncode == status
+    assert errors == f"radarcore: {message}\n"
     with pytest.warns(UserWarning, match="of 10000 planned frames"):
         recording = rc.Recording.load(output)
     assert len(recording) >= 2

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager
 
@@ -137,32 +136,6 @@ def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
     assert not link.is_symlink()
 
 
-def test_simulation_that_is_told_to_end_leaves_a_readable_recording(tmp_path):
-    scene, output = tmp_path / "swing.toml", tmp_path / "rec"
-    scene.write_text(SWING)
-    with python(CLI, "simulate", scene, "-o", output) as process:
-        cube = output / "cube.npy"
-        assert is_soon(lambda: cube.exists() and cube.stat().st_size > 200_000)
-        _, err = end(process, signal.SIGTERM)
-    assert process.returncode == 143
-    assert "radarcore: ended by SIGTERM" in err
-    with pytest.warns(UserWarning, match="its writer was interrupted"):
-        assert len(rc.Recording.load(output)) > 0
-
-
-def test_interrupt_while_a_scene_is_built_is_one_line(tmp_path):
-    scene = tmp_path / "swing.toml"
-    scene.write_text(SWING)
-    # A scene that takes as long to build as one of huge meshes.
-    slow = "import time, radarcore.scenefile.load as scenes\ndef build(path):\n print('builds', flush=True)\n"
-    slow += " time.sleep(60)\nscenes.load_scene = build\n"
-    with python(slow + CLI, "sensor", "serve", scene, "--link", tmp_path / "radar") as server:
-        assert server.stdout.readline() == "builds\n"
-        _, err = end(server, signal.SIGINT)
-    assert (server.returncode, err) == (130, "radarcore: interrupted\n")
-    assert not (tmp_path / "radar").is_symlink()
-
-
 HEAVY = """
 import time
 from radarcore.simulate.simulator import Simulator
@@ -174,15 +147,17 @@ Simulator.frame = frame
 """A simulator whose frames take as long as those of millions of rays."""
 
 
-def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path):
-    """Of a board with ComLib: it simulates while its port waits for an answer."""
+@pytest.mark.parametrize("protocol", ["strata", "comlib"])
+def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol):
+    """A board with ComLib simulates while its port waits for an answer."""
     scene, link = tmp_path / "swing.toml", tmp_path / "radar"
     scene.write_text(SWING)
-    with python(HEAVY + CLI, "sensor", "serve", scene, "--link", link, "--protocol", "comlib") as server:
+    with python(HEAVY + CLI, "sensor", "serve", scene, "--link", link, "--protocol", protocol) as server:
         try:
             assert server.stdout.readline() == f"listening on {link}\n"
-            with open_sensor(str(link), protocol="comlib") as sensor:
-                sensor.configure(rc.Radar(RADAR.waveform, rx=[[0.0, 0.0, 0.0]], receiver=RADAR.receiver))
+            with open_sensor(str(link), protocol=protocol) as sensor:
+                rx = RADAR.rx if protocol == "strata" else [[0.0, 0.0, 0.0]]
+                sensor.configure(rc.Radar(RADAR.waveform, rx=rx, receiver=RADAR.receiver))
                 with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
                     next(sensor.frames(timeout=0.2))
             assert "simulates\n" in [server.stdout.readline() for _ in range(3)]
@@ -193,24 +168,6 @@ def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path):
             server.kill()
     assert server.returncode == 0
     assert not link.is_symlink()
-
-
-def test_board_is_closed_while_a_frame_takes_long(monkeypatch):
-    is_begun, goes_on = threading.Event(), threading.Event()
-
-    def frame(simulator, at):
-        is_begun.set()
-        goes_on.wait(60.0)
-        raise ValueError("nobody waits for it")
-
-    monkeypatch.setattr(rc.Simulator, "frame", frame)
-    with virtual_board(rc.Simulator(rc.Scene(), RADAR)) as board:
-        board._controller.chip.execute(start_words(registers_of(Settings.from_radar(RADAR), 768)))
-        assert is_begun.wait(30.0)
-        began = time.monotonic()
-        board.close()
-        assert time.monotonic() - began < 10.0
-    goes_on.set()
 
 
 # Links
