@@ -5,19 +5,36 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-RADAR = ['radar.preset = "bgt60tr13c"', "radar.num_chirps = 8", "radar.num_samples = 32", "run.stop = 0.05"]
-BALL = [
+_RADAR = ['radar.preset = "bgt60tr13c"', "radar.num_chirps = 8", "radar.num_samples = 32", "run.stop = 0.05"]
+_POINT = [
     "[[point]]",
     'name = "ball"',
     "position = [{ uniform = [1.0, 2.5] }, 0.0, 0.0]",
     "velocity = [{ uniform = [-1.0, 1.0] }, 0.0, 0.0]",
 ]
 
+HEAD = 'run = { stop = 0.02, resolution = 32 }\n[radar]\npreset = "bgt60tr13c"\nnum_chirps = 8\n'
+BALL = """
+[[body]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+pose = { position = [{ uniform = [1.0, 3.0] }, { normal = [0.0, 0.2] }, 0.0] }
+material = { choice = ["metal", "wood"] }
+"""
+PERSON = """
+[[human]]
+name = "person"
+repeat = { integers = [0, 3] }
+height = { uniform = [1.5, 1.9], step = 0.1 }
+speed = { uniform = [0.5, 1.5] }
+path = [[4.0, { uniform = [-1.0, 1.0] }], [1.0, 0.0]]
+"""
+
 
 def write_scene(folder: Path, *lines: str) -> Path:
     """Scene file of a ball at a random place, with further lines."""
     file = folder / "scene.toml"
-    file.write_text("\n".join([*RADAR, *BALL, *lines]) + "\n", encoding="utf-8")
+    file.write_text("\n".join([*_RADAR, *_POINT, *lines]) + "\n", encoding="utf-8")
     return file
 
 

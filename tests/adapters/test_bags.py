@@ -27,7 +27,6 @@ from ros_bags import (
     array_of,
     cut,
     file_of,
-    header_of,
     read_cut,
     write_bag,
     write_ros1_bag,
@@ -101,23 +100,6 @@ def test_a_single_file_and_a_folder_without_metadata_are_bags_too(tmp_path: Path
     assert {entry.name for entry in tmp_path.iterdir()} == {"take.mcap", "take.db3", "mcap", "sqlite3"}
 
 
-def test_a_second_reader_agrees(tmp_path: Path) -> None:
-    reader = pytest.importorskip("mcap.reader", reason="needs mcap: pip install mcap mcap-ros2-support")
-    decoder = pytest.importorskip("mcap_ros2.decoder", reason="needs mcap-ros2-support")
-    path = tmp_path / "take.mcap"
-    scan = {"header": header_of(START_NS, "radar"), "returns": [dict.fromkeys(RETURN, 0.5) | {"range": 2.5}]}
-    with BagWriter(path) as bag:
-        bag.write("/scan", scan, START_NS, type="radar_msgs/msg/RadarScan")
-    with path.open("rb") as file:
-        ((_, channel, message, found),) = reader.make_reader(
-            file, decoder_factories=[decoder.DecoderFactory()]
-        ).iter_decoded_messages()
-    assert (channel.topic, message.log_time) == ("/scan", START_NS)
-    assert found.header.stamp.sec * 10**9 + found.header.stamp.nanosec == START_NS
-    assert found.header.frame_id == "radar"
-    assert [(entry.range, entry.azimuth) for entry in found.returns] == [(2.5, 0.5)]
-
-
 def test_topics_of_other_encodings_are_left_out(tmp_path: Path) -> None:
     """Foxglove and others put JSON beside messages of ROS into an MCAP file."""
     writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
@@ -185,7 +167,6 @@ def test_databases_without_definitions_are_read_by_those_of_ros(tmp_path: Path, 
 
 
 POINT = "geometry_msgs/msg/Point"
-RETURN = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
 
 
 def test_latched_topics_say_so(tmp_path: Path, format: str) -> None:
@@ -418,23 +399,6 @@ def test_a_wrong_topic_names_those_that_there_are(path: Path) -> None:
             bag.only_topic("sensor_msgs/msg/Image")
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.mcap", b"", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got an empty file"),
-        ("a.bag", b"#ROSBAG V1.2\n", "expected a ROS 1 bag, or an MCAP or SQLite bag of ROS 2, got another file"),
-        ("a.db3", b"SQLite format 3\0" + bytes(200), r"expected a whole bag, got a damaged one \("),
-    ],
-)
-def test_other_files_are_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=message) as error:
-        BagReader(path)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_bytes_that_are_wrong_end_in_one_warning_or_one_line(bags: dict[str, Path], tmp_path: Path, seed: int) -> None:
     """Never in another error, without end, or in a message that its definition does not fit."""
@@ -458,13 +422,6 @@ def test_bytes_that_are_wrong_end_in_one_warning_or_one_line(bags: dict[str, Pat
         assert "\n" not in refused
         assert len(caught) <= 1
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-def test_nothing_and_a_folder_without_bags_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="no such bag"):
-        BagReader(tmp_path / "none")
-    with pytest.raises(ValueError, match=r"expected a bag, got a folder without \.mcap, \.db3, \.bag files"):
-        BagReader(tmp_path)
 
 
 def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
@@ -497,12 +454,6 @@ def test_writer_refuses_what_it_cannot_write(tmp_path: Path) -> None:
             bag.write("/a", {"data": "x"}, -1)
     with pytest.raises(ValueError, match="expected an open bag, got one that is closed"):
         bag.write("/a", {"data": "x"}, 0)
-
-
-def test_missing_rosbags_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rosbags", None)
-    with pytest.raises(ImportError, match=r"ROS bags need rosbags: pip install radarcore\[ros\]"):
-        BagReader(tmp_path)
 
 
 def test_writer_that_is_interrupted_before_it_begins_leaves_nothing(

@@ -134,16 +134,6 @@ def test_stepping_is_set_before_the_start_and_the_simulation_stopped_at_the_end(
     assert order == ["sim.setStepping", "sim.startSimulation", "sim.stopSimulation", "sim.setStepping"]
 
 
-def test_simulation_is_stopped_after_an_error(simulator: coppeliasim.CoppeliaSim, stub: Stub) -> None:
-    def divide() -> float:
-        with simulator.running():
-            return simulator.step() / 0.0
-
-    with pytest.raises(ZeroDivisionError):
-        divide()
-    assert not stub.is_running
-
-
 @pytest.mark.usefixtures("hears_interrupts")
 def test_simulation_is_stopped_after_an_interrupt_in_the_midst_of_a_step(
     simulator: coppeliasim.CoppeliaSim, stub: Stub, monkeypatch: pytest.MonkeyPatch
@@ -351,24 +341,3 @@ def test_threads_end_with_the_connection(stub: Stub) -> None:
     before = threading.active_count()
     connected(stub).close()
     assert threading.active_count() == before
-
-
-def test_missing_extra_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "coppeliasim_zmqremoteapi_client", None)
-    with pytest.raises(ImportError, match=r"pip install radarcore\[coppelia\]"):
-        coppeliasim.CoppeliaSim()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: coppeliasim.CoppeliaSim("no such name!"), "host: expected the name or address of a machine"),
-        (lambda: coppeliasim.from_grey_buffer(bytes(12), [4, 4]), "data: expected 16 bytes for 4 x 4 grey pixels"),
-        (lambda: coppeliasim.from_matrix(np.zeros(16)), r"matrix: expected shape \(12,\), got \(16,\)"),
-        (lambda: coppeliasim.from_matrix(np.zeros(12)), "rotation: expected a rotation matrix"),
-        (lambda: coppeliasim.from_shape_viz([{"vertices": [0.0]}]), "items: expected 'indices' in item 0, got 'vert"),
-    ],
-)
-def test_bad_input_names_what_was_expected(call: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call()

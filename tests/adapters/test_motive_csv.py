@@ -119,13 +119,6 @@ def test_truncated_file_is_read_up_to_its_last_whole_frame(num_bytes: int, tmp_p
     assert capture["person"].is_tracked.all()
 
 
-def test_file_cut_between_two_lines_says_so(tmp_path: Path) -> None:
-    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
-    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-10]))
-    with pytest.warns(UserWarning, match=r"t1.csv: expected 60 frames, got 50: the file is truncated after 2.90833 s"):
-        assert len(read_motive_csv(path)) == 50
-
-
 def test_missing_unit_can_be_given(tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES, unit=None)
     with pytest.raises(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,6 @@ import radarcore as rc
 from mujoco_models import CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10
 from radarcore.adapters.mujoco import LiveModel, frames, spec_from_urdf
 from radarcore.models import RobotArm
-
-C = 299_792_458.0  # [m/s]
 
 GEOMS = {
     "plane": '<geom type="plane" size="0.4 0.3 1"/>',
@@ -109,30 +106,6 @@ def test_poses_and_velocities_of_all_things_are_mujocos_own(seed: int) -> None:
         turning = np.cross(velocity[:3], motion.at(data.time).rotation, axisb=0).T
         expected = np.column_stack([turning, velocity[3:]])
         np.testing.assert_allclose(motion.rate_at(data.time), expected, rtol=0, atol=1e-10), f"seed {seed}"
-
-
-def test_velocity_along_the_ray_is_the_difference_of_the_range() -> None:
-    model, data = compiled(CHAIN)
-    scattered(model, data, 5)
-    live, step = LiveModel(model), 1e-5
-    live.update(data)
-    start, ranges = data.qpos.copy(), []
-    points = [body.mesh.vertices[0] for body in live.bodies]
-    rates = []
-    for body, point in zip(live.bodies, points, strict=True):
-        place, rate = body.motion.at(0.0).apply(point), body.motion.rate_at(0.0)
-        rates.append(place @ (rate[:, :3] @ point + rate[:, 3]) / np.linalg.norm(place))
-    for side in (-step, step):
-        data.qpos[:] = start
-        mujoco.mj_integratePos(model, data.qpos, data.qvel, side)
-        mujoco.mj_kinematics(model, data)
-        places = [
-            data.geom_xmat[geom].reshape(3, 3) @ point + data.geom_xpos[geom]
-            for geom, point in zip(live.geoms, points, strict=True)
-        ]
-        ranges.append(np.linalg.norm(places, axis=1))
-    np.testing.assert_allclose(rates, (ranges[1] - ranges[0]) / (2.0 * step), rtol=0, atol=1e-7)
-    assert np.abs(rates).max() > 0.5
 
 
 def test_poses_after_a_step_are_those_of_its_end() -> None:
@@ -248,13 +221,6 @@ def test_wrong_names_and_settings_are_errors_that_name_near_ones(
 ) -> None:
     with pytest.raises(kind, match=message):
         make()
-
-
-def test_missing_package_is_an_error_that_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    model, _ = compiled("")
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ImportError, match=r"MuJoCo models need mujoco: pip install radarcore\[mujoco\]"):
-        LiveModel(model)
 
 
 def test_flexible_bodies_are_warned_of() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 from mujoco_models import BACK_ENDS, CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10, skip_without_graphics
 from radarcore.adapters import images
-from radarcore.adapters.mujoco import DepthView, LiveModel, View
+from radarcore.adapters.mujoco import DepthView, LiveModel
 
 ROWS, COLUMNS = 90, 120
 FOVY = 50.0
@@ -107,30 +107,6 @@ def test_rendered_depth_of_a_ur10_is_that_of_our_own_rays() -> None:
         assert np.quantile(np.abs(seen.depth.depth[chosen] - planar[chosen]), 0.99) < most
 
 
-def test_moving_a_body_moves_its_points_by_the_same_transform(drawn: tuple[LiveModel, Any, DepthView]) -> None:
-    live, data, view = drawn
-    mesh = live.bodies[2].mesh
-    assert live.scene.names == ("wall", "stone/stone 1", "box/box", "hand/stone 2")
-    lowest, highest = mesh.bounds
-    start = data.qpos.copy()
-    for move, turn in (((0, 0, 0), 0.0), ((0.2, 0.4, 0.3), 0.7)):
-        data.qpos[7:10] += move
-        data.qpos[10:14] = [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0]
-        seen = view.view(data)
-        points = np.full((*seen.body.shape, 3), np.nan)
-        points[seen.depth.valid] = seen.depth.points
-        chosen = points[inner(seen.body) & (seen.body == 2)] + [0.0, 0.0, 1.0]
-        pose = live.bodies[2].motion.at(data.time)
-        local = (chosen - pose.position) @ pose.rotation
-        # On the surface of the box, whatever its pose: the largest coordinate reaches a face.
-        depth = np.abs(np.abs(local) - highest).min(axis=1)
-        assert len(local) > 100
-        assert np.quantile(depth, 0.99) < 5e-6
-        assert (local > lowest - 1e-5).all()
-        assert (local < highest + 1e-5).all()
-    data.qpos[:] = start
-
-
 def test_twists_are_the_rates_of_the_rendered_depths() -> None:
     """A camera that moves and turns sees bodies that move and turn: rates by differences of images."""
     skip_without_graphics()
@@ -209,17 +185,6 @@ def test_poses_and_rendered_depth_give_the_same_ranges_and_velocities() -> None:
     # Truth of the image holds for its time, that of poses for the middle of the frame.
     middle = by_depth.truth.range[1:] + 0.5 * RADAR.duration * by_depth.truth.velocity[1:]
     np.testing.assert_allclose(middle, by_poses.truth.range[1:], rtol=0, atol=1e-3)
-
-
-def test_body_at_a_velocity_has_its_doppler_peak_there_by_rendered_depth() -> None:
-    skip_without_graphics()
-    model, data = compiled(f'{CAMERA}<body pos="2 0 1"><freejoint/><geom size="0.2" mass="1"/></body>')
-    data.qvel[0] = -1.7
-    with DepthView(LiveModel(model), camera="radar", rows=200, columns=200, far=10.0) as view:
-        peak = rc.strongest_peak(rc.frame_from_depth(radar=RADAR, **view.view(data).arguments))
-    assert peak is not None
-    assert abs(peak.velocity + 1.7) < 0.02 * RADAR.waveform.velocity_resolution
-    assert abs(peak.range - (1.8 - 1.7 * 0.5 * RADAR.duration)) < 0.5 * RADAR.waveform.range_resolution
 
 
 def test_decoders_read_the_buffers_of_mujoco(drawn: tuple[LiveModel, Any, DepthView]) -> None:
@@ -378,13 +343,3 @@ def test_without_a_library_to_draw_with_there_is_one_error_with_a_hint(tmp_path:
     )
     assert "libosmesa6, and MUJOCO_GL=egl or MUJOCO_GL=osmesa in the environment" in last
     assert f"; MUJOCO_GL={back_end}: " in last
-
-
-def test_view_is_a_record_for_frame_from_depth(drawn: tuple[LiveModel, Any, DepthView]) -> None:
-    _, data, view = drawn
-    seen = view.view(data)
-    assert isinstance(seen, View)
-    assert seen.twists.shape == (4, 6)
-    assert sorted(seen.arguments) == sorted(
-        ["distance", "reflectance", "albedo", "camera", "planar", "body", "twists", "time"]
-    )

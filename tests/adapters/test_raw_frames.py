@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -137,23 +136,3 @@ def test_bad_frames_and_bags_are_refused(tmp_path: Path) -> None:
         ):
             with pytest.raises(ValueError, match=message):
                 BagFrames(read, topic)
-
-
-MESSAGE = vars(to_frame_message(sensor_frame(0)))
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"settings": "x"}, "settings, line 1: Expecting value"),
-        ({"settings": "{}"}, "settings: expected format 'radarcore recording', got None"),
-        ({"dtype": "int8"}, "dtype: expected one of 'uint16', 'float32', .*, got 'int8'"),
-        ({"data": MESSAGE["data"][:-1]}, r"data: expected 384 bytes for \(3, 4, 16\) samples, got 383"),
-        ({"shape": [3, 4, 8], "data": MESSAGE["data"][:192]}, r"cube: expected shape \(3, 4, 16\)"),
-        ({"data": np.full(384, 255, np.uint8)}, "codes: expected 0 to 4095, got 65535"),
-        ({"settings": to_frame_message(frame(0)).settings, "truth": [1.0]}, "truth: expected 8 numbers for"),
-    ],
-)
-def test_damaged_messages_name_their_field(changed: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        from_frame_message(SimpleNamespace(**MESSAGE | changed))

@@ -311,12 +311,6 @@ def test_bad_arguments_are_one_line(
     assert capsys.readouterr().err.startswith(f"radarcore: {message}")
 
 
-def test_missing_extra_names_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(ImportError, match=r"the viewer needs rerun-sdk: pip install radarcore\[rerun\]"):
-        Viewer(tmp_path / "run.rrd")
-
-
 def test_file_that_cannot_be_made_is_an_error_of_the_system(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"run\.rrd: expected a file that can be written; Failed to create file"):
         Viewer("/proc/self/run.rrd")

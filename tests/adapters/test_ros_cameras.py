@@ -66,18 +66,6 @@ def test_distortion_that_stays_is_warned_of() -> None:
         ros.from_camera_info(info(d=[0.1, 0.0, 0.0, 0.0, 0.0]))
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"k": [0.0] * 9}, "camera_info: expected focal lengths in K, got 0 and 0: uncalibrated"),
-        ({"k": [1.0] * 8}, r"camera_info: expected shape \(9,\)"),
-    ],
-)
-def test_cameras_that_are_none_are_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        ros.from_camera_info(info(**fields))
-
-
 def test_poses_of_gazebo_are_rotations_by_named_parts_of_quaternions() -> None:
     half = np.sqrt(0.5)
     turned = SimpleNamespace(w=half, x=0.0, y=0.0, z=half)

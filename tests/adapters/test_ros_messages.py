@@ -100,8 +100,3 @@ def test_ros_that_is_not_installed_is_an_import_error_that_says_what_to_do() -> 
         ImportError, match=r"no_msgs/msg/String needs a ROS installation with no_msgs: .*No module named"
     ):
         ros.installed("no_msgs/msg/String")
-
-
-def test_types_that_are_none_are_refused() -> None:
-    with pytest.raises(TypeError, match="types: expected a mapping or a function of names of messages, got int"):
-        ros.to_pose_stamped(rc.Pose(), time_ns=0, types=3)

@@ -143,13 +143,6 @@ def test_velocities_have_no_steps_between_stamps() -> None:
     np.testing.assert_allclose([turn[1, 0] for turn in found], truth, rtol=0, atol=81.0 * 0.05**3 / 24.0)
 
 
-def test_times_beyond_the_stamps_are_treated_as_the_user_chooses() -> None:
-    held = TREE.motion("lift", "base_link", start_ns=START, beyond="hold")
-    np.testing.assert_allclose(held.at(9.0).position, lift_at(2.0)[:3, 3], rtol=0, atol=1e-15)
-    with pytest.raises(ValueError, match="time: expected 0 to 2 s"):
-        TREE.motion("lift", "base_link", start_ns=START, beyond="error").at(2.5)
-
-
 def test_radar_at_an_optical_frame_looks_along_its_z() -> None:
     for frame, axes in (("depth_optical_frame", None), ("lift", None), ("lift", "link")):
         radar = TREE.radar_motion(frame, "map", start_ns=START, axes=axes).at(0.7)
@@ -160,19 +153,6 @@ def test_radar_at_an_optical_frame_looks_along_its_z() -> None:
     # Told to be optical, a link's z is forward.
     upward = TREE.radar_motion("lift", "lift", axes="optical")
     np.testing.assert_array_equal(upward.at(0.0).apply([1.0, 0.0, 0.0]), [0.0, 0.0, 1.0])
-
-
-def test_a_moving_frame_of_the_tree_carries_a_radar_of_the_simulator() -> None:
-    waveform = rc.Waveform.from_sweep(
-        start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64, num_chirps=32, chirp_interval=3e-4
-    )
-    motion = TREE.radar_motion("depth_optical_frame", "map", start_ns=START)
-    wall = rc.PointTarget(motion.at(1.0).apply([3.0, 0.0, 0.0]), rcs=1.0)
-    frame = rc.Simulator(rc.Scene([wall]), rc.Radar(waveform), radar_motion=motion).frame(1.0)
-    assert frame.truth is not None
-    middle = 1.0 + 0.5 * waveform.duration
-    line = np.linalg.inv(FRAMES["depth_optical_frame"](middle)) @ [*wall.position, 1.0]
-    np.testing.assert_allclose(frame.truth.range[0], np.linalg.norm(line[:3]), rtol=0, atol=1e-6)
 
 
 def test_messages_that_went_through_their_bytes_make_the_same_tree() -> None:

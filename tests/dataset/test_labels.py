@@ -97,23 +97,6 @@ def test_joints_are_those_of_the_model_seen_from_the_sensor() -> None:
         np.testing.assert_allclose(joints.values[1, JOINTS.index(joint)], expected, atol=1e-9)
 
 
-def test_joints_are_a_body_s_length_from_each_other_and_near_the_true_range() -> None:
-    """Bones keep their lengths, and the nearest point of a person is within a limb of the nearest joint."""
-    simulator = rc.Simulator(rc.Scene(walker().bodies(name="eve")), RADAR, radar_motion=rc.Pose([0.0, 0.0, 1.0]))
-    bones = []
-    for time in (0.1, 0.4, 0.7):
-        labels = labelled(simulator, ["eve"], Labels(joints=True), time=time)
-        joints = dict(zip(JOINTS, labels["joint_position"].values[0], strict=True))
-        nearest = min(np.linalg.norm(joint) for joint in joints.values())
-        assert abs(nearest - labels["true_range"].values[0]) < 0.25  # half a forearm with the hand
-        pairs = [("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")]
-        sides = [(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in pairs]
-        bones.append([np.linalg.norm(joints[a] - joints[b]) for a, b in sides])
-        np.testing.assert_allclose(0.5 * (joints["left_hip"] + joints["right_hip"]), joints["pelvis"], atol=1e-9)
-    np.testing.assert_allclose(bones[1:], [bones[0]] * 2, atol=1e-9)
-    np.testing.assert_allclose(bones[0][:4], bones[0][4:], atol=1e-9)  # left as right
-
-
 def test_segments_with_labels_of_their_own_have_the_joints_in_the_row_of_the_pelvis() -> None:
     names = [f"eve/{segment}" for segment in SEGMENTS]
     simulator = rc.Simulator(rc.Scene(walker().bodies(name="eve", subdivisions=1)), RADAR)
@@ -167,31 +150,6 @@ def test_labels_of_a_frame_do_not_depend_on_those_before() -> None:
     first, second = (labelled(each, ["eve"], EVERYTHING, time=0.6) for each in simulators)
     for name, label in first.items():
         np.testing.assert_array_equal(label.values, second[name].values)
-
-
-CALM = rc.Simulator(rc.Scene([rc.PointTarget([3.0, 1.0, 0.0], name="lamp")]), RADAR)
-
-
-@pytest.mark.parametrize(
-    ("names", "settings", "error", "message"),
-    [
-        (["lump"], None, ValueError, "body_names: expected a name for every body of the scene, got none for 'lamp'"),
-        ("lamp", None, TypeError, "body_names: expected one name per body, got the text 'lamp'"),
-        (["lamp", "lamp"], None, ValueError, "body_names: expected names that differ, got 'lamp' twice"),
-        (["lamp"], {"boxes": True}, TypeError, "settings: expected Labels, got dict"),
-    ],
-)
-def test_bad_arguments_are_named(names: list[str], settings: Labels, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        labels_of(CALM, CALM.frame(0.0), names, settings)
-
-
-def test_frames_of_others_are_refused() -> None:
-    other = rc.Simulator(rc.Scene([rc.PointTarget([3.0, 1.0, 0.0], name="cat")]), RADAR)
-    with pytest.raises(ValueError, match="frame: expected the truth of the simulator's bodies, got cat"):
-        labels_of(CALM, other.frame(0.0), ["lamp"])
-    with pytest.raises(TypeError, match="simulator: expected Simulator, got Scene"):
-        labels_of(CALM.scene, CALM.frame(0.0), ["lamp"])  # type: ignore[arg-type]  # on purpose
 
 
 TWO = np.array([[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.dataset import Labels, dims_of, labels_of
+from radarcore.dataset import Labels, labels_of
 from radarcore.dataset.echoes import noise_power
 
 SETTINGS = Labels(truth=False, cells=True)
@@ -116,20 +116,6 @@ def test_transmitters_in_turn_have_the_cells_of_one() -> None:
     labels = cells_of(radar, targets(WAVEFORM))
     for label, (row, column) in enumerate([(16, 8), (16, 16), (20, 24)]):
         assert labels[row, column] == label
-
-
-@pytest.mark.parametrize(
-    ("radar", "message"),
-    [
-        (rc.Radar(WAVEFORM.replace(chirp_times=1e-3 * np.array([*range(31), 40]))), "chirps at equal intervals"),
-        (rc.Radar(WAVEFORM.alternating()), "expected one waveform, got 2"),
-        (rc.Radar(WAVEFORM.replace(slope=0.0)), "slope|sweep|CW"),
-        (rc.Radar(WAVEFORM, tx=[[0.0, 0.0, 0.0], [0.0, 2e-3, 0.0]], schedule=rc.Schedule.ddm()), "send in turn"),
-    ],
-)
-def test_radars_without_a_map_are_refused_before_the_first_frame(radar: rc.Radar, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        dims_of(radar, NAMES, SETTINGS)
 
 
 def test_labels_agree_with_the_maps_of_each_body_alone() -> None:

@@ -64,10 +64,6 @@ def test_energies_of_a_mirror_and_a_rough_part_add() -> None:
     assert left + right == pytest.approx(1.0, abs=0.02)
 
 
-def test_half_of_a_rough_plate_that_is_half_hidden() -> None:
-    assert visibility(plate(ROUGH), wall(0.0)) == pytest.approx(0.5, abs=0.03)
-
-
 @pytest.mark.parametrize("hidden", [0.25, 0.75])
 def test_share_of_a_rough_plate_is_that_of_its_area_in_view(hidden: float) -> None:
     edge = 0.5 * (-0.2 + 0.4 * hidden)  # half as far away as the plate

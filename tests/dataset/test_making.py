@@ -63,12 +63,6 @@ def test_frames_are_those_of_the_simulator_to_the_bit(serial: rc.dataset.Dataset
         np.testing.assert_array_equal(serial[index]["true_range"], [frame.truth.range for frame in frames])
 
 
-def test_sample_scene_file_gives_its_frames_alone(serial: rc.dataset.Dataset, tmp_path: Path) -> None:
-    serial.sample(5).save(tmp_path / "five.toml")
-    recording = rc.load_scene(tmp_path / "five.toml").record(progress=False)
-    np.testing.assert_array_equal(recording.cube, serial.cube(5))
-
-
 def test_processes_threads_and_any_order_make_the_same_files(serial: rc.dataset.Dataset, scene: Path) -> None:
     rc.dataset.make(scene, scene.parent / "processes", **SETTINGS, workers=2)
     with ThreadPoolExecutor(2) as threads:
@@ -171,15 +165,6 @@ def test_shard_without_one_of_its_files_is_made_again(serial: rc.dataset.Dataset
     (target / file).unlink()
     rc.dataset.make(scene, target, **SETTINGS, workers=1, resume=True)
     assert digests(target) == digests(serial.path)
-
-
-def test_existing_output_is_refused_unless_resumed(serial: rc.dataset.Dataset, scene: Path, tmp_path: Path) -> None:
-    with pytest.raises(FileExistsError, match=r"expected no such path, got a dataset; resume=True goes on with it"):
-        rc.dataset.make(scene, serial.path, **SETTINGS, workers=1)
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="got a directory that is not empty and no dataset"):
-        rc.dataset.make(scene, tmp_path, **SETTINGS, workers=1, resume=True)
-    assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
 def test_other_settings_on_resume_are_named(serial: rc.dataset.Dataset, scene: Path, tmp_path: Path) -> None:

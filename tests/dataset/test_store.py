@@ -181,10 +181,3 @@ def test_all_labels_have_axes_and_names_along_them(tmp_path: Path, xarray: Any) 
         head = opened.joint_position.isel(sample=0, frame=0).sel(body="person", joint="head", xyz="x")
         assert 1.0 < float(head) < 2.2
         assert opened.strongest_body.max() == dataset.body_names.index("person")
-
-
-def test_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="expected a dataset, got no such path"):
-        rc.dataset.open_dataset(tmp_path / "none")
-    with pytest.raises(ValueError, match="expected a dataset, got a folder without one"):
-        rc.dataset.open_dataset(tmp_path)

@@ -10,7 +10,6 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -140,19 +139,6 @@ def test_warnings_of_samples_come_once_of_each_kind(scene: Path) -> None:
     assert len(frames) == 3
     (told,) = [str(each.message) for each in warned]
     assert told.startswith("sample 0: 'ball' has a radial speed of")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"output": "map"}, "output: expected one of 'cube', 'range_doppler', got 'map'"),
-        ({"count": 0}, "count: expected at least 1, got 0"),
-        ({"seed": -1}, "seed: expected at least 0, got -1"),
-    ],
-)
-def test_faults_of_arguments(scene: Path, options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rc.dataset.stream(scene, **options)
 
 
 def test_stored_frames_are_those_that_are_streamed(scene: Path, tmp_path: Path) -> None:

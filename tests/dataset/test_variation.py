@@ -15,23 +15,7 @@ import radarcore as rc
 from radarcore.dataset.files import toml_text
 from radarcore.dataset.variation import share_of
 from scene_files import EXAMPLES
-
-HEAD = 'run = { stop = 0.02, resolution = 32 }\n[radar]\npreset = "bgt60tr13c"\nnum_chirps = 8\n'
-BALL = """
-[[body]]
-name = "ball"
-shape = { kind = "sphere", radius = 0.1 }
-pose = { position = [{ uniform = [1.0, 3.0] }, { normal = [0.0, 0.2] }, 0.0] }
-material = { choice = ["metal", "wood"] }
-"""
-PERSON = """
-[[human]]
-name = "person"
-repeat = { integers = [0, 3] }
-height = { uniform = [1.5, 1.9], step = 0.1 }
-speed = { uniform = [0.5, 1.5] }
-path = [[4.0, { uniform = [-1.0, 1.0] }], [1.0, 0.0]]
-"""
+from varied_scenes import BALL, HEAD, PERSON
 
 
 def written(folder: Path, text: str, head: str = HEAD) -> Path:
@@ -42,12 +26,6 @@ def written(folder: Path, text: str, head: str = HEAD) -> Path:
 
 def loaded(folder: Path, text: str, head: str = HEAD) -> rc.dataset.Variation:
     return rc.dataset.Variation.load(written(folder, text, head))
-
-
-def message_of(folder: Path, text: str, head: str = HEAD) -> str:
-    with pytest.raises(ValueError) as error:  # noqa: PT011  # the message is looked at
-        loaded(folder, text, head)
-    return str(error.value).removeprefix(f"{folder / 'scene.toml'}: ")
 
 
 def test_draws_are_those_of_the_hash_that_the_page_names(tmp_path: Path) -> None:
@@ -176,11 +154,6 @@ def test_copies_have_names_and_draws_of_their_own(tmp_path: Path) -> None:
     assert variation.sample(0, seed=1).simulation().scene.names == variation.body_names[: 16 * numbers[0]]
 
 
-def test_bodies_called_like_copies_are_looked_at_as_all_others(tmp_path: Path) -> None:
-    text = BALL.replace('"ball"', '"ball 2"').replace('"wood"', '"wod"')
-    assert message_of(tmp_path, text).startswith("body.ball 2.material: choice may be 'wod'; ")
-
-
 def test_fixed_number_of_copies_is_no_parameter(tmp_path: Path) -> None:
     variation = loaded(tmp_path, BALL + "repeat = 2\n")
     assert variation.body_names == ("ball 0", "ball 1")
@@ -246,92 +219,6 @@ def test_seed_of_the_noise_is_drawn_unless_it_is_given(tmp_path: Path) -> None:
     assert "run.seed" not in fixed.sample(3).values
 
 
-def test_radar_settings_vary_that_leave_its_frames_alike(tmp_path: Path) -> None:
-    radar = 'tx_power_dbm = { uniform = [0, 10] }\npolarization = { choice = ["vertical", "horizontal"] }\n'
-    receiver = '[radar.receiver]\noutput = "real"\nnoise_figure_db = { uniform = [10.0, 14.0] }\n'
-    variation = loaded(tmp_path, radar + receiver + BALL)
-    sample = variation.sample(0)
-    found = sample.simulation().radar
-    assert found.tx_power_dbm == sample.values["radar.tx_power_dbm"]
-    assert found.receiver is not None
-    assert found.receiver.noise_figure_db == sample.values["radar.receiver.noise_figure_db"]
-
-
-@pytest.mark.parametrize(
-    ("line", "key", "reason"),
-    [
-        ("num_chirps = { integers = [8, 16] }", "radar.num_chirps", "the shape of the cube"),
-        ('preset = { choice = ["bgt60tr13c", "bgt60tr24"] }', "radar.preset", "the shape of the cube"),
-        ("rx = { choice = [[[0, 0, 0]], [[0, 0, 0], [0, 1, 0]]] }", "radar.rx", "the shape of the cube"),
-        ("start_frequency = { uniform = [59e9, 60e9] }", "radar.start_frequency", "the axes of the cube"),
-        ('receiver.output = { choice = ["iq", "real"] }', "radar.receiver.output", "the shape of the cube"),
-        (
-            'receiver = { choice = [{ output = "iq" }, { output = "real" }] }\nstart_frequency = 60e9\nslope = 1e13\n'
-            "sample_rate = 2e6\nnum_samples = 64",
-            *("radar.receiver", "the shape of the cube"),
-        ),
-        ("run = { rate = { uniform = [10, 20] } }", "run.rate", "the number of frames"),
-    ],
-)
-def test_what_all_samples_share_is_refused_by_its_key(tmp_path: Path, line: str, key: str, reason: str) -> None:
-    head = f"{line}\n" if line.startswith("run") else f"[radar]\n{line}\n"
-    message = message_of(tmp_path, "", head)
-    assert message == f"{key}: expected one value for all samples, as it decides {reason}, got a distribution"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            BALL.replace("uniform", "unifrom"),
-            "body[0] 'ball': pose.position[0]: expected a number [m], got a table, and no distribution 'unifrom'; "
-            "did you mean 'uniform' or 'log_uniform'?",
-        ),
-        (
-            BALL.replace("normal", "gauss"),
-            "body[0] 'ball': pose.position[1]: expected a number [m], got a table, and no distribution 'gauss'; "
-            "known: uniform, normal, log_uniform, integers, choice",
-        ),
-        (BALL.replace("choice", "chioce"), "body[0] 'ball': material: unknown key 'chioce'; did you mean 'choice'?"),
-        (BALL.replace("[1.0, 3.0]", "[3.0, 1.0]"), "body.ball.pose.position[0]: uniform: expected the smaller end"),
-        (BALL.replace('"ball"', '{ choice = ["a", "b"] }'), "body[0]: name: expected text, the same in all samples"),
-        (PERSON.replace("[0, 3]", "[-1, 3]"), "human.person.repeat: expected 0 to 1000 copies"),
-        (
-            PERSON.replace("integers = [0, 3]", "uniform = [0, 3]"),
-            "human.person.repeat: expected an integer, or a dist",
-        ),
-        ("[[body]]\nchoice = []\n", "body[0]: expected a table, got a distribution"),
-        ("[[body]]\nshap = 1\n", "body[0] 'body 0': unknown key 'shap'; did you mean 'shape'?"),
-    ],
-)
-def test_faults_are_named_when_the_file_is_read(tmp_path: Path, text: str, message: str) -> None:
-    assert message_of(tmp_path, text).startswith(message)
-
-
-@pytest.mark.parametrize(
-    ("text", "path", "end", "expected"),
-    [
-        (
-            BALL.replace('{ choice = ["metal", "wood"] }', "{ albedo = { uniform = [0.5, 1.5] } }"),
-            *("body.ball.material.albedo", "uniform may be 1.5", "albedo"),
-        ),
-        (PERSON.replace("[0.5, 1.5]", "[0.5, 3.0]"), "human.person 0.speed", "uniform may be 3", "speed: expected at"),
-        (BALL.replace('"wood"', '"wod"'), "body.ball.material", "choice may be 'wod'", "did you mean 'wood' or"),
-        (
-            PERSON.replace("speed = { uniform = [0.5, 1.5] }", "meshes = { uniform = [0, 1] }"),
-            *("human.person 0.meshes", "", "expected true or false"),
-        ),
-    ],
-)
-def test_ends_out_of_range_are_named_when_the_file_is_read(
-    tmp_path: Path, text: str, path: str, end: str, expected: str
-) -> None:
-    message = message_of(tmp_path, text)
-    assert path in message
-    assert end in message
-    assert expected in message
-
-
 def test_sample_out_of_range_names_itself_key_and_value(tmp_path: Path) -> None:
     """A normal distribution without bounds: no ends to be tried."""
     variation = loaded(tmp_path, BALL.replace("radius = 0.1", "radius = { normal = [0.1, 0.1] }"))
@@ -345,11 +232,6 @@ def test_sample_out_of_range_names_itself_key_and_value(tmp_path: Path) -> None:
     variation.sample(good, seed=1).simulation()
 
 
-def test_scene_file_with_distributions_is_refused_as_a_scene_and_told_what_it_is(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"got a distribution, which radarcore\.dataset\.Variation draws from"):
-        rc.load_scene(written(tmp_path, BALL))
-
-
 def test_meshes_of_samples_are_made_once(tmp_path: Path) -> None:
     """Of arms and bodies by their tables, of people by height and mass."""
     person = PERSON.replace("{ integers = [0, 3] }", "2").replace("{ uniform = [1.5, 1.9], step = 0.1 }", "1.8")
@@ -359,9 +241,3 @@ def test_meshes_of_samples_are_made_once(tmp_path: Path) -> None:
     meshes = [[body.mesh for body in scene.bodies if isinstance(body, rc.Body)] for scene in scenes]
     assert len(meshes[0]) == len(variation.body_names)
     assert all(one is other for one, other in zip(*meshes, strict=True))
-
-
-def test_unknown_key_of_a_distribution_is_a_fault_of_the_file_and_of_no_sample(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"unknown key 'rsc'; did you mean 'rcs'\?$") as caught:
-        loaded(tmp_path, "[[point]]\nposition = [1.0, 0.0, 0.0]\nrsc = { uniform = [0.1, 1.0] }\n")
-    assert "sample" not in str(caught.value)

@@ -129,33 +129,3 @@ def test_extreme_shares_of_a_normal_distribution_are_finite() -> None:
     normal = distribution_of({"normal": [0.0, 1.0]})
     assert -9.0 < normal.at(0.0) < -8.0
     assert 8.0 < normal.at(1.0 - 2.0**-53) < 9.0
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"uniform": [2.0, 1.0]}, "uniform: expected the smaller end first, got [2.0, 1.0]"),
-        ({"uniform": [1.0]}, "uniform: expected two numbers, the smallest and the largest value, got [1.0]"),
-        ({"uniform": ["a", "b"]}, "uniform: expected two numbers"),
-        ({"uniform": [False, True]}, "uniform: expected two numbers"),
-        ({"uniform": [0.0, float("inf")]}, "uniform: expected a finite number, got inf"),
-        ({"uniform": [0.0, 1.0], "step": 2.0}, "step: expected at most 1, the distance of the ends, got 2"),
-        ({"uniform": [0.0, 1.0], "step": 0.0}, "step: expected a positive number, got 0.0"),
-        ({"uniform": [0.0, 1.0], "stap": 0.1}, "unknown key 'stap' of a distribution; did you mean 'step'?"),
-        ({"uniform": [0.0, 1.0], "normal": [0.0, 1.0]}, "normal: expected one distribution, got uniform as well"),
-        ({"normal": [0.0, 0.0]}, "normal: standard deviation: expected a positive number, got 0.0"),
-        ({"normal": [0.0, 1.0], "min": 2.0, "max": 1.0}, "max: expected more than min, 2, got 1"),
-        ({"normal": [0.0, 1.0], "min": 9.0}, "min: expected bounds that keep some of the distribution, got 9 to inf"),
-        ({"normal": [0, 1], "min": 0, "max": 1, "step": 2}, "step: expected at most 1, the distance of the bounds"),
-        ({"log_uniform": [0.0, 1.0]}, "log_uniform: expected a positive number, got 0.0"),
-        ({"integers": [1.0, 2.0]}, "integers: expected two integers, got [1.0, 2.0]"),
-        ({"choice": []}, "choice: expected a list of values, got []"),
-        ({"choice": ["a", "b"], "weights": [1.0]}, "weights: expected a list of 2 numbers, one per value, got [1.0]"),
-        ({"choice": ["a", "b"], "weights": [0, 0]}, "weights: expected one above zero, got [0, 0]"),
-        ({"choice": ["a", "b"], "weights": [1, -1]}, "weights: expected zero or a positive number, got -1"),
-    ],
-)
-def test_what_is_no_distribution_is_refused(table: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError) as error:  # noqa: PT011  # the message is looked at
-        distribution_of(table)
-    assert str(error.value).startswith(message)
