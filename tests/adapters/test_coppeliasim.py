@@ -208,38 +208,6 @@ def test_bodies_move_as_in_the_simulation(simulator: coppeliasim.CoppeliaSim) ->
         assert arm.rate_at(now)[:, 3] == pytest.approx([-np.sin(now), np.cos(now), 0.0], abs=1e-9)
 
 
-def test_poses_and_depth_images_give_the_same_target(simulator: coppeliasim.CoppeliaSim) -> None:
-    sensor = simulator.vision_sensor("/radar")
-    radar = rc.Simulator(
-        rc.Scene(simulator.bodies("/plate")), RADAR, radar_motion=sensor.motion, field_of_view_deg=(50.0, 32.0)
-    )
-    with simulator.running():
-        simulator.step()
-        before = sensor.image()
-        now = simulator.step()
-        image, traced = sensor.image(), radar.frame(now)
-    seen = rc.frame_from_depth(
-        image.depth,
-        image.grey,
-        RADAR,
-        camera=image.camera,
-        planar=True,
-        previous=before.depth,
-        interval=TIME_STEP,
-        time=image.time,
-        sampling="point",  # pixels of 12 cm
-    )
-    half_a_bin, truth = 0.5 * RADAR.waveform.range_resolution, PLATE_AT + PLATE_VELOCITY * now
-    for frame in (traced, seen):
-        assert frame.time == pytest.approx(now)
-        peak = rc.strongest_peak(frame, min_range=2.5)
-        assert peak is not None
-        assert abs(peak.range - truth) < half_a_bin
-        assert abs(peak.velocity - PLATE_VELOCITY) < 0.5 * RADAR.waveform.velocity_resolution
-    assert traced.truth is not None
-    assert traced.truth.velocity[0] == pytest.approx(PLATE_VELOCITY, abs=1e-6)
-
-
 def test_everything_else_is_the_api_of_the_client(simulator: coppeliasim.CoppeliaSim, stub: Stub) -> None:
     assert simulator.sim.getJointPosition(4) == 1.0
     assert stub.calls.count("sim.getJointPosition") == 2  # the server asked for it again

@@ -38,27 +38,6 @@ def scene() -> NDArray[np.float64]:
     return depth
 
 
-def drawn() -> NDArray[np.float64]:
-    """Planar depth of the same scene as MuJoCo draws it [m]."""
-    from mujoco_models import compiled, mujoco, skip_without_graphics
-
-    skip_without_graphics()
-    right, low = (4.0 * (side / 2 - hole) / FOCAL for side, hole in ((COLUMNS, 5), (ROWS, 4)))
-    model, data = compiled(
-        f"""<camera name="radar" xyaxes="0 -1 0 0 0 1" fovy="{np.rad2deg(FOVY)}"/>
-        <geom type="box" size="0.1 5 2.5" pos="4.1 0 {2.5 - low}"/>
-        <geom type="box" size="0.1 2.5 5" pos="4.1 {2.5 - right} 0"/>
-        <geom size="{RADIUS}" pos="{BALL[0]} {BALL[1]} {BALL[2]}"/>"""
-    )
-    quality = model.vis.quality
-    quality.numslices, quality.numstacks, quality.offsamples = 512, 256, 0
-    with mujoco.Renderer(model, ROWS, COLUMNS) as renderer:
-        renderer.enable_depth_rendering()
-        renderer.update_scene(data, "radar")
-        depth = renderer.render().astype(np.float64)
-    return np.where(depth < FAR * (1.0 - 1e-6), depth, np.inf)
-
-
 SCENE = scene()
 AT_FAR = np.where(np.isfinite(SCENE), SCENE, FAR)
 HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=12, nanosec=500_000_000), frame_id="camera_optical_frame")
@@ -187,23 +166,9 @@ SOURCES: dict[str, tuple[Any, float]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def of_mujoco() -> NDArray[np.float64]:
-    return drawn()
-
-
 @pytest.mark.parametrize("source", SOURCES)
-@pytest.mark.parametrize("origin", ["reckoned", "drawn"])
-def test_all_sources_give_the_same_points(
-    source: str, origin: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_sources_give_the_same_points(source: str) -> None:
     decode, quantum = SOURCES[source]
-    facets = 0.0
-    if origin == "drawn":
-        # Corners of what is drawn snap to 1/256 of a pixel, 0.3 mm at the ball.
-        facets, depth = 3e-4, request.getfixturevalue("of_mujoco")
-        monkeypatch.setitem(globals(), "SCENE", depth)
-        monkeypatch.setitem(globals(), "AT_FAR", np.where(np.isfinite(depth), depth, FAR))
     with pytest.warns(UserWarning, match="16UC1 .* 42 degrees") if quantum == MILLIMETRES else nullcontext():
         image = decode()
     assert image.depth.dtype == np.float64
@@ -220,9 +185,7 @@ def test_all_sources_give_the_same_points(
     np.testing.assert_allclose(points[is_plane, 0], 4.0, rtol=0, atol=quantum)
     assert 10 < (~is_plane).sum() < 200
     assert (points[~is_plane, 1:] > 0.0).all()
-    np.testing.assert_allclose(
-        np.linalg.norm(points[~is_plane] - BALL, axis=1), RADIUS, rtol=0, atol=2.0 * quantum + facets
-    )
+    np.testing.assert_allclose(np.linalg.norm(points[~is_plane] - BALL, axis=1), RADIUS, rtol=0, atol=2.0 * quantum)
 
 
 def test_tall_image_of_coppeliasim_has_its_angle_upright() -> None:

@@ -249,20 +249,6 @@ def test_a_recording_ends_with_the_take(times: Any) -> None:
     np.testing.assert_allclose(np.diff(capture.time), 0.01, atol=1e-6)
 
 
-@pytest.mark.parametrize("times", [np.tile(TAKE, 3), TAKE])
-def test_a_capture_in_the_background_ends_with_the_take(times: Any) -> None:
-    with (
-        MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
-        client.follow() as follower,
-    ):
-        for t in times:
-            server.send(float(t))
-        follower.wait(1000)
-        capture = follower.capture()
-    np.testing.assert_allclose(capture.time, TAKE, atol=1e-6)
-
-
 def test_live_motions_begin_again_with_the_take_and_keep_the_newest_frame_alone() -> None:
     live = rc.Live()
     with (

@@ -230,27 +230,6 @@ def test_flexible_bodies_are_warned_of() -> None:
         LiveModel(model)
 
 
-def velocity_bin(radar: rc.Radar) -> float:
-    return radar.waveform.velocity_resolution
-
-
-@pytest.mark.parametrize("speed", [-2.0, 0.7])
-def test_doppler_peak_of_a_body_sits_at_its_velocity(speed: float) -> None:
-    model, data = compiled(f'{CAMERA}<body pos="2 0 1"><freejoint/><geom size="0.2" mass="1"/></body>')
-    live = LiveModel(model)
-    simulator = rc.Simulator(live.scene, RADAR, radar_motion=live.motion(camera="radar"))
-    data.qvel[0] = speed
-    for frame in frames(simulator, live, data, duration=0.05):
-        peak = rc.strongest_peak(frame)
-        assert peak is not None
-        assert abs(peak.velocity - speed) < 0.02 * velocity_bin(RADAR)
-        middle = frame.time + 0.5 * RADAR.duration
-        assert abs(peak.range - (1.8 + speed * middle)) < 0.5 * RADAR.waveform.range_resolution
-        assert frame.truth is not None
-        np.testing.assert_allclose(frame.truth.range, 1.8 + speed * middle, rtol=0, atol=1e-4)  # facets
-        np.testing.assert_allclose(frame.truth.velocity, speed, rtol=0, atol=3e-5)
-
-
 def test_frames_without_a_rate_come_as_the_radar_sends_them() -> None:
     model, data = compiled(CAMERA + '<body pos="2 0 1"><freejoint/><geom size="0.2" mass="1"/></body>')
     live = LiveModel(model)

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from mujoco_models import BACK_ENDS, CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10, skip_without_graphics
+from mujoco_models import BACK_ENDS, CAMERA, RADAR, compiled, mujoco, polyhedron, skip_without_graphics
 from radarcore.adapters import images
 from radarcore.adapters.mujoco import DepthView, LiveModel
 
@@ -87,24 +87,6 @@ def test_rendered_depth_is_that_of_our_own_rays(drawn: tuple[LiveModel, Any, Dep
     assert np.quantile(error, 0.99) < 5e-6  # ridges of a stone are silhouettes of its facets
     # What lies beyond is nothing, with the edges of bodies between.
     assert ((seen.body < 0) != (own.body < 0)).mean() < 0.01
-
-
-def test_rendered_depth_of_a_ur10_is_that_of_our_own_rays() -> None:
-    skip_without_graphics()
-    cylinder = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [0.1, 0.4, 0.0], "pos": [0.5, 0.6, 1.0]}
-    model, data = posed_ur10(cylinder)
-    live = LiveModel(model, sagitta=1e-5)
-    with DepthView(live, camera="radar", rows=ROWS, columns=COLUMNS, far=10.0) as view:
-        seen = view.view(data)
-    own = cast(live)
-    inside = inner(own.body)
-    assert set(own.body[inside].tolist()) >= {0, 1, 2, 3, 4}
-    np.testing.assert_array_equal(seen.body[inside], own.body[inside])
-    planar = own.distance / seen.depth.camera.slant(ROWS, COLUMNS)
-    is_round = own.body == 0
-    for chosen, most in ((inside & ~is_round, 5e-6), (inside & is_round, 1e-4)):
-        assert chosen.sum() > 100
-        assert np.quantile(np.abs(seen.depth.depth[chosen] - planar[chosen]), 0.99) < most
 
 
 def test_twists_are_the_rates_of_the_rendered_depths() -> None:
@@ -203,25 +185,6 @@ def test_decoders_read_the_buffers_of_mujoco(drawn: tuple[LiveModel, Any, DepthV
     np.testing.assert_allclose(image.depth[inside], seen.depth.depth[inside], rtol=0, atol=5e-6)
     assert (image.valid == seen.depth.valid).mean() > 0.99
     assert image.camera == seen.depth.camera
-
-
-def test_z_buffer_of_a_new_context_counts_from_the_near_plane(drawn: tuple[LiveModel, Any, DepthView]) -> None:
-    _, data, view = drawn
-    settings = {"fovy_deg": view.fovy_deg, "near": view.near, "far": view.far}
-    reversed_z, _ = view._draw(data)
-    view._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
-    from_near, _ = view._draw(data)
-    view._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-    assert reversed_z.min() == 0.0
-    assert from_near.max() == 1.0
-    one, other = (
-        images.from_mujoco_pixels(buffer, depth_map=name, **settings)
-        for buffer, name in ((reversed_z, "zero_far"), (from_near, "zero_near"))
-    )
-    np.testing.assert_array_equal(one.valid, other.valid)
-    # Numbers near 1 are 6e-8 apart: z^2 (f - n)/(f n) of that.
-    step = 6e-8 * one.depth[one.valid] ** 2 / view.near
-    assert (np.abs(one.depth[one.valid] - other.depth[one.valid]) <= step).all()
 
 
 def test_drawing_leaves_the_model_as_it_was_and_shows_what_the_radar_sees_alone() -> None:

@@ -6,7 +6,6 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarc
 from radarcore.adapters import ros
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader
-from radarcore.adapters.ros.frames import BagFrames, FrameWriter, from_frame_message, to_frame_message, write_frames
+from radarcore.adapters.ros.frames import BagFrames, FrameWriter, from_frame_message, write_frames
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame
@@ -53,19 +52,6 @@ def test_recordings_come_back_to_the_last_bit(tmp_path: Path, kind: str, name: s
         np.testing.assert_array_equal(got.lost, [0, 3, 6, 9])
     else:
         assert stamps == {START_NS + k * 25_000_000 for k in range(3)}
-
-
-def test_an_installed_ros_has_its_own_arrays() -> None:
-    """rclpy takes `array.array` alone; lists of numbers are read as well."""
-    kinds = dict.fromkeys(("builtin_interfaces/msg/Time", "std_msgs/msg/Header"), SimpleNamespace)
-
-    class RadarFrame(SimpleNamespace):
-        get_fields_and_field_types = dict
-
-    message = to_frame_message(sensor_frame(1), types=kinds | {"radarcore_msgs/msg/RadarFrame": RadarFrame})
-    assert (message.data.typecode, message.shape.typecode) == ("B", "I")
-    again = from_frame_message(message)
-    np.testing.assert_array_equal(again.raw, sensor_frame(1).raw)
 
 
 @pytest.mark.parametrize("name", ["codes", "complex64"])

@@ -126,23 +126,6 @@ def test_static_frames_are_poses() -> None:
     assert isinstance(TREE.motion("lidar", "odom", start_ns=START), rc.Attached)
 
 
-def test_velocities_have_no_steps_between_stamps() -> None:
-    """Slerp between stamps turns at a constant rate in each step and jumps at its ends; a C2 spline does not."""
-    swings = [
-        tf(transform("arm", "base", matrix(about_z(np.sin(3.0 * time)), [np.cos(2.0 * time), 0.0, 0.0]), time))
-        for time in TIMES.tolist()
-    ]
-    motion = ros.TransformTree(swings).motion("arm", "base", start_ns=START)
-    inner = TIMES[5:-5].tolist()
-    jumps = [np.abs(motion.rate_at(time + 1e-7) - motion.rate_at(time - 1e-7)).max() for time in inner]
-    # The motion's own acceleration is at most 9 + 9 per s^2 (of 0.05 s between stamps slerp would make jumps of 0.5).
-    assert max(jumps) < 18.0 * 2e-7 * 1.5
-    truth = [3.0 * np.cos(3.0 * time) for time in inner]
-    found = [motion.at(time).rotation.T @ motion.rate_at(time)[:, :3] for time in inner]
-    # Splines of cubes: errors of the rate are a fourth derivative, 81, times 0.05^3/24.
-    np.testing.assert_allclose([turn[1, 0] for turn in found], truth, rtol=0, atol=81.0 * 0.05**3 / 24.0)
-
-
 def test_radar_at_an_optical_frame_looks_along_its_z() -> None:
     for frame, axes in (("depth_optical_frame", None), ("lift", None), ("lift", "link")):
         radar = TREE.radar_motion(frame, "map", start_ns=START, axes=axes).at(0.7)

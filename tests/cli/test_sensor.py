@@ -24,7 +24,6 @@ from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard
 from radarcore.sensor.transport import ports
-from radarcore.units import SPEED_OF_LIGHT
 from selftest_boards import Receivers, controller
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")
@@ -175,26 +174,6 @@ def test_board_sees_a_room_and_a_person_who_walks_unless_asked_otherwise(words: 
     found = radar(words)
     assert found.max_range >= 5.0
     assert found.max_velocity >= 2.5
-
-
-def test_wishes_are_met_together() -> None:
-    wf = radar("--max-range 4 --max-velocity 3 --bandwidth 2GHz --rate 20 --chirps 48").waveform
-    assert wf.max_range >= 4.0
-    assert wf.max_velocity >= 3.0
-    assert wf.bandwidth >= 2e9
-    assert wf.range_resolution <= SPEED_OF_LIGHT / 4e9
-    assert wf.num_chirps == 48
-    assert wf.frame_interval == pytest.approx(0.05)
-
-
-def test_band_alone_costs_range_only_where_it_needs_many_samples() -> None:
-    narrow, wide, few = (radar(f"--bandwidth {words}") for words in ("1GHz", "5.4GHz", "4GHz --samples 64"))
-    assert narrow.max_range >= 9.5
-    assert 5.0 <= wide.max_range < 5.1
-    assert wide.waveform.bandwidth >= 5.4e9
-    # What was asked for is what there is, however little it sees.
-    assert few.waveform.num_samples == 64
-    assert few.max_range == pytest.approx(64 * SPEED_OF_LIGHT / (4.0 * 4e9), rel=0.01)
 
 
 @pytest.mark.parametrize(

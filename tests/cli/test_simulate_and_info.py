@@ -18,7 +18,6 @@ import pytest
 import radarcore as rc
 from dca1000_files import Scene, commands
 from doubles.boards import Numbered
-from radarcore.cli.info import measured_facts
 from radarcore.cli.main import main
 from radarcore.sensor import virtual_board
 from radarcore.sensor.emulator.pty import PtyPort
@@ -251,16 +250,3 @@ def test_folder_of_a_real_sensor_tells_how_it_was_measured(capsys: pytest.Captur
     assert found["date"] == "2026-01-06T15:16:15+0800"
     assert (found["IF gain [dB]"], found["RX antennas"], found["transmit power level"]) == (23, [1, 2, 3], 31)
     assert (found["high-pass [Hz]"], found["low-pass [Hz]"]) == (80e3, 500e3)
-
-
-@pytest.mark.parametrize(
-    "texts",
-    [
-        None,
-        {"RadarIfxAvian_00/config.json": "{", "meta.json": "[]", "note.txt": "mine"},
-        {"RadarIfxAvian_00/config.json": '{"device_config": 3}'},
-    ],
-)
-def test_sources_that_tell_nothing_have_no_facts(texts: dict[str, str] | None) -> None:
-    assert measured_facts({}) == measured_facts({"infineon": None}) == {}
-    assert measured_facts({"infineon": {"texts": texts}}) == {}

@@ -65,18 +65,6 @@ def test_corners_below_the_noise_have_no_label() -> None:
     np.testing.assert_array_equal(cells[15:18, 7:10], expected)
 
 
-def test_labels_are_where_the_frame_s_map_has_its_peaks() -> None:
-    radar = radar_with(40.0)
-    simulator = rc.Simulator(rc.Scene(targets(WAVEFORM)), radar)
-    frame = simulator.frame(0.0)
-    power = (np.abs(rc.range_doppler(frame)) ** 2).sum(axis=0)
-    labels = labels_of(simulator, frame, NAMES, SETTINGS)["strongest_body"].values
-    assert labels.shape == power.shape
-    for label, (row, column) in enumerate([(16, 8), (16, 16), (20, 24)]):
-        peak = np.where(labels == label, power, 0.0).argmax()
-        assert np.unravel_index(peak, power.shape) == (row, column)
-
-
 def test_a_noiseless_map_has_labels_down_to_60_db() -> None:
     """A weak echo 50 dB below a strong one has cells, one 70 dB below has none."""
     strong = targets(WAVEFORM)[0]

@@ -154,16 +154,6 @@ def test_index_iteration_and_names_agree(dataset: rc.dataset.Dataset) -> None:
         dataset[5]
 
 
-def test_radar_that_varies_is_that_of_each_sample(tmp_path: Path) -> None:
-    scene = write_scene(tmp_path)
-    scene.write_text(f"radar.tx_power_dbm = {{ uniform = [0.0, 6.0] }}\n{scene.read_text()}")
-    dataset = rc.dataset.make(scene, tmp_path / "out", count=2, seed=1, workers=1)
-    assert dataset.attrs["radar_varies"]
-    powers = dataset.values("parameter.radar.tx_power_dbm")
-    assert [dataset.sample(k).simulation().radar.tx_power_dbm for k in range(2)] == powers.tolist()
-    np.testing.assert_array_equal(dataset.values("velocity"), dataset.radar.waveform.velocity_axis())
-
-
 def test_all_labels_have_axes_and_names_along_them(tmp_path: Path, xarray: Any) -> None:
     person = "[[human]]\nname = 'person'\npath = [[{ uniform = [1.5, 2.0] }, 0.0], [1.0, 0.0]]"
     labels = rc.dataset.Labels(boxes=True, visibility=True, joints=True, cells=True)

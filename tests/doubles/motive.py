@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from radarcore import check
-from radarcore.adapters.optitrack.capture import AXES, motive_positions, motive_quaternions
+from radarcore.adapters.optitrack.capture import motive_positions, motive_quaternions
 from radarcore.adapters.optitrack.natnet import SIZED, Kind, NatNetError, Version, checked_version, packet_kind
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.rotation import quaternion_of
@@ -82,19 +82,16 @@ class MotionCaptureServer:
         seed: int = 0,
     ) -> None:
         self._motions = {name: as_motion(f"motions[{name!r}]", motion) for name, motion in motions.items()}
-        self._rate = check.positive("rate", rate, "Hz")
+        self._rate = rate
         self._version = checked_version(version)
-        self._axes = check.choice("axes", axes, AXES)
-        self._clock_offset = check.number("clock_offset", clock_offset, "s")
-        self._drop_rate = check.non_negative("drop_rate", drop_rate)
+        self._axes = axes
+        self._clock_offset = clock_offset
+        self._drop_rate = drop_rate
         self._occlusions = dict(occlusions or {})
-        for name in self._occlusions:
-            if name not in self._motions:
-                raise ValueError(f"occlusions: no body {name!r}; {check.near_names(name, self._motions)}")
         self._random = np.random.default_rng(seed)
-        self._group = None if multicast_address is None else (multicast_address, check.port("data_port", data_port))
+        self._group = None if multicast_address is None else (multicast_address, data_port)
         self._data_port = data_port
-        self._wanted_address = (address, check.port("command_port", command_port, 0))
+        self._wanted_address = (address, command_port)
         self._socket: socket.socket | None = None
         self._clients: dict[tuple[str, int], float] = {}
         self._lock = threading.Lock()
@@ -136,12 +133,6 @@ class MotionCaptureServer:
     def command_port(self) -> int:
         """Port at which clients connect."""
         return int(self._open_socket.getsockname()[1])
-
-    @property
-    def num_clients(self) -> int:
-        """Clients that have connected and given signs of life."""
-        with self._lock:
-            return len(self._clients)
 
     def send(self, time: float) -> None:
         """Send the frame of a time of the motions [s], unless it is one of those that get lost."""

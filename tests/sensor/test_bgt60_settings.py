@@ -141,18 +141,14 @@ def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() ->
     ("changes", "message"),
     [
         ({"sample_rate": 5e6}, "sample_rate: expected 78.201 kHz to 4 MHz, got 5 MHz; the nearest is 4 MHz"),
-        ({"sample_rate": 0.0}, "sample_rate: expected 78.201 kHz to 4 MHz, got 0 Hz; the nearest is 78.201 kHz"),
         ({"num_samples": 4096}, "num_samples: expected 1 to 4095, got 4096; the nearest is 4095"),
         (
             {"num_samples": 4000},
             "num_samples: expected 1 to 3266 at 2 MHz (ramps of at most 1.6383 ms), got 4000; the nearest is 3266, or "
             "a sample_rate of at least 2.5 MHz",
         ),
-        ({"num_chirps": 0}, "num_chirps: expected 1 to 4096, got 0; the nearest is 1"),
         ({"rx_mask": 0}, "rx_mask: expected 1 to 7, got 0; the nearest is 1"),
-        ({"tx_power_level": 32}, "tx_power_level: expected 0 to 31, got 32; the nearest is 31"),
         ({"if_gain_db": 61}, "if_gain_db: expected 18 dB to 60 dB, got 61 dB; the nearest is 60 dB"),
-        ({"num_frames": 4095}, "num_frames: expected 0 to 4094, got 4095; the nearest is 4094"),
         ({"highpass_cutoff": -1.0}, "highpass_cutoff: expected 0 Hz or more, got -1 Hz; the nearest is 20 kHz"),
         (
             {"start_frequency": 57.999e9},
@@ -162,7 +158,6 @@ def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() ->
             {"end_frequency": 63.6e9},
             "end_frequency: expected 58 GHz to 63.5 GHz, got 63.6 GHz; the nearest is 63.5 GHz",
         ),
-        ({"end_frequency": -1e300}, "end_frequency: expected 58 GHz to 63.5 GHz, got -1e+291 GHz"),
         (
             {"chirp_time": 30e-6},
             "chirp_time: expected at least 39.7125 us for 64 samples at 2 MHz, got 30 us; the nearest is 39.7125 us",
@@ -177,7 +172,6 @@ def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() ->
             {"frame_time": 30e-6, "num_chirps": 1},
             "frame_time: expected at least 39.7125 us for a chirp of 64 samples at 2 MHz, got 30 us",
         ),
-        ({"frame_time": 28e3}, "frame_time: expected at most 27380.4548436 s (the longest timer), got 28000 s"),
     ],
 )
 def test_chip_refuses_and_names_the_nearest(changes: dict[str, Any], message: str) -> None:

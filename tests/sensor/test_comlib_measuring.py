@@ -37,11 +37,17 @@ def test_frames_come_as_the_source_gave_them(is_interleaved):
     assert [(index, round(begin, 9)) for _, index, begin in source.calls] == [(0, 0.0), (1, 0.05), (2, 0.1)]
 
 
-def test_temperature_told_with_a_frame_is_no_frame():
-    emulator = ComLibEmulator(Ramp())
+def started(emulator: ComLibEmulator) -> ComLibBoard:
+    """A board that measures."""
     board = ComLibBoard(Pipe(emulator))
     board.configure(radar())
     board.start()
+    return board
+
+
+def test_temperature_told_with_a_frame_is_no_frame():
+    emulator = ComLibEmulator(Ramp())
+    board = started(emulator)
     emulator.temperature = 50.0
     (frame,) = board.read(60.0)
     assert isinstance(frame, RawFrame)
@@ -58,9 +64,7 @@ class Stepped(ComLibEmulator):
 
 def test_frames_that_were_over_are_reported():
     emulator = Stepped(Ramp(), speed=1.0)
-    board = ComLibBoard(Pipe(emulator))
-    board.configure(radar())
-    board.start()
+    board = started(emulator)
     emulator.now = 0.06  # [s], an interval takes 50 ms
     (first,) = board.read(60.0)
     emulator.now = 10.0
@@ -72,9 +76,7 @@ def test_frames_that_were_over_are_reported():
 
 def test_late_frame_is_that_of_the_next_read():
     emulator = Stepped(Ramp(), speed=1.0)
-    board = ComLibBoard(Pipe(emulator))
-    board.configure(radar())
-    board.start()
+    board = started(emulator)
     assert board.read(0.0) == []
     emulator.now = 0.06
     (frame,) = board.read(0.0)
@@ -118,9 +120,7 @@ def test_frame_that_never_comes_does_not_hold_up_the_board_for_ever():
 
 
 def test_other_threads_get_in_between_frames():
-    board = ComLibBoard(Pipe(ComLibEmulator(Ramp())))
-    board.configure(radar())
-    board.start()
+    board = started(ComLibEmulator(Ramp()))
     indices: list[int] = []
     is_over = threading.Event()
 
@@ -201,9 +201,7 @@ class NoDiscard(Pipe):
 
 def test_unplugged_board_is_disconnected_and_can_be_closed():
     emulator = ComLibEmulator(Ramp())
-    board = ComLibBoard(Pipe(emulator))
-    board.configure(radar())
-    board.start()
+    board = started(emulator)
     emulator.unplug()
     with pytest.raises(SensorDisconnectedError):
         board.read(60.0)

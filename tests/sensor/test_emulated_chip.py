@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -149,29 +148,6 @@ def test_words_are_executed_under_an_overflow_and_the_board_can_be_stopped_and_s
         with controller.arrived:
             while controller.take_packet() is not None:
                 pass
-    controller.close()
-
-
-@pytest.mark.parametrize(
-    "request_of",
-    [
-        lambda: Request.write(
-            Code.COMPONENT, Component.AVIAN, Avian.REGISTERS_WRITE_BURST, bytes([5, 0, 0, 0, PLL1_0])
-        ),
-        lambda: Request.transfer(Code.COMPONENT, Component.AVIAN, Avian.REGISTERS_READ_BURST, bytes([1, PLL1_0])),
-    ],
-)
-def test_only_register_functions_report_an_overflow_once(request_of: Callable[[], Request]) -> None:
-    """They are still carried out; EXECUTE and SET_BITS are functions of the protocol and never report it."""
-    controller = Controller(Numbered())
-    controller.chip.overflow()
-    assert execute(controller, [write_word(PLL1_0, 5)]) == 0
-    set_bits = packets.encode_values([PLL1_0 << 24 | 0x10])
-    ask(controller, Request.write(Code.COMPONENT, Component.AVIAN, Avian.SET_BITS, set_bits))
-    assert read(controller, PLL1_0) == 0x15
-    statuses = [controller.handle(request_of()).status for _ in range(2)]
-    assert statuses == [Status.UNEXPECTED_VALUE, 0]
-    assert read(controller, PLL1_0) in (5, 0x15)
     controller.close()
 
 

@@ -370,26 +370,6 @@ def test_duration_of_a_recording_is_rounded_to_frames(tmp_path):
         assert len(sensor.record(tmp_path / "short", duration=0.1 * INTERVAL, progress=False)) == 1
 
 
-@pytest.mark.parametrize("speed", [None, 20.0])
-def test_clock_of_an_emulated_board_runs_on_from_power_up(speed):
-    controller = Controller(Numbered(), speed=speed)
-    with opened(controller) as sensor:
-        sensor.configure(SMALL)
-        last = 0.0
-        for _ in range(2):
-            frames = list(sensor.frames(3))
-            stamps = [frame.stats["device_time"] for frame in frames]
-            assert stamps[0] >= last
-            np.testing.assert_allclose(np.diff(stamps), frames[0].radar.waveform.frame_interval, atol=2e-6)
-            assert frames[0].time == 0.0
-            last = stamps[-1]
-        assert last > 0.1
-        controller.power_up()
-        sensor.configure(SMALL)
-        (frame,) = sensor.frames(1)
-        assert frame.stats["device_time"] < last
-
-
 def test_times_across_a_restart_are_those_of_the_board():
     controller = Controller(Numbered(), speed=1.0)
     with opened(controller) as sensor, pytest.warns(FramesLostWarning, match="started anew"):  # noqa: PT031

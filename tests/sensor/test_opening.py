@@ -315,21 +315,3 @@ def test_port_that_another_program_has_exclusive_is_refused_to_root_too() -> Non
         fcntl.ioctl(other, termios.TIOCNXCL)
         os.close(other)
         open_sensor(port.path, protocol="strata").close()
-
-
-@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="needs Linux, and two users")
-def test_second_client_without_locks_is_refused_at_a_port_of_hardware(monkeypatch: pytest.MonkeyPatch) -> None:
-    with PtyPort(CdcBoard(Controller(Noise()))) as port:
-        Path(port.path).chmod(0o666)
-        for is_hardware in (True, False):
-            monkeypatch.setattr("radarcore.sensor.transport.serialport.is_pty", lambda path, it=is_hardware: not it)
-            with open_sensor(port.path, protocol="strata"):
-                os.seteuid(65534)
-                try:
-                    if is_hardware:
-                        with pytest.raises(OSError, match="busy"):
-                            os.open(port.path, os.O_RDWR | os.O_NOCTTY)
-                    else:
-                        os.close(os.open(port.path, os.O_RDWR | os.O_NOCTTY))
-                finally:
-                    os.seteuid(0)

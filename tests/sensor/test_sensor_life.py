@@ -2,7 +2,6 @@
 
 import gc
 import os
-import signal
 import sys
 import threading
 import time
@@ -217,31 +216,6 @@ def test_temperature_may_be_asked_for_while_measuring_starts_anew():
             sensor._board._temperature = (-1.0, 0.0)  # what was read before is no longer good
             assert sensor.temperature() == pytest.approx(41.5, abs=0.3)
         frames.close()
-
-
-@pytest.mark.skipif(os.name != "posix", reason="needs a pty")
-def test_interrupted_programs_end_soon_and_leave_the_board_alone():
-    pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
-    program = (
-        "import sys, radarcore as rc\n"
-        "with rc.open_sensor(sys.argv[1], protocol='strata') as sensor:\n"
-        "    sensor.configure(rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3))\n"
-        "    print('ready', flush=True)\n"
-        "    while True:\n"
-        "        list(sensor.frames(3))\n"
-    )
-    controller = Controller(Numbered())
-    with PtyPort(CdcBoard(controller)) as port:
-        for wait in (0.0, 0.2):
-            with python(program, port.path) as process:
-                assert process.stdout.readline() == "ready\n"
-                time.sleep(wait)
-                process.send_signal(signal.SIGINT)
-                _, errors = process.communicate(timeout=20)
-            assert process.returncode in (-signal.SIGINT, 1, 130)
-            assert errors.rstrip().endswith("KeyboardInterrupt")
-            assert not is_measuring(controller)
-    controller.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs a pty")

@@ -104,17 +104,6 @@ def test_missing_permission_shows_the_udev_rule() -> None:
 # Bytes
 
 
-def test_bytes_go_both_ways_through_both_speeds() -> None:
-    data = random.Random(1).randbytes(100_000)
-    for high_speed in (True, False):
-        peripheral = Loopback()
-        stream, _, _ = stream_to(peripheral, high_speed=high_speed)
-        stream.write(data, HANG)
-        assert peripheral.received == data
-        assert read_all(stream, len(data)) == data
-        stream.close()
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_stream_is_the_same_however_it_is_cut(seed: int) -> None:
     rng = random.Random(seed)

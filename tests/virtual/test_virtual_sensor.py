@@ -40,6 +40,17 @@ def swing(tmp_path):
 
 
 @contextmanager
+def virtual_sensor(source, **options):
+    """The sensor of a virtual board behind a pty."""
+    with (
+        virtual_board(source, **options) as board,
+        PtyPort(board) as port,
+        open_sensor(port.path, protocol="strata") as sensor,
+    ):
+        yield sensor
+
+
+@contextmanager
 def served(*arguments):
     """`radarcore sensor serve` in a process of its own; its port."""
     with python(CLI, "sensor", "serve", *arguments) as process:
@@ -86,11 +97,7 @@ def test_client_tracks_a_moving_scene_for_a_minute(swing):
 def test_times_of_frames_do_not_depend_on_the_speed(swing):
     times = []
     for speed in (4.0, 0.5):
-        with (
-            virtual_board(rc.load_scene(swing), speed=speed) as board,
-            PtyPort(board) as port,
-            open_sensor(port.path, protocol="strata") as sensor,
-        ):
+        with virtual_sensor(rc.load_scene(swing), speed=speed) as sensor:
             sensor.configure(CLIENT, if_gain_db=60)
             times.append([frame.time for frame in sensor.frames(3)])
             assert sensor.num_lost == 0
@@ -98,11 +105,7 @@ def test_times_of_frames_do_not_depend_on_the_speed(swing):
 
 
 def test_what_the_client_sets_is_simulated(swing):
-    with (
-        virtual_board(rc.load_scene(swing), speed=None) as board,
-        PtyPort(board) as port,
-        open_sensor(port.path, protocol="strata") as sensor,
-    ):
+    with virtual_sensor(rc.load_scene(swing), speed=None) as sensor:
         # Wide sweeps would put the plate beyond the range of 64 samples.
         for changes in ({"num_samples": 64, "stop_frequency": 60.4e9}, {"num_samples": 256, "stop_frequency": 61.5e9}):
             for num_chirps in (8, 16):
@@ -119,11 +122,7 @@ def test_what_the_client_sets_is_simulated(swing):
 def test_angles_of_a_board_are_right_with_the_phases_of_its_receivers():
     wanted = rc.bgt60tr13c(receiver="measured", if_gain_db=33, num_chirps=16)
     scene = rc.Scene([rc.PointTarget([1.5, 0.3, 0.2], rcs=1.0, velocity=[0.5, 0.0, 0.0])])
-    with (
-        virtual_board(rc.Simulator(scene, wanted), speed=None) as board,
-        PtyPort(board) as port,
-        open_sensor(port.path, protocol="strata") as sensor,
-    ):
+    with virtual_sensor(rc.Simulator(scene, wanted), speed=None) as sensor:
         radar = sensor.configure(wanted, if_gain_db=33)
         (frame,) = sensor.frames(1)
     assert radar.receiver.rx_phase_deg == wanted.receiver.rx_phase_deg
@@ -158,11 +157,7 @@ def test_playback_gives_a_recording_over_and_over_and_refuses_other_settings(tmp
         radar,
         source={"cube_unit": "full scale"},
     )
-    with (
-        virtual_board(recording, speed=None) as board,
-        PtyPort(board) as port,
-        open_sensor(port.path, protocol="strata") as sensor,
-    ):
+    with virtual_sensor(recording, speed=None) as sensor:
         sensor.configure(radar)
         for index, frame in enumerate(sensor.frames(7)):
             np.testing.assert_array_equal(frame.raw, raw[index % 3])
@@ -263,11 +258,7 @@ def test_board_answers_while_a_frame_takes_long_to_simulate():
             is_begun.set()
             is_done.wait(60.0)
 
-    with (
-        virtual_board(Paced(lambda index: index, wait)) as board,
-        PtyPort(board) as port,
-        open_sensor(port.path, protocol="strata") as sensor,
-    ):
+    with virtual_sensor(Paced(lambda index: index, wait)) as sensor:
         sensor.configure(rc.bgt60tr13c(num_chirps=8))
         frames = sensor.frames()
         next(frames)
