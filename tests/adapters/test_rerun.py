@@ -289,28 +289,6 @@ def test_no_display_says_how_to_save(
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none.toml", "-o", "run.rrd"], "none.toml: "),
-        (["none", "-o", "run.rrd"], "none: no such recording"),
-        (["none.toml", "-o", "run.png"], "run.png: expected a file for Rerun (.rrd), got suffix '.png'"),
-        (["a.toml", "-o", "run.rrd", "--config", "b.toml"], "a.toml: expected no --config with a scene file"),
-        (["a.toml", "-o", "run.rrd", "--subtract-mean"], "a.toml: expected no --subtract-mean with a scene file"),
-    ],
-)
-def test_bad_arguments_are_one_line(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["view", *arguments]) == 1
-    assert capsys.readouterr().err.startswith(f"radarcore: {message}")
-
-
 def test_file_that_cannot_be_made_is_an_error_of_the_system(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"run\.rrd: expected a file that can be written; Failed to create file"):
         Viewer("/proc/self/run.rrd")

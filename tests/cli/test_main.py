@@ -151,6 +151,8 @@ def test_what_is_no_command_is_a_line_with_a_hint(
         ),
         ("demo --no-robots --duration -1", "--duration: expected a positive number [s], got -1.0"),
         ("demo --no-robots -o /dev/null/demo", "/dev/null/demo"),
+        ("view scene.toml -o new.rrd --config rec", "scene.toml: expected no --config with a scene file"),
+        ("view scene.toml -o new.rrd --subtract-mean", "scene.toml: expected no --subtract-mean with a scene file"),
         ("view rec -o new.png", "new.png: expected a file for Rerun (.rrd), got suffix '.png'"),
         ("sensor info /dev/none", "/dev/none"),
         ("sensor record /dev/none -o new", "/dev/none"),

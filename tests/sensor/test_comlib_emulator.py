@@ -14,11 +14,9 @@ from radarcore.sensor.comlib.messages import (
     AdcSettings,
     FmcwSettings,
     Format,
-    Frame,
     HostParser,
     Message,
     StatusMessage,
-    TxPower,
     decode_number,
     encode_number,
 )
@@ -103,13 +101,6 @@ def test_emulator_refuses_with_the_status_of_the_protocol(endpoint, payload, sta
     assert talk(ComLibEmulator(Ramp()), endpoint, payload) == [StatusMessage(endpoint, status)]
 
 
-def test_emulator_tells_its_driver_and_its_power():
-    emulator = ComLibEmulator(Ramp())
-    assert talk(emulator, 1, b"\x20") == [Message(1, b"\x21\x01\0\0"), StatusMessage(1, 0)]
-    (power, _) = talk(emulator, 1, b"\x32\x01")
-    assert TxPower.decode(power.payload) == TxPower(1, 8400)  # step 31 of 0.4 dB, where 10 is 0 dBm
-
-
 def test_largest_frame_fits_into_a_message():
     emulator = ComLibEmulator(Ramp())
     talk(emulator, 1, Format(43678, 1, 1).encode())
@@ -130,15 +121,6 @@ def test_reset_brings_back_what_power_up_has():
     talk(emulator, 1, Format(32, 1, 1).encode())
     assert talk(emulator, 0, b"\x02") == [StatusMessage(0, 0)]
     assert talk(emulator, 1, b"\x40")[0] == Message(1, Format(64, 16, 0xF).encode())
-
-
-def test_frames_are_not_counted_without_a_trigger():
-    emulator = ComLibEmulator(Ramp())
-    frames = [Frame.decode(talk(emulator, 1, b"\x01\x01")[0].payload) for _ in range(2)]
-    assert [frame.number for frame in frames] == [0, 0]
-    talk(emulator, 1, encode_number(0x02, 50_000))
-    frames = [Frame.decode(talk(emulator, 1, b"\x01\x01")[0].payload) for _ in range(2)]
-    assert [frame.number for frame in frames] == [0, 1]
 
 
 def test_frame_that_is_not_ready_is_refused_or_held_back():

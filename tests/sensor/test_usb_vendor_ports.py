@@ -41,21 +41,13 @@ def test_refused_control_transfers_are_stalled_and_the_next_ones_are_not() -> No
     port.close()
 
 
-def test_control_transfer_without_an_answer_is_a_timeout() -> None:
+def test_board_that_does_not_answer_and_one_that_is_unplugged_are_errors() -> None:
     board = Requests()
     port, _, _ = vendor_port_to(board)
-    board.failure = TimeoutError
-    with pytest.raises(SensorTimeoutError):
-        port.control_read(0xC0, 1, 2, 3, 4, 1.0)
-    port.close()
-
-
-def test_vendor_board_that_is_unplugged_is_disconnected() -> None:
-    board = Requests()
-    port, _, _ = vendor_port_to(board)
-    board.failure = Unplugged
-    with pytest.raises(SensorDisconnectedError):
-        port.control_read(0xC0, 1, 2, 3, 4, 1.0)
+    for failure, error in ((TimeoutError, SensorTimeoutError), (Unplugged, SensorDisconnectedError)):
+        board.failure = failure
+        with pytest.raises(error):
+            port.control_read(0xC0, 1, 2, 3, 4, 1.0)
     with pytest.raises(SensorDisconnectedError):
         port.read_packet(512, HANG)
     port.close()
