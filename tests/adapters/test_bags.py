@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tracemalloc
 import warnings
 from pathlib import Path
 
@@ -227,6 +228,49 @@ def test_other_cut_bags_are_refused_with_the_command_that_mends_them(
     path = cut(copied(bags[kind], tmp_path), share)
     with pytest.raises(ValueError, match=f"expected a whole bag, got a damaged one .*; {command}"):
         BagReader(path)
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "mcap without index", "message"])
+def test_small_bags_do_not_fill_the_memory(tmp_path: Path, kind: str) -> None:
+    """200 MB of zeros, packed into some kilobytes, are refused before they are unpacked."""
+    if kind == "ros1":
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.typesys import Stores, get_typestore
+
+        store = get_typestore(Stores.ROS1_NOETIC)
+        bag = Writer1(path := tmp_path / "small.bag")
+        bag.set_compression(bag.CompressionFormat.BZ2)
+    else:
+        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+        from rosbags.rosbag2 import Writer as Writer2
+
+        store = typestore()
+        bag = Writer2(path := tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP)
+        mode = CompressionMode.MESSAGE if kind == "message" else CompressionMode.STORAGE
+        bag.set_compression(mode, CompressionFormat.ZSTD)
+    with bag:
+        connection = bag.add_connection("/array", ARRAY, typestore=store)
+        bag.write(connection, START_NS, bytes(200_000_000))
+    if kind == "message":
+        (path,) = path.glob("*.mcap")
+    if kind == "mcap without index":
+        (file,) = path.glob("*.mcap")
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(file.read_bytes()[:-200])
+    assert sum(file.stat().st_size for file in tmp_path.rglob("*.*") if file.is_file()) < 100_000
+    tracemalloc.start()
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            with BagReader(path) as read:
+                assert list(read.messages()) == []
+        said = str(caught[-1].message)
+    except ValueError as error:
+        said = str(error)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "unpacks to more than 67108864" in said
+    assert peak < 180e6
 
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])

@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from heapq import merge
 from importlib.util import find_spec
 from io import BufferedReader, FileIO
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_mcap import CutMcap, reason
+from radarcore.adapters.ros.cut_mcap import CutMcap, most_unpacked, reason, unpacked
 from radarcore.adapters.ros.messages import DEFINITIONS
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -120,9 +120,6 @@ _REMEDIES = {
 
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """Start of a message that is packed; others of ROS 2 start with zero (CDR)."""
-
-_MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
-"""Limits of an unpacked MCAP chunk, in bytes and relative to its size: a few bytes may unpack to gigabytes of zeros."""
 
 
 @dataclass(frozen=True)
@@ -378,7 +375,8 @@ class BagReader:
         reader = own[0].owner
         try:
             for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
-                yield connection, time, _unpacked(data) if data.startswith(_ZSTD_MAGIC) else data
+                # A message may be packed by itself: metadata.yaml says so, where there is one.
+                yield connection, time, unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
             self._warn(reason(error))
 
@@ -537,22 +535,22 @@ def _check_database(file: Path, *, is_part: bool) -> None:
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse topics without a name, and MCAP chunks that unpack to far more than their size."""
+    """Refuse topics without a name, and chunks that unpack to far more than their size."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag1.reader import decompressors
+
     if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
         raise ValueError("expected names of topics and types, got none")
-    for storage in [getattr(reader, "storage", None), *getattr(reader, "storages", ())]:
-        for chunk in getattr(storage, "chunks", ()):
-            if chunk.uncompressed_size > max(_MOST_UNPACKED, _MOST_RATIO * chunk.compressed_size):
+    if isinstance(reader, Reader1):
+        names = {function: name for name, function in decompressors.items()}
+        for place, chunk in reader.chunks.items():
+            bounded = partial(unpacked, names[chunk.decompressor])
+            reader.chunks[place] = chunk._replace(decompressor=bounded)
+    storage = getattr(reader, "storage", None)
+    for file in (storage, *getattr(storage, "storages", ())):  # those of a folder are one floor down
+        for chunk in getattr(file, "chunks", ()):
+            if chunk.uncompressed_size > most_unpacked(chunk.compressed_size):
                 raise ValueError(f"a chunk of {chunk.compressed_size} bytes says it has {chunk.uncompressed_size}")
-
-
-def _unpacked(data: bytes) -> bytes:
-    """A message that is packed by itself: metadata.yaml says so, where there is one."""
-    try:
-        from compression import zstd
-    except ImportError:  # before Python 3.14
-        from backports import zstd
-    return bytes(zstd.decompress(data))
 
 
 def _owner(connection: Any) -> int:

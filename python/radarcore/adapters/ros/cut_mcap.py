@@ -6,15 +6,20 @@ middle of a record. The chunk that is cut is lost.
 
 from __future__ import annotations
 
+from bz2 import BZ2Decompressor
 from collections import Counter
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from radarcore import check
 
 _FORMATS = ("ros2msg", "ros2idl", "omgidl")
 """Encodings of the definitions of ROS messages."""
+
+_MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
+"""Limits of unpacked data, in bytes and relative to their size: a few bytes may unpack to gigabytes of zeros."""
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
@@ -64,14 +69,12 @@ class CutMcap:
     def _records(self) -> Iterator[tuple[Any, Any, Any]]:
         """Channel and schema of ROS messages, alone where the channel begins and with every message, up to the cut."""
         from mcap.records import Channel, Header, Message, Schema
-        from mcap.stream_reader import StreamReader
 
         schemas: dict[int, Any] = {}
         channels: dict[int, tuple[Any, Any]] = {}
         with self.path.open("rb") as file:
-            reader = StreamReader(file, validate_crcs=True, record_size_limit=self.path.stat().st_size)
             try:
-                for record in reader.records:
+                for record in _records(file, self.path.stat().st_size):
                     if isinstance(record, Header) and record.profile != "ros2":
                         raise ValueError(f"expected the MCAP profile 'ros2', got {record.profile!r}")
                     if isinstance(record, Schema):
@@ -85,6 +88,51 @@ class CutMcap:
                         yield *channels[record.channel_id], record
             except Exception as error:  # of mcap and its decompressors: whatever a damaged file leads to
                 self.cut = reason(error)
+
+
+def _records(file: IO[bytes], size: int) -> Iterator[Any]:
+    """Records of an MCAP file, chunks unpacked."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    for record in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:
+        if isinstance(record, Chunk):
+            content = unpacked(record.compression, record.data)
+            yield from breakup_chunk(replace(record, compression="", data=content), validate_crc=True)
+        else:
+            yield record
+
+
+def most_unpacked(size: int) -> int:
+    """Largest number of bytes to which data may unpack."""
+    return max(_MOST_UNPACKED, _MOST_RATIO * size)
+
+
+def unpacked(compression: str, data: bytes) -> bytes:
+    """Content of a chunk or a message, of limited size."""
+    if compression in ("", "none"):
+        return data
+    most = most_unpacked(len(data))
+    content = bytes(_decompressor(compression).decompress(data, most + 1))
+    if len(content) > most:
+        raise ValueError(f"a chunk of {len(data)} bytes unpacks to more than {most}")
+    return content
+
+
+def _decompressor(compression: str) -> Any:
+    if compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return LZ4FrameDecompressor()
+    if compression == "bz2":
+        return BZ2Decompressor()
+    if compression == "zstd":
+        try:
+            from compression import zstd
+        except ImportError:  # before Python 3.14
+            from backports import zstd
+        return zstd.ZstdDecompressor()
+    raise ValueError(f"a chunk has the unknown compression {check.printable(compression)!r}")
 
 
 def reason(error: Exception) -> str:
