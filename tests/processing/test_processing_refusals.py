@@ -117,6 +117,12 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.range_profile(CUBE, WAVEFORM, window=""), ValueError, "window: expected a window"),
     (lambda: rc.range_profile(CUBE, WAVEFORM, window="kaiser"), ValueError, "window: expected a window"),
     (lambda: rc.range_profile(CUBE, WAVEFORM, window=3), TypeError, "window: expected a window of scipy.*got 3"),
+    (lambda: rc.detect(FRAME, window=np.ones(64)), TypeError, "^window: expected a window of scipy"),
+    (
+        lambda: rc.detect(FRAME, doppler_window=["kaiser", 5.0]),
+        TypeError,
+        "^doppler_window: expected a window of scipy",
+    ),
     (lambda: rc.range_doppler(CUBE, WAVEFORM, doppler_window="x"), ValueError, "doppler_window: expected a window"),
     (
         lambda: rc.range_profile(CUBE, WAVEFORM, num_bins=63),

@@ -84,7 +84,8 @@ class DetectionSettings:
             if not any(self.training):
                 raise ValueError(f"training: expected at least one cell on a side, got {given!r}")
         self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
-        self.window, self.doppler_window = hashable(self.window), hashable(self.doppler_window)
+        self.window = hashable("window", self.window)
+        self.doppler_window = hashable("doppler_window", self.doppler_window)
         if self.min_range is not None:
             self.min_range = check.non_negative("min_range", self.min_range, "m")
         if self.max_range is not None:

@@ -14,6 +14,7 @@ from radarcore import check
 Window = str | tuple[Any, ...] | None
 """A window as `scipy.signal.get_window` names it, such as ``"hann"`` or ``("kaiser", 8.0)``; None: no window."""
 
+_EXPECTED = "expected a window of scipy.signal.get_window or None"
 
 _COSINES = {"boxcar": (1.0,), "hann": (0.5, 0.5), "hamming": (0.54, 1.0 - 0.54), "blackman": (0.42, 0.5, 0.08)}
 """Weights of the cosines of which common windows are sums. SciPy has them too, and takes a second to be imported."""
@@ -63,13 +64,12 @@ def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArr
         return check.frozen(_sum_of_cosines(_COSINES[window], length + periodic)[:length])
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
-    expected = "expected a window of scipy.signal.get_window or None"
     if not isinstance(window, str | tuple):
-        raise TypeError(f"{name}: {expected}, got {window!r}")
+        raise TypeError(f"{name}: {_EXPECTED}, got {window!r}")
     try:
         weights = np.asarray(get_window(window, length, fftbins=periodic), dtype=np.float64)
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{name}: {expected}, got {window!r} ({error})") from None
+        raise ValueError(f"{name}: {_EXPECTED}, got {window!r} ({error})") from None
     return check.frozen(weights)
 
 
@@ -97,8 +97,10 @@ def independent_share(weights: NDArray[np.float64]) -> float:
     return float(np.square(squares.sum()) / np.square(squares).sum() / len(weights))
 
 
-def hashable(window: Window) -> Window:
-    """The same window, with tuples in place of lists and arrays."""
+def hashable(name: str, window: Window) -> Window:
+    """The same window, with tuples in place of the lists and arrays in a tuple."""
+    if not (window is None or isinstance(window, str | tuple)):
+        raise TypeError(f"{name}: {_EXPECTED}, got {window!r}")
     if not isinstance(window, tuple):
         return window
     return tuple(tuple(part) if isinstance(part, list | np.ndarray) else part for part in window)
