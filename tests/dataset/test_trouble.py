@@ -153,6 +153,20 @@ def test_damage_of_any_file_is_found_and_named(whole: Path, tmp_path: Path, file
     assert fault.startswith(f"{path / file}: expected {what}")
 
 
+def test_damage_of_packed_codes_is_found(tmp_path: Path) -> None:
+    """Zstandard alone unpacks codes of an ADC with a flipped bit to others."""
+    adc = "radar.receiver = { output = 'real', noise_figure_db = 12.0, full_scale = 1e-3, adc_bits = 12 }"
+    scene = write_scene(tmp_path)
+    scene.write_text(f"{adc}\n{scene.read_text()}")
+    path = rc.dataset.make(scene, tmp_path / "out", count=1, seed=1, workers=1).path
+    file = path / "cube" / "c" / "0" / "0" / "0" / "0" / "0"
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    (fault,) = rc.dataset.verify(path, again=0).faults
+    assert fault.startswith(f"{file}: expected the content that was written, got a damaged file")
+
+
 def test_samples_that_are_not_those_of_the_scene_are_found(whole: Path, tmp_path: Path) -> None:
     """Changed samples with a checksum of their own are found by a simulation of the sample."""
     import zarr
