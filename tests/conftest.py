@@ -26,6 +26,8 @@ from typing import Any
 
 import pytest
 
+from extra_modules import MODULES
+
 for name, library in (("osmesa", "OSMesa"), ("egl", "EGL")):
     if not os.environ.get("MUJOCO_GL") and find_library(library):
         os.environ["MUJOCO_GL"] = name
@@ -49,20 +51,6 @@ pytest.approx = _approx_without_floor
 
 def pytest_collection_finish() -> None:
     gc.freeze()
-
-
-MODULES = {
-    "coppelia": {"cbor2", "coppeliasim_zmqremoteapi_client", "zmq"},
-    "mesh": {"collada", "trimesh"},
-    "mujoco": {"mujoco"},
-    "plot": {"matplotlib"},
-    "rerun": {"rerun"},
-    "robots": {"example_robot_data"},
-    "ros": {"apsw", "rosbags"},
-    "usb": {"libusb_package", "serial", "usb"},
-    "zarr": {"xarray", "zarr"},
-}
-"""Modules of the extras, which some tests import by themselves."""
 
 
 @cache

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from conftest import MODULES
+from extra_modules import MODULES
 
 TESTS = Path(__file__).parent
 WITHOUT_EXTRAS = f"""
