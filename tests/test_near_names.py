@@ -1,4 +1,4 @@
-"""Names that are spelled wrong: of choices, of attributes of packages, of materials and arms."""
+"""Names that are spelled wrong: of choices and of attributes of packages."""
 
 from __future__ import annotations
 
@@ -31,10 +31,3 @@ def test_interpreter_suggests_the_near_attribute(wrong: str, meant: str) -> None
     result = subprocess.run([sys.executable, "-c", f"import radarcore\n{wrong}"], capture_output=True, text=True)
     assert result.returncode == 1
     assert result.stderr.rstrip().endswith(f"has no attribute '{wrong.split('.')[-1]}'. Did you mean: '{meant}'?")
-
-
-def test_names_of_materials_and_arms_are_suggested() -> None:
-    with pytest.raises(KeyError, match="no material 'metall'; did you mean 'metal'"):
-        rc.materials["metall"]
-    with pytest.raises(KeyError, match="no arm 'ur11'; did you mean 'ur10'"):
-        rc.models.RobotArm.named("ur11")

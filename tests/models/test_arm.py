@@ -222,16 +222,3 @@ def test_embedded_shapes_fill_the_boxes_of_the_real_meshes(ur10, ur10_meshes, li
     # Rounded covers and cable outlets are left out: the base's outlet is 17 mm, the shoulder's cover 10 mm high.
     allowed = 0.018 if link == "base_link" else 0.011
     np.testing.assert_allclose(ur10.links[link].bounds, ur10_meshes.links[link].bounds, atol=allowed)
-
-
-def test_unknown_names_are_answered_with_near_ones(ur10):
-    with pytest.raises(KeyError, match="no link 'tool'; did you mean 'tool0'"):
-        ur10.link_pose("tool", CHECK_POSE)
-    with pytest.raises(KeyError, match="did you mean 'forearm_link'"):
-        ur10.moving(CHECK_POSE).link_motion("fore_arm_link")
-    with pytest.raises(KeyError, match="no moving joint 'elbow'; did you mean 'elbow_joint'"):
-        ur10.link_pose("tool0", {"elbow": 1.0})
-    with pytest.raises(ValueError, match=r"joint_angles: expected shape \(6,\), got \(5,\)"):
-        ur10.link_pose("tool0", CHECK_POSE[:5])
-    with pytest.raises(ValueError, match=r"joint_motion: expected shape \(6,\), got \(3,\)"):
-        ur10.moving(some_trajectory(3))

