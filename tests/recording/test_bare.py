@@ -216,6 +216,15 @@ def test_variables_of_an_npz_file_are_loaded_and_named(tmp_path: Path, save: Any
         rc.Recording.load(tmp_path / "own.npz", variable="cube")
 
 
+def test_npy_file_that_is_an_archive_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "renamed.npy"
+    np.savez(packed := tmp_path / "a.npz", x=np.ones(3))
+    for content in (packed.read_bytes(), b"PK\x03\x04"):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"renamed\.npy: damaged or not an NPY file"):
+            rc.Recording.load(path, radar=rc.bgt60tr13c())
+
+
 def test_mat_file_that_is_none_is_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "good.mat", {"adc": CUBE}, do_compression=True)
     good = (tmp_path / "good.mat").read_bytes()

@@ -281,7 +281,7 @@ def _array(path: Path, description: Description) -> NDArray[Any]:
 def _npy(path: Path) -> NDArray[Any]:
     with naming(path):
         try:
-            values: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+            values: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
         except HEADER_ERRORS as error:
             raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
     return values
