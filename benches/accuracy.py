@@ -53,7 +53,6 @@ from proof.targets import (
     section_rows,
 )
 from radarcore.models import robots
-from radarcore.plot.canvas import write
 
 PICTURE = PAGE.with_suffix(".png")
 
@@ -401,7 +400,7 @@ def main() -> None:
     )
     # In a tiny run the columns of one target stand for all.
     drawn = points if run is FULL else [p for p in points if p.target == points[0].target]
-    write(picture(drawn), image, dpi=100)
+    picture(drawn).savefig(image, dpi=100)
     if arguments.write:
         PAGE.parent.mkdir(exist_ok=True)
         PICTURE.write_bytes(image.getvalue())

@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 import radarcore as rc
 from page import PERFORMANCE, machine, milliseconds, table, write_section
 from radarcore import _core
-from radarcore.plot.canvas import write
 from scenes import Case, Job, arm_case, fan_case, image_order, random_order, room_case, walker_case, waveform
 
 try:
@@ -604,7 +603,7 @@ def main() -> None:
     print(call)
 
     image = io.BytesIO()
-    write(picture(linear, moving), image, dpi=110)
+    picture(linear, moving).savefig(image, dpi=110)
     if arguments.write:
         PICTURE.write_bytes(image.getvalue())
         text = PAGE_TEXT.format(

@@ -22,7 +22,7 @@ REFUSED: list[tuple[Callable[..., object], tuple[Any, ...], type[Exception], str
     (check.non_negative, (-1,), ValueError, "x: expected zero or a positive number, got -1"),
     (check.within, (1.1, 0.0, 1.0), ValueError, "x: expected a number from 0 to 1, got 1.1"),
     (check.frequency, (60.0,), ValueError, r"x: expected 1e8 to 3e12 \[Hz\] \(60 GHz is 60e9\), got 60"),
-    (check.level, (-2e3, "dBi"), ValueError, r"x: expected -1000 to 1000 \[dBi\], got -2000"),
+    (check.level, (-2e3, "dBi"), ValueError, r"x: expected a number from -1000 to 1000 \[dBi\], got -2000"),
     (check.count, (2.0,), TypeError, "x: expected an integer, got 2.0"),
     (check.count, (0,), ValueError, "x: expected at least 1, got 0"),
     (check.count, (8, 0, 7), ValueError, "x: expected at most 7, got 8"),
