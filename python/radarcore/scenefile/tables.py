@@ -10,7 +10,7 @@ from dataclasses import MISSING, fields
 from functools import reduce
 from inspect import Parameter, getdoc, signature
 from operator import or_
-from typing import Annotated, Any, ClassVar, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_type_hints
 
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, create_model
 from pydantic.fields import FieldInfo
@@ -162,8 +162,11 @@ class MeshTable(Table):
 
 
 SHAPES = tuple(_shape_table(kind) for kind in shapes.__all__)
-ShapeTable: Any = reduce(or_, (*SHAPES, MeshTable))
-"""A shape of `radarcore.shapes`, or a mesh file."""
+if TYPE_CHECKING:
+    ShapeTable = Any
+else:
+    ShapeTable = reduce(or_, (*SHAPES, MeshTable))
+    """A shape of `radarcore.shapes`, or a mesh file."""
 
 
 class MaterialTable(Table):

@@ -50,7 +50,9 @@ class CutMcap:
             if message is not None:
                 counts[channel.id] += 1
                 first, last = min(first, message.log_time), max(last, message.log_time)
-        self.start_time, self.end_time, self.message_count = first, last + 1, counts.total()
+        self.start_time: int = first
+        self.end_time: int = last + 1
+        self.message_count: int = counts.total()
         self.connections: list[Any] = [
             _connection(self, channel, schema, counts[number]) for number, (channel, schema) in channels.items()
         ]
