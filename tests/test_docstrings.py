@@ -17,6 +17,7 @@ import pytest
 
 import radarcore as rc
 from doubles.motive import MotionCaptureServer
+from radarcore.adapters import ros
 
 SOURCES = Path(rc.__file__).parents[1]
 PACKAGES = (
@@ -49,8 +50,8 @@ METHODS = (
 IMPORTED = ("mujoco",)
 """Packages that examples import themselves, called as their extras."""
 
-OBJECTS = ("motive", "recording", "scene_file", "sensor", "varied_scene_file")
-"""What examples use without making it: the fixtures below, which docs/python.md describes."""
+OBJECTS = ("bag", "live", "motive", "recording", "scene_file", "sensor", "tree", "varied_scene_file")
+"""Objects that examples use without making them: the fixtures below, which docs/python.md describes."""
 
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 SECTION = re.compile(r"^([A-Z]\w+(?: \w+)*)\n-+\n", flags=re.MULTILINE)
@@ -136,6 +137,35 @@ def test_names_are_those_that_users_find() -> None:
 def test_name_has_an_example_and_says_what_is_near(name: str) -> None:
     assert not {"See Also", "Examples"} - sections(name).keys(), "missing"
     assert list(sections(name))[-1] == "Examples"
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Iterator[ros.BagReader]:
+    pytest.importorskip("rosbags", reason="needs rosbags: pip install 'radarcore[ros]'")
+    with ros.BagWriter(tmp_path / "ball") as written:
+        for k in range(3):
+            message = ros.to_pose_stamped(rc.Pose([0.1 * k, 0.0, 0.0]), time_ns=k * 10**8, types=written.types)
+            written.write("/ball", message, time_ns=k * 10**8)
+    with ros.BagReader(tmp_path / "ball") as opened:
+        yield opened
+
+
+@pytest.fixture
+def live() -> Any:
+    mujoco = pytest.importorskip("mujoco", reason="needs mujoco: pip install 'radarcore[mujoco]'")
+    ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    made = rc.adapters.mujoco.LiveModel(model)
+    made.update(mujoco.MjData(model))
+    return made
+
+
+@pytest.fixture
+def tree() -> ros.TransformTree:
+    poses = [rc.Pose([0.1 * k, 0.0, 0.0]) for k in range(3)]
+    moving = [ros.to_transforms({"cart": pose}, time_ns=k * 10**8, frame_id="map") for k, pose in enumerate(poses)]
+    static = ros.to_transforms({"radar": rc.Pose([0.0, 0.0, 0.5])}, time_ns=0, frame_id="cart")
+    return ros.TransformTree(moving, [static])
 
 
 @pytest.fixture

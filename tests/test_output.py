@@ -222,7 +222,9 @@ def test_protected_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("path", ["/proc/x", "/proc/x/y"])
 def test_place_that_takes_no_files_is_named(path: str) -> None:
     for write in (lambda: output.write_text(Path(path), ""), lambda: rc.RecordingWriter(path, RADAR)):
-        with pytest.raises(PermissionError, match="expected a place for new files, got one that takes none"):
+        with pytest.raises(
+            PermissionError, match="expected a folder in which files can be made, got one that is protected"
+        ):
             write()
 
 

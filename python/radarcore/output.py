@@ -353,5 +353,7 @@ def _lock(file: int) -> None:
 def _creation_error(error: OSError, path: Path) -> OSError:
     """Error for a path where no file can be made; for /proc and the like the system reports 'no such file'."""
     if isinstance(error, FileNotFoundError):
-        return PermissionError(errno.EPERM, "expected a place for new files, got one that takes none", str(path))
+        return PermissionError(
+            errno.EPERM, "expected a folder in which files can be made, got one that is protected", str(path)
+        )
     return OSError(error.errno, error.strerror, str(path))

@@ -177,7 +177,7 @@ def test_times_of_the_run_are_those_of_the_file_where_it_has_any(path: Path, tmp
         (
             "[sensor]",
             "[sensor]\npose = {}",
-            "sensor: pose: expected none together with a motion of a bag",
+            "sensor: pose: a motion of a bag excludes it",
         ),
     ],
 )

@@ -83,7 +83,7 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
         ("process rec --keep-men", "Did you mean --keep-mean?", "process"),
         ("plot rec -o a.png --kind detection", 'Did you mean "detections"?', "plot"),
         ("sensor selftest --only nose", 'Did you mean "noise"?', "sensor selftest"),
-        ("plot rec", "--output requires an argument", "plot"),
+        ("plot rec", "Expected --output, got none", "plot"),
         ("plot rec -o a.png --frame 1.5", "--frame: expected a whole number, got '1.5'", "plot"),
         ("process rec --max-range far", '--max-range: unable to convert "far" into float', "process"),
         ("sensor serve rec --speed fast", "--speed: expected a number or max, got 'fast'", "sensor serve"),

@@ -181,7 +181,7 @@ def test_other_settings_on_resume_are_named(serial: rc.dataset.Dataset, scene: P
 def test_resume_with_another_version_of_a_library_names_both(
     tmp_path: Path, package: str, version: Callable[[], str]
 ) -> None:
-    """Bytes of files are those of one version of zarr, normal draws those of one version of scipy."""
+    """Bytes of files depend on the version of zarr, normal draws on the version of scipy."""
     scene = write_scene(tmp_path, "rcs = { normal = [1.0, 0.1] }")
     path = rc.dataset.make(scene, tmp_path / "out", count=1, workers=1).path
     group = json.loads((path / "zarr.json").read_text())

@@ -1,4 +1,4 @@
-"""What goes wrong while a dataset is made: workers lost, disks full, two writers; and files that are damaged."""
+"""Trouble while a dataset is made: lost workers, full disks, two writers; and damaged files."""
 
 from __future__ import annotations
 

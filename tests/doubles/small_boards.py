@@ -48,7 +48,7 @@ class Loopback:
             return data
 
     def hang_up(self) -> None:
-        """What was received is still sent back."""
+        """Received data is still sent back."""
 
 
 class Requests:

@@ -1,4 +1,4 @@
-"""What arms, joints, people and their paths refuse: the argument, what was expected and what came."""
+"""Refusals of arms, joints, people and their paths name the argument, the expected and the given value."""
 
 from __future__ import annotations
 

@@ -457,7 +457,7 @@ def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None
 
 @pytest.fixture(scope="module")
 def real() -> Path:
-    """A recording of a real sensor, in front of which a person moves."""
+    """A recording of a real sensor; a person moves in front of it."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
     if not path.is_dir():

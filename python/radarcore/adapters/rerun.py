@@ -317,15 +317,15 @@ class Viewer:
         True
         """
         rr = self._rerun
-        believed = [state for state in states if state.is_confirmed]
+        confirmed = [state for state in states if state.is_confirmed]
         self._at(time)
-        placed = [state for state in believed if np.isfinite(state.position).all()]
+        placed = [state for state in confirmed if np.isfinite(state.position).all()]
         places = np.array([state.position for state in placed]).reshape(-1, 3)
         motions = np.array([state.motion for state in placed]).reshape(-1, 3)
         names = [f"track {state.id}" for state in placed]
         self._log(f"{_RADAR}/tracks", rr.Points3D(places, radii=1.5 * _DOT, labels=names, colors=_TRACK))
         self._log(f"{_RADAR}/tracks/velocity", rr.Arrows3D(origins=places, vectors=motions, colors=_TRACK))
-        for state in believed:
+        for state in confirmed:
             self._log(["range", f"track {state.id}"], rr.Scalars(state.range))
             self._log(["velocity", f"track {state.id}"], rr.Scalars(state.velocity))
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NamedTuple
 
-from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter
 
 from radarcore._core import __version__
 from radarcore.cli.options import OPTIONS
@@ -216,8 +216,11 @@ def _run(words: list[str]) -> int:
         function, bound, _ = app.parse_args(words)
     except CycloptsError as error:
         error.verbose = False
-        command = " ".join(["radarcore", *(error.command_chain or ())])
-        complain(f"{' '.join(str(error).split())} See `{command} --help`.")
+        text = " ".join(str(error).split())
+        # Cyclopts says that an option "requires an argument", which reads as if the option had been typed.
+        if isinstance(error, MissingArgumentError) and error.argument is not None and not error.unused_tokens:
+            text = f"Expected {error.argument.name}, got none."
+        complain(f"{text} See `{' '.join(['radarcore', *(error.command_chain or ())])} --help`.")
         return 2
     try:
         return int(function(*bound.args, **bound.kwargs) or 0)

@@ -130,12 +130,12 @@ def run(
         processed = _processed(reader, sequence, chosen, removes=removes, range_only=range_only)
         for index, frame, part, found, states in processed:
             num_detections += len(found)
-            believed = [state for state in states if state.is_confirmed]
-            for state in believed:
+            confirmed = [state for state in states if state.is_confirmed]
+            for state in confirmed:
                 new = _Summary(index, index, state.time, state.time, 0, state.range, state.range)
                 tracks.setdefault(state.id, new).add(index, state)
             if write is not None:
-                write(index, found, believed)
+                write(index, found, confirmed)
             if results is not None:
                 results.write(frame, part, found)
     elapsed = time.perf_counter() - began

@@ -275,7 +275,7 @@ def _made(
 def _processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Processes that end with the block, at once if it was interrupted.
 
-    They are spawned: a fork would copy locks that other threads hold, such as those of the Rust core.
+    They are spawned: a fork would copy locks that other threads hold, for example in the Rust core.
     """
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
@@ -327,7 +327,7 @@ def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
 
 
 def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
-    """Refuse to continue with other settings; a ValueError names those that differ."""
+    """Refuse to continue with other settings; a ValueError names the differences."""
     differing: list[str] = []
     for name, value in before.items():
         if name == "scene":

@@ -124,7 +124,7 @@ class Dataset:
             yield self[index]
 
     def _small_of(self, shard: int) -> dict[str, NDArray[Any]]:
-        """Variables with one chunk per shard; those of the last complete shard are kept."""
+        """Variables with one chunk per shard; the last complete shard stays in memory."""
         if shard in self._kept:
             return self._kept[shard]
         samples = self.samples_of(shard)
@@ -403,7 +403,7 @@ def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) 
     path : path
         Directory that `make` has made, complete or not.
     again : int
-        Samples that are simulated once more, spread over those that were made; every bit must be the same.
+        Number of stored samples, evenly spread, to simulate again; every bit must be equal.
     progress : bool
         Show a progress bar when run in a terminal.
 

@@ -66,7 +66,7 @@ def create(path: Path, layout: Layout, coordinates: dict[str, Coordinate], attrs
             )
             array[...] = coordinate.values
         with warnings.catch_warnings():
-            # It warns that other libraries may not know consolidated metadata: they read that of each array.
+            # Zarr warns that other libraries may not know consolidated metadata; they read the metadata of each array.
             warnings.filterwarnings("ignore", message="Consolidated metadata")
             zarr().consolidate_metadata(partial)
         keep(Path(attrs["scene_path"]), partial)

@@ -183,7 +183,7 @@ def samples_in_shard(count: int, sample_bytes: int, given: int | None) -> int:
 
 
 def attributes_of(variation: Variation, layout: Layout, seed: int, labels: Labels, radar: Radar) -> dict[str, Any]:
-    """Attributes of a dataset; `settings` are those that a resumed run compares."""
+    """Attributes of a dataset; a resumed run compares `settings`."""
     import zarr
 
     settings = {
@@ -265,7 +265,7 @@ def _parameter_variables(variation: Variation) -> dict[str, Variable]:
     """A variable per parameter that varies."""
     variables: dict[str, Variable] = {}
     for parameter in variation.parameters:
-        name = f"parameter.{parameter.path}".replace("/", "_")  # Zarr's names are those of folders
+        name = f"parameter.{parameter.path}".replace("/", "_")  # Zarr's names are names of folders
         if (other := variables.get(name)) is not None:
             paths = f"{other.attrs['path']!r} and {parameter.path!r}"
             raise ValueError(f"{variation.path}: expected names that differ in more than / and _, got {paths}")

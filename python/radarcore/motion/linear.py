@@ -105,7 +105,7 @@ class ConstantTwist:
         speed = np.linalg.norm(angular_velocities, axis=-1)[:, None, None]
         axes = cross_matrix(angular_velocities) / np.where(speed > 0.0, speed, 1.0)
         self._start = transforms(rotations, positions)
-        # What the pose changes by: per second, and by Rodrigues' formula with the sine and 1 - cosine of the angle.
+        # Changes of the pose: per second, and with the sine and 1 - cosine of the angle (Rodrigues' formula).
         self._drift = transforms(0.0 * rotations, velocities)
         self._by_sine, self._by_versine = (
             transforms(turn @ rotations, 0.0 * positions) for turn in (axes, axes @ axes)

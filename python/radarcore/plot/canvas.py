@@ -134,8 +134,8 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
 def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> None:
     """Names beside their points; one that would cover another name or a point everywhere is left out.
 
-    Of the free places, the one that hides the least of the lines is taken. Parts of one thing are named once. Limits
-    must be final.
+    Each name takes the free place that hides the least of the lines. Parts of one thing are named once. Limits must
+    be final.
     """
     from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox

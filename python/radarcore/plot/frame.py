@@ -315,7 +315,7 @@ def ring(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
 
 
 def mark(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, ...]) -> list[Name]:
-    """Crosses where points are in view, NaN is not; the names to be put there."""
+    """Draw crosses at points in view (NaN is out of view), and return the names to place beside them."""
     from matplotlib.patheffects import withStroke
 
     (left, right), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())

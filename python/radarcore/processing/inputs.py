@@ -37,7 +37,7 @@ def cube_and_radar(
         return cube.cube, cube.radar
     if not isinstance(radar, Radar):
         got = "none" if radar is None else type(radar).__name__
-        raise TypeError(f"{name}: expected {kinds} with a cube that is no Frame or Recording, got {got}")
+        raise TypeError(f"{name}: expected {kinds} with a cube given as an array, got {got}")
     require_one_waveform(radar)
     return cube, radar
 

@@ -306,8 +306,8 @@ class Radar:
     def max_unambiguous_range(self) -> float:
         """Largest unambiguous range [m]: ``c sample_rate / (4 abs(slope))`` of real samples, of I/Q samples twice that.
 
-        A radar knows its receiver: this is the range of its own samples, `Waveform.max_range` always that of real ones.
-        Of several waveforms the least; inf for a CW radar.
+        This follows the radar's receiver, real or I/Q; `Waveform.max_range` assumes real samples. The smallest of
+        several waveforms; inf for a CW radar.
         """
         return min(waveform.max_range for waveform in self.waveforms) * (1.0 if self.is_real else 2.0)
 

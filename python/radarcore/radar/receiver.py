@@ -145,7 +145,7 @@ class AdcErrors:
     See Also
     --------
     Receiver : Takes it as `adc_errors`.
-    bgt60tr13c : Has those of a real chip with ``receiver="measured"``.
+    bgt60tr13c : Has the errors of a real chip with ``receiver="measured"``.
 
     Examples
     --------
@@ -409,7 +409,7 @@ def _plain(value: Any) -> Any:
 
 
 def _check_given(settings: Any, names: Sequence[str], checked: Callable[[str, object, str], Any], unit: str) -> None:
-    """Check those of some settings that are not None, and put the checked values in."""
+    """Check the settings that are not None, and replace them by the checked values."""
     for name in names:
         if (value := getattr(settings, name)) is not None:
             setattr(settings, name, checked(name, value, unit))

@@ -117,7 +117,7 @@ class Recording(Stored):
     <Frame at 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
     """
 
-    _rows: ClassVar[NDArray[Any] | Converted]  # the samples, or those that are still on disk; of each instance
+    _rows: ClassVar[NDArray[Any] | Converted]  # samples in memory or on disk, of each instance
 
     def __post_init__(self) -> None:
         check_radar(self.radar)

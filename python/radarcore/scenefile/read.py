@@ -95,7 +95,7 @@ def tables_in(annotation: Any) -> list[type]:
 
 
 class _Place(NamedTuple):
-    """What may be at a place of a file."""
+    """Expected value at a place of a file."""
 
     unit: str
     """Unit of the key."""
@@ -150,7 +150,7 @@ class _Fault(NamedTuple):
     meant: Location | None = None
     """The key that an unknown one was probably meant to be."""
     message: str = ""
-    """What a record of settings says about its own keys."""
+    """Message of a record of settings about its own keys."""
 
 
 # Expected values by pydantic's types of errors.

@@ -382,12 +382,6 @@ class LiveModel:
 
         Examples
         --------
-        >>> import mujoco
-        >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
-        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
-        >>> data = mujoco.MjData(model)
-        >>> live = rc.adapters.mujoco.LiveModel(model)
-        >>> live.update(data)
         >>> live.clear()
         >>> live.newest
         -inf
@@ -435,12 +429,6 @@ class LiveModel:
 
         Examples
         --------
-        >>> import mujoco
-        >>> ball = '<body pos="2 0 0"><freejoint/><geom name="ball" size="0.1"/></body>'
-        >>> model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
-        >>> data = mujoco.MjData(model)
-        >>> live = rc.adapters.mujoco.LiveModel(model)
-        >>> live.update(data)
         >>> live.geom_motion("ball").at(0.0).position.tolist()
         [2.0, 0.0, 0.0]
         """

@@ -509,7 +509,7 @@ class MotionCaptureClient:
         raise TimeoutError(
             f"no answer ({answer.name}) from a motion capture server at {host}:{port} within {self._timeout:g} s: does "
             "Motive run there with streaming enabled in its settings, is the address right, does a firewall stop UDP?"
-            f"{self._of_strangers()}"
+            f"{self._other_senders()}"
         )
 
     def _packet(self, kind: Kind, end: float, stop: threading.Event | None) -> bytes | None:
@@ -531,10 +531,10 @@ class MotionCaptureClient:
         )
         raise TimeoutError(
             f"no frame from the motion capture server at {host}:{port} within {self._timeout:g} s ({way}): is it live, "
-            f"or playing a take?{self._of_strangers()}"
+            f"or playing a take?{self._other_senders()}"
         )
 
-    def _of_strangers(self) -> str:
+    def _other_senders(self) -> str:
         """Names senders whose packets were ignored, for messages."""
         return f" Packets from {', '.join(sorted(self._strangers))} were ignored." if self._strangers else ""
 

@@ -38,7 +38,7 @@ def need_rosbags() -> None:
 
 @cache
 def typestore() -> Any:
-    """The types of ROS 2 (Humble), with those of `DEFINITIONS`."""
+    """Message types of ROS 2 (Humble) and of `DEFINITIONS`."""
     need_rosbags()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -267,13 +267,7 @@ class BagReader:
 
         Examples
         --------
-        >>> with rc.adapters.ros.BagWriter("named") as bag:
-        ...     for k in range(3):
-        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
-        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
-        ...         bag.write("/ball", message, time_ns=k * 10**8)
-        >>> with rc.adapters.ros.BagReader("named") as bag:
-        ...     print(bag.topic("ball").name)
+        >>> print(bag.topic("ball").name)
         /ball
         """
         wanted = f"/{name.strip('/')}"
@@ -303,13 +297,7 @@ class BagReader:
 
         Examples
         --------
-        >>> with rc.adapters.ros.BagWriter("typed") as bag:
-        ...     for k in range(3):
-        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
-        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
-        ...         bag.write("/ball", message, time_ns=k * 10**8)
-        >>> with rc.adapters.ros.BagReader("typed") as bag:
-        ...     print(bag.only_topic("geometry_msgs/msg/PoseStamped").name)
+        >>> print(bag.only_topic("geometry_msgs/msg/PoseStamped").name)
         /ball
         """
         found = [topic for topic in self.topics.values() if topic.type in types]
@@ -345,13 +333,7 @@ class BagReader:
 
         Examples
         --------
-        >>> with rc.adapters.ros.BagWriter("sent") as bag:
-        ...     for k in range(3):
-        ...         pose = rc.Pose([0.1 * k, 0.0, 0.0])
-        ...         message = rc.adapters.ros.to_pose_stamped(pose, time_ns=k * 10**8, types=bag.types)
-        ...         bag.write("/ball", message, time_ns=k * 10**8)
-        >>> with rc.adapters.ros.BagReader("sent") as bag:
-        ...     print([message.time_ns for message in bag.messages("/ball", start_ns=10**8)])
+        >>> print([message.time_ns for message in bag.messages("/ball", start_ns=10**8)])
         [100000000, 200000000]
         """
         if self._closed:
@@ -547,7 +529,7 @@ def _check_reader(reader: Any) -> None:
             bounded = partial(unpacked, names[chunk.decompressor])
             reader.chunks[place] = chunk._replace(decompressor=bounded)
     storage = getattr(reader, "storage", None)
-    for file in (storage, *getattr(storage, "storages", ())):  # those of a folder are one floor down
+    for file in (storage, *getattr(storage, "storages", ())):  # a folder has several files
         for chunk in getattr(file, "chunks", ()):
             if chunk.uncompressed_size > most_unpacked(chunk.compressed_size):
                 raise ValueError(f"a chunk of {chunk.compressed_size} bytes says it has {chunk.uncompressed_size}")
@@ -568,7 +550,7 @@ def _topics(connections: Iterable[Any]) -> dict[str, Topic]:
 
 @lru_cache(maxsize=256)  # rosbags compiles a decoder for every type
 def _store(name: str, definition: Any) -> Any:
-    """Types that the definition of a message names; without one, those of ROS."""
+    """Message types in a definition, or the types of ROS if there is no definition."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 

@@ -416,7 +416,7 @@ def joint_series(messages: Iterable[Any], names: Sequence[str] | None = None) ->
     for name in wanted:
         sent[name] = [entry for entry in sent[name] if isfinite(entry[2])]
         if not sent[name]:
-            raise ValueError(f"position: expected numbers of joint {name!r}, got none that are finite")
+            raise ValueError(f"position: expected finite positions of joint {name!r}, got none")
         groups.setdefault(tuple(entry[:2] for entry in sent[name]), []).append(name)
     tracks = []
     for clock, members in groups.items():

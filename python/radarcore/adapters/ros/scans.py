@@ -77,7 +77,7 @@ def from_radar_scan(
     message : radar_msgs/RadarScan
         Anything with its fields.
     approaching_positive : bool
-        The publisher's velocities are positive for what comes closer.
+        The publisher's velocities are positive for approaching targets.
     has_elevation : bool
         False for a 2D radar: its elevations, all 0, are unknown.
     start_ns : int
@@ -118,8 +118,7 @@ def to_point_cloud(
 ) -> Any:
     """Detections as a ``sensor_msgs/PointCloud2`` with x, y, z [m], velocity [m/s] and intensity [dB], float32 each.
 
-    An unknown elevation is 0; points of an unknown azimuth are NaN. Parameters are those of
-    `to_radar_scan`.
+    An unknown elevation is 0; points of an unknown azimuth are NaN. Parameters as in `to_radar_scan`.
 
     See Also
     --------
@@ -176,7 +175,7 @@ def from_point_cloud(
     velocity, intensity : str or None
         Fields with the range rate [m/s] and the signal-to-noise ratio [dB]; None: unknown.
     approaching_positive : bool
-        The publisher's velocities are positive for what comes closer.
+        The publisher's velocities are positive for approaching targets.
     start_ns : int
         Stamp that counts as time 0 [ns].
 

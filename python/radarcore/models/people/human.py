@@ -174,8 +174,7 @@ class Human:
         """The person as 16 real meshes of a man, scaled to the height (extra `robots`; about 109 000 triangles).
 
         They follow the same joint angles, with the man's own proportions: the joints of the limbs are within 0.1 m of
-        those of `segment_motion`, pelvis and trunk have their origin at his waist. Parameters and names as
-        for `bodies`.
+        `segment_motion`, and pelvis and trunk have their origin at his waist. Parameters and names as for `bodies`.
         """
         scale, meshes = _real_meshes(self.height)
         joints = real_skeleton(real_man()[0], scale)

@@ -316,8 +316,8 @@ class _Array:
     def aligning(self) -> tuple[_Reals, _Reals] | None:
         """Sines by the phases over the first channel (channel - 1, 2), and what differences of whole turns add to them.
 
-        Of a flat array with one channel more than there are sines to tell: there are always directions in which all
-        channels add up in phase, and no power can be more. None for others.
+        For a flat array with one channel more than it has observable sines: some direction then brings all channels in
+        phase, which is the largest power possible. None for other arrays.
         """
         axes = np.flatnonzero(self.observable)
         if self.x.any() or len(axes) == 0 or len(self.across) != len(axes) + 1:

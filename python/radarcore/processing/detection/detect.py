@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core
 from radarcore.processing.angles.directions import waves_of
 from radarcore.processing.clutter.static import remove_mean
-from radarcore.processing.detection.map import LEAST_GAIN, MAIN_LOBE, DetectionSettings, Layout, prepared, sidelobes
+from radarcore.processing.detection.map import (
+    LEAST_GAIN,
+    MAIN_LOBE,
+    DetectionSettings,
+    Layout,
+    cells_per_side,
+    prepared,
+    sidelobes,
+)
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.detection.tone import Fit, fit, refit_near
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
@@ -48,25 +56,25 @@ def detect(
 ) -> Detections:
     """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
 
-    The powers of the channels are added in a map of range and velocity, on the grid of the transforms without
-    padding. A detection is a local maximum that passes `cfar`'s test, and does so also after the largest that the
-    sidelobes of stronger echoes can have added to it is taken off: their phase is not known, so amplitudes are taken
-    off, by the window's own sidelobes, widened by what a fast target crosses in a frame. Maxima on the main lobe of a
-    stronger echo fall to the same rule.
+    The powers of the channels are added in a map of range and velocity, on the grid of the transforms without padding.
+    A detection is a local maximum that passes `cfar`'s test. It must also pass after subtraction of the largest
+    amplitude that the sidelobes of stronger echoes can have added, as their phase is unknown. The sidelobes are the
+    window's own, widened by the distance that a fast target crosses in a frame. The same rule removes maxima on the
+    main lobe of a stronger echo.
 
     Noise in neighbouring cells of a windowed transform is correlated, so training cells count for fewer. The threshold
     is at most 0.3 dB higher than necessary for `false_alarm_rate` (0.6 dB for "os" in a profile): detections of noise
     are as frequent as set, or a little rarer, because neighbours of a local maximum are no detections of their own.
 
     Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
-    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities whose
-    noise a filter such as `remove_static` or `cancel_pulses` took do not train the threshold of others.
+    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities
+    whose noise was removed, by `remove_static` or `cancel_pulses`, are excluded from training.
 
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
-    `Radar.middle` after its start: that is `Detections.time`. The Doppler shift is taken off the range, so
-    that their errors are correlated. A single chirp, and chirps at unequal intervals, tell no velocity, and their
-    ranges keep the Doppler shift of the beat frequency; a CW radar tells no range.
+    `Radar.middle` after its start: that is `Detections.time`. The range is corrected for the Doppler shift,
+    so that the errors of both are correlated. A single chirp, and chirps at unequal intervals, give no velocity, and
+    their ranges keep the Doppler shift of the beat frequency; a CW radar gives no range.
 
     Parameters
     ----------
@@ -130,8 +138,8 @@ def detect(
     settings = DetectionSettings(
         false_alarm_rate=false_alarm_rate,
         method=method,
-        guard=guard,  # type: ignore[arg-type]  # made a pair
-        training=training,  # type: ignore[arg-type]  # likewise
+        guard=cells_per_side("guard", guard),
+        training=None if training is None else cells_per_side("training", training),
         subtract_mean=subtract_mean,
         window=window,
         doppler_window=doppler_window,
@@ -287,7 +295,8 @@ def _above_sidelobes(
 ) -> NDArray[np.intp]:
     """Maxima above their thresholds after subtraction of the sidelobes of all stronger ones, the strongest first.
 
-    `peaks` are the rows and columns of the maxima (axis, peak), `height` their powers, and `cell` those of their cells.
+    `peaks` are the rows and columns of the maxima (axis, peak), `height` their powers, and `cell` the powers of their
+    cells.
     """
     margin = np.sqrt(cell.astype(np.float64)) - np.sqrt(threshold)
     order = (-height).argsort(kind="stable")
@@ -316,9 +325,9 @@ def _above_sidelobes(
 
 
 def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of range and velocity, (detection, 2, 2); NaN for what is not told."""
-    some = np.where(tones.information > 0.0, tones.information, np.inf)  # what is not told has none
-    variance = 0.5 / (snr[:, None] * some)  # in cells^2
+    """Covariance of range and velocity, (detection, 2, 2); NaN for a coordinate that is not observable."""
+    information = np.where(tones.information > 0.0, tones.information, np.inf)
+    variance = 0.5 / (snr[:, None] * information)  # in cells^2
     covariance: NDArray[np.float64] = (variance @ layout.per_variance).reshape(-1, 2, 2)
     return covariance
 

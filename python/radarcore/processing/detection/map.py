@@ -78,11 +78,8 @@ class DetectionSettings:
                 f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {self.false_alarm_rate:g}"
             )
         check.choice("method", self.method, METHODS)
-        self.guard = cells_per_side("guard", self.guard)
-        if self.training is not None:
-            given, self.training = self.training, cells_per_side("training", self.training)
-            if not any(self.training):
-                raise ValueError(f"training: expected at least one cell on a side, got {given!r}")
+        if self.training is not None and not any(self.training):
+            raise ValueError(f"training: expected at least one cell on a side, got {self.training!r}")
         self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
         self.window = hashable("window", self.window)
         self.doppler_window = hashable("doppler_window", self.doppler_window)

@@ -16,7 +16,7 @@ time ``var(T)`` and the carrier f in the middle of the chirp, the velocity's var
     ``info = f^2 var(T) + slope^2 var(t) var(T) + slope^2 var(t^2)``:
 
 Doppler from chirp to chirp, migration of the range from chirp to chirp, and change of the frequency within a chirp.
-`doppler_bound` has all three, of which the first is much the largest; `chirp_rate_bound` has the last one.
+`doppler_bound` uses all three, and the first contributes most; `chirp_rate_bound` uses the last one.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ def independent_share(weights: NDArray[np.float64]) -> float:
 
 
 def hashable(name: str, window: Window) -> Window:
-    """The same window, with tuples in place of the lists and arrays in a tuple."""
+    """Window with tuples in place of lists and arrays, for a cache."""
     if not (window is None or isinstance(window, str | tuple)):
         raise TypeError(f"{name}: {_EXPECTED}, got {window!r}")
     if not isinstance(window, tuple):

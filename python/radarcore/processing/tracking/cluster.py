@@ -80,9 +80,8 @@ def cluster(
 
     Two detections are neighbours if both their distance and their difference of velocities are within the limits; or,
     if `num_deviations` is given, if their Mahalanobis distance is. The distance is between points in space if all
-    detections have an azimuth, and between ranges otherwise. With `min_detections` above 1 the groups are those of
-    DBSCAN (Ester et al., 1996): chains pass through detections that have this number of neighbours, counting
-    themselves.
+    detections have an azimuth, and between ranges otherwise. With `min_detections` above 1 this is DBSCAN (Ester et
+    al., 1996): chains pass through detections that have this number of neighbours, counting themselves.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Configurations of TI's radars: the settings of a chip, and the radar and the order of samples that they make.
 
-Files are those of mmWave Studio, see `studio`, and the commands of the SDK's demo, see `commands`. Both name the
+Files are settings of mmWave Studio, see `studio`, or commands of the SDK's demo, see `commands`. Both name the
 fields of TI's mmWaveLink: frequencies in GHz, slopes in MHz/us, times in us, rates in kHz.
 """
 

@@ -71,9 +71,7 @@ def motion_of(table: PlacedTable, carriers: Carriers, recorded: Recorded | None 
     own: Motion
     if isinstance(table.motion, BagMotionTable):
         if "pose" in table.model_fields_set:
-            raise ValueError(
-                "pose: expected none together with a motion of a bag; motion.world and motion.offset place it"
-            )
+            raise ValueError("pose: a motion of a bag excludes it; motion.world and motion.offset place the body")
         own = _recorded_motion(table.motion, recorded)
     elif table.motion is None or isinstance(table.motion, LinearTable):
         with located("pose."):

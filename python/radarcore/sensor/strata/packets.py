@@ -211,7 +211,7 @@ class Request:
 
     @classmethod
     def transfer(cls, request: int, value: int, index: int, payload: bytes = b"") -> Request:
-        """Bytes for the board, and as many back as it likes."""
+        """Send bytes to the board and return its answer, of any length."""
         return cls(Kind.TRANSFER, request, value, index, len(payload), payload)
 
 

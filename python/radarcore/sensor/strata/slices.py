@@ -60,7 +60,7 @@ class SliceAssembler:
     Parameters
     ----------
     max_size : int
-        Largest slice [bytes]; packets beyond it are thrown away with what they belong to.
+        Largest slice [bytes]; a packet that exceeds it is discarded with its slice.
     """
 
     def __init__(self, max_size: int) -> None:
