@@ -51,7 +51,7 @@ def main():
         write_take(path)
         capture = read_motive_csv(path)
     print(capture)
-    motion = capture.trajectory("cart", beyond="error")
+    motion = capture.trajectory("cart", extrapolate="error")
     for first, last in motion.gaps:
         print(f"not seen from {first:.3f} to {last:.3f} s")
 

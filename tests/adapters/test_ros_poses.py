@@ -76,7 +76,7 @@ def test_series_are_in_order_and_the_first_of_equal_stamps_counts() -> None:
 
 def test_trajectory_of_a_series_counts_from_the_given_stamp() -> None:
     series = ros.pose_series([stamped(STAMP + k * 25_000_000, (0.05 * k, 0.0, 0.0)) for k in range(41)])
-    motion = series.trajectory(STAMP, beyond="hold")
+    motion = series.trajectory(STAMP, extrapolate="hold")
     assert isinstance(motion, rc.Trajectory)
     # 2 m/s, at times that are exact to rounding: with seconds since 1970 they would be 0.2 us off, 5e-6 of a step.
     np.testing.assert_allclose(motion.rate_at(0.4123)[:, 3], [2.0, 0.0, 0.0], rtol=0, atol=1e-12)

@@ -54,7 +54,7 @@ OUTSIDE = [(1.0, 0.4), (4.0, 5.5)]
 def test_held_series_rest_where_they_end(
     make: Series, values: Values, rates: Values, end: float, outside: float
 ) -> None:
-    series = make(beyond="hold")
+    series = make(extrapolate="hold")
     np.testing.assert_array_equal(values(series, outside), values(series, end))
     np.testing.assert_array_equal(rates(series, outside), 0.0)
 
@@ -64,7 +64,7 @@ def test_held_series_rest_where_they_end(
 def test_series_that_continue_keep_the_velocity_of_their_end(
     make: Series, values: Values, rates: Values, end: float, outside: float
 ) -> None:
-    series = make(beyond="continue")
+    series = make(extrapolate="continue")
     near = end + np.copysign(1e-9, outside - end)
     np.testing.assert_allclose(values(series, near), values(series, end), atol=1e-8)
     # Rates are the differences of the values there; turning adds the cube of an angle of 2e-5 rad.
@@ -79,7 +79,7 @@ def test_series_that_continue_keep_the_velocity_of_their_end(
 def test_times_beyond_the_ends_are_refused_where_the_user_wants_it(
     make: Series, values: Values, rates: Values, end: float, outside: float
 ) -> None:
-    series = make(beyond="error")
+    series = make(extrapolate="error")
     name = type(series).__name__
     for function in (values, rates):
         with pytest.raises(ValueError, match=rf"time: expected 1 to 4 s, the times of this {name}, got {outside:g} s"):
@@ -88,7 +88,7 @@ def test_times_beyond_the_ends_are_refused_where_the_user_wants_it(
 
 
 def test_body_that_moves_where_its_poses_end_says_once_that_nobody_chose() -> None:
-    motion, chosen = trajectory(), trajectory(beyond="continue")
+    motion, chosen = trajectory(), trajectory(extrapolate="continue")
     with pytest.warns(UserWarning, match=r"time: expected 1 to 4 s, .*, got 5.5 s: it goes on .* choose by") as caught:
         motion.at(5.5)
     assert [warning.filename for warning in caught] == [__file__]
@@ -109,7 +109,7 @@ def test_vertices_and_what_is_at_rest_where_it_ends_rest_without_a_word() -> Non
 
 def test_epochs_are_rounded_without_complaint() -> None:
     start = 1.7e9  # [s]; numbers there are 2e-7 s apart
-    motion = rc.Trajectory([start, start + 1.0], [rc.Pose(), rc.Pose([1.0, 0.0, 0.0])], beyond="error")
+    motion = rc.Trajectory([start, start + 1.0], [rc.Pose(), rc.Pose([1.0, 0.0, 0.0])], extrapolate="error")
     motion.at(start + 1.0 + 4e-7)
     with pytest.raises(ValueError, match="time: expected"):
         motion.at(start + 1.0 + 1e-5)
@@ -118,16 +118,16 @@ def test_epochs_are_rounded_without_complaint() -> None:
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
 @pytest.mark.parametrize(("make", "values", "rates"), MOVING.values(), ids=MOVING)
 def test_copies_keep_the_choice(make: Series, values: Values, rates: Values, duplicate: Callable[[Any], Any]) -> None:
-    made = make(beyond="hold")
+    made = make(extrapolate="hold")
     same = duplicate(made)
-    assert same.beyond == made.beyond == "hold"
+    assert same.extrapolate == made.extrapolate == "hold"
     np.testing.assert_array_equal(rates(same, 9.0), 0.0 * values(made, 9.0))
 
 
 @pytest.mark.parametrize("make", [kind[0] for kind in KINDS.values()], ids=KINDS)
 def test_unknown_choice_is_refused(make: Series) -> None:
-    with pytest.raises(ValueError, match="beyond: expected one of 'hold', 'continue', 'error', got 'stop'"):
-        make(beyond="stop")
+    with pytest.raises(ValueError, match="extrapolate: expected one of 'hold', 'continue', 'error', got 'stop'"):
+        make(extrapolate="stop")
 
 
 def test_frames_after_the_end_hear_of_it() -> None:
@@ -136,6 +136,6 @@ def test_frames_after_the_end_hear_of_it() -> None:
     simulator = rc.Simulator(rc.Scene([body]), rc.Radar(waveform), resolution=64, sampling="point")
     with pytest.warns(UserWarning, match=r"time: expected 1 to 4 s, the times of this Trajectory, got 4\.5"):
         simulator.frame(4.5)
-    body = rc.Body(MESH, motion=trajectory(beyond="error"), name="part")
+    body = rc.Body(MESH, motion=trajectory(extrapolate="error"), name="part")
     with pytest.raises(ValueError, match=r"time: expected 1 to 4 s, the times of this Trajectory, got 4\.5"):
         rc.Simulator(rc.Scene([body]), rc.Radar(waveform), resolution=64, sampling="point").frame(4.5)

@@ -18,8 +18,8 @@ def pose_at(t: float) -> rc.Pose:
 
 
 POSES = [pose_at(t) for t in TIMES]
-GAPPED = rc.Trajectory(TIMES, POSES, max_gap=0.15, beyond="continue")
-WHOLE = rc.Trajectory(TIMES, POSES, beyond="continue")
+GAPPED = rc.Trajectory(TIMES, POSES, max_gap=0.15, extrapolate="continue")
+WHOLE = rc.Trajectory(TIMES, POSES, extrapolate="continue")
 
 
 def test_gaps_are_bounded_by_the_poses_around_them() -> None:

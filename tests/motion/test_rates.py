@@ -17,7 +17,7 @@ from radarcore.motion.attached import Inverse
 from radarcore.motion.group import Motions
 from radarcore.motion.protocol import FunctionMotion, poses_at
 
-BEYOND = (None, "hold", "continue", "error")
+EXTRAPOLATE = (None, "hold", "continue", "error")
 STEP = 1e-5
 """Step of one-sided differences of second order [s]: off by 3e-11 of the third derivative and by 1e-10 of rounding."""
 TOLERANCE = 2e-5
@@ -80,7 +80,7 @@ def transforms() -> Any:
         for frame, parent in (("base", "map"), ("arm", "base"), ("head", "base"))
         for stamp, pose in zip(stamps, POSES, strict=True)
     ]
-    return ros.TransformTree(sent).motion("arm", within="head", beyond="continue")
+    return ros.TransformTree(sent).motion("arm", within="head", extrapolate="continue")
 
 
 def captured() -> Any:
@@ -106,15 +106,15 @@ def cases() -> Iterator[tuple[str, Case]]:
     yield "transforms of ROS", moved(transforms(), TIMES)
     yield "motion capture", moved(captured(), TIMES)
     yield "Deformation by a function", deformed(lambda time: SHAPES[1] * (1.0 + 0.1 * np.sin(time)))
-    for beyond in BEYOND:
-        yield f"Trajectory, {beyond}", moved(rc.Trajectory(TIMES, POSES, beyond=beyond), TIMES)
-        yield f"Deformation, {beyond}", deformed(rc.Deformation(TIMES, SHAPES, beyond=beyond), TIMES)
+    for extrapolate in EXTRAPOLATE:
+        yield f"Trajectory, {extrapolate}", moved(rc.Trajectory(TIMES, POSES, extrapolate=extrapolate), TIMES)
+        yield f"Deformation, {extrapolate}", deformed(rc.Deformation(TIMES, SHAPES, extrapolate=extrapolate), TIMES)
         for ends in ("rest", "moving"):
-            joints = rc.models.JointTrajectory(TIMES, ANGLES, ends=ends, beyond=beyond)
-            yield f"JointTrajectory, {ends}, {beyond}", Case(joints.angles, joints.rates, TIMES)
-            yield f"RobotArm, {ends}, {beyond}", moved(UR10.moving(joints, TURNING).link_motion("tool0"), TIMES)
+            joints = rc.models.JointTrajectory(TIMES, ANGLES, ends=ends, extrapolate=extrapolate)
+            yield f"JointTrajectory, {ends}, {extrapolate}", Case(joints.angles, joints.rates, TIMES)
+            yield f"RobotArm, {ends}, {extrapolate}", moved(UR10.moving(joints, TURNING).link_motion("tool0"), TIMES)
     for within in ("error", "interpolate"):
-        gaps = rc.Trajectory(TIMES, POSES, beyond="continue", max_gap=0.5, within_gaps=within)
+        gaps = rc.Trajectory(TIMES, POSES, extrapolate="continue", max_gap=0.5, within_gaps=within)
         yield f"Trajectory with gaps, {within}", moved(gaps, TIMES)
     line = rc.models.cartesian_line(UR10, [0.0, -1.57, 1.57, 1.57, 1.57, 0.0], [0.0, 0.0, -1.0], 0.2, 1.0)
     yield "cartesian_line", moved(UR10.moving(line).link_motion("tool0"), line.times.tolist())
@@ -170,9 +170,9 @@ def test_rates_are_differences_of_poses(name: str, time: float) -> None:
 def test_motions_together_have_the_rates_of_each() -> None:
     motions = [POSES[1], TURNING, FunctionMotion(swaying), live(), group(), transforms(), captured()]
     motions += [
-        UR10.moving(rc.models.JointTrajectory(TIMES, ANGLES, ends="moving", beyond="continue"), TURNING).link_motion(
-            "tool0"
-        )
+        UR10.moving(
+            rc.models.JointTrajectory(TIMES, ANGLES, ends="moving", extrapolate="continue"), TURNING
+        ).link_motion("tool0")
     ]
     motions += [rc.models.Human(path=PATH).segment_motion("left_hand")]
     motions += [rc.Attached(motion, Inverse(motion)) for motion in motions]

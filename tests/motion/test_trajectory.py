@@ -9,10 +9,10 @@ import radarcore as rc
 from reference import point_echo_reference
 
 
-def wandering(seed: int, beyond: str | None = None) -> rc.Trajectory:
+def wandering(seed: int, extrapolate: str | None = None) -> rc.Trajectory:
     rng = np.random.default_rng(seed)
     poses = [rc.Pose.from_rpy(rng.normal(size=3), 0.5 * rng.normal(size=3)) for _ in range(9)]
-    return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses, beyond=beyond)
+    return rc.Trajectory(np.linspace(0.0, 2.0, 9), poses, extrapolate=extrapolate)
 
 
 def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None:

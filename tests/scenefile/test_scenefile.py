@@ -175,12 +175,12 @@ def test_sensor_moves(tmp_path: Path) -> None:
 
 
 def test_motions_go_on_beyond_their_ends_as_the_file_says(tmp_path: Path) -> None:
-    head = '[sensor]\nmotion = { kind = "trajectory", times = [0, 1], poses = [{}, { position = [1, 0, 0] }], beyond = '
-    held, goes_on = (load(tmp_path, f'{head}"{beyond}" }}\n').radar_motion for beyond in ("hold", "continue"))
+    head = '[sensor]\nmotion = { kind = "trajectory", times = [0, 1], poses = [{}, { position = [1, 0, 0] }], '
+    held, goes_on = (load(tmp_path, f'{head}extrapolate = "{mode}" }}\n').radar_motion for mode in ("hold", "continue"))
     assert held.at(3.0).position == pytest.approx([1.0, 0.0, 0.0])
     assert goes_on.at(3.0).position == pytest.approx([3.0, 0.0, 0.0])
     rows = "[[0, -90, 90, 0, 90, 0], [30, -90, 90, 0, 90, 0]]"
-    arm = f'[[arm]]\njoints = {{ kind = "trajectory", times = [0, 1], angles_deg = {rows}, beyond = "error" }}\n'
+    arm = f'[[arm]]\njoints = {{ kind = "trajectory", times = [0, 1], angles_deg = {rows}, extrapolate = "error" }}\n'
     simulation = load(tmp_path, arm + "pose = { position = [2, 0, 0] }\n")
     with pytest.raises(ValueError, match="time: expected 0 to 1 s, the times of this JointTrajectory, got 3 s"):
         pose_of(simulation, "arm/forearm_link", time=3.0)

@@ -46,7 +46,9 @@ class OneByOne:
 
 
 LINEAR = rc.Linear(rc.Pose.from_rpy([1.0, -2.0, 0.5], [0.3, 0.2, 0.1]), [0.3, -0.2, 0.1], [0.1, 0.4, -0.7])
-TRAJECTORY = rc.Trajectory([0.0, 0.7, 1.5, 2.0], [swaying(time) for time in (0.0, 0.7, 1.5, 2.0)], beyond="continue")
+TRAJECTORY = rc.Trajectory(
+    [0.0, 0.7, 1.5, 2.0], [swaying(time) for time in (0.0, 0.7, 1.5, 2.0)], extrapolate="continue"
+)
 WALKER = Human(path=[[5.6, 2.4], [3.3, 1.3], [3.3, -0.9]], start_time=-0.2, phase=0.3)
 
 

@@ -30,7 +30,7 @@ class Deformation:
         Increasing [s], at least two.
     vertices : (k, n, 3) array_like
         Positions in body coordinates [m], in the order of the mesh's vertices.
-    beyond : "hold", "continue" or "error", optional
+    extrapolate : "hold", "continue" or "error", optional
         Before the first and after the last time the vertices rest there, go on at the velocities that they have there,
         or raise a ValueError. Default: they rest.
 
@@ -47,7 +47,7 @@ class Deformation:
     array([0.01, 0.  , 0.  ])
     """
 
-    def __init__(self, times: ArrayLike, vertices: ArrayLike, *, beyond: str | None = None) -> None:
+    def __init__(self, times: ArrayLike, vertices: ArrayLike, *, extrapolate: str | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
         self.times: NDArray[np.float64] = check.increasing("times", times)
@@ -55,10 +55,10 @@ class Deformation:
         self._spline = CubicSpline(self.times, self.vertices, bc_type="natural")
         steps = np.linalg.norm(np.diff(self.vertices, axis=0), axis=2).max(axis=1, initial=0.0)
         check_steps("times, vertices", self.times, steps)
-        self._ends = Ends("Deformation", self.times, beyond)
+        self._ends = Ends("Deformation", self.times, extrapolate)
 
     @property
-    def beyond(self) -> str | None:
+    def extrapolate(self) -> str | None:
         """As given."""
         return self._ends.choice
 
@@ -80,7 +80,7 @@ class Deformation:
         return velocities
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), beyond=self.beyond), (self.times, self.vertices)
+        return partial(type(self), extrapolate=self.extrapolate), (self.times, self.vertices)
 
     def __repr__(self) -> str:
         first, last = self.times[[0, -1]]

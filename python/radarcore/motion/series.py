@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check, notice
 from radarcore.units import SPEED_OF_LIGHT
 
-BEYOND = ("hold", "continue", "error")
-"""Ways to go on beyond the ends of a series."""
+EXTRAPOLATE = ("hold", "continue", "error")
+"""Extrapolation modes of a series."""
 
 _Floats = NDArray[np.float64]
 
@@ -68,16 +68,16 @@ class Ends:
         Name of the class, for messages.
     times : (n,) array
         Times of the series, increasing [s].
-    beyond : "hold", "continue", "error" or None
+    extrapolate : "hold", "continue", "error" or None
         Choice of the user.
     speeds : (float, float), optional
         Largest rates at the first and at the last time [m/s or rad/s] of a series that goes on without a choice.
     """
 
     def __init__(
-        self, series: str, times: _Floats, beyond: str | None, speeds: tuple[float, float] | None = None
+        self, series: str, times: _Floats, extrapolate: str | None, speeds: tuple[float, float] | None = None
     ) -> None:
-        self.choice: str | None = None if beyond is None else check.choice("beyond", beyond, BEYOND)
+        self.choice: str | None = None if extrapolate is None else check.choice("extrapolate", extrapolate, EXTRAPOLATE)
         self._series, self._speeds = series, speeds or (0.0, 0.0)
         self._kind = self.choice or ("hold" if speeds is None else "continue")
         self._first, self._last = float(times[0]), float(times[-1])
@@ -106,12 +106,12 @@ class Ends:
             return
         text = f"expected {self._first:g} to {self._last:g} s, the times of this {self._series}, got {farthest:.9g} s"
         if self._kind == "error":
-            raise ValueError(f"time: {text} (beyond='error')")
+            raise ValueError(f"time: {text} (extrapolate='error')")
         moves = self._speeds[farthest > self._last] > _AT_REST
         if self.choice is None and moves and not self._has_warned:
             self._has_warned = True
             notice.warn(
-                f"time: {text}: it goes on at the velocity of its end; choose by beyond='continue', 'hold' or 'error'"
+                f"time: {text}: it keeps the velocity of its end; choose by extrapolate='continue', 'hold' or 'error'"
             )
 
 

@@ -30,7 +30,7 @@ class Trajectory:
         Increasing [s], at least two.
     poses : sequence of Pose
         One per time.
-    beyond : "hold", "continue" or "error", optional
+    extrapolate : "hold", "continue" or "error", optional
         Before the first and after the last time the body rests there, goes on at the velocity and angular velocity
         that it has there, or raises a ValueError. Default: it goes on, which is warned of once.
     max_gap : float, optional
@@ -59,7 +59,7 @@ class Trajectory:
         times: ArrayLike,
         poses: Sequence[Pose],
         *,
-        beyond: str | None = None,
+        extrapolate: str | None = None,
         max_gap: float | None = None,
         within_gaps: str = "error",
     ) -> None:
@@ -91,10 +91,10 @@ class Trajectory:
             for k, end in ((0, self.times[0]), (-1, self.times[-1]))
         ]
         check_steps("times, poses", self.times, steps_between(transforms(rotations, positions)))
-        self._ends = Ends("Trajectory", self.times, beyond, (speeds[0], speeds[1]))
+        self._ends = Ends("Trajectory", self.times, extrapolate, (speeds[0], speeds[1]))
 
     @property
-    def beyond(self) -> str | None:
+    def extrapolate(self) -> str | None:
         """As given."""
         return self._ends.choice
 

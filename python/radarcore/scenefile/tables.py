@@ -101,7 +101,7 @@ class TrajectoryTable(Table):
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
     poses: list[PoseTable] = _key(..., "", "one pose per time")
-    beyond: Literal["hold", "continue", "error"] | None = _key(
+    extrapolate: Literal["hold", "continue", "error"] | None = _key(
         None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
     )
 
@@ -124,7 +124,7 @@ class BagMotionTable(Table):
     offset: PoseTable = _key(
         PoseTable(), "", "pose of the body in the frame, or among the markers, that moves; default: the same"
     )
-    beyond: Literal["hold", "continue", "error"] | None = _key(
+    extrapolate: Literal["hold", "continue", "error"] | None = _key(
         None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
     )
 
@@ -241,7 +241,7 @@ class JointTrajectoryTable(Table):
     angles_deg: list[list[float]] = _key(
         ..., "degrees", "per time a list, one per moving joint; metres for joints that slide"
     )
-    beyond: Literal["hold", "continue", "error"] | None = _key(
+    extrapolate: Literal["hold", "continue", "error"] | None = _key(
         None, "", "before the first and after the last time; default: at rest"
     )
 
@@ -252,7 +252,7 @@ class JointStatesTable(Table):
     kind: Literal["bag"]
     topic: str = _key("/joint_states", "", "of joint states")
     prefix: str = _key("", "", "in front of the names that the arm's joints have")
-    beyond: Literal["hold", "continue", "error"] | None = _key(
+    extrapolate: Literal["hold", "continue", "error"] | None = _key(
         None, "", "before the first and after the last time; default: at rest"
     )
 

@@ -198,7 +198,7 @@ class MotionCapture:
         clock_offset: float = 0.0,
         max_gap: float | None = 0.1,
         within_gaps: str = "error",
-        beyond: str | None = None,
+        extrapolate: str | None = None,
     ) -> Trajectory:
         """Motion of a body through the poses in which it was seen.
 
@@ -208,7 +208,7 @@ class MotionCapture:
             Name of the body.
         clock_offset : float
             Added to the capture's times [s]: the other clock's time when the capture's clock shows 0.
-        max_gap, within_gaps, beyond
+        max_gap, within_gaps, extrapolate
             As for `Trajectory`. Times at which the body was not seen for longer than `max_gap` [s] are a gap; None
             bridges them all.
 
@@ -232,7 +232,7 @@ class MotionCapture:
             raise ValueError(f"name: expected a body that was seen in at least two frames, got {name!r}, in {num_seen}")
         poses = [as_pose(one) for one in transforms(body.rotation[seen], body.position[seen])]
         times = self.time[seen] + check.number("clock_offset", clock_offset, "s")
-        return Trajectory(times, poses, beyond=beyond, max_gap=max_gap, within_gaps=within_gaps)
+        return Trajectory(times, poses, extrapolate=extrapolate, max_gap=max_gap, within_gaps=within_gaps)
 
 
 def _values(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -139,7 +139,7 @@ class TransformTree:
         start_ns : int
             Stamp that counts as time 0 [ns]. With 0 times are seconds since 1970, good to 0.2 us.
         **options
-            Of `radarcore.Trajectory`, such as ``beyond="hold"``.
+            Of `radarcore.Trajectory`, such as ``extrapolate="hold"``.
 
         Raises
         ------
@@ -310,7 +310,7 @@ class BagMotions:
         *,
         frame: str | None = None,
         within: str | None = None,
-        beyond: str | None = None,
+        extrapolate: str | None = None,
         max_gap: float | None = None,
     ) -> Motion:
         """Motion of a frame or body; a `Pose` where there is only one, or all transforms are static.
@@ -323,7 +323,7 @@ class BagMotions:
             Of transforms the frame, of rigid bodies the name; none for a topic of poses.
         within : str, optional
             Of transforms the frame in which it moves; default: the root of its tree.
-        beyond : "hold", "continue" or "error", optional
+        extrapolate : "hold", "continue" or "error", optional
             As for `radarcore.Trajectory`.
         max_gap : float, optional
             Intervals longer than this [s] are gaps, and times in them an error. Default: splines go through, with a
@@ -346,12 +346,12 @@ class BagMotions:
         """
         found = self.bag.topic(topic, *TRANSFORMS, *POSES, *RIGID_BODIES)
         if found.type in TRANSFORMS:
-            return self._of_transforms(found.name, frame, within, {"beyond": beyond, "max_gap": max_gap})
+            return self._of_transforms(found.name, frame, within, {"extrapolate": extrapolate, "max_gap": max_gap})
         if within is not None:
             raise ValueError(f"within: expected none for {found.type}, got {within!r}")
         series = self._poses(found.name, found.type, frame)
         self._note(series.times(self.start_ns), found.name, max_gap)
-        return series.trajectory(self.start_ns, beyond=beyond, max_gap=max_gap)
+        return series.trajectory(self.start_ns, extrapolate=extrapolate, max_gap=max_gap)
 
     def joints(
         self, topic: str = "/joint_states", names: Sequence[str] | None = None

@@ -126,7 +126,7 @@ class JointTrajectory:
         One row per time [rad; m for joints that slide].
     arm : RobotArm, optional
         Warn when a joint is faster, or turned further, than this arm's can be.
-    beyond : "hold", "continue" or "error", optional
+    extrapolate : "hold", "continue" or "error", optional
         Before the first and after the last time the joints rest there, go on at the rates that they have there, or
         raise a ValueError. Default: they rest. With ``ends="rest"`` the rates at the ends are zero.
     ends : "rest" or "moving"
@@ -153,7 +153,7 @@ class JointTrajectory:
         angles: ArrayLike,
         *,
         arm: Jointed | None = None,
-        beyond: str | None = None,
+        extrapolate: str | None = None,
         ends: str = "rest",
     ) -> None:
         from scipy.interpolate import CubicSpline
@@ -167,13 +167,13 @@ class JointTrajectory:
         self._spline = CubicSpline(self.times, values, bc_type="clamped" if ends == "rest" else "natural")
         self._derivative = self._spline.derivative()
         check_steps("times, angles", self.times, np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0))
-        self._ends = Ends("JointTrajectory", self.times, beyond)
+        self._ends = Ends("JointTrajectory", self.times, extrapolate)
         if arm is not None:
             for excess in self.excesses(arm):
                 notice.warn(excess)
 
     @property
-    def beyond(self) -> str | None:
+    def extrapolate(self) -> str | None:
         """As given."""
         return self._ends.choice
 

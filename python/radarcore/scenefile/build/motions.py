@@ -43,7 +43,7 @@ class Recorded(Protocol):
         ...
 
     def motion(
-        self, topic: str, *, frame: str | None, within: str | None, beyond: str | None, max_gap: float | None
+        self, topic: str, *, frame: str | None, within: str | None, extrapolate: str | None, max_gap: float | None
     ) -> Motion:
         """Motion of a frame or body."""
         ...
@@ -86,7 +86,7 @@ def motion_of(table: PlacedTable, carriers: Carriers, recorded: Recorded | None 
             with located(f"motion.poses[{k}]."):
                 poses.append(_pose(pose))
         with located("motion."):
-            own = Trajectory(table.motion.times, poses, beyond=table.motion.beyond)
+            own = Trajectory(table.motion.times, poses, extrapolate=table.motion.extrapolate)
     return own if table.attached_to is None else Attached(carriers[table.attached_to], own)
 
 
@@ -95,7 +95,7 @@ def _recorded_motion(table: BagMotionTable, recorded: Recorded | None) -> Motion
     with located("motion."):
         source = _needed("kind", recorded)
         world, offset = (_pose_named(name, pose) for name, pose in (("world", table.world), ("offset", table.offset)))
-        options: dict[str, Any] = table.model_dump(include={"frame", "within", "beyond", "max_gap"})
+        options: dict[str, Any] = table.model_dump(include={"frame", "within", "extrapolate", "max_gap"})
         own = source.motion(table.topic, **options)
         if isinstance(own, Pose):
             return world @ own @ offset
@@ -137,7 +137,7 @@ def joint_motion_of(arm: RobotArm, table: ArmTable, recorded: Recorded | None = 
         times, angles = _needed("kind", recorded).joints(joints.topic, names)
         if len(times) == 1:
             return list(angles[0])
-        return JointTrajectory(times, angles, beyond=joints.beyond, ends="moving")
+        return JointTrajectory(times, angles, extrapolate=joints.extrapolate, ends="moving")
     if isinstance(joints, LineTable):
         options = joints.model_dump(exclude={"kind", "start_deg"})
         return cartesian_line(arm, _joint_angles(arm, "start_deg", joints.start_deg), **options)
@@ -146,7 +146,7 @@ def joint_motion_of(arm: RobotArm, table: ArmTable, recorded: Recorded | None = 
     if len(joints.angles_deg) != len(joints.times):
         raise ValueError(f"angles_deg: expected {len(joints.times)} lists, one per time, got {len(joints.angles_deg)}")
     rows = [_joint_angles(arm, f"angles_deg[{k}]", row) for k, row in enumerate(joints.angles_deg)]
-    return JointTrajectory(joints.times, np.array(rows).reshape(len(rows), -1), arm=arm, beyond=joints.beyond)
+    return JointTrajectory(joints.times, np.array(rows).reshape(len(rows), -1), arm=arm, extrapolate=joints.extrapolate)
 
 
 def _joint_angles(arm: RobotArm, name: str, values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
