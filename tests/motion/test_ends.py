@@ -89,7 +89,7 @@ def test_times_beyond_the_ends_are_refused_where_the_user_wants_it(
 
 def test_body_that_moves_where_its_poses_end_says_once_that_nobody_chose() -> None:
     motion, chosen = trajectory(), trajectory(extrapolate="continue")
-    with pytest.warns(UserWarning, match=r"time: expected 1 to 4 s, .*, got 5.5 s: it goes on .* choose by") as caught:
+    with pytest.warns(UserWarning, match=r"time: expected 1 to 4 s, .*, got 5.5 s: it keeps .* choose by") as caught:
         motion.at(5.5)
     assert [warning.filename for warning in caught] == [__file__]
     for time in (5.5, 0.0):  # said already
