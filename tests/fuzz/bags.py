@@ -12,7 +12,7 @@ from fuzz.cases import HOSTILE_NUMBERS, Case, read_back
 
 
 @cache
-def _seeds() -> tuple[Case, ...]:
+def bag_seeds() -> list[Case]:
     from ros_bags import write_bag, write_ros1_bag
 
     found = []
@@ -21,16 +21,12 @@ def _seeds() -> tuple[Case, ...]:
             path = Path(directory) / name
             write_ros1_bag(path, 2) if kind == "ros1" else write_bag(path, kind, 2)
             found.append(read_back(Path(directory)))
-    return tuple(found)
-
-
-def bag_seeds() -> list[Case]:
-    return list(_seeds())
+    return found
 
 
 def make_bag(random: Random) -> Case:
     """A bag with other numbers and lengths."""
-    ((name, whole),) = random.choice(_seeds()).items()
+    ((name, whole),) = random.choice(bag_seeds()).items()
     data = bytearray(whole)
     for _ in range(random.choice((1, 1, 2, 4))):
         at, word = random.randrange(len(data) - 4), random.choice(HOSTILE_NUMBERS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ Case = dict[str, bytes]
 class Target(NamedTuple):
     """A reader, and what it is given."""
 
-    seeds: Callable[[], list[Case]]
+    seeds: Callable[[], Sequence[Case]]
     """Valid inputs."""
     make: Callable[[Random], Case]
     """A structured input with hostile values."""
@@ -35,28 +35,26 @@ def damaged(data: bytes, random: Random, others: list[bytes]) -> bytes:
     for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
         at = random.randrange(len(result) + 1)
         end = min(len(result), at + random.choice((1, 1, 2, 4, 8, 16, 64, 1024)))
-        match random.randrange(10):
+        match random.randrange(9):
             case 0 if at < len(result):
                 result[at] ^= 1 << random.randrange(8)
-            case 1 if at < len(result):
-                result[at] = random.randrange(256)
-            case 2:
+            case 1:
                 del result[at:end]
-            case 3:
+            case 2:
                 result[at:at] = result[at:end] * random.choice((1, 1, 2, 50))
-            case 4:
+            case 3:
                 del result[at:]
-            case 5:
+            case 4:
                 result[at:at] = random.choice(HOSTILE_WORDS)
-            case 6:
+            case 5:
                 word = random.choice(HOSTILE_NUMBERS)
                 result[at : at + len(word)] = word
-            case 7:
+            case 6:
                 part = bytes(result[at:end])
                 del result[at:end]
                 place = random.randrange(len(result) + 1)
                 result[place:place] = part
-            case 8:
+            case 7:
                 other = random.choice(others)
                 begin = random.randrange(len(other) + 1)
                 result[at:end] = other[begin : begin + random.choice((1, 4, 16, 256, 4096))]
@@ -69,7 +67,7 @@ def damaged_case(case: Case, random: Random, corpus: list[Case]) -> Case:
     """A case with one damaged file; now and then one that is missing or another's."""
     result = dict(case)
     name = random.choice(sorted(result))
-    others = [other[name] for other in corpus if name in other] or [b""]
+    others = [other[name] for other in corpus if name in other]
     if len(result) > 1 and random.random() < 0.05:
         del result[name]
     elif random.random() < 0.05:
@@ -77,6 +75,13 @@ def damaged_case(case: Case, random: Random, corpus: list[Case]) -> Case:
     else:
         result[name] = damaged(result[name], random, others)
     return result
+
+
+def next_case(target: Target, corpus: list[Case], random: Random) -> Case:
+    """A structured input, or one with damaged bytes, or both."""
+    is_structured = random.random() < 0.6
+    case = target.make(random) if is_structured else random.choice(corpus)
+    return case if is_structured and random.random() < 0.8 else damaged_case(case, random, corpus)
 
 
 def hostile_value(random: Random) -> Any:
@@ -143,6 +148,10 @@ def write(case: Case, folder: Path) -> None:
     for name, data in case.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
+
+
+def size_of(case: Case) -> int:
+    return sum(map(len, case.values()))
 
 
 def read_back(folder: Path) -> Case:

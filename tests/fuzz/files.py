@@ -42,8 +42,8 @@ f 4 1 5 8
 
 
 def obj_seeds() -> list[Case]:
-    wedge = (EXAMPLES[0].parent / "wedge.obj").read_bytes()
-    return [{"mesh.obj": data} for data in (_CUBE.encode(), PARTS.encode(), wedge, ("\ufeff" + _CUBE).encode("utf-16"))]
+    texts = (_CUBE.encode(), PARTS.encode(), ("\ufeff" + _CUBE).encode("utf-16"))
+    return [{"mesh.obj": data} for data in texts]
 
 
 def make_obj(random: Random) -> Case:
@@ -59,10 +59,7 @@ def make_obj(random: Random) -> Case:
                 corners = " ".join(_corner(random) for _ in range(number)) + " "
                 lines.append("f " + corners * random.choice((1, 1, 1, 1, 1, 1, 1, 1, 2, 400)))
             case 4:
-                word, name = (
-                    random.choice(("o", "g", "usemtl", "mtllib")),
-                    random.choice(("", "a", "b c", "\u00e9", "\\")),
-                )
+                word, name = random.choice(("o", "g", "usemtl", "mtllib")), random.choice(("", "a", "b c", "\u00e9"))
                 lines.append(f"{word} {name}")
             case _:
                 lines.append(random.choice(("l 1 2", "p 1", "vt 0 0", "vn 0 0 1", "s off", "call x", "\\", "curv 1 2")))
@@ -94,21 +91,15 @@ def read_obj(folder: Path) -> None:
 
 # Scene files.
 
-_EVERYTHING = """\
+_RARE = """\
 [radar]
 start_frequency = 60e9
 stop_frequency = 61e9
 sample_rate = 2e6
 num_samples = 32
-num_chirps = 4
-chirp_interval = 1e-4
-frame_interval = 0.05
-adc_delay = 1e-6
 tx = [[0, 0, 0], [0, 0.002, 0]]
 rx = [[0, 0, 0.01], [0, 0.0025, 0.01]]
-tx_power_dbm = 10.0
 polarization = "vertical"
-pattern = { gain_db = 6.0, beamwidth_azimuth_deg = 60.0, beamwidth_elevation_deg = 40.0 }
 rx_patterns = [{ gain_db = 3.0 }, { path = "pattern.csv" }]
 receiver = { output = "real", noise_figure_db = 12.0 }
 
@@ -118,9 +109,7 @@ motion = { kind = "linear", velocity = [0.1, 0, 0], angular_velocity = [0, 0, 0.
 
 [run]
 stop = 0.2
-rate = 10
 resolution = [64, 32]
-field_of_view_deg = [60, 40]
 sampling = "fast"
 rcs_floor = 0.01
 ray_budget = 100000
@@ -136,73 +125,32 @@ scattering = 0.3
 name = "table"
 shape = { kind = "mesh", path = "mesh.obj", scale = 0.2 }
 material = "oak"
-materials = { steel = "metal", glass = { reflection = -0.5, albedo = 0.2 } }
+materials = { steel = "metal", glass = { permittivity = "concrete", roughness = 0.001 } }
 pose = { position = [3, 0, 0.5], wxyz = [1, 0, 0, 0] }
 
 [[body]]
-name = "ball"
-shape = { kind = "sphere", radius = 0.1 }
-attached_to = "table"
-pose = { position = [0, 0.5, 1] }
-material = { permittivity = "concrete", roughness = 0.001 }
-
-[[body]]
-shape = { kind = "capsule", radius = 0.1, length = 0.5 }
-[body.motion]
-kind = "trajectory"
-times = [0, 1]
-poses = [{ position = [2, 0, 0] }, { position = [2, 1, 0], look_at = [0, 0, 0] }]
-
-[[body]]
-shape = { kind = "cylinder", radius = 0.1, length = 0.5, caps = false }
-pose = { position = [2, 2, 0] }
-
-[[body]]
-shape = { kind = "box", size = [0.1, 0.2, 0.3] }
-pose = { position = [2, -2, 0] }
-
-[[body]]
-shape = { kind = "dihedral", width = 0.1 }
-pose = { position = [4, -2, 0] }
-
-[[body]]
 shape = { kind = "trihedral", leg = 0.1, shape = "square" }
-pose = { position = [4, 2, 0] }
+attached_to = "table"
 
 [[body]]
 shape = { kind = "disc", radius = 0.1 }
-pose = { position = [5, 2, 0] }
+motion = { kind = "trajectory", times = [0, 1], poses = [{ position = [2, 0, 0] }, { look_at = [0, 0, 0] }] }
 
-[[point]]
-name = "target"
-position = [2, 0, 1]
-velocity = [1, 0, 0]
-rcs = 0.1
-
-[[human]]
-path = [[3, -1], [3, 1]]
-height = 1.8
+[[body]]
+shape = { kind = "capsule", radius = 0.1, length = 0.5 }
+pose = { position = [4, 2, 0] }
 
 [[arm]]
 pose = { position = [6, 0, 0] }
 joints = { kind = "rest", angles_deg = [0, -90, 90, 0, 0, 0] }
 
 [[arm]]
-name = "second"
-pose = { position = [9, 0, 0] }
-joints = { kind = "trajectory", times = [0, 1], angles_deg = [[0, -90, 90, 0, 0, 0], [9, -90, 90, 0, 0, 0]] }
-
-[[arm]]
-name = "third"
-pose = { position = [12, 0, 0] }
-joints = { kind = "line", start_deg = [0, -90, 90, 0, 45, 0], direction = [0, 0, 1], speed = 0.1, duration = 1.0 }
-
-[[arm]]
 name = "own"
 model = "robot.urdf"
 pose = { position = [15, 0, 0] }
-joints = { kind = "rest", angles_deg = [10, 0.1] }
+joints = { kind = "trajectory", times = [0, 1], angles_deg = [[0, 0.1], [10, 0.1]] }
 """
+"""A scene with the entries that the examples do not have."""
 
 _PATTERN = "azimuth_deg, elevation_deg, gain_db\n-90, -90, 0\n-90, 90, 1\n90, -90, 2\n90, 90, 3\n"
 
@@ -223,6 +171,7 @@ _ROBOT = """\
 """
 
 _BESIDE = {"mesh.obj": PARTS.encode(), "pattern.csv": _PATTERN.encode(), "robot.urdf": _ROBOT.encode()}
+_BESIDE["wedge.obj"] = (EXAMPLES[0].parent / "wedge.obj").read_bytes()
 """Files that a scene names."""
 
 
@@ -243,23 +192,16 @@ def _scene(tree: dict[str, Any]) -> Case:
 
 
 @cache
-def _small_scenes() -> list[dict[str, Any]]:
-    """Trees of scenes with a few parts each, which are read in no time."""
-    whole = tomllib.loads(_EVERYTHING)
-    common = {name: whole[name] for name in ("radar", "sensor", "run", "material")}
-    bodies, arms = whole["body"], whole["arm"]
-    scenes = [common | {"body": [*bodies[:2], body]} for body in bodies[2:]]
-    scenes += [common | {"arm": [arm]} for arm in arms[1:]]
-    scenes += [common | {"point": whole["point"]}, common | {"human": whole["human"]}]
-    return [*scenes, {"radar": {"preset": "bgt60tr13c"}, "point": whole["point"]}]
+def _trees() -> list[dict[str, Any]]:
+    return [tomllib.loads(text) for text in (_RARE, *(path.read_text() for path in EXAMPLES))]
 
 
 def scene_seeds() -> list[Case]:
-    return [*map(_scene, _small_scenes()), {"scene.toml": _EVERYTHING.encode(), **_BESIDE}]
+    return [_scene(tree) for tree in _trees()]
 
 
 def make_scene(random: Random) -> Case:
-    tree = random.choice(_small_scenes())
+    tree = random.choice(_trees())
     part = random.choice(sorted(tree))
     if random.random() < 0.7:  # most of the tree is of no interest to a fault in one part
         return _scene(tree | {part: damaged_tree({part: tree[part]}, random).get(part, [])})
@@ -301,22 +243,8 @@ def robot_seeds() -> list[Case]:
 
 def make_robot(random: Random) -> Case:
     """The robot with words in the place of others."""
-    words = [
-        "0",
-        "-1",
-        "nan",
-        "1e308",
-        "1e-320",
-        "",
-        "x",
-        "base",
-        "arm",
-        "tool0",
-        "fixed",
-        "prismatic",
-        "0 0 0",
-        "/dev/zero",
-    ]
+    words = ["0", "-1", "nan", "1e308", "1e-320", "", "x", "0 0 0", "/dev/zero"]
+    words += ["base", "arm", "tool0", "fixed", "prismatic"]
     pieces = _ROBOT.split('"')
     for _ in range(random.choice((1, 1, 2, 5))):
         pieces[random.randrange(len(pieces) // 2) * 2 + 1] = random.choice(words)

@@ -33,30 +33,25 @@ class Verdict(NamedTuple):
 
 
 def judge(read: Callable[[Path], Any], folder: Path, size: int) -> Verdict:
-    """Read the input of `size` bytes in a folder; call with tracemalloc on."""
-    tracemalloc.reset_peak()
-    before = tracemalloc.get_traced_memory()[0]
-    began = time.process_time()
-    verdict = _verdict(read, folder)
-    took = time.process_time() - began
-    memory = tracemalloc.get_traced_memory()[1] - before
+    """Read the input of `size` bytes in a folder."""
+    tracemalloc.start()
+    verdict, took = _timed(read, folder)
+    memory = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
     if verdict.fault:
         return verdict
-    if took > LONGEST and (took := _time_alone(read, folder)) > LONGEST:
+    if took > LONGEST:
+        _, took = _timed(read, folder)  # not traced
+    if took > LONGEST:
         return verdict._replace(fault=f"took {took:.1f} s", kind="slow: " + verdict.kind)
     if memory > MOST_MEMORY + 100 * size:
         return verdict._replace(fault=f"took {memory >> 20} MiB for {size} bytes", kind="memory: " + verdict.kind)
     return verdict
 
 
-def _time_alone(read: Callable[[Path], Any], folder: Path) -> float:
-    """Time of a reading that is not traced [s]."""
-    tracemalloc.stop()
+def _timed(read: Callable[[Path], Any], folder: Path) -> tuple[Verdict, float]:
     began = time.process_time()
-    _verdict(read, folder)
-    took = time.process_time() - began
-    tracemalloc.start()
-    return took
+    return _verdict(read, folder), time.process_time() - began
 
 
 def _verdict(read: Callable[[Path], Any], folder: Path) -> Verdict:

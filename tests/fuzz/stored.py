@@ -21,44 +21,36 @@ from radarcore.recording.recording import Recording
 from recordings import recording, sensor_frame
 
 
-def _saved(save: Callable[[Path], Any]) -> Case:
-    """The files that a function writes."""
+def _saved(save: Callable[[Path], Any], name: str) -> Case:
+    """The files that a function writes to a path of some name."""
     with tempfile.TemporaryDirectory() as directory:
-        save(Path(directory))
+        save(Path(directory) / name)
         return read_back(Path(directory))
 
 
 @cache
-def _sensor_recording() -> Recording:
-    return Recording.from_frames([sensor_frame(index, lost_before=index) for index in range(4)])
-
-
-def directory_seeds() -> list[Case]:
-    return [
-        _saved(lambda path: recording().save(path / "rec")),
-        _saved(lambda path: recording(dtype="float32", names=None).save(path / "rec")),
-        _saved(lambda path: _sensor_recording().save(path / "rec")),
-    ]
-
-
-def npz_seeds() -> list[Case]:
-    return [
-        _saved(lambda path: recording().save(path / "rec.npz")),
-        _saved(lambda path: _sensor_recording().save(path / "rec.npz")),
-    ]
-
-
-def infineon_seeds() -> list[Case]:
-    return [_saved(lambda path: infineon_folder(path / "rec"))]
+def _recordings() -> list[Recording]:
+    measured = Recording.from_frames([sensor_frame(index, lost_before=index) for index in range(4)])
+    return [recording(), recording(dtype="float32", names=None), measured]
 
 
 @cache
-def _seeds(make: Callable[[], list[Case]]) -> list[Case]:
-    return make()
+def directory_seeds() -> list[Case]:
+    return [_saved(rec.save, "rec") for rec in _recordings()]
+
+
+@cache
+def npz_seeds() -> list[Case]:
+    return [_saved(rec.save, "rec.npz") for rec in _recordings()]
+
+
+@cache
+def infineon_seeds() -> list[Case]:
+    return [_saved(infineon_folder, "rec")]
 
 
 def make_directory(random: Random) -> Case:
-    case = dict(random.choice(_seeds(directory_seeds)))
+    case = dict(random.choice(directory_seeds()))
     if random.random() < 0.5:
         case["rec/meta.json"] = _other_json(case["rec/meta.json"], random)
     else:
@@ -68,7 +60,7 @@ def make_directory(random: Random) -> Case:
 
 
 def make_npz(random: Random) -> Case:
-    with zipfile.ZipFile(io.BytesIO(random.choice(_seeds(npz_seeds))["rec.npz"])) as archive:
+    with zipfile.ZipFile(io.BytesIO(random.choice(npz_seeds())["rec.npz"])) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     name = random.choice(sorted(members))
     if random.random() < 0.1:
@@ -89,7 +81,7 @@ def make_npz(random: Random) -> Case:
 
 
 def make_infineon(random: Random) -> Case:
-    case = dict(_seeds(infineon_seeds)[0])
+    case = dict(infineon_seeds()[0])
     name = random.choice(sorted(case))
     if name.endswith(".json"):
         case[name] = _other_json(case[name], random)
@@ -117,29 +109,15 @@ def _npy(array: Any) -> bytes:
 def _other_npy(data: bytes, random: Random) -> bytes:
     """An array of another shape or type, or a header that says so of the same samples."""
     array = np.load(io.BytesIO(data))
-    dtypes = (
-        "float64",
-        ">f8",
-        "float32",
-        "float16",
-        "int32",
-        "uint16",
-        "int64",
-        "bool",
-        "complex64",
-        "complex128",
-        "S4",
-        "U2",
-    )
+    dtypes = ["<f8", ">f8", "<f4", "<f2", "<i4", "<u2", "<i8", "|b1", "<c8", "<c16", "|S4", "<U2"]
     lengths = (0, 1, 2, 3, 2**31, 2**40, 2**62, 2**64, -1, array.size)
     shape = tuple(random.choice(lengths) if random.random() < 0.4 else length for length in array.shape)
     shape = random.choice((shape, shape, (*shape, 1), shape[1:], ()))
     if random.random() < 0.5 and all(0 <= length < 100 for length in shape) and int(np.prod(shape)) < 1 << 16:
-        values = np.resize(array, shape) if array.dtype.kind in "fciu" else np.zeros(shape)
-        with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        with warnings.catch_warnings(action="ignore"):
+            values = np.resize(array, shape) if array.dtype.kind in "fciu" else np.zeros(shape)
             filled = values.astype(random.choice(dtypes[:10]))
-        if filled.dtype.kind in "fc" and filled.size and random.random() < 0.3:
-            with np.errstate(over="ignore"):
+            if filled.dtype.kind in "fc" and filled.size and random.random() < 0.3:
                 filled.flat[random.randrange(filled.size)] = random.choice((np.nan, np.inf, -np.inf, 1e30))
         return _npy(np.asfortranarray(filled) if random.random() < 0.2 else filled)
     descr = random.choice((np.lib.format.dtype_to_descr(array.dtype), random.choice(dtypes), [("a", "<f4")], "|O", 7))
@@ -161,17 +139,10 @@ def read_npz(folder: Path) -> None:
     _read(folder / "rec.npz")
 
 
-read_infineon = read_directory
-
-
 def _read(path: Path) -> None:
     rec = Recording.load(path)
-    assert rec.cube.shape == (
-        len(rec),
-        rec.radar.num_channels,
-        rec.radar.waveform.num_chirps,
-        rec.radar.waveform.num_samples,
-    )
+    waveform = rec.radar.waveform
+    assert rec.cube.shape == (len(rec), rec.radar.num_channels, waveform.num_chirps, waveform.num_samples)
     is_sound = np.isfinite(rec.cube).all(axis=(1, 2, 3))
     for number in np.flatnonzero(is_sound)[:10]:
         assert rec[int(number)].time == rec.time[number]

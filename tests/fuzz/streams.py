@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -202,7 +202,7 @@ class _QuickLink(strata_stream.StreamLink):
 
 def _talk(board: Board, radar: Any) -> None:
     """Measure a few frames."""
-    try:
+    with closing(board):
         with suppress(ValueError):  # a damaged answer may say that the radar is beyond the board's limits
             board.configure(radar)
         board.start()
@@ -210,40 +210,30 @@ def _talk(board: Board, radar: Any) -> None:
             board.read(QUICK)
         board.stop()
         board.details()
-    finally:
-        board.close()
 
 
-def _strata_radar() -> Any:
-    return bgt60tr13c(num_samples=16, num_chirps=2, chirp_interval=5e-4, frame_interval=0.02)
-
-
-def _comlib_radar() -> Any:
-    return comlib_radar(2, num_samples=16, num_chirps=2)
+STRATA_RADAR = bgt60tr13c(num_samples=16, num_chirps=2, chirp_interval=5e-4, frame_interval=0.02)
+COMLIB_RADAR = comlib_radar(2, num_samples=16, num_chirps=2)
 
 
 @cache
-def _captures() -> list[Case]:
+def capture_seeds() -> list[Case]:
     """Conversations with emulated boards."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "capture.jsonl"
         controller = Controller(Numbered(), speed=None)
         with patch.object(strata_stream, "_LATE", QUICK):
-            _talk(StrataBoard(strata_stream.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), _strata_radar())
+            _talk(StrataBoard(strata_stream.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), STRATA_RADAR)
         controller.close()
         strata = path.read_bytes()
-        _talk(ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path), timeout=0.1, board_timeout=0.2), _comlib_radar())
+        _talk(ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path), timeout=0.1, board_timeout=0.2), COMLIB_RADAR)
         both = [b"\n".join(data.splitlines()[:300]) + b"\n" for data in (strata, path.read_bytes())]
     return [{"capture.jsonl": data} for data in both]
 
 
-def capture_seeds() -> list[Case]:
-    return list(_captures())
-
-
 def make_capture(random: Random) -> Case:
     """A conversation with damaged answers, or with lines that are damaged, lost, doubled or exchanged."""
-    lines = [json.loads(line) for line in random.choice(_captures())["capture.jsonl"].splitlines()]
+    lines = [json.loads(line) for line in random.choice(capture_seeds())["capture.jsonl"].splitlines()]
     for _ in range(random.choice((1, 1, 2, 5))):
         at = random.randrange(len(lines))
         match random.randrange(6):
@@ -265,28 +255,20 @@ def make_capture(random: Random) -> Case:
 
 def _resealed(data: bytes, random: Random) -> bytes:
     """A damaged answer of Strata or ComLib, often with the length and the end that it should have."""
-    if 6 < len(data) <= packets.MAX_PACKET and data[0] in (0x40, 0x43, 0xC0) and random.random() < 0.8:
-        body = data[:2] + (len(data) - 6).to_bytes(2, "little") + data[4:-2]
-        return body + packets.crc(body).to_bytes(2, "big")
-    if 8 < len(data) <= packets.MAX_PACKET and data[0] >= 0xD0 and random.random() < 0.8:
-        body = data[:4] + (len(data) - 8).to_bytes(2, "little") + data[6:-2]
+    first = data[:1]
+    header = 4 if first in (b"\x40", b"\x43", b"\xc0") else 6 if first >= b"\xd0" else len(data)
+    if header + 2 < len(data) <= packets.MAX_PACKET and random.random() < 0.8:
+        body = data[: header - 2] + (len(data) - header - 2).to_bytes(2, "little") + data[header:-2]
         return body + packets.crc(body).to_bytes(2, "big")
     return data
 
 
 def read_capture(folder: Path) -> None:
     path = folder / "capture.jsonl"
-    is_strata = b"5a00" not in path.read_bytes()[:500]
-    stream = Replay(path, checks_writes=False)
-    try:
-        if is_strata:
-            with patch.object(strata_stream, "_LATE", QUICK):
-                opened = _QuickLink(stream)
-                try:
-                    _talk(StrataBoard(opened), _strata_radar())
-                finally:
-                    opened.close()
+    is_comlib = b"5a00" in path.read_bytes()[:500]
+    with closing(Replay(path, checks_writes=False)) as stream, patch.object(strata_stream, "_LATE", QUICK):
+        if is_comlib:
+            _talk(ComLibBoard(stream, timeout=QUICK, board_timeout=0.0), COMLIB_RADAR)
         else:
-            _talk(ComLibBoard(stream, timeout=QUICK, board_timeout=0.0), _comlib_radar())
-    finally:
-        stream.close()
+            with closing(_QuickLink(stream)) as link:
+                _talk(StrataBoard(link), STRATA_RADAR)

@@ -12,7 +12,7 @@ TARGETS = {
     "robot": Target(files.robot_seeds, files.make_robot, files.read_robot),
     "directory": Target(stored.directory_seeds, stored.make_directory, stored.read_directory),
     "npz": Target(stored.npz_seeds, stored.make_npz, stored.read_npz),
-    "infineon": Target(stored.infineon_seeds, stored.make_infineon, stored.read_infineon),
+    "infineon": Target(stored.infineon_seeds, stored.make_infineon, stored.read_directory),
     "strata": Target(streams.strata_seeds, streams.make_strata, streams.read_strata),
     "comlib": Target(streams.comlib_seeds, streams.make_comlib, streams.read_comlib),
     "capture": Target(streams.capture_seeds, streams.make_capture, streams.read_capture),

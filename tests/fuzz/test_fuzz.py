@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -11,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fuzz.cases import write
-from fuzz.command import next_case
+from fuzz.cases import next_case, size_of, write
 from fuzz.judge import MOST_MEMORY, judge
 from fuzz.targets import TARGETS
 
@@ -21,26 +19,19 @@ NUM_INPUTS |= {"strata": 60, "comlib": 45, "capture": 12, "bag": 60}
 """Less than a third of a second each; `python -m tests.fuzz` draws for as long as one likes."""
 
 
-@pytest.fixture(autouse=True)
-def traced() -> Iterator[None]:
-    tracemalloc.start()
-    yield
-    tracemalloc.stop()
-
-
 @pytest.mark.parametrize("name", TARGETS)
 def test_inputs_are_read_or_refused_by_name(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target, random = TARGETS[name], Random(f"{name} tests")
-    seeds = target.seeds()
+    seeds = list(target.seeds())
     with monkeypatch.context() as patience:
         patience.setattr("fuzz.streams.QUICK", 0.3)  # on a busy machine an answer that is there may take its time
         for case in seeds[-3:]:
             write(case, tmp_path)
-            assert judge(target.read, tmp_path, 0).kind == "read"
+            target.read(tmp_path)
     for _ in range(NUM_INPUTS[name]):
         case = next_case(target, seeds, random)
         write(case, tmp_path)
-        verdict = judge(target.read, tmp_path, sum(map(len, case.values())))
+        verdict = judge(target.read, tmp_path, size_of(case))
         assert not verdict.fault, f"{verdict.fault}\n{verdict.trace}"
 
 
