@@ -356,8 +356,7 @@ def test_wrong_requests_are_errors_that_name_them() -> None:
 
 
 def test_multicast_frames_reach_all_clients() -> None:
-    group = {"multicast_address": "239.255.42.99", "data_port": free_port()}
-    with MotionCaptureServer(MOTIONS, **group) as server:  # type: ignore[arg-type]
+    with MotionCaptureServer(MOTIONS, multicast_port=free_port()) as server:
         local: dict[str, Any] = {"command_port": server.command_port, "local_address": "127.0.0.1"}
         with MotionCaptureClient(**local) as one, MotionCaptureClient(**local) as other:
             assert one.info.is_multicast

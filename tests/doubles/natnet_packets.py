@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import struct
 from collections.abc import Sequence
 
@@ -11,6 +12,7 @@ Body = tuple[int, Sequence[float], Sequence[float], bool]
 
 pack = struct.pack
 FREQUENCY = 10_000_000
+GROUP = "239.255.42.99"
 
 
 def packet(kind: int, payload: bytes) -> bytes:
@@ -44,7 +46,7 @@ def frame(version: Version, number: int, bodies: Sequence[Body], t: float, *, ev
     else:
         out += 2 * section(version, 0) + section(version, len(bodies), rigid(bodies)) + section(version, 0)
         out += (section(version, 0) if version >= (4, 1) else b"") + 3 * section(version, 0)
-    ticks = [int((t + late) * FREQUENCY) for late in (0.0, 0.002, 0.004)]
+    ticks = [round((t + late) * FREQUENCY) for late in (0.0, 0.002, 0.004)]
     out += pack("<IId3Q", 0, 0, t, *ticks)
     out += (pack("<II", 0, 0) if version >= (4, 1) else b"") + pack("<hi", 2 if everything else 0, 0)
     return packet(7, out)
@@ -52,11 +54,11 @@ def frame(version: Version, number: int, bodies: Sequence[Body], t: float, *, ev
 
 def server_info(version: Version, *, multicast: bool = False, port: int = 1511) -> bytes:
     head = b"Motive".ljust(256, b"\0") + bytes([3, 0, 0, 0, *version, 0, 0])
-    return packet(1, head + pack("<QH?4B", FREQUENCY, port, multicast, 239, 255, 42, 99))
+    return packet(1, head + pack("<QH?", FREQUENCY, port, multicast) + socket.inet_aton(GROUP))
 
 
-def model(version: Version, names: Sequence[str]) -> bytes:
-    """Descriptions of bodies by those names from 1 on, and of one of all other things before them."""
+def model(version: Version, names: Sequence[str], *, everything: bool = True) -> bytes:
+    """Descriptions of bodies by those names from 1 on, after one of all other things or alone."""
 
     def described(kind: int, data: bytes) -> bytes:
         return pack("<i", kind) + (pack("<i", len(data)) if version >= (4, 1) else b"") + data
@@ -76,5 +78,6 @@ def model(version: Version, names: Sequence[str]) -> bytes:
     if version >= (4, 1):
         asset = b"Tool\0" + pack("<iii", 1, 9, 1) + body(1, "Grip")
         things.append(described(6, asset + pack("<i", 1) + b"tip\0" + pack("<i3ffh", 1, 0.0, 0.0, 0.0, 0.01, 0)))
-    things += [described(1, body(number, name)) for number, name in enumerate(names, 1)]
+    bodies = [described(1, body(number, name)) for number, name in enumerate(names, 1)]
+    things = [*things, *bodies] if everything else bodies
     return packet(5, pack("<i", len(things)) + b"".join(things))
