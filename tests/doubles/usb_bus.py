@@ -16,8 +16,7 @@ import math
 import struct
 import threading
 from array import array
-from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import monotonic
@@ -97,8 +96,8 @@ class EmulatedDevice:
 
     stream: StreamPeripheral | None
     vendor: VendorPeripheral | None
-    descriptor: SimpleNamespace
-    interfaces: list[SimpleNamespace]
+    descriptor: _Descriptor
+    interfaces: list[_Descriptor]
     strings: dict[int, str]
     has_driver: bool = False
     is_denied: bool = False
@@ -131,28 +130,26 @@ def cdc_device(
     """A CDC-ACM board, to which the kernel binds a driver: communication interface 0, data interface 1."""
     packet_size = 512 if high_speed else 64
     functional = bytes.fromhex("05240010010524010001042402020524060001")  # header, calls, ACM, union of 0 and 1
-    interfaces = [
-        interface_descriptor(0, 0x02, 0x02, 0x01, [endpoint_descriptor(0x82, 3, 16, 11)], functional),
-        interface_descriptor(
-            1, 0x0A, 0x00, 0x00, [endpoint_descriptor(0x81, 2, packet_size), endpoint_descriptor(0x01, 2, packet_size)]
-        ),
-    ]
-    descriptor, strings = device_descriptor(0x02, vendor_id, product_id, product, serial_number, high_speed)
-    return EmulatedDevice(peripheral, None, descriptor, interfaces, strings, has_driver=True)
+    communication = _Descriptor(
+        bInterfaceClass=0x02,
+        bInterfaceSubClass=0x02,
+        bInterfaceProtocol=0x01,
+        endpoints=[_endpoint(0x82, 3, 16)],
+        extra_descriptors=list(functional),
+    )
+    bulk = [_endpoint(0x81, 2, packet_size), _endpoint(0x01, 2, packet_size)]
+    interfaces = [communication, _Descriptor(bInterfaceClass=0x0A, endpoints=bulk)]
+    speed = _HIGH_SPEED if high_speed else _FULL_SPEED
+    descriptors = _device(0x02, interfaces, (vendor_id, product_id), product, serial_number, speed)
+    return EmulatedDevice(peripheral, None, **descriptors, has_driver=True)
 
 
 def vendor_device(
-    peripheral: VendorPeripheral,
-    *,
-    vendor_id: int = 0x058B,
-    product_id: int = 0x0252,
-    product: str = "Radar Baseboard MCU7",
-    serial_number: str = "",
+    peripheral: VendorPeripheral, *, product_id: int = 0x0252, product: str = "Radar Baseboard MCU7"
 ) -> EmulatedDevice:
     """A vendor-class board at high speed: interface 0 with bulk IN 0x81 (Strata, vendor transport)."""
-    interfaces = [interface_descriptor(0, 0xFF, 0x00, 0x00, [endpoint_descriptor(0x81, 2, 512)])]
-    descriptor, strings = device_descriptor(0xFF, vendor_id, product_id, product, serial_number, True)
-    return EmulatedDevice(None, peripheral, descriptor, interfaces, strings)
+    interfaces = [_Descriptor(bInterfaceClass=0xFF, endpoints=[_endpoint(0x81, 2, 512)])]
+    return EmulatedDevice(None, peripheral, **_device(0xFF, interfaces, (0x058B, product_id), product, "", _HIGH_SPEED))
 
 
 class EmulatedBus:
@@ -164,6 +161,9 @@ class EmulatedBus:
     number = 1
     """Number of the bus."""
 
+    intr_read = intr_write = iso_read = iso_write = None
+    """Transfers of other types, which pyusb looks up, and no board has."""
+
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._connections: list[_Connection] = []
@@ -172,8 +172,6 @@ class EmulatedBus:
     def plug(self, device: EmulatedDevice) -> None:
         """Plug a device in; it gets a new address, and the kernel's driver if there is one."""
         with self._lock:
-            if device._connection is not None:
-                raise ValueError("device: expected one that is not plugged in, got one that is")
             used = {connection.port for connection in self._connections}
             port = next(n for n in range(1, len(used) + 2) if n not in used)
             self._last_address = self._last_address % 127 + 1
@@ -203,23 +201,19 @@ class EmulatedBus:
     def get_parent(self, connection: _Connection) -> None:
         """Parent hub of a device: None, as no hubs are emulated."""
 
-    def get_device_descriptor(self, connection: _Connection) -> SimpleNamespace:
+    def get_device_descriptor(self, connection: _Connection) -> _Descriptor:
         """Device descriptor, with the place on the bus."""
-        speed = connection.device.descriptor.speed
         place = {"bus": self.number, "address": connection.address, "port_number": connection.port}
-        return SimpleNamespace(
-            **vars(connection.device.descriptor) | place | {"speed": speed, "port_numbers": (connection.port,)}
-        )
+        return _Descriptor(**vars(connection.device.descriptor) | place, port_numbers=(connection.port,))
 
-    def get_configuration_descriptor(self, connection: _Connection, configuration: int) -> SimpleNamespace:
+    def get_configuration_descriptor(self, connection: _Connection, configuration: int) -> _Descriptor:
         """The only configuration."""
-        if configuration != 0:
-            raise IndexError(f"configuration: expected 0, got {configuration}")
-        return configuration_descriptor(connection.device.interfaces)
+        number = len(connection.device.interfaces)
+        return _Descriptor(bLength=9, bDescriptorType=2, bNumInterfaces=number, bConfigurationValue=1, bMaxPower=250)
 
     def get_interface_descriptor(
         self, connection: _Connection, interface: int, alternate: int, _configuration: int
-    ) -> SimpleNamespace:
+    ) -> _Descriptor:
         """An interface, which has no alternate settings."""
         if alternate != 0:
             raise IndexError(f"alternate: expected 0, got {alternate}")
@@ -227,9 +221,9 @@ class EmulatedBus:
 
     def get_endpoint_descriptor(
         self, connection: _Connection, endpoint: int, interface: int, _alternate: int, _configuration: int
-    ) -> SimpleNamespace:
+    ) -> _Descriptor:
         """An endpoint of an interface."""
-        descriptor: SimpleNamespace = connection.device.interfaces[interface].endpoints[endpoint]
+        descriptor: _Descriptor = connection.device.interfaces[interface].endpoints[endpoint]
         return descriptor
 
     def open_device(self, connection: _Connection) -> _Handle:
@@ -251,27 +245,11 @@ class EmulatedBus:
         handle.connection.check_here()
         return 1
 
-    def set_configuration(self, handle: _Handle, value: int) -> None:
-        """Set the only configuration, which it is already."""
-        handle.connection.check_here()
-        if value != 1:
-            _fail(errno.ENOENT)
-        if handle.connection.driver_is_bound or handle.connection.claims:
-            _fail(errno.EBUSY)
-
-    def set_interface_altsetting(self, handle: _Handle, interface: int, alternate: int) -> None:
-        """Set the only setting, which it is already."""
-        handle.check_claimed(interface)
-        if alternate != 0:
-            _fail(errno.ENOENT)
-
     def claim_interface(self, handle: _Handle, interface: int) -> None:
         """Claim an interface, unless the kernel's driver or another handle has it."""
         with self._lock:
             connection = handle.connection
             connection.check_here()
-            if interface not in connection.interface_numbers():
-                _fail(errno.ENOENT)
             if connection.driver_is_bound or connection.claims.get(interface, handle) is not handle:
                 _fail(errno.EBUSY)
             connection.claims[interface] = handle
@@ -285,13 +263,11 @@ class EmulatedBus:
     def is_kernel_driver_active(self, handle: _Handle, interface: int) -> bool:
         """True when the kernel's driver has an interface."""
         handle.connection.check_here()
-        return handle.connection.driver_is_bound and interface in handle.connection.interface_numbers()
+        return handle.connection.driver_is_bound
 
     def detach_kernel_driver(self, handle: _Handle, interface: int) -> None:
         """Take an interface from the kernel's driver, which then leaves the others too (as cdc_acm does)."""
         with self._lock:
-            if not self.is_kernel_driver_active(handle, interface):
-                _fail(errno.ENOENT)
             handle.connection.driver_is_bound = False
 
     def attach_kernel_driver(self, handle: _Handle, interface: int) -> None:
@@ -299,7 +275,7 @@ class EmulatedBus:
         with self._lock:
             connection = handle.connection
             connection.check_here()
-            if not connection.device.has_driver or interface != connection.interface_numbers()[0]:
+            if not connection.device.has_driver or interface != 0:
                 _fail(errno.ENOENT)
             if connection.driver_is_bound or connection.claims:
                 _fail(errno.EBUSY)
@@ -309,13 +285,8 @@ class EmulatedBus:
         """Transfer from a board into a buffer."""
         handle.check_claimed(interface)
         deadline = _deadline(timeout)
-        lock = handle.connection.endpoint_locks[endpoint]
-        if not lock.acquire(timeout=-1 if math.isinf(deadline) else max(deadline - monotonic(), 0.0)):
-            _fail(errno.ETIMEDOUT)
-        try:
+        with handle.connection.reading:
             data = handle.connection.bulk_in(endpoint, len(buffer), deadline, self)
-        finally:
-            lock.release()
         buffer[: len(data)] = array("B", data)
         return len(data)
 
@@ -334,20 +305,6 @@ class EmulatedBus:
         if data and not taken:
             _fail(errno.ETIMEDOUT)
         return len(taken)
-
-    def intr_read(self, handle: _Handle, _endpoint: int, interface: int, _buffer: array[int], timeout: int) -> int:
-        """A notification of the board, of which there are none."""
-        handle.check_claimed(interface)
-        _fail(
-            errno.ENODEV if handle.connection.is_gone.wait(timeout / 1000.0 if timeout else None) else errno.ETIMEDOUT
-        )
-
-    def intr_write(self, *_arguments: object) -> NoReturn:
-        """Refused: no board has such an endpoint, but pyusb demands the method."""
-        raise NotImplementedError("transfers of this type are not emulated")
-
-    iso_read: Callable[..., NoReturn] = intr_write
-    iso_write: Callable[..., NoReturn] = intr_write
 
     def ctrl_transfer(
         self,
@@ -375,11 +332,6 @@ class EmulatedBus:
         handle.connection.check_here()
         handle.connection.halted.discard(endpoint)
 
-    def reset_device(self, handle: _Handle) -> None:
-        """End all stalls; the board goes on as it was."""
-        handle.connection.check_here()
-        handle.connection.halted.clear()
-
 
 @dataclass(eq=False)
 class _Connection:
@@ -395,18 +347,14 @@ class _Connection:
     rest: bytes | None = None
     """Rest of the board's transfer: b"" where only its end, a packet of no bytes, is still to come."""
     is_gone: threading.Event = field(default_factory=threading.Event)
-    endpoint_locks: dict[int, threading.Lock] = field(default_factory=lambda: defaultdict(threading.Lock))
+    reading: threading.Lock = field(default_factory=threading.Lock)
 
     def check_here(self) -> None:
         """Fail once the device is unplugged."""
         if self.is_gone.is_set():
             _fail(errno.ENODEV)
 
-    def interface_numbers(self) -> list[int]:
-        """Numbers of the interfaces, in order."""
-        return [interface.bInterfaceNumber for interface in self.device.interfaces]
-
-    def endpoint(self, address: int) -> SimpleNamespace | None:
+    def endpoint(self, address: int) -> _Descriptor | None:
         """The endpoint with an address."""
         endpoints = (endpoint for interface in self.device.interfaces for endpoint in interface.endpoints)
         return next((endpoint for endpoint in endpoints if endpoint.bEndpointAddress == address), None)
@@ -475,19 +423,11 @@ class _Connection:
                     return b""
                 case 0xA1, 0x21:
                     return device.line_coding[: len(data)]
-        if (request_type, request) == (0x80, 0x06):  # GET_DESCRIPTOR
-            return self._descriptor(value >> 8, value & 0xFF)[: len(data)]
-        raise Stall
-
-    def _descriptor(self, kind: int, index: int) -> bytes:
-        if kind == 1:
-            d = self.device.descriptor
-            ids = (d.idVendor, d.idProduct, d.bcdDevice, d.iManufacturer, d.iProduct, d.iSerialNumber)
-            classes = (d.bDeviceClass, d.bDeviceSubClass, d.bDeviceProtocol, d.bMaxPacketSize0)
-            return struct.pack("<BBHBBBBHHHBBBB", 18, 1, d.bcdUSB, *classes, *ids, 1)
-        if kind == 3 and (index == 0 or index in self.device.strings):
-            text = struct.pack("<H", _LANGUAGE) if index == 0 else self.device.strings[index].encode("utf-16-le")
-            return bytes([2 + len(text), 3]) + text
+        number = value & 0xFF
+        if (request_type, request, value >> 8) == (0x80, 0x06, 3) and (number == 0 or number in device.strings):
+            # GET_DESCRIPTOR of a string, of which number 0 has the languages.
+            text = device.strings[number].encode("utf-16-le") if number else struct.pack("<H", _LANGUAGE)
+            return (bytes([2 + len(text), 3]) + text)[: len(data)]
         raise Stall
 
 
@@ -516,80 +456,45 @@ def _fail(number: int) -> NoReturn:
     raise kind(errno.errorcode[number], _ERROR_CODES[number], number)
 
 
-def device_descriptor(
-    device_class: int, vendor_id: int, product_id: int, product: str, serial_number: str, high_speed: bool
-) -> tuple[SimpleNamespace, dict[int, str]]:
-    """Device descriptor and strings; a device without a serial number has no such string."""
-    strings = {1: "Infineon", 2: product} | ({3: serial_number} if serial_number else {})
-    for text in strings.values():
-        if len(text.encode("utf-16-le")) > 252:
-            raise ValueError(f"product, serial_number: expected at most 126 characters, got {text!r}")
-    descriptor = SimpleNamespace(
+class _Descriptor(SimpleNamespace):
+    """A descriptor, with the names of the USB specification; fields that are not given are zero."""
+
+    extra_descriptors: Sequence[int] = ()
+
+    def __getattr__(self, name: str) -> int:
+        return 0
+
+
+def _device(
+    device_class: int, interfaces: list[_Descriptor], ids: tuple[int, int], product: str, serial_number: str, speed: int
+) -> dict[str, Any]:
+    """Descriptors of a device; one without a serial number has no such string."""
+    for number, interface in enumerate(interfaces):
+        interface.bLength, interface.bDescriptorType, interface.bInterfaceNumber = 9, 4, number
+        interface.bNumEndpoints = len(interface.endpoints)
+    descriptor = _Descriptor(
         bLength=18,
         bDescriptorType=1,
         bcdUSB=0x0200,
         bDeviceClass=device_class,
-        bDeviceSubClass=0,
-        bDeviceProtocol=0,
         bMaxPacketSize0=64,
-        idVendor=vendor_id,
-        idProduct=product_id,
+        idVendor=ids[0],
+        idProduct=ids[1],
         bcdDevice=0x0100,
         iManufacturer=1,
         iProduct=2,
         iSerialNumber=3 if serial_number else 0,
         bNumConfigurations=1,
-        speed=_HIGH_SPEED if high_speed else _FULL_SPEED,
+        speed=speed,
     )
-    return descriptor, strings
+    strings = {1: "Infineon", 2: product} | ({3: serial_number} if serial_number else {})
+    return {"descriptor": descriptor, "interfaces": interfaces, "strings": strings}
 
 
-def configuration_descriptor(interfaces: list[SimpleNamespace]) -> SimpleNamespace:
-    """The only configuration of a device, powered by the bus."""
-    return SimpleNamespace(
-        bLength=9,
-        bDescriptorType=2,
-        wTotalLength=9 + sum(9 + len(i.extra_descriptors) + 7 * i.bNumEndpoints for i in interfaces),
-        bNumInterfaces=len(interfaces),
-        bConfigurationValue=1,
-        iConfiguration=0,
-        bmAttributes=0x80,
-        bMaxPower=250,  # 500 mA
-        extra_descriptors=[],
-    )
-
-
-def interface_descriptor(
-    number: int, kind: int, subclass: int, protocol: int, endpoints: list[SimpleNamespace], extra: bytes = b""
-) -> SimpleNamespace:
-    """An interface with its endpoints; `extra` is what the configuration has between the two."""
-    return SimpleNamespace(
-        bLength=9,
-        bDescriptorType=4,
-        bInterfaceNumber=number,
-        bAlternateSetting=0,
-        bNumEndpoints=len(endpoints),
-        bInterfaceClass=kind,
-        bInterfaceSubClass=subclass,
-        bInterfaceProtocol=protocol,
-        iInterface=0,
-        extra_descriptors=list(extra),
-        endpoints=endpoints,
-    )
-
-
-def endpoint_descriptor(address: int, transfer_type: int, packet_size: int, interval: int = 0) -> SimpleNamespace:
+def _endpoint(address: int, transfer_type: int, packet_size: int) -> _Descriptor:
     """An endpoint; transfer type 2 is bulk, 3 interrupt."""
-    return SimpleNamespace(
-        bLength=7,
-        bDescriptorType=5,
-        bEndpointAddress=address,
-        bmAttributes=transfer_type,
-        wMaxPacketSize=packet_size,
-        bInterval=interval,
-        bRefresh=0,
-        bSynchAddress=0,
-        extra_descriptors=[],
+    return _Descriptor(
+        bLength=7, bDescriptorType=5, bEndpointAddress=address, bmAttributes=transfer_type, wMaxPacketSize=packet_size
     )
 
 
