@@ -83,9 +83,9 @@ def radius_at(time: float) -> float:
     return RADIUS + BREATH * float(np.sin(2.0 * np.pi * RATE * time))
 
 
-def chest(**options: Any) -> rc.Body:
+def chest() -> rc.Body:
     """A sphere that breathes, one of its vertices towards the sensor."""
-    mesh = rc.shapes.sphere(RADIUS, **options)
+    mesh = rc.shapes.sphere(RADIUS)
     unit = mesh.vertices / RADIUS
     towards = rc.Pose.look_at([0.0, 0.0, 0.0], -unit[0]).rotation.T
     return rc.Body(mesh, motion=rc.Pose([DISTANCE, 0.0, 0.0], towards), deformation=lambda t: radius_at(t) * unit)
@@ -95,16 +95,13 @@ def chest(**options: Any) -> rc.Body:
 
 
 @pytest.mark.parametrize(
-    ("mesh", "phase"),
+    ("mesh", "phase", "radar_motion"),
     [
-        (rc.shapes.box((0.3, 0.5, 0.4)), SYNTHESIS),
+        (rc.shapes.box((0.3, 0.5, 0.4)), SYNTHESIS, rc.Pose()),
         # Normals at corners are stored in f32, 6e-8: surfaces over facets of 2 cm are known to 1e-9 m, 2e-6 rad.
-        (rc.shapes.sphere(0.2, subdivisions=3), 1e-5),
+        (rc.shapes.sphere(0.2, subdivisions=3), 1e-5, rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2])),
     ],
-    ids=["flat", "curved"],
-)
-@pytest.mark.parametrize(
-    "radar_motion", [rc.Pose(), rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2])], ids=["fixed sensor", "moving sensor"]
+    ids=["flat, fixed sensor", "curved, moving sensor"],
 )
 def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, phase: float, radar_motion: Any) -> None:
     start = rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.3, 0.2, 0.4])
@@ -126,8 +123,8 @@ def test_vertices_that_turn_make_the_frame_of_the_turning_body(mesh: rc.Mesh, ph
     np.testing.assert_allclose(0.5 * C * got.delay_rate, 0.5 * C * expected.delay_rate, rtol=0, atol=2e-8)
 
 
-@pytest.mark.parametrize("mesh", [rc.shapes.sphere(0.2, subdivisions=3), rc.shapes.box(0.3)], ids=["sphere", "box"])
-def test_a_deformation_that_never_changes_is_the_body_as_it_is(mesh: rc.Mesh) -> None:
+def test_a_deformation_that_never_changes_is_the_body_as_it_is() -> None:
+    mesh = rc.shapes.sphere(0.2, subdivisions=3)
     # Matt, so that every phase is that of its place on the surface.
     bodies = [
         rc.Body(mesh, material=HALF_MATT, motion=rc.Pose([1.5, 0.1, 0.0]), deformation=deformation)
@@ -167,8 +164,8 @@ def test_speckle_stays_on_a_surface_that_swells() -> None:
 # --- a chest that breathes -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("time", [0.0, 0.4, 1.7])
-def test_nearest_point_of_a_breathing_chest_is_where_and_as_fast_as_on_paper(time: float) -> None:
+def test_nearest_point_of_a_breathing_chest_is_where_and_as_fast_as_on_paper() -> None:
+    time = 0.4
     distance = DISTANCE - radius_at(time)
     velocity = -BREATH * 2.0 * np.pi * RATE * np.cos(2.0 * np.pi * RATE * time)
     sim = simulator([chest()], instant(), resolution=65, field_of_view_deg=(20.0, 20.0))  # odd: a ray along the axis
@@ -182,43 +179,11 @@ def test_nearest_point_of_a_breathing_chest_is_where_and_as_fast_as_on_paper(tim
     assert truth.velocity == pytest.approx([velocity], abs=1e-12)
 
 
-def test_every_point_of_a_breathing_chest_moves_along_its_radius() -> None:
-    # Point mode, flat facets: every hit is a path and a point of its facet, in any order.
-    body = chest(subdivisions=4)
-    flat = rc.Mesh(body.mesh.vertices, body.mesh.triangles, shading="flat")
-    body = rc.Body(flat, motion=body.motion, deformation=lambda t: radius_at(t) / RADIUS * flat.vertices)
-    sim = simulator([body], instant(), sampling="point")
-    time = 0.3
-    points = sim.depth_image(time).points
-    swelling = BREATH * 2.0 * np.pi * RATE * np.cos(2.0 * np.pi * RATE * time) / radius_at(time)
-    velocity = swelling * (points - [DISTANCE, 0.0, 0.0])
-    expected = np.sum(velocity * points, axis=1) / np.linalg.norm(points, axis=1)
-    assert len(points) > 100
-    rates = np.sort(0.5 * C * sim.paths(time).delay_rate[0])
-    np.testing.assert_allclose(rates, np.sort(expected), rtol=0, atol=1e-12)
-
-
-def test_phase_over_slow_time_is_the_breath() -> None:
-    # Thirty frames of one breath: less than a quarter of a wavelength from one to the next.
-    radar = rc.Radar(waveform(slope=1e9, num_samples=1, num_chirps=1))
-    sim = simulator([chest()], radar, resolution=192, field_of_view_deg=(20.0, 20.0))
-    times = np.arange(30) / 30 / RATE
-    phase = np.unwrap([float(np.angle(sim.frame(time).cube[0, 0, 0])) for time in times])
-    moved = C / (4.0 * np.pi * 60e9) * (phase - phase[0])
-    expected = RADIUS - np.array([radius_at(time) for time in times])
-    # The phase centre of a sphere is its nearest point but for 1 / (2 k R); what the pixels miss is 0.025 rad, 10 um.
-    np.testing.assert_allclose(moved, expected, rtol=0, atol=10e-6)
-
-
 # --- within a frame --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "radar_motion",
-    [rc.Pose(), rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2], angular_velocity=[0.5, -0.3, 0.8])],
-    ids=["fixed sensor", "moving sensor"],
-)
-def test_delay_rate_is_the_derivative_of_delay(radar_motion: Any) -> None:
+def test_delay_rate_is_the_derivative_of_delay() -> None:
+    radar_motion = rc.Linear(rc.Pose(), velocity=[0.4, 0.7, -0.2], angular_velocity=[0.5, -0.3, 0.8])
     # Frames that start h earlier and last 2 h longer have the same middle, hence the same material points.
     h, start, mesh = 2e-5, 0.02, rc.shapes.sphere(0.25, subdivisions=3)
     motion = rc.Linear(rc.Pose([1.4, 0.1, 0.0]), velocity=[0.8, -0.5, 0.3], angular_velocity=[2.0, -1.0, 3.0])
@@ -288,7 +253,7 @@ def test_hits_after_many_deformations_are_those_of_a_mesh_made_of_the_vertices()
     ]
     deforming = rc.Body(mesh, material=HALF_MATT, motion=place, deformation=shape)
     old, new = (simulator([deforming, *still], resolution=96) for _ in range(2))
-    for time in np.linspace(-1.0, 2.0, 50):
+    for time in np.linspace(-1.0, 2.0, 12):
         old.depth_image(time)
     time = 2.08
     remade = rc.Body(rc.Mesh(shape(time), mesh.triangles), material=HALF_MATT, motion=place)

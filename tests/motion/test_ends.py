@@ -17,7 +17,6 @@ from radarcore.models import JointTrajectory
 
 TIMES = [1.0, 2.0, 4.0]
 MESH = rc.shapes.plate(0.3, 0.3)
-STEP = 1e-4
 
 Series = Callable[..., Any]
 Values = Callable[[Any, float], NDArray[np.float64]]
@@ -45,46 +44,28 @@ KINDS: dict[str, tuple[Series, Values, Values]] = {
     "joints": (joints, lambda motion, time: motion.angles(time), lambda motion, time: motion.rates(time)),
     "deformation": (deformation, lambda shape, time: shape.at(time), lambda shape, time: shape.rate_at(time)),
 }
-MOVING = {name: KINDS[name] for name in ("trajectory", "deformation")}
-OUTSIDE = [(1.0, 0.4), (4.0, 5.5)]
 
 
 @pytest.mark.parametrize(("make", "values", "rates"), KINDS.values(), ids=KINDS)
-@pytest.mark.parametrize(("end", "outside"), OUTSIDE)
-def test_held_series_rest_where_they_end(
+@pytest.mark.parametrize(("end", "outside"), [(1.0, 0.4), (4.0, 5.5)])
+def test_series_hold_continue_or_refuse_times_beyond_their_ends(
     make: Series, values: Values, rates: Values, end: float, outside: float
 ) -> None:
-    series = make(extrapolate="hold")
-    np.testing.assert_array_equal(values(series, outside), values(series, end))
-    np.testing.assert_array_equal(rates(series, outside), 0.0)
-
-
-@pytest.mark.parametrize(("make", "values", "rates"), KINDS.values(), ids=KINDS)
-@pytest.mark.parametrize(("end", "outside"), OUTSIDE)
-def test_series_that_continue_keep_the_velocity_of_their_end(
-    make: Series, values: Values, rates: Values, end: float, outside: float
-) -> None:
-    series = make(extrapolate="continue")
-    near = end + np.copysign(1e-9, outside - end)
-    np.testing.assert_allclose(values(series, near), values(series, end), atol=1e-8)
-    # Rates are the differences of the values there; turning adds the cube of an angle of 2e-5 rad.
-    difference = (values(series, outside + STEP) - values(series, outside - STEP)) / (2.0 * STEP)
-    np.testing.assert_allclose(rates(series, outside), difference, atol=1e-8)
-    if make is not trajectory:  # of a body that turns the derivative of the rotation turns too
-        np.testing.assert_allclose(rates(series, outside), rates(series, end), atol=1e-12)
-
-
-@pytest.mark.parametrize(("make", "values", "rates"), KINDS.values(), ids=KINDS)
-@pytest.mark.parametrize(("end", "outside"), OUTSIDE)
-def test_times_beyond_the_ends_are_refused_where_the_user_wants_it(
-    make: Series, values: Values, rates: Values, end: float, outside: float
-) -> None:
-    series = make(extrapolate="error")
-    name = type(series).__name__
+    held, continued, strict = (make(extrapolate=mode) for mode in ("hold", "continue", "error"))
+    for same in (held, copy.deepcopy(held), pickle.loads(pickle.dumps(held))):
+        assert same.extrapolate == "hold"
+        np.testing.assert_array_equal(values(same, outside), values(held, end))
+        np.testing.assert_array_equal(rates(same, outside), 0.0)
+    # The last column is a place, not turned (tests/motion/test_rates.py has the rates in full).
+    moved = values(continued, end) + (outside - end) * rates(continued, end)
+    np.testing.assert_allclose(values(continued, outside)[..., -1], moved[..., -1], atol=1e-12)
+    name = type(strict).__name__
     for function in (values, rates):
         with pytest.raises(ValueError, match=rf"time: expected 1 to 4 s, the times of this {name}, got {outside:g} s"):
-            function(series, outside)
-        function(series, end + 1e-10 * (outside - end))  # but for rounding
+            function(strict, outside)
+        function(strict, end + 1e-10 * (outside - end))  # but for rounding
+    with pytest.raises(ValueError, match="extrapolate: expected one of 'hold', 'continue', 'error', got 'stop'"):
+        make(extrapolate="stop")
 
 
 def test_body_that_moves_where_its_poses_end_says_once_that_nobody_chose() -> None:
@@ -113,21 +94,6 @@ def test_epochs_are_rounded_without_complaint() -> None:
     motion.at(start + 1.0 + 4e-7)
     with pytest.raises(ValueError, match="time: expected"):
         motion.at(start + 1.0 + 1e-5)
-
-
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
-@pytest.mark.parametrize(("make", "values", "rates"), MOVING.values(), ids=MOVING)
-def test_copies_keep_the_choice(make: Series, values: Values, rates: Values, duplicate: Callable[[Any], Any]) -> None:
-    made = make(extrapolate="hold")
-    same = duplicate(made)
-    assert same.extrapolate == made.extrapolate == "hold"
-    np.testing.assert_array_equal(rates(same, 9.0), 0.0 * values(made, 9.0))
-
-
-@pytest.mark.parametrize("make", [kind[0] for kind in KINDS.values()], ids=KINDS)
-def test_unknown_choice_is_refused(make: Series) -> None:
-    with pytest.raises(ValueError, match="extrapolate: expected one of 'hold', 'continue', 'error', got 'stop'"):
-        make(extrapolate="stop")
 
 
 def test_frames_after_the_end_hear_of_it() -> None:
