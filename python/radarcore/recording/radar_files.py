@@ -10,7 +10,7 @@ from radarcore.recording import infineon
 from radarcore.recording.native import parsed_json, radar_from_json
 from radarcore.recording.ti import commands, studio
 from radarcore.recording.ti.capture import Capture
-from radarcore.recording.ti.configuration import Settings, radar_and_capture
+from radarcore.recording.ti.configuration import radar_and_capture
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def configuration(path: Path) -> Configuration:
         return Configuration(radarcore.load_radar(path))
     if suffix == ".cfg":
         text = path.read_bytes().decode("utf-8-sig", "replace")  # comments may be in any encoding
-        return _of_ti(commands.settings(text, str(path)), path)
+        return Configuration(*radar_and_capture(commands.settings(text, str(path)), str(path)))
     if suffix != ".json":
         raise ValueError(
             f"{path}: expected a scene file (.toml) or the meta.json of a recording, or the settings of a chip "
@@ -62,30 +62,13 @@ def configuration(path: Path) -> Configuration:
         )
     if is_setup(path):
         settings_file, files, device = studio.setup_files(path)
-        found = _of_ti(_studio_settings(settings_file, device), settings_file)
-        assert found.capture is not None
-        return replace(found, capture=replace(found.capture, files=files))
+        radar, capture = radar_and_capture(studio.settings(settings_file, device), str(settings_file))
+        return Configuration(radar, replace(capture, files=files))
     data = path.read_bytes()
     values = parsed_json(data, str(path))
     keys = values.keys() if isinstance(values, dict) else ()
     if "mmWaveDevices" in keys:
-        return _of_ti(_studio_settings(path, studio.device_beside(path)), path)
+        return Configuration(*radar_and_capture(studio.settings(path, studio.device_beside(path)), str(path)))
     if infineon.is_config(values):
-        return Configuration(infineon.radar_of(_text(path), str(path)), has_codes=True)
+        return Configuration(infineon.radar_of(data.decode("utf-8-sig", "replace"), str(path)), has_codes=True)
     return Configuration(radar_from_json(data, str(path)))
-
-
-def _of_ti(settings: Settings, path: Path) -> Configuration:
-    radar, capture = radar_and_capture(settings, str(path))
-    return Configuration(radar, capture)
-
-
-def _studio_settings(path: Path, device: str) -> Settings:
-    return studio.settings(parsed_json(path.read_bytes(), str(path)), str(path), device)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: expected UTF-8 text ({error})") from error

@@ -15,7 +15,7 @@ recorder leaves the counters out and writes zeros for lost packets; other record
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +84,7 @@ class Capture:
     bits: int
     turns: tuple[int, ...]
     files: tuple[Path, ...] = ()
-    facts: tuple[tuple[str, Any], ...] = ()
+    facts: dict[str, Any] = field(default_factory=dict)
     range_bias: float = 0.0
     coefficients: tuple[complex, ...] = ()
 
@@ -116,7 +116,7 @@ def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
         "cube_unit": COUNTS,
         "capture": {
             "board": "DCA1000",
-            **dict(capture.facts),
+            **capture.facts,
             **({"lost_packets": num_packets} if num_packets else {}),
         },
     }
@@ -143,7 +143,7 @@ def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray
     """Samples (frame, channel, chirp, sample), complex64 or float32, of numbers (frame, word) as they came."""
     num_rx, num_samples, num_turns = len(radar.rx), radar.waveform.num_samples, len(capture.turns)
     chirps = words.reshape(len(words), -1, num_turns, num_rx * num_samples * (1 if capture.is_real else 2))
-    values = _signed(chirps, capture.bits)
+    values = (chirps << 16 - capture.bits) >> 16 - capture.bits  # the highest bit becomes the sign
 
     # Halves of every group of numbers are I and Q.
     flat: NDArray[Any] = values
@@ -226,15 +226,6 @@ def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.in
     return kept, (np.diff(kept, prepend=-1) - 1).astype(np.int32), num_packets
 
 
-def _signed(words: NDArray[np.int16], bits: int) -> NDArray[np.int16]:
-    """Numbers of fewer than 16 bits with the sign of their highest bit."""
-    if bits == 16:
-        return words
-    shift = 16 - bits
-    signed: NDArray[np.int16] = (words << shift) >> shift
-    return signed
-
-
 class _Words:
     """Whole frames (frame, word) of files that follow each other; a frame may lie in two of them."""
 
@@ -258,12 +249,8 @@ class _Words:
         return len(self._kept)
 
     def __getitem__(self, rows: slice) -> NDArray[np.int16]:
-        chosen = self._kept[rows]
-        # Runs of frames that follow each other.
-        runs = np.split(chosen, np.flatnonzero(np.diff(chosen) != 1) + 1)
-        pieces = [piece for run in runs if len(run) for piece in self._pieces(int(run[0]), int(run[-1]) + 1)]
-        found = pieces or [np.empty(0, _WORD)]
-        values: NDArray[np.int16] = found[0] if len(found) == 1 else np.concatenate(found)
+        pieces = [piece for frame in self._kept[rows].tolist() for piece in self._pieces(frame)]
+        values: NDArray[np.int16] = np.concatenate(pieces or [np.empty(0, _WORD)])
         return values.reshape(-1, self._num_words)
 
     def keep(self, frames: NDArray[np.int64]) -> None:
@@ -281,11 +268,11 @@ class _Words:
             shares[first : first + step] = 1.0 - words.reshape(-1, num_groups, length).any(axis=-1).mean(axis=-1)
         return shares
 
-    def _pieces(self, first: int, last: int) -> list[NDArray[np.int16]]:
-        """Numbers of the frames of a range, file by file."""
-        start, stop = first * self._num_words, last * self._num_words
-        pieces = [
-            part[max(0, start - begin) : max(0, stop - begin)]
+    def _pieces(self, frame: int) -> list[NDArray[np.int16]]:
+        """Numbers of a frame, file by file."""
+        start, stop = frame * self._num_words, (frame + 1) * self._num_words
+        return [
+            part[max(0, start - begin) : stop - begin]
             for part, begin in zip(self._maps, self._ends.tolist(), strict=False)
+            if start < begin + len(part) and begin < stop
         ]
-        return [piece for piece in pieces if len(piece)]

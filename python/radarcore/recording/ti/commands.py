@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.recording.ti.configuration import BITS, NUM_RX, OUTPUTS, Profile, Settings, indices, of_one_profile
+from radarcore.recording.ti.configuration import NUM_RX, ChirpEntry, Profile, Settings, chirps_of_frame, sample_format
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""
@@ -53,17 +53,18 @@ def settings(text: str, where: str) -> Settings:
     is_real, swap, is_apart, _ = _only(commands, "adcbufCfg", where)[-4:]
     first, last, num_loops, _, frame_interval, _, _ = _only(commands, "frameCfg", where)
     masks, number = _chirps(commands, int(first), int(last), where)
-    if not 0 <= bits < len(BITS) or not 0 <= output < len(OUTPUTS) or (output == 0) != bool(is_real):
+    if (output == 0) != bool(is_real):
         got = f"adcCfg {bits} {output} and {'real' if is_real else 'complex'} samples by adcbufCfg"
-        raise ValueError(f"{where}: expected adcCfg with 0 to 2 twice, of the samples that adcbufCfg has, got {got}")
+        raise ValueError(f"{where}: expected adcCfg of the samples that adcbufCfg has, got {got}")
+    num_bits, kind = sample_format(bits, output, where)
     return Settings(
         profile=_profile(commands, number, where),
         tx_masks=masks,
         num_loops=int(num_loops),
         frame_interval=1e-3 * frame_interval,
         rx_mask=int(rx_mask),
-        output=OUTPUTS[output],
-        bits=BITS[bits],
+        output=kind,
+        bits=num_bits,
         num_lanes=2 if is_apart else 4,
         has_q_first=bool(swap),
         is_interleaved=not is_apart,
@@ -114,13 +115,11 @@ def _check_stream(commands: _Commands, where: str) -> None:
 
 def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tuple[int, ...], int]:
     """Masks of the transmitters of the chirps of a loop, and the number of their profile."""
-    chirps: dict[int, tuple[int, int]] = {}
-    for start, stop, profile, *changes, mask in commands.get("chirpCfg", []):
-        for index in indices(int(start), int(stop), where):
-            if any(changes) and first <= index <= last:
-                raise ValueError(f"{where}: expected chirps as their profile has them, got changes of chirp {index}")
-            chirps[index] = int(profile), int(mask)
-    return of_one_profile(chirps, indices(first, last, where), "chirpCfg", where)
+    entries = [
+        ChirpEntry("changes" if any(changes) else "", int(start), int(stop), int(profile), int(mask))
+        for start, stop, profile, *changes, mask in commands.get("chirpCfg", [])
+    ]
+    return chirps_of_frame(entries, first, last, "chirpCfg", where)
 
 
 def _compensation(commands: _Commands, where: str) -> dict[str, Any]:
@@ -140,12 +139,4 @@ def _profile(commands: _Commands, number: int, where: str) -> Profile:
     if number not in lines:
         raise ValueError(f"{where}: expected profileCfg {number}, which chirps have, got {sorted(lines) or 'none'}")
     _, start, idle, adc_start, ramp_end, _, _, slope, _, num_samples, rate, *_ = lines[number]
-    return Profile(
-        start_frequency=1e9 * start,
-        slope=1e12 * slope,
-        idle_time=1e-6 * idle,
-        adc_start_time=1e-6 * adc_start,
-        ramp_end_time=1e-6 * ramp_end,
-        num_samples=int(num_samples),
-        sample_rate=1e3 * rate,
-    )
+    return Profile.of_ti(start, slope, idle, adc_start, ramp_end, num_samples, rate)

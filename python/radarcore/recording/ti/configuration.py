@@ -6,14 +6,14 @@ fields of TI's mmWaveLink: frequencies in GHz, slopes in MHz/us, times in us, ra
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import notice
+from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
@@ -79,6 +79,21 @@ class Profile:
     num_samples: int
     sample_rate: float
 
+    @classmethod
+    def of_ti(
+        cls, start: float, slope: float, idle: float, adc_start: float, ramp_end: float, num_samples: float, rate: float
+    ) -> Profile:
+        """Profile of numbers in the units of TI: GHz, MHz/us, us, kHz."""
+        return cls(
+            start_frequency=1e9 * start,
+            slope=1e12 * slope,
+            idle_time=1e-6 * idle,
+            adc_start_time=1e-6 * adc_start,
+            ramp_end_time=1e-6 * ramp_end,
+            num_samples=int(num_samples),
+            sample_rate=1e3 * rate,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -138,7 +153,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
     ramp_interval = profile.idle_time + profile.ramp_end_time
-    try:
+    with check.located(where):
         waveform = Waveform(
             start_frequency=profile.start_frequency,
             slope=profile.slope,
@@ -157,14 +172,12 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
             receiver=Receiver(output="real") if settings.output == "real" else None,
             schedule=Schedule.tdm(ramp_interval, turns) if len(turns) > 1 else None,
         )
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{where}: {error}") from error
     if antennas == _ROW and len(used) > 1:
         notice.warn(
             f"{where}: the board is not known; its {len(used)} transmitters are taken for a row that makes a line of "
             f"channels half a wavelength apart, so angles may be wrong"
         )
-    facts: dict[str, Any] = {
+    facts = {
         "device": settings.device or "unknown",
         "lanes": settings.num_lanes,
         "output": settings.output,
@@ -183,7 +196,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         has_q_first=settings.has_q_first and not is_real,
         bits=settings.bits,
         turns=turns,
-        facts=tuple(facts.items()),
+        facts=facts,
         **compensation,
     )
     return radar, capture
@@ -254,14 +267,12 @@ def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
                 "(several at once, in binary phases or as a beam, are not told apart)"
             )
         numbers.append(on[0])
-    for length in range(1, len(numbers) + 1):
-        round_ = numbers[:length]
-        if len(numbers) % length == 0 and round_ * (len(numbers) // length) == numbers:
-            if len(set(round_)) == length:
-                return round_, len(numbers) // length
-            break
-    names = ", ".join(f"TX{number + 1}" for number in numbers)
-    raise ValueError(f"{where}: expected transmitters that take turns, each once in a round, got {names}")
+    num_tx = len(set(numbers))
+    repetitions = len(numbers) // num_tx
+    if numbers != numbers[:num_tx] * repetitions:
+        names = ", ".join(f"TX{number + 1}" for number in numbers)
+        raise ValueError(f"{where}: expected transmitters that take turns, each once in a round, got {names}")
+    return numbers[:num_tx], repetitions
 
 
 def _antennas(
@@ -300,22 +311,46 @@ def _bits(mask: int, most: int, what: str, where: str) -> list[int]:
     return [number for number in range(most) if mask >> number & 1]
 
 
-def indices(first: int, last: int, where: str) -> range:
+def sample_format(bits: int, output: int, where: str) -> tuple[int, str]:
+    """Bits and format of samples by TI's numbers of them."""
+    if not 0 <= bits < len(BITS) or not 0 <= output < len(OUTPUTS):
+        raise ValueError(f"{where}: expected bits and format of samples of 0 to 2, got {bits} and {output}")
+    return BITS[bits], OUTPUTS[output]
+
+
+class ChirpEntry(NamedTuple):
+    """Chirps of a list, by their first and last index; `change`: a deviation from their profile, nothing for none."""
+
+    change: str
+    first: int
+    last: int
+    profile: int
+    tx_mask: int
+
+
+def chirps_of_frame(
+    entries: Iterable[ChirpEntry], first: int, last: int, listed: str, where: str
+) -> tuple[tuple[int, ...], int]:
+    """Masks of the transmitters of the chirps of a loop, and the number of their profile.
+
+    `listed` is the name of the list of entries in the files.
+    """
+    chirps: dict[int, ChirpEntry] = {}
+    for entry in entries:
+        chirps |= dict.fromkeys(_indices(entry.first, entry.last, where), entry)
+    used = _indices(first, last, where)
+    if missing := [index for index in used if index not in chirps]:
+        raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in {listed}, got none")
+    for index in used:
+        if change := chirps[index].change:
+            raise ValueError(f"{where}: expected chirps as their profile has them, got {change} of chirp {index}")
+    if len(numbers := sorted({chirps[index].profile for index in used})) != 1:
+        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
+    return tuple(chirps[index].tx_mask for index in used), numbers[0]
+
+
+def _indices(first: int, last: int, where: str) -> range:
     """Indices of chirps, both included."""
     if first < 0 or last >= _NUM_CHIRPS:
         raise ValueError(f"{where}: expected chirps 0 to {_NUM_CHIRPS - 1}, got {first} to {last}")
     return range(first, last + 1)
-
-
-def of_one_profile(
-    chirps: Mapping[int, tuple[int, int]], used: range, listed: str, where: str
-) -> tuple[tuple[int, ...], int]:
-    """Masks of the transmitters of the chirps that a frame uses, and their profile, of (profile, mask) by index.
-
-    `listed` is what the files call the list of the chirps.
-    """
-    if missing := [index for index in used if index not in chirps]:
-        raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in {listed}, got none")
-    if len(numbers := sorted({chirps[index][0] for index in used})) != 1:
-        raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
-    return tuple(chirps[index][1] for index in used), numbers[0]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from radarcore import check
 from radarcore.recording.native import parsed_json
-from radarcore.recording.ti.configuration import BITS, OUTPUTS, Profile, Settings, indices, of_one_profile
+from radarcore.recording.ti.configuration import ChirpEntry, Profile, Settings, chirps_of_frame, sample_format
 
 SETUP_SUFFIX = ".setup.json"
 _MMWAVE_SUFFIX = ".mmwave.json"
@@ -18,6 +19,20 @@ _FRAMES = ("legacyFrameChirp", "singleFrameChirp")
 
 _CHANGES = ("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "adcStartTimeVar_usec")
 """Deviations of a chirp from its profile."""
+
+_CHIRP = ("chirpStartIdx", "chirpEndIdx", "profileId", "txEnable")
+"""Keys of a chirp in the order of `ChirpEntry`, after its change."""
+
+_PROFILE = (
+    "startFreqConst_GHz",
+    "freqSlopeConst_MHz_usec",
+    "idleTimeConst_usec",
+    "adcStartTimeConst_usec",
+    "rampEndTime_usec",
+    "numAdcSamples",
+    "digOutSampleRate",
+)
+"""Keys of a profile in the order of `Profile.of_ti`."""
 
 
 class _Table:
@@ -43,21 +58,15 @@ class _Table:
         return str(self._values.get(key, ""))
 
     def number(self, key: str) -> float:
-        try:
-            return check.number(key, self.value(key))
-        except (TypeError, ValueError, OverflowError) as error:  # JSON has integers of any length
-            raise ValueError(f"{self.where}: {error}") from error
+        value = self.value(key)
+        with check.located(self.where):
+            return check.number(key, value)
 
-    def whole(self, key: str, default: int | None = None) -> int:
+    def whole(self, key: str) -> int:
         """An integer, or a text of one as mmWave Studio writes masks: ``"0xF"``."""
-        value = self.value(key) if default is None else self._values.get(key, default)
-        try:
-            whole = int(value, 0) if isinstance(value, str) else int(check.number(key, value))
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ValueError(f"{self.where}, {key}: expected an integer, got {value!r}") from error
-        if not isinstance(value, str) and whole != value:
-            raise ValueError(f"{self.where}, {key}: expected an integer, got {value!r}")
-        return whole
+        value = self.value(key)
+        with check.located(f"{self.where}, {key}"):
+            return int(value, 0) if isinstance(value, str) else operator.index(value)
 
     def entries(self, key: str, kind: str) -> Iterator[_Table]:
         """Objects of a list, each under the name of its kind; none where there is no list."""
@@ -66,9 +75,14 @@ class _Table:
             yield _Table(entry, f"{self.where}, {key}[{index}]").table(kind)
 
 
+def _table(path: Path) -> _Table:
+    """The object of a JSON file."""
+    return _Table(parsed_json(path.read_bytes(), str(path)), str(path))
+
+
 def setup_files(path: Path) -> tuple[Path, tuple[Path, ...], str]:
     """Settings file and captured files that a setup names, those beside it, and the chip."""
-    setup = _Table(parsed_json(path.read_bytes(), str(path)), str(path))
+    setup = _table(path)
     settings_file = _beside(path, setup.text("configUsed"))
     if not settings_file.is_file():
         raise ValueError(f"{path}: expected {settings_file.name} beside it, the configUsed, got no such file")
@@ -91,12 +105,13 @@ def device_beside(path: Path) -> str:
     setup = path.with_name(path.name.removesuffix(_MMWAVE_SUFFIX) + SETUP_SUFFIX)
     if not path.name.endswith(_MMWAVE_SUFFIX) or not setup.is_file():
         return ""
-    return _Table(parsed_json(setup.read_bytes(), str(setup)), str(setup)).text("mmWaveDevice")
+    return _table(setup).text("mmWaveDevice")
 
 
-def settings(values: dict[str, Any], where: str, device: str) -> Settings:
-    """Settings of a chip from the content of a ``.mmwave.json``."""
-    devices = _Table(values, where).value("mmWaveDevices")
+def settings(path: Path, device: str) -> Settings:
+    """Settings of a chip from a ``.mmwave.json``."""
+    where = str(path)
+    devices = _table(path).value("mmWaveDevices")
     listed = devices if isinstance(devices, list) else [devices]
     if len(listed) != 1:
         raise ValueError(f"{where}: expected one device, got {len(listed)} (cascaded chips)")
@@ -107,11 +122,9 @@ def settings(values: dict[str, Any], where: str, device: str) -> Settings:
     frame = rf.table("rlFrameCfg_t")
     masks, number = _chirps(rf, frame, where)
     form = rf.table("rlAdcOutCfg_t").table("fmt")
-    bits, output = form.whole("b2AdcBits"), form.whole("b2AdcOutFmt")
-    if not 0 <= bits < len(BITS) or not 0 <= output < len(OUTPUTS):
-        raise ValueError(f"{where}: expected b2AdcBits and b2AdcOutFmt of 0 to 2, got {bits} and {output}")
+    bits, output = sample_format(form.whole("b2AdcBits"), form.whole("b2AdcOutFmt"), where)
     order = data.table("rlDevDataFmtCfg_t")
-    content = data.table("rlDevDataPathCfg_t").whole("transferFmtPkt0", 1) if data.has("rlDevDataPathCfg_t") else 1
+    content = data.table("rlDevDataPathCfg_t").whole("transferFmtPkt0") if data.has("rlDevDataPathCfg_t") else 1
     if content != 1:
         raise ValueError(f"{where}: expected samples alone (transferFmtPkt0 0x1), got {content:#x}")
     lanes = data.table("rlDevLaneEnable_t").whole("laneEn")
@@ -121,8 +134,8 @@ def settings(values: dict[str, Any], where: str, device: str) -> Settings:
         num_loops=frame.whole("numLoops"),
         frame_interval=1e-3 * frame.number("framePeriodicity_msec"),
         rx_mask=rf.table("rlChanCfg_t").whole("rxChannelEn"),
-        output=OUTPUTS[output],
-        bits=BITS[bits],
+        output=output,
+        bits=bits,
         num_lanes=abs(lanes).bit_count(),
         has_q_first=bool(order.whole("iqSwapSel")),
         is_interleaved=not order.whole("chInterleave"),
@@ -133,36 +146,22 @@ def settings(values: dict[str, Any], where: str, device: str) -> Settings:
 def _chirps(rf: _Table, frame: _Table, where: str) -> tuple[tuple[int, ...], int]:
     """Masks of the transmitters of the chirps of a loop, and the number of their profile."""
     first, last = frame.whole("chirpStartIdx"), frame.whole("chirpEndIdx")
-    chirps: dict[int, tuple[int, int]] = {}
+    entries = []
     for entry in rf.entries("rlChirps", "rlChirpCfg_t"):
-        for index in indices(entry.whole("chirpStartIdx"), entry.whole("chirpEndIdx"), where):
-            changed = [name for name in _CHANGES if entry.has(name) and entry.number(name) != 0.0]
-            if changed and first <= index <= last:
-                raise ValueError(
-                    f"{where}: expected chirps as their profile has them, got {changed[0]} of chirp {index}"
-                )
-            chirps[index] = entry.whole("profileId"), entry.whole("txEnable")
+        changed = [name for name in _CHANGES if entry.has(name) and entry.number(name) != 0.0]
+        entries.append(ChirpEntry(changed[0] if changed else "", *map(entry.whole, _CHIRP)))
     for entry in rf.entries("rlBpmChirps", "rlBpmChirpCfg_t"):
         is_used = entry.whole("chirpStartIdx") <= last and entry.whole("chirpEndIdx") >= first
         if is_used and entry.whole("constBpmVal") != 0:
             raise ValueError(f"{where}: expected transmitters that take turns, got binary phases (rlBpmChirps)")
-    return of_one_profile(chirps, indices(first, last, where), "rlChirps", where)
+    return chirps_of_frame(entries, first, last, "rlChirps", where)
 
 
 def _profile(rf: _Table, number: int, where: str) -> Profile:
     profiles = {entry.whole("profileId"): entry for entry in rf.entries("rlProfiles", "rlProfileCfg_t")}
     if number not in profiles:
         raise ValueError(f"{where}: expected profile {number}, which chirps have, got {sorted(profiles) or 'none'}")
-    profile = profiles[number]
-    return Profile(
-        start_frequency=1e9 * profile.number("startFreqConst_GHz"),
-        slope=1e12 * profile.number("freqSlopeConst_MHz_usec"),
-        idle_time=1e-6 * profile.number("idleTimeConst_usec"),
-        adc_start_time=1e-6 * profile.number("adcStartTimeConst_usec"),
-        ramp_end_time=1e-6 * profile.number("rampEndTime_usec"),
-        num_samples=profile.whole("numAdcSamples"),
-        sample_rate=1e3 * profile.number("digOutSampleRate"),
-    )
+    return Profile.of_ti(*map(profiles[number].number, _PROFILE))
 
 
 def _beside(path: Path, name: str) -> Path:
