@@ -79,7 +79,8 @@ def test_names_of_older_tools_are_read_and_kept(tmp_path: Path, values: Any) -> 
     one = Radar(rec.radar.waveform, tx=rec.radar.tx, rx=rec.radar.rx[1:], receiver=rec.radar.receiver)
     Recording(rec.cube[:, 1:], rec.time, one, None, rec.source).save(tmp_path / "one", "infineon")
     again = json.loads((tmp_path / "one" / FOLDER / "config.json").read_text())
-    assert again.get("device_config", again) == OLD_NAMES | {"rx_mask": 4}
+    shape = again["device_config"]["fmcw_single_shape"]
+    assert shape == {k: v for k, v in SHAPE.items() if k != "tx_antennas"} | {"rx_antennas": [3], "tx_mask": 1}
 
 
 def test_recorder_that_was_killed_leaves_its_whole_frames(tmp_path: Path) -> None:
@@ -117,7 +118,7 @@ def without(key: str) -> bytes:
     ("files", "message"),
     [
         ({"config_json": None}, f"rec/{FOLDER}: expected a recording, got one without config.json"),
-        ({"config_json": b"{\n  'a'"}, r"config\.json, line 2: "),
+        ({"config_json": b"{\n  'a'"}, r"config\.json: .*: line 2 "),
         ({"config_json": b"[" * 100_000}, r"config\.json: "),
         ({"config_json": b"{}"}, "expected a device_config of 'fmcw_single_shape', got none"),
         (
@@ -139,7 +140,7 @@ def without(key: str) -> bytes:
             {"config_json": config(num_chirps_per_frame=64)},
             r"\(n, 3, 64, 16\) by its config\.json, got \(5, 3, 4, 16\)",
         ),
-        ({"meta_json": b"{"}, rf"{FOLDER}/meta\.json, line 1"),
+        ({"meta_json": b"{"}, rf"{FOLDER}/meta\.json: .*: line 1"),
         ({"meta_json": text({"adc_resolution": 10})}, "expected an adc_resolution of 12 bits, got 10"),
         ({"format_version": b"2.0.0\n"}, r"format\.version: expected version 1, got '2.0.0'"),
         ({"radar_npy": array(some_codes())[:500]}, r"radar\.npy: damaged or not an NPY file"),
@@ -195,12 +196,8 @@ QUIRKS: dict[str, dict[str, bytes | None]] = {
     },
     "no UTF-8": {"top": b'{"username": "J\xf6rg"}'},
     "top text that is no JSON": {"top": b"lorem"},
-    "no texts but the settings": {"top": None, "format_version": None, "meta_json": None},
     "numbers as floats": {"config_json": config(num_chirps_per_frame=4.0, sample_rate_Hz=2e6)},
     "float noise in times": {"config_json": config(frame_repetition_time_s=0.10000000149011612)},
-    "short header": {"radar_npy": saved(some_codes())},
-    "header of version 2": {"radar_npy": saved(some_codes(), (2, 0))},
-    "most significant byte first": {"radar_npy": saved(some_codes().astype(">u2"))},
     "no frames": {"radar_npy": array(some_codes(0))},
     "one receiver": {"config_json": config(rx_antennas=[2]), "radar_npy": array(some_codes(3, (1, 4, 16)))},
     "two receivers": {"config_json": config(rx_antennas=[3, 1]), "radar_npy": array(some_codes(3, (2, 4, 16)))},
@@ -277,9 +274,6 @@ def test_source_that_was_tampered_with_writes_nowhere_else(tmp_path: Path) -> No
         {"folder": 7},
         {"texts": kept["texts"] | {"../evil.json": "x", f"{FOLDER}/radar.npy": "x", "meta.json": 5}},
         {"texts": "none"},
-        {"header": "no header"},
-        {"header": 3},
-        {"header": "\ud800"},
     ):
         place = tmp_path / "place" / "again"
         source = rec.source | {"infineon": kept | changes}
@@ -289,7 +283,7 @@ def test_source_that_was_tampered_with_writes_nowhere_else(tmp_path: Path) -> No
         shutil.rmtree(place)
     Recording(rec.cube, rec.time, rec.radar, None, rec.source | {"infineon": []}).save(tmp_path / "x", "infineon")
     damaged = rec.source | {"infineon": kept | {"texts": {f"{FOLDER}/config.json": "{"}}}
-    with pytest.raises(ValueError, match=r"source, config\.json, line 1"):
+    with pytest.raises(ValueError, match=r"source, config\.json: .*: line 1"):
         Recording(rec.cube, rec.time, rec.radar, None, damaged).save(tmp_path / "y", "infineon")
 
 
@@ -416,12 +410,12 @@ def test_recording_is_replaced_only_when_asked_and_other_files_stay(tmp_path: Pa
     path = folder(tmp_path / "rec")
     (path / "notes.txt").write_text("precious")
     before = contents(path)
-    without_texts = Recording.load(folder(tmp_path / "bare", top=None, meta_json=None, format_version=None))
+    other = Recording.load(folder(tmp_path / "other", config_json=config(if_gain_dB=60)))
     with pytest.raises(FileExistsError, match=r"overwrite=True replaces it.*rec"):
-        without_texts.save(path, format="infineon")
+        other.save(path, format="infineon")
     assert contents(path) == before
-    without_texts.save(path, format="infineon", overwrite=True)
-    assert contents(path) == contents(tmp_path / "bare") | {"notes.txt": b"precious"}
+    other.save(path, format="infineon", overwrite=True)
+    assert contents(path) == contents(tmp_path / "other") | {"notes.txt": b"precious"}
     # Nor does the other format write over it.
     with pytest.raises(FileExistsError, match="not empty and no recording"):
         full_scale().save(path, overwrite=True)

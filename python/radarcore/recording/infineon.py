@@ -19,8 +19,8 @@ import platform
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from datetime import datetime
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,12 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
-from radarcore.output import Lock, already_exists, make_folder, new_file
+from radarcore.output import Lock, make_folder, new_file, replaces
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import FULL_SCALE, NUM_CODES, frame_shape, to_codes, to_samples
 from radarcore.recording.native import UNITS, Stored, parsed_json, warn_of_missing
-from radarcore.recording.npy import ArrayFile, Converted, read_header
+from radarcore.recording.npy import ArrayFile, Converted
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
 _FIRST_FOLDER = "RadarIfxAvian_00"
@@ -54,13 +54,29 @@ _SENSOR = {
     "sdk_version": f"radarcore {_core.__version__}",
     "uuid": "0",
 }
-_OLD_NAMES = {"lower_frequency_Hz": "start_frequency_Hz", "upper_frequency_Hz": "end_frequency_Hz"}
-"""Names of older SDKs."""
+_PLACE = {"hostname": "unknown", "username": ""}
+
 _SEQUENCES = frozenset(("sequence", "loop"))
 """Keys of a sequence."""
-_OF_CHIRP = {"num_samples": "num_samples_per_chirp", "lp_cutoff_Hz": "aaf_cutoff_Hz"}
-"""Names in a sequence by those in a config.json that differ."""
-_PLACE = {"hostname": "unknown", "username": ""}
+
+_PRESENT_NAMES = {
+    "lower_frequency_Hz": "start_frequency_Hz",
+    "upper_frequency_Hz": "end_frequency_Hz",
+    "num_samples": "num_samples_per_chirp",
+    "lp_cutoff_Hz": "aaf_cutoff_Hz",
+}
+"""Names in a config.json by those of older SDKs and of sequences."""
+
+_KEYS = {
+    "start_frequency": "start_frequency_Hz",
+    "stop_frequency": "end_frequency_Hz",
+    "sample_rate": "sample_rate_Hz",
+    "num_samples": "num_samples_per_chirp",
+    "num_chirps": "num_chirps_per_frame",
+    "chirp_interval": "chirp_repetition_time_s",
+    "frame_interval": "frame_repetition_time_s",
+}
+"""Names in a config.json by those of `bgt60tr13c`."""
 
 
 def is_recording(path: Path) -> bool:
@@ -93,10 +109,8 @@ def opened(path: Path) -> Stored:
     codes = file.read(num_frames, mmap=True)
     cube: Any = Converted(codes, to_samples, file.path)
 
-    # Texts, names and header, for writing the same files again.
-    kept: dict[str, Any] = {"folder": folder.name, "texts": texts}
-    if file.header != _header(codes.shape):
-        kept["header"] = file.header.decode("latin-1")
+    # With its texts the same folder can be written again.
+    kept = {"folder": folder.name, "texts": texts}
     source = {"sensor": description, "cube_unit": FULL_SCALE, "infineon": kept}
     time = radar.waveform.frame_interval * np.arange(num_frames, dtype=np.float64)
     return Stored(cube, time, radar, None, source)
@@ -114,24 +128,21 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
     kept = kept if isinstance(kept, dict) else {}
     name = kept.get("folder")
     folder = name if isinstance(name, str) and _FOLDER.fullmatch(name) else _FIRST_FOLDER
-    texts = _fitting_texts(stored.radar, kept, folder)
+    texts = _texts(stored.radar, kept, folder)
     _warn_of_left_out(path, stored)
-    _make_room(path, folder, overwrite)
+    replaces(path, lambda place: sensor_folders(place) == [folder], f"recording of {folder}", overwrite)
 
     # Everything is written beside its place before anything is put there.
     is_new = [place for place in (path / folder, path) if not place.exists()]
-    files = {path / name: None if text is None else _encoded(text) for name, text in texts.items()}
+    files = {path / name: _encoded(text) for name, text in texts.items()}
     try:
         make_folder(path / folder)
         with Lock(path / folder), ExitStack() as stack:
             # The first file is renamed last.
             with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=overwrite)).open("wb") as out:
-                out.writelines(_array_bytes(stored.cube, kept.get("header")))
+                out.writelines(_array_bytes(stored.cube))
             for file, data in files.items():
-                if data is None:
-                    stack.callback(file.unlink, missing_ok=True)
-                else:
-                    stack.enter_context(new_file(file, overwrite=True)).write_bytes(data)
+                stack.enter_context(new_file(file, overwrite=True)).write_bytes(data)
     except BaseException:  # a full disk, Ctrl-C
         for place in is_new:
             with suppress(OSError):  # something is in it, or it was never made
@@ -206,38 +217,31 @@ def _check_sensor(text: str, where: str) -> str:
 
 
 def settings_of(config: str, where: str) -> dict[str, Any]:
-    """Settings of a chirp in the text of a config.json, by current names."""
-    return _parsed_config(config, where)[1]
+    """Settings of a chirp in the text of a config.json, by present names, with the numbers of the receivers."""
+    values = parsed_json(config.removeprefix("\ufeff"), where)
+    given = values.get("device_config", values) if isinstance(values, dict) else values
+    if isinstance(given, list) or (isinstance(given, dict) and not _SEQUENCES.isdisjoint(given)):
+        given = _of_sequence(given, where)
+    shape = given.get("fmcw_single_shape", given) if isinstance(given, dict) else None
+    if not isinstance(shape, dict) or (shape is given and _renamed(shape).keys().isdisjoint(_KEYS.values())):
+        got = ", ".join(map(repr, given)) if isinstance(given, dict) else type(given).__name__
+        raise ValueError(f"{where}: expected a device_config of 'fmcw_single_shape', got {got or 'none'}")
+    shape = _renamed(shape)
+    with check.located(where):
+        if "rx_mask" in shape:
+            mask = check.count("rx_mask", shape.pop("rx_mask"))
+            shape.setdefault("rx_antennas", [number + 1 for number in range(mask.bit_length()) if mask >> number & 1])
+    return shape
+
+
+def _renamed(settings: dict[str, Any]) -> dict[str, Any]:
+    return {_PRESENT_NAMES.get(name, name): value for name, value in settings.items()}
 
 
 def is_config(values: object) -> bool:
     """True for the content of a config.json."""
-    keys = {"device_config", "fmcw_single_shape", "start_frequency_Hz", *_OLD_NAMES, *_SEQUENCES}
+    keys = {"device_config", "fmcw_single_shape", "start_frequency_Hz", *_PRESENT_NAMES, *_SEQUENCES}
     return isinstance(values, list) or (isinstance(values, dict) and not keys.isdisjoint(values))
-
-
-def _parsed_config(text: str, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Content of config.json, and the part of it with the settings of a chirp.
-
-    Sequences and old names are converted to current settings.
-    """
-    values = parsed_json(text.removeprefix("\ufeff"), where)
-    config = values.get("device_config", values) if isinstance(values, dict) else values
-    if (isinstance(config, list) and config) or (isinstance(config, dict) and not _SEQUENCES.isdisjoint(config)):
-        shape = _of_sequence(config, where)
-        return {"device_config": {"fmcw_single_shape": shape}}, shape
-    if not isinstance(values, dict):
-        raise ValueError(f"{where}: expected an object, got {type(values).__name__}")
-    if isinstance(config, dict):
-        shape = config.get("fmcw_single_shape", config)  # without that name: of older tools
-        if isinstance(shape, dict):
-            for old, new in _OLD_NAMES.items():
-                if new not in shape and old in shape:
-                    shape[new] = shape.pop(old)
-            if shape is not config or "start_frequency_Hz" in shape:
-                return values, shape
-    got = ", ".join(map(repr, config)) if isinstance(config, dict) else type(config).__name__
-    raise ValueError(f"{where}: expected a device_config of 'fmcw_single_shape', got {got or 'none'}")
 
 
 def _of_sequence(sequence: Any, where: str) -> dict[str, Any]:
@@ -246,7 +250,7 @@ def _of_sequence(sequence: Any, where: str) -> dict[str, Any]:
     frames = _only_element(tree, "loop", "loop of frames", where)
     chirps = _only_element(frames.get("sub_sequence"), "loop", "loop of chirps", where)
     chirp = _only_element(chirps.get("sub_sequence"), "chirp", "chirp", where)
-    return {_OF_CHIRP.get(name, name): value for name, value in chirp.items()} | {
+    return chirp | {
         "frame_repetition_time_s": frames.get("repetition_time_s"),
         "chirp_repetition_time_s": chirps.get("repetition_time_s"),
         "num_chirps_per_frame": chirps.get("num_repetitions"),
@@ -268,55 +272,18 @@ def _only_element(sequence: Any, key: str, what: str, where: str) -> dict[str, A
 
 def _radar(shape: dict[str, Any], where: str) -> Radar:
     """A BGT60TR13C with the settings that were asked of it."""
-    try:
+    with check.located(where):
         if (mimo_mode := shape.get("mimo_mode", "off")) != "off":
             raise ValueError(f"mimo_mode: expected 'off', got {mimo_mode!r}")
-        receivers = _receivers(shape)
-        radar = bgt60tr13c(
-            start_frequency=_number(shape, "start_frequency_Hz"),
-            stop_frequency=_number(shape, "end_frequency_Hz"),
-            sample_rate=_number(shape, "sample_rate_Hz"),
-            num_samples=_count(shape, "num_samples_per_chirp"),
-            num_chirps=_count(shape, "num_chirps_per_frame"),
-            chirp_interval=_number(shape, "chirp_repetition_time_s"),
-            frame_interval=_number(shape, "frame_repetition_time_s"),
-            adc_delay=_ADC_DELAY,
-        )
-    except (ValueError, TypeError, OverflowError) as error:  # JSON has integers of any length
-        raise ValueError(f"{where}: {error}") from error
-    return Radar(
-        radar.waveform,
-        tx=radar.tx,
-        rx=radar.rx[[number - 1 for number in receivers]],
-        pattern=radar.pattern,
-        tx_power_dbm=radar.tx_power_dbm,
-        receiver=radar.receiver,
-    )
-
-
-def _value(shape: dict[str, Any], key: str) -> Any:
-    if key not in shape:
-        raise ValueError(f"expected the key {key!r}, got none")
-    return shape[key]
-
-
-def _number(shape: dict[str, Any], key: str) -> float:
-    return check.positive(key, _value(shape, key))
-
-
-def _count(shape: dict[str, Any], key: str) -> int:
-    value = _value(shape, key)
-    return check.count(key, int(value) if isinstance(value, float) and value.is_integer() else value)
+        keywords: dict[str, Any] = {name: _whole(check.positive(key, shape[key])) for name, key in _KEYS.items()}
+        radar = bgt60tr13c(**keywords, adc_delay=_ADC_DELAY)
+        rows = [number - 1 for number in _receivers(shape)]
+        return replace(radar, rx=radar.rx[rows], rx_patterns=radar.rx_patterns[: len(rows)])
 
 
 def _receivers(shape: dict[str, Any]) -> list[int]:
     """Numbers of the receivers in the order of the data: from 1, increasing."""
-    numbers: Any
-    if "rx_mask" in shape and "rx_antennas" not in shape:
-        mask = _count(shape, "rx_mask")
-        numbers = [number for number in range(1, mask.bit_length() + 1) if mask >> (number - 1) & 1]
-    else:
-        numbers = _value(shape, "rx_antennas")
+    numbers = shape["rx_antennas"]
     if not isinstance(numbers, list) or not numbers or any(number not in (1, 2, 3) for number in numbers):
         raise ValueError(f"rx_antennas: expected some of the receivers 1, 2, 3 of a BGT60TR13C, got {numbers!r}")
     return sorted({int(number) for number in numbers})
@@ -325,37 +292,35 @@ def _receivers(shape: dict[str, Any]) -> list[int]:
 # Writing.
 
 
-def _fitting_texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str | None]:
-    """Texts by path: kept ones that fit the radar, new ones otherwise; None if there was none."""
-    texts = kept.get("texts")
-    if isinstance(texts, dict) and isinstance(config := texts.get(f"{folder}/config.json"), str):
-        found = {name: texts.get(name) for name in _text_names(folder)}
-        loaded: dict[str, str | None] = {name: text if isinstance(text, str) else None for name, text in found.items()}
-        return loaded | {f"{folder}/config.json": _fitting_config(radar, config)}
-
+def _texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str]:
+    """Texts by path: kept ones, new ones in place of others and of settings that do not fit the radar."""
     now = datetime.now().astimezone().strftime("%Y-%m-%dT%H:%M:%S%z")
     place = {"date_captured": now, "ifxdaq_version": "1.0.0", "machine": platform.machine(), "os": platform.system()}
-    shape = {"mimo_mode": "off", "tx_antennas": [1], **_given(kept, _SETTINGS)} | _settings(radar, None)
-    return {
+    texts = {
         "meta.json": _json({**place, "os_version": "", **_given(kept, {**_PLACE, "date_captured": now})}),
         f"{folder}/format.version": "1.0.0\n",
         f"{folder}/meta.json": _json({"adc_resolution": 12, **_given(kept, _SENSOR)}),
-        f"{folder}/config.json": _json({"device_config": {"fmcw_single_shape": shape}}),
+        f"{folder}/config.json": "",
     }
+    found = kept.get("texts")
+    if isinstance(found, dict):
+        texts |= {name: text for name, text in found.items() if name in texts and isinstance(text, str)}
+    texts[f"{folder}/config.json"] = _config(radar, kept, texts[f"{folder}/config.json"])
+    return texts
 
 
-def _fitting_config(radar: Radar, text: str) -> str:
-    """The text itself, or with the settings of another radar; what the radar does not determine stays."""
-    where = "source, config.json"
-    values, shape = _parsed_config(text, where)
-    receivers = _receivers(shape)
+def _config(radar: Radar, kept: dict[str, Any], text: str) -> str:
+    """Text of a config.json: the given one if it fits the radar, else with settings of the radar."""
+    shape = {"mimo_mode": "off", "tx_antennas": [1], **_given(kept, _SETTINGS)}
+    waveform, receivers = None, None
+    if text:
+        where = "source, config.json"
+        shape = settings_of(text, where)
+        waveform, receivers = _radar(shape, where).waveform, _receivers(shape)
     settings = _settings(radar, receivers)
-    if _radar(shape, where).waveform == radar.waveform and settings["rx_antennas"] == receivers:
+    if waveform == radar.waveform and receivers == settings["rx_antennas"]:
         return text
-    if "rx_mask" in shape and "rx_antennas" not in shape:
-        settings["rx_mask"] = sum(1 << (number - 1) for number in settings.pop("rx_antennas"))
-    shape |= settings
-    return _json(values)
+    return _json({"device_config": {"fmcw_single_shape": shape | settings}})
 
 
 def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
@@ -375,16 +340,9 @@ def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
             f"radar: expected an adc_delay of {_ADC_DELAY:g} s, as the chip has in every setting, got {wf.adc_delay:g}"
         )
     stop = wf.start_frequency + wf.slope * (_ADC_DELAY + wf.num_samples / wf.sample_rate)
-    return {
-        "chirp_repetition_time_s": wf.chirp_interval,
-        "end_frequency_Hz": _whole(round(stop, 3)),
-        "frame_repetition_time_s": wf.frame_interval,
-        "num_chirps_per_frame": wf.num_chirps,
-        "num_samples_per_chirp": wf.num_samples,
-        "rx_antennas": _numbers_of(radar.rx, receivers),
-        "sample_rate_Hz": _whole(wf.sample_rate),
-        "start_frequency_Hz": _whole(wf.start_frequency),
-    }
+    values = wf.to_dict() | {"stop_frequency": round(stop, 3)}
+    settings = {key: _whole(float(values[name])) for name, key in _KEYS.items()}
+    return settings | {"rx_antennas": _numbers_of(radar.rx, receivers)}
 
 
 def _numbers_of(positions: NDArray[np.float64], otherwise: list[int] | None) -> list[int]:
@@ -423,36 +381,18 @@ def _encoded(text: str) -> bytes:
         raise ValueError(f'source["infineon"]: expected texts of UTF-8 ({error})') from error
 
 
-def _array_bytes(cube: NDArray[Any], header: object) -> Iterator[bytes]:
-    """Content of radar.npy: the kept header if it is that of such codes, else the recorder's."""
-    start, dtype = _header(cube.shape), np.dtype("<u2")
-    if isinstance(header, str):
-        given = header.encode("latin-1", "replace")
-        try:
-            shape, fortran_order, given_dtype = read_header(BytesIO(given), "source, header")
-        except ValueError:
-            pass
-        else:
-            if shape == cube.shape and given_dtype.name == dtype.name and not fortran_order:
-                start, dtype = given, given_dtype
-    yield start
+def _array_bytes(cube: NDArray[Any]) -> Iterator[bytes]:
+    """Content of radar.npy: version 1.0, whose header blanks fill up to a fixed length."""
+    words = f"{{'descr': '<u2', 'fortran_order': False, 'shape': {cube.shape}, }}"
+    magic, length = npy.magic(1, 0), _HEADER_BYTES - 10
+    yield magic + length.to_bytes(2, "little") + words.ljust(length - 1).encode() + b"\n"
     for first in range(0, len(cube), _CHUNK):
         samples = cube[first : first + _CHUNK]
         if np.abs(samples).max(initial=0.0) > 1.0 + 0.5 / (NUM_CODES - 1):
             raise ValueError(
                 f"cube: expected samples from -1 to 1, got {np.abs(samples).max():g} from frame {first} on"
             )
-        yield to_codes(samples).astype(dtype).tobytes()
-
-
-def _header(shape: tuple[int, ...]) -> bytes:
-    """Header of version 1.0 as NumPy writes it, filled with blanks to a fixed length."""
-    text = BytesIO()
-    npy.write_array_header_1_0(text, {"descr": "<u2", "fortran_order": False, "shape": shape})
-    start = npy.magic(1, 0)
-    words = text.getvalue()[len(start) + 2 :].rstrip()
-    length = _HEADER_BYTES - len(start) - 2
-    return start + length.to_bytes(2, "little") + words.ljust(length - 1) + b"\n"
+        yield to_codes(samples).astype("<u2").tobytes()
 
 
 def _warn_of_left_out(path: Path, stored: Stored) -> None:
@@ -466,14 +406,3 @@ def _warn_of_left_out(path: Path, stored: Stored) -> None:
     }
     if names := [name for name, is_there in left_out.items() if is_there]:
         notice.warn(f"{path}: the layout of Infineon's tools has no {', no '.join(names)}")
-
-
-def _make_room(path: Path, folder: str, overwrite: bool) -> None:
-    """Refuse a path that exists, but for a recording of the same sensor that is to be overwritten."""
-    if path.exists() and not path.is_dir():
-        raise already_exists(path, "a file, not a directory")
-    if path.is_dir() and any(path.iterdir()):
-        if sensor_folders(path) != [folder]:
-            raise already_exists(path, f"a directory that is not empty and no recording of {folder}")
-        if not overwrite:
-            raise already_exists(path, "a recording; overwrite=True replaces it")
