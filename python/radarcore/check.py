@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from math import isfinite
 from typing import TypeVar
 
@@ -199,11 +200,14 @@ def _numbers(
 
 def shaped(name: str, values: NDArray[_Scalar], shape: tuple[int | None, ...]) -> NDArray[_Scalar]:
     """An array of the given shape (None: any length), or a ValueError."""
-    if len(values.shape) != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, values.shape, strict=True)
-    ):
+    if not fits(values.shape, shape):
         raise ValueError(f"{name}: expected shape {shape_text(shape)}, got {values.shape}")
     return values
+
+
+def fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    """True for a shape with the expected lengths (None: any)."""
+    return len(shape) == len(expected) and all(want in (None, got) for want, got in zip(expected, shape, strict=True))
 
 
 def finite(name: str, values: NDArray[_Scalar]) -> NDArray[_Scalar]:
@@ -316,6 +320,17 @@ def near_names(name: object, known: Iterable[str]) -> str:
     names = list(known)
     meant = near(name, names)
     return f"did you mean {' or '.join(map(repr, meant))}?" if meant else f"known: {', '.join(names) or 'none'}"
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Turns every error of a wrong value into a ValueError that begins with its place, such as a file."""
+    try:
+        yield
+    except KeyError as error:
+        raise ValueError(f"{where}: expected the key {error}, got none") from error
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise ValueError(f"{where}: {printable(str(error))}") from error
 
 
 def keywords(owner: str, given: Iterable[str], known: Iterable[str]) -> None:

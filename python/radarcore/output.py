@@ -13,7 +13,7 @@ import os
 import secrets
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -87,6 +87,22 @@ def make_folder(path: Path) -> None:
 def is_empty(path: Path) -> bool:
     """True for a folder that is empty, except for the lock file of its writer."""
     return all(entry.name == LOCK for entry in path.iterdir())
+
+
+def replaces(folder: Path, is_own: Callable[[Path], bool], what: str, overwrite: bool) -> bool:
+    """True when a result is to be replaced in a folder; a FileExistsError where none can be written.
+
+    `is_own` is true for a folder with such a result, `what` in words.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise already_exists(folder, "a file, not a directory")
+    if not folder.is_dir() or is_empty(folder):
+        return False
+    if not is_own(folder):
+        raise already_exists(folder, f"a directory that is not empty and no {what}")
+    if not overwrite:
+        raise already_exists(folder, f"a {what}; overwrite=True replaces it")
+    return True
 
 
 def check_file(path: Path, *, overwrite: bool, kind: str | None = None) -> None:

@@ -126,7 +126,7 @@ MESSAGES: list[Row] = [
     (lambda: ros.joint_series([joints("a", "b")]), ValueError, "position: expected 2 values, one per name, got 1"),
     (lambda: ros.from_camera_info(info([0.0] * 9)), ValueError, "expected focal lengths in K, got 0 and 0: uncalib"),
     (lambda: ros.from_camera_info(info([1.0] * 8)), ValueError, r"camera_info: expected shape \(9,\)"),
-    (lambda: of_frame(settings="x"), ValueError, "settings, line 1: Expecting value"),
+    (lambda: of_frame(settings="x"), ValueError, "settings: Expecting value: line 1"),
     (lambda: of_frame(settings="{}"), ValueError, "settings: expected format 'radarcore recording', got None"),
     (lambda: of_frame(dtype="int8"), ValueError, "dtype: expected one of 'uint16', 'float32', .*, got 'int8'"),
     (lambda: of_frame(data=bytes(383)), ValueError, r"data: expected 384 bytes for \(3, 4, 16\) samples, got 383"),

@@ -65,7 +65,7 @@ def edited(values: dict[str, Any], **changes: Any) -> str:
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda meta: json.dumps(meta, indent=1)[:40], r"meta\.json, line \d"),
+        (lambda meta: json.dumps(meta, indent=1)[:40], r"meta\.json: .*: line \d"),
         (lambda meta: "[1, 2]", "expected format 'radarcore recording', got 'list'"),
         (lambda meta: edited(meta, format="HDF5"), "expected format 'radarcore recording', got 'HDF5'"),
         (lambda meta: edited(meta, version=2), r"expected version 1 \(or older\), got 2; a newer radarcore wrote it"),
@@ -192,8 +192,8 @@ def test_archive_of_any_tool_is_read(tmp_path: Path, compression: int) -> None:
 @pytest.mark.parametrize(
     ("members", "message"),
     [
-        ({"cube": header((2**31, 2, 4, 16))}, r"cube\.npy: expected the samples of shape .*, got room for \d+ bytes"),
-        ({"time": header((3,), "|O")}, r"time\.npy: expected numbers or text, got objects"),
+        ({"cube": header((2**31, 2, 4, 16))}, r"cube\.npy: expected the samples of shape .*, got \d+ bytes"),
+        ({"time": header((3,), "|O")}, "Object arrays cannot be loaded"),
         ({"time": header((3,))[:40]}, r"time\.npy: damaged or not an NPY file"),
         ({"time": header((3,)).replace(b"}", b"(")}, r"time\.npy: damaged or not an NPY file"),
         ({"time": npy(np.zeros(3, np.complex128))}, "rec.npz, time: expected float64, got complex128"),
@@ -240,6 +240,6 @@ def test_damaged_archive_is_refused_with_its_name(tmp_path: Path, damage: Callab
     data = bytearray(path.read_bytes())
     damage(data)
     path.write_bytes(data)
-    with pytest.raises(ValueError, match=r"rec\.npz: damaged \.npz file \(") as caught:
+    with pytest.raises(ValueError, match=r"rec\.npz: damaged or not an \.npz file \(") as caught:
         Recording.load(path)
     assert len(str(caught.value)) < 500

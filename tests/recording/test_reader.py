@@ -123,7 +123,7 @@ def test_faults_of_a_radars_file_are_named(tmp_path: Path) -> None:
         rc.load_radar(tmp_path / "b.toml")
     for text, message in (
         ("[1]", "c.json"),
-        ("{}", "expected a radar with the key 'receiver'"),
+        ("{}", "expected the key 'receiver'"),
         ("nonsense", "line 1"),
     ):
         (tmp_path / "c.json").write_text(text)

@@ -2,32 +2,32 @@
 
 The user describes them: the radar, and the names of the axes in the order of the file. Axes are ``frame``, ``chirp``,
 ``sample``, ``rx``, ``tx`` (channels are ``tx * num_rx + rx``), ``channel`` (or ``rx`` alone) for all channels, and
-``iq`` for an axis of two, real and imaginary part. ``name=length`` states a length as well. Lengths alone are
-``channel, chirp, sample``, with ``frame`` before and ``iq`` behind if there are more.
+``iq`` for an axis of two, real and imaginary part. Without names they are ``channel, chirp, sample``, with ``frame``
+before and ``iq`` behind if there are more.
 """
 
 from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import permutations
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from numpy.lib.recfunctions import structured_to_unstructured
 from numpy.typing import NDArray
 
 from radarcore import check, notice
-from radarcore.output import naming
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording import matlab
-from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, check_radar, frame_shape, to_samples
+from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, frame_shape, to_samples
 from radarcore.recording.native import Stored, is_native
-from radarcore.recording.npy import HEADER_ERRORS, Converted, npz_shapes, read_npz
+from radarcore.recording.npy import Converted, npz_shapes, read_npz, readable
 from radarcore.recording.radar_files import Configuration, configuration, is_setup
 from radarcore.recording.ti import capture
 
@@ -52,7 +52,7 @@ class Description:
 
     radar: Radar | None = None
     config: str | PathLike[str] | None = None
-    shape: str | Sequence[str | int] | None = None
+    shape: str | Sequence[str] | None = None
     dtype: str | None = None
     variable: str | None = None
 
@@ -85,97 +85,51 @@ _WITHOUT_NAMES = {
 """Axes of arrays that nobody named."""
 
 
-class Axis(NamedTuple):
-    """An axis by its name, and its length where that was given."""
-
-    name: str
-    length: int | None = None
-
-
-def parsed_axes(shape: str | Sequence[str | int]) -> tuple[Axis, ...]:
-    """Axes of a text like ``"frame,rx,chirp,sample"``, ``"frame,rx=3,chirp=64,sample=128"`` or ``"100,3,64,128"``."""
-    words = shape.split(",") if isinstance(shape, str) else list(map(str, shape))
-    words = [word.strip() for word in words]
-    if all(word.lstrip("-").isdigit() for word in words):
-        names = _WITHOUT_NAMES.get(len(words))
-        if names is None:
-            raise ValueError(f"shape: expected 3 to 5 lengths [{', '.join(_WITHOUT_NAMES[5])}], got {shape!r}")
-        axes = [Axis(name, _length(word, shape)) for name, word in zip(names, words, strict=True)]
-    else:
-        pairs = [word.partition("=") for word in words]
-        axes = [Axis(name.strip(), _length(text, shape) if is_given else None) for name, is_given, text in pairs]
-    names_given = [axis.name for axis in axes]
-    for name in names_given:
+def parsed_axes(shape: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of axes, of a text like ``"frame,rx,chirp,sample"`` or one by one."""
+    names = tuple(str(name).strip() for name in (shape.split(",") if isinstance(shape, str) else shape))
+    for name in names:
         if name not in NAMES:
             raise ValueError(f"shape: expected names of axes, got {name!r}; {check.near_names(name, NAMES)}")
-        if names_given.count(name) > 1:
+        if names.count(name) > 1:
             raise ValueError(f"shape: expected every axis once, got {name!r} twice in {shape!r}")
-    if "tx" in names_given and "rx" not in names_given:
+    if "tx" in names and "rx" not in names:
         raise ValueError(f"shape: expected rx beside tx, got {shape!r}")
-    if "channel" in names_given and "rx" in names_given:
+    if "channel" in names and "rx" in names:
         raise ValueError(f"shape: expected either channel or rx, got {shape!r}")
-    if "sample" not in names_given:
+    if "sample" not in names:
         raise ValueError(f"shape: expected an axis sample, got {shape!r}")
-    return tuple(axes)
+    return names
 
 
-def _length(text: str, shape: object) -> int | None:
-    """A length of a shape; None for -1: as many as there are."""
-    if not text.strip().lstrip("-").isdigit() or (length := int(text)) == 0 or length < -1:
-        raise ValueError(f"shape: expected a length, got {text.strip()!r} in {shape!r}")
-    return None if length == -1 else length
-
-
-def axes_of_array(
-    shape: tuple[int, ...], given: str | Sequence[str | int] | None, radar: Radar, path: Path
-) -> tuple[Axis, ...]:
-    """Axes of an array with a shape: those given, else frame, channel, chirp, sample or a frame alone."""
-    if given is not None:
-        axes = parsed_axes(given)
-        expected = tuple(_expected(axis, axes, radar) for axis in axes)
-        if len(shape) == 1 and len(axes) > 1:  # numbers one after the other
-            return _filled(shape[0], axes, expected, path)
-    else:
-        names = _WITHOUT_NAMES.get(len(shape), _WITHOUT_NAMES[4])
-        axes = tuple(Axis(name) for name in names)
-        expected = tuple(_expected(axis, axes, radar) for axis in axes)
-    fits = len(shape) == len(axes) and all(
-        want is None or want == length for want, length in zip(expected, shape, strict=True)
-    )
-    if not fits:
-        names_text = ", ".join(axis.name for axis in axes)
-        raise ValueError(
-            f"{path}: expected shape {check.shape_text(expected)} [{names_text}] of the radar, "
-            f"got {shape}{_advice(shape, radar) if given is None else ''}"
-        )
-    return tuple(Axis(axis.name, length) for axis, length in zip(axes, shape, strict=True))
-
-
-def _filled(num_values: int, axes: tuple[Axis, ...], expected: tuple[int | None, ...], path: Path) -> tuple[Axis, ...]:
-    """Axes whose one free length follows from the number of values."""
-    rest = math.prod(length for length in expected if length is not None)
-    free = [axis.name for axis, length in zip(axes, expected, strict=True) if length is None]
-    if len(free) > 1 or num_values % rest or (not free and num_values != rest):
-        names = ", ".join(axis.name for axis in axes)
-        raise ValueError(f"{path}: expected shape {check.shape_text(expected)} [{names}], got {num_values} numbers")
-    return tuple(Axis(axis.name, length or num_values // rest) for axis, length in zip(axes, expected, strict=True))
-
-
-def _expected(axis: Axis, axes: tuple[Axis, ...], radar: Radar) -> int | None:
-    """Length that an axis has by the radar or by what was given; None for any."""
-    is_apart = any(other.name == "tx" for other in axes)
+def _lengths(names: tuple[str, ...], radar: Radar) -> tuple[int | None, ...]:
+    """Lengths of axes by the radar; None for any number of frames."""
     lengths = {
         "tx": len(radar.tx),
-        "rx": len(radar.rx) if is_apart else radar.num_channels,
+        "rx": len(radar.rx) if "tx" in names else radar.num_channels,
         "channel": radar.num_channels,
         "chirp": radar.num_chirps,
         "sample": radar.waveform.num_samples,
         "iq": 2,
     }
-    wanted = lengths.get(axis.name)
-    if wanted is not None and axis.length not in (None, wanted):
-        raise ValueError(f"shape: expected {axis.name} = {wanted} of the radar, got {axis.length}")
-    return axis.length if wanted is None else wanted
+    return tuple(lengths.get(name) for name in names)
+
+
+def _with_axes(
+    values: NDArray[Any], shape: str | Sequence[str] | None, radar: Radar, path: Path
+) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """The array and the names of its axes; numbers one after the other get the axes of `shape`."""
+    names = _WITHOUT_NAMES.get(values.ndim, _WITHOUT_NAMES[4]) if shape is None else parsed_axes(shape)
+    lengths = _lengths(names, radar)
+    expected = f"{path}: expected shape {check.shape_text(lengths)} [{', '.join(names)}] of the radar"
+    if shape is not None and values.ndim == 1 and len(names) > 1:
+        try:
+            return values.reshape([-1 if length is None else length for length in lengths]), names
+        except ValueError:
+            raise ValueError(f"{expected}, got {len(values)} numbers") from None
+    if not check.fits(values.shape, lengths):
+        raise ValueError(f"{expected}, got {values.shape}{_advice(values.shape, radar) if shape is None else ''}")
+    return values, names
 
 
 def _advice(shape: tuple[int, ...], radar: Radar) -> str:
@@ -183,27 +137,18 @@ def _advice(shape: tuple[int, ...], radar: Radar) -> str:
     names = _WITHOUT_NAMES.get(len(shape))
     if names is None:
         return "; say what its axes are, as shape='frame,rx,chirp,sample', --shape"
-    axes = tuple(Axis(name) for name in names)
-    lengths = {axis.name: _expected(axis, axes, radar) for axis in axes}
-    fitting = [
-        order
-        for order in permutations(names)
-        if all(lengths[name] in (None, length) for name, length in zip(order, shape, strict=True))
-    ]
+    fitting = [order for order in permutations(names) if check.fits(shape, _lengths(order, radar))]
     if len(fitting) == 1:
         return f"; shape={','.join(fitting[0])!r} (--shape) would fit"
     return f"; say the order of its axes, as shape={','.join(names)!r}, --shape"
 
 
-def in_order(values: NDArray[Any], axes: tuple[Axis, ...]) -> NDArray[Any]:
+def in_order(values: NDArray[Any], axes: tuple[str, ...]) -> NDArray[Any]:
     """View of an array as (frame, tx, rx, chirp, sample), and iq behind where there is one; channels count as rx."""
-    names = ["rx" if axis.name == "channel" else axis.name for axis in axes]
+    names = ["rx" if name == "channel" else name for name in axes]
     order = [names.index(name) for name in NAMES if name in names]
-    view = values.transpose(order)
-    for place, name in enumerate(("frame", "tx", "rx", "chirp", "sample")):
-        if name not in names:
-            view = np.expand_dims(view, place)
-    return view
+    missing = [place for place, name in enumerate(("frame", "tx", "rx", "chirp", "sample")) if name not in names]
+    return np.expand_dims(values.transpose(order), missing)
 
 
 UNKNOWN = "unknown"
@@ -234,7 +179,7 @@ def is_bare(path: Path, description: Description) -> bool:
 def opened(path: Path, description: Description) -> Stored:
     """Frames of a file, a frame interval apart; numbers become samples, `Converted`, when they are asked for."""
     if description.radar is not None:
-        check_radar(description.radar)
+        check.instance("radar", description.radar, Radar)
         description.refuse(path, "described by its radar already", "config")
     found, is_array = _configuration(path, description), path.suffix.lower() in _ARRAYS
     if found is not None and found.capture is not None and not is_array:
@@ -269,22 +214,14 @@ def _array(path: Path, description: Description) -> NDArray[Any]:
     if suffix in _ARRAYS:
         description.refuse(path, f"a {suffix} file, which has the type of its numbers", "dtype")
     if suffix == ".npy":
-        return _npy(path)
+        with readable(path, "an NPY file"):
+            return np.lib.format.open_memmap(path, mode="r")
     if suffix == ".npz":
         name = matlab.chosen(path, npz_shapes(path), description.variable)
         return read_npz(path, (name,))[name]
     if suffix == ".mat":
         return matlab.array(path, description.variable)
     return _raw(path, description.dtype or "uint8")
-
-
-def _npy(path: Path) -> NDArray[Any]:
-    with naming(path):
-        try:
-            values: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
-        except HEADER_ERRORS as error:
-            raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
-    return values
 
 
 def _raw(path: Path, dtype: str) -> NDArray[Any]:
@@ -304,64 +241,43 @@ def _stored(path: Path, values: NDArray[Any], found: Configuration, description:
     """Frames of an array with its radar."""
     radar, shape = found.radar, description.shape
     if description.dtype is not None:
-        shape = "frame,channel,chirp,sample" if shape is None else shape
-        values = _whole_frames(path, values, shape, radar)
-    order = axes_of_array(values.shape, shape, radar, path)
-    view = in_order(values.reshape([axis.length or 0 for axis in order]), order)
-    has_parts = any(axis.name == "iq" for axis in order)
-    convert, unit = _conversion(path, values.dtype, has_parts, found.has_codes)
-    dtype = convert(view[:0]).dtype
+        shape = _WITHOUT_NAMES[4] if shape is None else shape
+        values = _whole_frames(path, values, parsed_axes(shape), radar)
+    values, names = _with_axes(values, shape, radar, path)
+    view, has_parts = in_order(values, names), "iq" in names
+    if [name[:1].lower() for name in view.dtype.names or ()] in (["r", "i"], ["i", "q"]):
+        view, has_parts = structured_to_unstructured(view), True
+    is_integer = view.dtype.kind in "iu"
+    if not is_integer and view.dtype.name not in ("float16", *(CUBE_TYPES[:2] if has_parts else CUBE_TYPES)):
+        raise ValueError(f"{path}: expected integers or {', '.join(CUBE_TYPES)}, got {view.dtype}")
+    is_code = found.has_codes and view.dtype.kind == "u" and not has_parts
+    real = np.dtype(np.float32) if is_integer else np.promote_types(view.dtype, np.float32)
+    dtype = np.promote_types(real, np.complex64) if has_parts else real
     radar = _receiving(radar, dtype, path)
     row = frame_shape(radar)
-    source: dict[str, Any] = {"file": path.name, "cube_unit": unit}
-    cube: Any = Converted(view, lambda part: convert(part).reshape(len(part), *row), path, row, dtype)
-    if dtype == values.dtype and view.shape[1] == 1:  # as they are: no copy of them
+
+    def samples(part: NDArray[Any]) -> NDArray[Any]:
+        """Samples of a few frames of the view."""
+        converted = to_samples(part) if is_code else np.ascontiguousarray(part, real).view(dtype)
+        return converted.reshape(len(part), *row)
+
+    cube: Any = Converted(view, samples, path, row, dtype)
+    if dtype == view.dtype and view.shape[1] == 1:  # as they are: no copy of them
         cube = view[:, 0]
+    source = {"file": path.name, "cube_unit": FULL_SCALE if is_code else COUNTS if is_integer else UNKNOWN}
     time = radar.waveform.frame_interval * np.arange(len(view), dtype=np.float64)
     return Stored(cube, time, radar, None, source)
 
 
-def _whole_frames(path: Path, values: NDArray[Any], shape: Any, radar: Radar) -> NDArray[Any]:
-    """Numbers without those of a last frame that is not whole, of which the user is told."""
-    order = parsed_axes(shape)
-    num_parts = 2 if any(axis.name == "iq" for axis in order) else 1
-    length = int(np.prod(frame_shape(radar))) * num_parts
-    left_over = len(values) % length
-    if order[0].name != "frame" or len(values) < length:
+def _whole_frames(path: Path, values: NDArray[Any], names: tuple[str, ...], radar: Radar) -> NDArray[Any]:
+    """Numbers without those of a last frame that is not whole, with a warning."""
+    length = math.prod(length for length in _lengths(names, radar) if length is not None)
+    num_frames = len(values) // length
+    num_bytes = path.stat().st_size - num_frames * length * values.dtype.itemsize
+    if names[0] != "frame" or num_frames == 0 or num_bytes == 0:
         return values
-    if left_over or path.stat().st_size % values.dtype.itemsize:
-        num_bytes = path.stat().st_size - (len(values) - left_over) * values.dtype.itemsize
-        notice.warn(f"{path}: {len(values) // length} frames, the last {num_bytes} bytes are no whole frame")
-    return values[: len(values) - left_over]
-
-
-def _conversion(
-    path: Path, dtype: np.dtype[Any], has_parts: bool, has_codes: bool
-) -> tuple[Callable[[NDArray[Any]], NDArray[Any]], str]:
-    """Function from stored numbers to samples, and their unit."""
-    is_pair = dtype.names is not None and [name[:1].lower() for name in dtype.names] in (["r", "i"], ["i", "q"])
-    parts = dtype[0] if is_pair else dtype
-    if has_parts and parts.kind not in "iuf":
-        raise ValueError(f"{path}: expected real numbers on the axis iq, got {dtype}")
-    if is_pair or has_parts:
-        unit = COUNTS if parts.kind in "iu" else UNKNOWN
-        first, second = (dtype.names or (0, 1)) if is_pair else (0, 1)
-
-        def joined(values: NDArray[Any]) -> NDArray[Any]:
-            pair = (values[first], values[second]) if is_pair else (values[..., 0], values[..., 1])
-            wide = np.complex128 if parts.itemsize > 4 and parts.kind == "f" else np.complex64
-            samples = np.empty(pair[0].shape, wide)
-            samples.real, samples.imag = pair
-            return samples
-
-        return joined, unit
-    if dtype.kind in "iu":
-        return (to_samples, FULL_SCALE) if has_codes and dtype.kind == "u" else (_as_float, COUNTS)
-    if dtype.name == "float16":
-        return _as_float, UNKNOWN
-    if dtype.name not in CUBE_TYPES:
-        raise ValueError(f"{path}: expected integers or {', '.join(CUBE_TYPES)}, got {dtype}")
-    return _as_they_are, UNKNOWN
+    notice.warn(f"{path}: {num_frames} frames, the last {num_bytes} bytes are no whole frame")
+    return values[: num_frames * length]
 
 
 def _receiving(radar: Radar, dtype: np.dtype[Any], path: Path) -> Radar:
@@ -374,14 +290,6 @@ def _receiving(radar: Radar, dtype: np.dtype[Any], path: Path) -> Radar:
         expected, got = kinds if radar.is_real else kinds[::-1]
         raise ValueError(f"{path}: expected {expected} of the radar's receiver, got {got} ({dtype})")
     return radar
-
-
-def _as_float(values: NDArray[Any]) -> NDArray[np.float32]:
-    return values.astype(np.float32)
-
-
-def _as_they_are(values: NDArray[Any]) -> NDArray[Any]:
-    return np.asarray(values)
 
 
 def _size_text(path: Path) -> str:

@@ -174,7 +174,7 @@ class Frame:
         object.__setattr__(self, "raw", None if self.raw is None else self.raw.copy())
 
     def _check(self) -> None:
-        check_radar(self.radar)
+        check.instance("radar", self.radar, Radar)
         object.__setattr__(self, "cube", checked_cube(self.cube, frame_shape(self.radar)))
         object.__setattr__(self, "time", check.number("time", self.time, "s"))
         check_truth(self.truth, ())
@@ -277,14 +277,9 @@ def kind_of(cube: NDArray[Any], truth: Truth | None) -> Kind:
     return cube.dtype, None if truth is None else truth.names
 
 
-def check_frame(name: str, frame: object) -> None:
-    """Raise a TypeError unless the argument is a frame."""
-    check.instance(name, frame, Frame)
-
-
 def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> None:
     """Refuse a frame of another radar or, if there is a kind, of another kind."""
-    check_frame(name, frame)
+    check.instance(name, frame, Frame)
     if frame.radar is not radar and frame.radar != radar:
         raise ValueError(f"{name}: expected a frame of the recording's radar, got one of another")
     if kind is not None and (given := kind_of(frame.cube, frame.truth)) != kind:
@@ -292,21 +287,12 @@ def check_alike(name: str, frame: Frame, radar: Radar, kind: Kind | None) -> Non
         raise ValueError(f"{name}: expected {expected} as in the first frame, got {got}")
 
 
-def check_radar(radar: object) -> None:
-    """Raise a TypeError unless the argument is a radar."""
-    check.instance("radar", radar, Radar)
-
-
 def checked_cube(cube: object, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Samples of the given shape (None: any length) as an array."""
     samples = np.asarray(cube)
     if samples.dtype not in _CUBE_DTYPES and samples.dtype.name not in CUBE_TYPES:  # as of other byte orders
         raise TypeError(f"cube: expected {', '.join(CUBE_TYPES)}, got {samples.dtype}")
-    fits = samples.shape == shape or (
-        len(samples.shape) == len(shape)
-        and all(want is None or want == got for want, got in zip(shape, samples.shape, strict=True))
-    )
-    if not fits:
+    if not check.fits(samples.shape, shape):
         axes = ", ".join(("frame", "channel", "chirp", "sample")[-len(shape) :])
         raise ValueError(f"cube: expected shape {check.shape_text(shape)} [{axes}] of the radar, got {samples.shape}")
     return samples

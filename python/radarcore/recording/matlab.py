@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.recording.npy import readable
 
 _HEADER_BYTES = 128
 _MATRIX, _COMPRESSED = 14, 15
@@ -128,9 +128,6 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK_BYTES = 512
 """Bytes that MATLAB puts before what is HDF5."""
 
-_LONGEST_REASON = 200
-"""Characters of another library's message."""
-
 _LEAST_AXES = 3
 """Axes of samples: channels, chirps, samples."""
 
@@ -148,10 +145,10 @@ def array(path: Path, variable: str | None) -> NDArray[Any]:
 
 def _of_old(path: Path, variable: str | None) -> NDArray[Any]:
     """Array of a file of version 5 to 7.2."""
-    with _readable(path):
+    with readable(path, "a MAT file"):
         file = MatFile(path)
     name = chosen(path, {name: found.shape for name, found in file.variables.items()}, variable)
-    with _readable(path):
+    with readable(path, "a MAT file"):
         return file.read(name)
 
 
@@ -164,24 +161,15 @@ def _of_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
             f"{path}: MAT files of version 7.3 need h5py: pip install radarcore[mat] "
             "(or save them with '-v7' in MATLAB)"
         ) from error
-    with _readable(path):
+    with readable(path, "a MAT file"):
         file = h5py.File(path, "r")
     with file:
-        with _readable(path):
+        with readable(path, "a MAT file"):
             shapes = {name: tuple(item.shape[::-1]) for name, item in file.items() if isinstance(item, h5py.Dataset)}
         name = chosen(path, shapes, variable)
-        with _readable(path):
+        with readable(path, "a MAT file"):
             values: NDArray[Any] = file[name][()]
     return values.transpose()
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Makes a ValueError with the path of whatever other libraries raise for damaged bytes."""
-    try:
-        yield
-    except Exception as error:
-        raise ValueError(f"{path}: damaged or not a MAT file ({str(error)[:_LONGEST_REASON]})") from error
 
 
 def chosen(path: Path, shapes: dict[str, tuple[int, ...]], variable: str | None) -> str:

@@ -118,10 +118,8 @@ def load_npz(path: Path) -> Stored:
     for name, dtypes in _DTYPES.items():
         if name in arrays and arrays[name].dtype.name not in dtypes:
             raise ValueError(f"{path}, {name}: expected {', '.join(dtypes)}, got {arrays[name].dtype}")
-    try:
+    with check.located(f"{path}, truth"):
         truth = _truth_of(meta.names, arrays, 0)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}, truth: {error}") from error
     return Stored(arrays["cube"], arrays["time"], meta.radar, truth, meta.source, arrays.get("lost"))
 
 
@@ -155,14 +153,8 @@ def warn_of_missing(path: Path, num_frames: int, planned: int | None, closed: bo
 
 def parsed_json(data: bytes | str, where: str) -> Any:
     """The value of a JSON text, or a ValueError that says where it is wrong."""
-    try:
+    with check.located(where):
         return json.loads(data)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{where}, line {error.lineno}: {error.msg}") from error
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{where}: expected UTF-8 text ({error})") from error
-    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, brackets in brackets
-        raise ValueError(f"{where}: {error}") from error
 
 
 def _truth_of(names: tuple[str, ...] | None, arrays: dict[str, NDArray[Any]], num_frames: int) -> Truth | None:
@@ -192,30 +184,21 @@ class Meta:
             raise ValueError(
                 f"{where}: expected version {VERSION} (or older), got {version!r}; a newer radarcore wrote it"
             )
-        try:
-            names = values["truth"]
+        with check.located(where):
+            names, num_frames = values["truth"], values["num_frames"]
             return cls(
                 radar=Radar.from_dict(values["radar"]),
                 source=dict(values["source"]),
-                num_frames=None if values["num_frames"] is None else check.count("num_frames", values["num_frames"], 0),
+                num_frames=None if num_frames is None else check.count("num_frames", num_frames, 0),
                 names=None if names is None else tuple(map(str, names)),
             )
-        except KeyError as error:
-            raise ValueError(f"{where}: expected the key {error}, got none") from error
-        except (TypeError, ValueError, AttributeError, OverflowError) as error:  # JSON has integers of any length
-            raise ValueError(f"{where}: {check.printable(str(error))}") from error
 
 
 def radar_from_json(data: bytes, where: str) -> Radar:
     """The radar of a meta.json, or of the dict of a radar alone."""
     values = parsed_json(data, where)
-    described = values.get("radar", values) if isinstance(values, dict) else values
-    try:
-        return Radar.from_dict(described)
-    except KeyError as error:
-        raise ValueError(f"{where}: expected a radar with the key {error}, got none") from error
-    except (TypeError, ValueError, AttributeError, OverflowError) as error:  # JSON has integers of any length
-        raise ValueError(f"{where}: {check.printable(str(error))}") from error
+    with check.located(where):
+        return Radar.from_dict(values.get("radar", values))
 
 
 def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:

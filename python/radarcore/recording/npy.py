@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from tokenize import TokenError
 from typing import IO, Any, Protocol
 
 import numpy as np
@@ -23,17 +22,8 @@ from radarcore.output import naming, new_file
 _LONGEST_HEADER = 1 << 16
 """Bytes of a header that are read: NumPy refuses more than 10 000."""
 
-HEADER_ERRORS = (ValueError, EOFError, SyntaxError, TokenError, TypeError, RecursionError, MemoryError)
-"""Errors of NumPy's reader, which evaluates the header as an expression, for damaged files."""
-
-_MOST_DEFLATED = 1032
-"""Bytes that one byte can stand for in a deflated stream (zlib, "Technical Details": maximum compression factor)."""
-
 _CHUNK_ROWS = 64
 """Frames that are converted at once."""
-
-_CHUNK_BYTES = 1 << 20
-"""Bytes that are read at once."""
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
@@ -190,7 +180,7 @@ class Converted:
 def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Shape, Fortran order and dtype at the start of an NPY file; ValueError, with the path, for a damaged one."""
     readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-    try:
+    with readable(path, "an NPY file"):
         # No more than NumPy takes for a header is read, whatever length it says; old names of dtypes are refused later.
         place, start = file.tell(), BytesIO(file.read(_LONGEST_HEADER))
         version = npy.read_magic(start)
@@ -200,14 +190,12 @@ def read_header(file: IO[bytes], path: object) -> tuple[tuple[int, ...], bool, n
             shape, fortran_order, dtype = readers[version](start)
         file.seek(place + start.tell())
         return shape, fortran_order, dtype
-    except HEADER_ERRORS as error:
-        raise ValueError(f"{path}: damaged or not an NPY file ({error})") from error
 
 
 def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of an .npz file by name; ValueError, with the path, for a damaged one."""
     shapes = {}
-    with path.open("rb") as file, _readable_npz(path), zipfile.ZipFile(file) as archive:
+    with path.open("rb") as file, readable(path, "an .npz file"), zipfile.ZipFile(file) as archive:
         for info in archive.infolist():
             with archive.open(info) as member:
                 shapes[info.filename.removesuffix(".npy")] = read_header(member, info.filename)[0]
@@ -219,40 +207,30 @@ def read_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
 
     No array is made before it is known that the file can hold it.
     """
-    with path.open("rb") as file, _readable_npz(path), zipfile.ZipFile(file) as archive:
+    with path.open("rb") as file, readable(path, "an .npz file"), zipfile.ZipFile(file) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         return {name: _member(archive, members[name]) for name in names if name in members}
 
 
 @contextmanager
-def _readable_npz(path: Path) -> Iterator[None]:
-    """Turns all errors of zipfile and zlib for damaged bytes into a ValueError with the path."""
+def readable(path: object, kind: str) -> Iterator[None]:
+    """Turns all errors of other libraries for damaged bytes into a ValueError with the path."""
     try:
         yield
+    except (FileNotFoundError, PermissionError):
+        raise
     except Exception as error:
-        raise ValueError(f"{path}: damaged .npz file ({str(error)[:_LONGEST_REASON]})") from error
+        raise ValueError(f"{path}: damaged or not {kind} ({str(error)[:_LONGEST_REASON]})") from error
 
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     """Array of a file in an archive."""
     with archive.open(info) as file:
-        shape, fortran_order, dtype = read_header(file, info.filename)
-        if dtype.hasobject:
-            raise ValueError(f"{info.filename}: expected numbers or text, got objects")
-        # Deflated zeros are a thousandth of their length, and no archive is longer than its file.
-        num_bytes = _num_bytes(shape, dtype)
-        packed = min(info.compress_size, os.fstat(archive.fp.fileno()).st_size) if archive.fp is not None else 0
-        room = packed * (_MOST_DEFLATED if info.compress_type == zipfile.ZIP_DEFLATED else 1)
-        if not all(length >= 0 for length in shape) or num_bytes > room:
-            raise ValueError(f"{info.filename}: expected the samples of shape {shape}, got room for {room} bytes")
-        values = np.empty(shape, dtype, order="F" if fortran_order else "C")
-        left = values.reshape(-1, order="A").view(np.uint8) if num_bytes > 0 else np.empty(0, np.uint8)
-        while len(left) > 0:
-            data = file.read(min(len(left), _CHUNK_BYTES))
-            if not data:
-                raise ValueError(f"{info.filename}: expected {len(left)} more bytes, got none")
-            left[: len(data)] = np.frombuffer(data, np.uint8)
-            left = left[len(data) :]
+        shape, _, dtype = read_header(file, info.filename)
+        if _num_bytes(shape, dtype) > info.file_size:
+            raise ValueError(f"{info.filename}: expected the samples of shape {shape}, got {info.file_size} bytes")
+        file.seek(0)
+        values: NDArray[Any] = npy.read_array(file, allow_pickle=False)
         return values
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording import bare, infineon
-from radarcore.recording.bare import NO_DESCRIPTION, Description
+from radarcore.recording.bare import Description
 from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -24,8 +24,6 @@ from radarcore.recording.frame import (
     Truth,
     bodies_text,
     check_alike,
-    check_frame,
-    check_radar,
     check_truth,
     checked_cube,
     chirps_of,
@@ -120,7 +118,7 @@ class Recording(Stored):
     _rows: ClassVar[NDArray[Any] | Converted]  # samples in memory or on disk, of each instance
 
     def __post_init__(self) -> None:
-        check_radar(self.radar)
+        check.instance("radar", self.radar, Radar)
         shape = None, *frame_shape(self.radar)
         if isinstance(self.cube, Converted):  # samples that `__getattr__` makes when they are used
             checked_cube(self.cube[:0], shape)
@@ -260,9 +258,8 @@ class Recording(Stored):
         >>> [frame.time for frame in recording.replay(speed=10.0)]
         [0.0, 0.025]
         """
-        factor = 0.0 if speed is None else 1.0 / check.positive("speed", speed)
         rounds = self._rounds() if loop else self.frames()
-        return rounds if speed is None else _paced(rounds, factor, time.monotonic, time.sleep)
+        return rounds if speed is None else _paced(rounds, check.positive("speed", speed))
 
     def _rounds(self) -> Iterator[Frame]:
         """Frames in endless rounds, with times that go on."""
@@ -298,7 +295,7 @@ class Recording(Stored):
         if not kept:
             raise ValueError("frames: expected at least one frame, got none")
         first, truth, lost = kept[0], None, None
-        check_frame("frames[0]", first)
+        check.instance("frames[0]", first, Frame)
         for index, frame in enumerate(kept):
             check_alike(f"frames[{index}]", frame, first.radar, kind_of(first.cube, first.truth))
         if first.truth is not None:
@@ -322,8 +319,8 @@ class Recording(Stored):
         format : "npz" or "infineon", optional
             Default: by the suffix of `path`. ``"infineon"`` is the recording folder of Infineon's tools, for real
             samples in full scale of a BGT60TR13C: codes of the ADC and settings of the chip. What was loaded from
-            such a folder comes out the same to the last byte. It holds neither the times of frames nor truth nor
-            lost frames; warns if that matters.
+            such a folder comes out as the recorder wrote it, to the last byte. It holds neither the times of frames
+            nor truth nor lost frames; warns if that matters.
         overwrite : bool
             Replace a recording that is already there.
 
@@ -361,7 +358,7 @@ class Recording(Stored):
         mmap: bool = True,
         radar: Radar | None = None,
         config: str | os.PathLike[str] | None = None,
-        shape: str | Sequence[str | int] | None = None,
+        shape: str | Sequence[str] | None = None,
         dtype: str | None = None,
         variable: str | None = None,
     ) -> Recording:
@@ -387,8 +384,8 @@ class Recording(Stored):
             tools, or of a TI chip the ``.mmwave.json`` or ``.setup.json`` of mmWave Studio or the ``.cfg`` of the SDK's
             demo.
         shape : str or sequence, optional
-            Axes of bare samples in the order of the file, as ``"frame,rx,chirp,sample"`` (or ``"chirp,tx,rx,sample"``,
-            ``"frame,chirp,rx,sample,iq"``), with lengths as ``"frame,rx=3,chirp=64,sample=128"``, or lengths alone.
+            Axes of bare samples in the order of the file, as ``"frame,rx,chirp,sample"``, ``"chirp,tx,rx,sample"`` or
+            ``"frame,chirp,rx,sample,iq"``.
         dtype : str, optional
             Type of the numbers of a raw file, as NumPy calls it: ``"int16"``, ``"uint16"``, ``">i2"``.
         variable : str, optional
@@ -415,11 +412,9 @@ class Recording(Stored):
         >>> rc.Recording.load("samples.npy", radar=rc.bgt60tr13c())
         <Recording of 2 frames in 0.025 s: 3 channels x 64 chirps x 128 samples, float32>
         """
-        stored = stored_at(path, mmap=mmap, description=Description(radar, config, shape, dtype, variable))
-        try:
+        stored = _stored_at(Path(path), mmap, Description(radar, config, shape, dtype, variable))
+        with check.located(path):
             recording = cls(**vars(stored))
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{path}: {error}") from error
         if not mmap:
             recording.cube  # noqa: B018  # reads it
         return recording
@@ -439,9 +434,8 @@ def facts_of_frames(recording: Recording) -> dict[str, Any]:
     }
 
 
-def stored_at(path: str | os.PathLike[str], *, mmap: bool = True, description: Description = NO_DESCRIPTION) -> Stored:
+def _stored_at(path: Path, mmap: bool, description: Description) -> Stored:
     """Content of a recording on disk, unchecked; its cube may be one that is converted when it is asked for."""
-    path = Path(path)
     if bare.is_bare(path, description):
         return bare.opened(path, description)
     description.refuse(path, "no bare file")
@@ -476,17 +470,15 @@ _FORMATS = {
 """Formats in the order in which they are tried on a path."""
 
 
-def _paced(
-    frames: Iterable[Frame], factor: float, clock: Callable[[], float], sleep: Callable[[float], None]
-) -> Iterator[Frame]:
-    """Frames when the clock has gone on from the first by `factor` times as much as their times [s]."""
+def _paced(frames: Iterable[Frame], speed: float) -> Iterator[Frame]:
+    """Frames when the clock has gone on from the first by as much as their times [s] over `speed`."""
     start = first = None
     for frame in frames:
         if start is None or first is None:
-            start, first = clock(), frame.time
-        due = start + factor * (frame.time - first)
-        while (wait := due - clock()) > 0.0:
-            sleep(min(wait, 1.0))  # whole years overflow what the system's sleep takes
+            start, first = time.monotonic(), frame.time
+        due = start + (frame.time - first) / speed
+        while (wait := due - time.monotonic()) > 0.0:
+            time.sleep(min(wait, 1.0))  # whole years overflow what the system's sleep takes
         yield frame
 
 
@@ -494,8 +486,7 @@ def _counts(name: str, values: ArrayLike, length: int) -> NDArray[np.int32]:
     given = np.asarray(values)
     if given.dtype.kind not in "iu":
         raise TypeError(f"{name}: expected integers of shape ({length},), got {given.dtype}")
-    if given.shape != (length,):
-        raise ValueError(f"{name}: expected shape ({length},), got {given.shape}")
+    check.shaped(name, given, (length,))
     if given.size > 0 and not 0 <= int(given.min()) <= int(given.max()) < 2**31:
         raise ValueError(f"{name}: expected numbers of frames, from 0 on, got {given.min()} to {given.max()}")
     return given.astype(np.int32)

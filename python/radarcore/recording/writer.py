@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.output import Lock, already_exists, is_empty, make_folder, write_text
+from radarcore.output import Lock, make_folder, replaces, write_text
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import Frame, Kind, check_alike, check_radar, frame_shape, kind_of, unit_of
+from radarcore.recording.frame import Frame, Kind, check_alike, frame_shape, kind_of, unit_of
 from radarcore.recording.native import FORMAT, TRUTH_FILES, format_of, meta_text, truth_arrays
 from radarcore.recording.npy import GrowingFile
 
@@ -81,7 +81,7 @@ class RecordingWriter:
         self._last_time: float | None = None
         self._closed = False
 
-        check_radar(radar)
+        check.instance("radar", radar, Radar)
         meta = meta_text(radar, self.source, self.num_frames, None)
         check_room(self.path, overwrite)
         make_folder(self.path)
@@ -164,16 +164,11 @@ def check_room(path: Path, overwrite: bool) -> bool:
     """True when a recording is to be replaced at `path`; an error where none can be written."""
     if format_of(path) != "directory":
         raise ValueError(f"path: expected a directory (no suffix) to write frame by frame, got {str(path)!r}")
-    if path.exists() and not path.is_dir():
-        raise already_exists(path, "a file, not a directory")
-    if path.is_dir() and not is_empty(path):
-        try:
-            is_recording = json.loads((path / "meta.json").read_bytes()).get("format") == FORMAT
-        except (OSError, ValueError, AttributeError):
-            is_recording = False
-        if not is_recording:
-            raise already_exists(path, "a directory that is not empty and no recording")
-        if not overwrite:
-            raise already_exists(path, "a recording; overwrite=True replaces it")
-        return True
-    return False
+    return replaces(path, _is_native, "recording", overwrite)
+
+
+def _is_native(path: Path) -> bool:
+    try:
+        return bool(json.loads((path / "meta.json").read_bytes())["format"] == FORMAT)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False

@@ -18,7 +18,7 @@ from radarcore.processing.inputs import (
     with_samples,
 )
 from radarcore.processing.spectra.windows import window_weights
-from radarcore.recording.frame import Frame, check_alike, check_frame, is_of_adc
+from radarcore.recording.frame import Frame, check_alike, is_of_adc
 from radarcore.recording.recording import Recording
 
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
@@ -227,7 +227,7 @@ def _moving_frames(frames: Iterator[Frame], time_constant: float) -> Iterator[Fr
     before: Frame | None = None
     try:
         for number, frame in enumerate(frames):
-            check_frame("cube", frame)
+            check.instance("cube", frame, Frame)
             check_alike("cube", frame, frame.radar if before is None else before.radar, None)
             require_one_waveform(frame.radar)
             interval = 0.0 if before is None else frame.time - before.time
