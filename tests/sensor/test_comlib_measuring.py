@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from doubles.comlib_boards import Pipe, Ramp, board_with, radar
 from radarcore.sensor.comlib.board import ComLibBoard
+from radarcore.sensor.comlib.codes import Base
+from radarcore.sensor.comlib.messages import (
+    AdcSettings,
+    FmcwSettings,
+    Format,
+    HostParser,
+    Message,
+    StatusMessage,
+    encode_number,
+)
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.errors import (
     ProtocolError,
@@ -43,14 +54,6 @@ def started(emulator: ComLibEmulator) -> ComLibBoard:
     board.configure(radar())
     board.start()
     return board
-
-
-def test_temperature_told_with_a_frame_is_no_frame():
-    emulator = ComLibEmulator(Ramp())
-    board = started(emulator)
-    emulator.temperature = 50.0
-    (frame,) = board.read(60.0)
-    assert isinstance(frame, RawFrame)
 
 
 class Stepped(ComLibEmulator):
@@ -155,8 +158,8 @@ def test_host_finds_step_again_after_damage():
 
 
 def test_host_waits_for_a_board_that_has_lost_step():
-    emulator = ComLibEmulator(Ramp(), resync_timeout=0.3)
-    board = ComLibBoard(Pipe(emulator), timeout=0.2, board_timeout=60.0)
+    emulator = ComLibEmulator(Ramp(), resync_timeout=0.1)
+    board = ComLibBoard(Pipe(emulator), timeout=0.05, board_timeout=60.0)
     emulator.receive(b"\xc0")
     begin = time.monotonic()
     with pytest.raises(RequestError, match=r"bad start \(0x0002\)"):
@@ -173,23 +176,21 @@ def test_board_that_was_left_half_way_is_opened():
     assert board_with(emulator).temperature() == pytest.approx(40.0)
 
 
-def test_silence_is_no_comlib():
-    class Silent(ComLibEmulator):
-        def receive(self, data: bytes) -> None:
-            pass
-
-    with pytest.raises(SensorTimeoutError, match=r"pipe: no answer in 0\.1 s"):
-        board_with(Silent(Ramp()))
+class Silent(ComLibEmulator):
+    def receive(self, data: bytes) -> None:
+        pass
 
 
-def test_endless_noise_is_no_comlib():
-    class Noise(ComLibEmulator):
-        def send(self, size: int, timeout: float) -> bytes:
-            time.sleep(0.001)
-            return b"\xd3" * size
+class Noise(ComLibEmulator):
+    def send(self, size: int, timeout: float) -> bytes:
+        time.sleep(0.001)
+        return b"\xd3" * size
 
-    with pytest.raises(SensorTimeoutError, match="pipe: the line is never silent"):
-        ComLibBoard(NoDiscard(Noise(Ramp())), timeout=0.02, board_timeout=0.05)
+
+@pytest.mark.parametrize(("kind", "message"), [(Silent, r"no answer in 0\.05 s"), (Noise, "the line is never silent")])
+def test_silence_and_endless_noise_are_no_comlib(kind, message):
+    with pytest.raises(SensorTimeoutError, match=f"pipe: {message}"):
+        ComLibBoard(NoDiscard(kind(Ramp())), timeout=0.05, board_timeout=0.05)
 
 
 class NoDiscard(Pipe):
@@ -208,3 +209,86 @@ def test_unplugged_board_is_disconnected_and_can_be_closed():
     board.close()
     board.close()
     assert board._stream.is_closed
+
+
+# The emulator, byte by byte
+
+
+def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[Message | StatusMessage]:
+    """Everything that a request is answered with."""
+    emulator.receive(Message(endpoint, payload).encode())
+    parser = HostParser()
+    found = []
+    while data := emulator.send(7, 0.0):
+        found += parser.feed(data)
+    assert parser.is_idle
+    return found
+
+
+def codes_of(answer: Sequence[Message | StatusMessage]) -> list[tuple[int, int]]:
+    return [
+        (item.endpoint, item.code if isinstance(item, Message) else -1 - item.status)
+        for item in answer
+    ]  # fmt: skip
+
+
+OK = -1
+
+
+def test_emulator_tells_what_follows_from_a_setting():
+    emulator = ComLibEmulator(Ramp())
+    assert codes_of(talk(emulator, 1, Format(64, 16, 0xF).encode())) == [
+        (1, 0x41), (1, 0x35), (1, 0x37), (3, 0x01), (2, 0x02), (1, OK),
+    ]  # fmt: skip
+    ramp = FmcwSettings(57_000_000, 64_000_000, 0, 31)
+    assert codes_of(talk(emulator, 2, ramp.encode())) == [(1, 0x33), (1, 0x33), (2, 0x01), (2, OK)]
+    assert codes_of(talk(emulator, 3, AdcSettings(1_000_000).encode())) == [(1, 0x35), (1, 0x37), (3, 0x01), (3, OK)]
+    without = ComLibEmulator(Ramp(), has_adc=False)
+    assert codes_of(talk(without, 1, Format(64, 16, 0xF).encode())) == [
+        (1, 0x41), (1, 0x35), (1, 0x37), (2, 0x02), (1, OK),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "payload", "status"),
+    [
+        (0, b"\x07", 0xFFFF),
+        (1, b"\x01", 0xFFFF),
+        (1, encode_number(0x02, 1), 0x05),
+        (1, bytes(8).replace(b"\0", b"\x03", 1), 0x03),
+        (1, b"\x30\x01", 0x07),
+        (1, b"\x32\x02", 0x06),
+        (1, Format(64, 16, 0x10).encode(), 0x06),
+        (1, Format(0, 16, 1).encode(), 0x08),
+        (1, Format(64, 16, 1, 2).encode(), 0x0B),
+        (2, FmcwSettings(55_999_999, 64_000_000, 0, 0).encode(), 0x09),
+        (2, FmcwSettings(57_000_000, 64_000_000, 0, 32).encode(), 0x0A),
+        (2, FmcwSettings(57_000_000, 64_000_000, 2, 0).encode(), 0x20),
+        (3, AdcSettings(3_000_001).encode(), 0x50),
+        (3, AdcSettings(1_000_000, 10).encode(), 0x51),
+    ],
+)
+def test_emulator_refuses_with_the_status_of_the_protocol(endpoint, payload, status):
+    assert talk(ComLibEmulator(Ramp()), endpoint, payload) == [StatusMessage(endpoint, status)]
+
+
+def test_frame_that_is_not_ready_is_refused_or_held_back():
+    # A frame every 100 ms, which takes days of the clock.
+    emulator = ComLibEmulator(Ramp(), speed=1e-6)
+    talk(emulator, 1, encode_number(0x02, 100_000))
+    assert talk(emulator, 1, b"\x01\x00") == [StatusMessage(1, 0x02)]
+    assert talk(emulator, 1, b"\x01\x01") == []
+    # The next request waits behind it.
+    assert talk(emulator, 1, b"\x22") == []
+
+
+def test_frame_comes_when_its_interval_is_over():
+    emulator = ComLibEmulator(Ramp(), speed=2.0)
+    talk(emulator, 1, encode_number(0x02, 100_000))
+    begin = time.monotonic()
+    emulator.receive(Message(1, b"\x01\x01").encode())
+    data = emulator.send(100, 60.0)
+    # Half the interval, less what passed before the clock was read.
+    assert data
+    assert time.monotonic() - begin > 0.02
+    assert data[4] == Base.FRAME

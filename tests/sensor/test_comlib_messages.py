@@ -73,7 +73,8 @@ def test_messages_are_the_bytes_of_the_protocol(text, message):
 
 def test_records_come_back_as_they_were_sent():
     assert decode_endpoints(encode_endpoints(ENDPOINTS)) == ENDPOINTS
-    assert [endpoint.letters for endpoint in ENDPOINTS] == ["RBAS", "RFMC", "RADX"]
+    odd = Endpoint(0x00410A9C)
+    assert [endpoint.letters for endpoint in (*ENDPOINTS, odd)] == ["RBAS", "RFMC", "RADX", r"\x00A\x0a\x9c"]
     for record in (
         Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
         Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
@@ -158,20 +159,13 @@ def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
 
 
 @fuzz
-@given(st.lists(items), cuts)
-def test_host_gets_every_message_however_the_stream_is_cut(sent, places):
-    parser = HostParser()
-    stream = b"".join(item.encode() for item in sent)
-    assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
-    assert parser.is_idle
-
-
-@fuzz
-@given(st.lists(requests), cuts)
-def test_board_gets_every_request_however_the_stream_is_cut(sent, places):
-    parser = BoardParser(3)
-    stream = b"".join(item.encode() for item in sent)
-    assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
+@given(st.lists(items), st.lists(requests), cuts)
+def test_every_message_arrives_however_the_stream_is_cut(answers, asked, places):
+    host, board = HostParser(), BoardParser(3)
+    for parser, sent in ((host, answers), (board, asked)):
+        stream = b"".join(item.encode() for item in sent)
+        assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
+    assert host.is_idle
 
 
 @fuzz
@@ -226,8 +220,3 @@ def test_board_answers_wrong_bytes_once_and_then_discards(text, status):
     assert parser.silence() == [StatusMessage(0, 1)]
     assert parser.silence() == []
     assert parser.feed(request.encode()) == [request]
-
-
-def test_endpoint_of_any_type_has_letters_that_can_be_shown():
-    assert Endpoint(EndpointType.RBAS).letters == "RBAS"
-    assert Endpoint(0x00410A9C).letters == r"\x00A\x0a\x9c"

@@ -125,19 +125,6 @@ def test_bulk_packet_is_the_same_without_crc():
             assert strata.decode_data(data) == packet
 
 
-def test_data_configuration_is_the_bytes_of_the_protocol():
-    payload = bytes.fromhex("10 00 00 00 00 00 00 00 60 00 00 18")
-    assert strata.data_configuration(6144) == payload
-    assert strata.decode_data_configuration(payload) == (0x10, 0x60, 6144)
-
-
-def test_commands_go_out_high_byte_first_and_values_come_low_byte_first():
-    assert strata.encode_commands([0x030A0210, 0x011E8271]).hex(" ") == "03 0a 02 10 01 1e 82 71"
-    assert strata.decode_commands(bytes.fromhex("030a0210")) == [0x030A0210]
-    assert strata.encode_values([0xF0000303]).hex(" ") == "03 03 00 f0"
-    assert strata.decode_values(bytes.fromhex("030300f0")) == [0xF0000303]
-
-
 def test_identity_of_a_board():
     info = bytes.fromhex("8b 05 51 02") + b"Radar Baseboard MCU7\0"
     assert strata.encode_board_info(0x058B, 0x0251, "Radar Baseboard MCU7") == info
@@ -175,15 +162,15 @@ def test_error_of_another_length_than_4_is_a_text():
     ("payload", "options", "status"),
     [
         ("10 00 00 00 00 00 00 00 60 00 00 18", {"index": 1}, 0x06),
+        ("10 00 00 00 00 00 00 00 60 00 00 18", {"max_slice_size": 6142}, 0x07),
+        ("", {}, 0x02),
         ("10 00 00 00 00 00 00 00 60 00 00", {}, 0x02),
         ("10 00 00 00 00 00 00 00 60 00 00 18 60 00 00 18", {}, 0x02),
-        ("", {}, 0x02),
         ("10 00 00 00 00 00 00 00", {}, 0x03),
         ("10 00 00 00 00 00 00 00 00 01 00 18", {}, 0x03),
         ("10 00 00 00 00 00 00 00 60 00 01 18", {}, 0x03),
         ("10 00 00 00 00 00 00 00 60 00 00 00", {}, 0x03),
         ("11 00 00 00 00 00 00 00 60 00 00 18", {}, 0x03),
-        ("10 00 00 00 00 00 00 00 60 00 00 18", {"max_slice_size": 6142}, 0x07),
     ],
 )
 def test_data_configuration_is_refused_with_the_status_of_a_board(payload, options, status):
@@ -339,15 +326,6 @@ def test_request_that_claims_too_much_is_refused_at_its_header():
     assert (damage.status, damage.reason) == (Status.PAYLOAD_TOO_LONG, "packet of 4096 bytes")
 
 
-def test_bytes_before_a_reset_are_forgotten():
-    for parser, packet in ((HostParser(), ANSWERS), (BoardParser(), REQUESTS)):
-        text = next(iter(packet))
-        data = bytes.fromhex(text)
-        parser.feed(data[:-1])
-        parser.reset()
-        assert parser.feed(data) == [packet[text]]
-
-
 def test_packet_with_a_good_crc_and_no_room_for_its_timestamp_is_damage():
     body = bytes.fromhex("d7 00 00 00 04 00 01 02 03 04")
     found = HostParser().feed(body + strata.crc(body).to_bytes(2, "big"))
@@ -387,80 +365,58 @@ def slice_of(*parts: bytes, first: int = 0) -> list[DataPacket]:
     ]
 
 
-def assemble(packets_: Sequence[DataPacket], max_size: int = 100) -> list[Any]:
-    assembler = SliceAssembler(max_size)
-    return [item for packet in packets_ for item in assembler.feed(packet)]
+FIRST, MIDDLE, LAST = slice_of(b"a", b"b", b"c")
+AFTER, WHOLE = slice_of(b"d", b"e", first=3), Slice(b"de", 77, 3, 2)
+HEADLESS = SliceLost("packet of a slice whose first packet is missing", 1)
 
 
-def test_slice_is_its_packets_in_a_row():
-    sent = slice_of(b"ab", b"cd", b"e", first=65534) + slice_of(b"f", first=1)
-    assert assemble(sent) == [Slice(b"abcde", 77, 65534, 3), Slice(b"f", 77, 1, 1)]
-
-
-def test_lost_packets_are_counted_modulo_65536():
-    sent = slice_of(b"a", first=65534) + slice_of(b"b", first=3)
-    assert assemble(sent)[1:] == [SliceLost("expected packet 65535, got 3", 4), Slice(b"b", 77, 3, 1)]
-
-
-def test_gap_in_a_slice_loses_the_slice_alone():
-    first, middle, last = slice_of(b"a", b"b", b"c")
-    after = slice_of(b"d", b"e", first=3)
-    missing = SliceLost("packet of a slice whose first packet is missing", 1)
-    assert assemble([first, last, *after]) == [
-        SliceLost("incomplete slice: expected packet 1, got 2", 1),
-        SliceLost("expected packet 1, got 2", 1),
-        missing,
-        Slice(b"de", 77, 3, 2),
-    ]
-    assert assemble([middle, last, *after]) == [missing, missing, Slice(b"de", 77, 3, 2)]
-    assert assemble([first, middle, *after]) == [
-        SliceLost("incomplete slice: expected packet 2, got 3", 2),
-        SliceLost("expected packet 2, got 3", 1),
-        Slice(b"de", 77, 3, 2),
-    ]
-
-
-def test_first_packet_replaces_an_incomplete_slice():
-    first, _ = slice_of(b"a", b"b")
-    assert assemble([first, *slice_of(b"c", first=1)]) == [
-        SliceLost("incomplete slice before the next one", 1),
-        Slice(b"c", 77, 1, 1),
-    ]
-
-
-def test_counter_that_goes_back_counts_no_loss():
-    assert assemble(slice_of(b"a", first=5) * 2) == [
-        Slice(b"a", 77, 5, 1),
-        SliceLost("expected packet 6, got 5", 0),
-        Slice(b"a", 77, 5, 1),
-    ]
-
-
-def test_too_large_slice_is_thrown_away():
-    assert assemble(slice_of(b"abc", b"def", b"g") + slice_of(b"h", first=3), max_size=5) == [
-        SliceLost("slice of more than 5 bytes", 2),
-        SliceLost("packet of a slice whose first packet is missing", 1),
-        Slice(b"h", 77, 3, 1),
-    ]
-    assert assemble(slice_of(b"abc", b"de"), max_size=5) == [Slice(b"abcde", 77, 0, 2)]
-
-
-def test_packet_of_another_channel_is_no_part_of_a_slice():
-    first, last = slice_of(b"a", b"b")
-    stray = DataPacket(b"x", 1, channel=1, is_first=False, is_last=True)
-    last = DataPacket(b"b", 2, is_first=False)
-    assert assemble([first, stray, last]) == [
-        SliceLost("packet of channel 1 in a slice of 0", 1),
-        Slice(b"ab", None, 0, 3 - 1),
-    ]
-
-
-def test_error_packet_ends_the_slice_before_it():
-    first, _ = slice_of(b"a", b"b")
-    assert assemble([first, DataPacket(b"", 1, timestamp=123456, error=7)]) == [
-        SliceLost("incomplete slice before an error", 1),
-        StreamError(7, 123456),
-    ]
+@pytest.mark.parametrize(
+    ("sent", "expected"),
+    [
+        (
+            slice_of(b"ab", b"cd", b"e", first=65534) + slice_of(b"f", first=1),
+            [Slice(b"abcde", 77, 65534, 3), Slice(b"f", 77, 1, 1)],
+        ),
+        # Lost packets are counted modulo 65536.
+        (
+            slice_of(b"a", first=65534) + slice_of(b"b", first=3),
+            [Slice(b"a", 77, 65534, 1), SliceLost("expected packet 65535, got 3", 4), Slice(b"b", 77, 3, 1)],
+        ),
+        # A gap loses its slice alone.
+        (
+            [FIRST, LAST, *AFTER],
+            [
+                SliceLost("incomplete slice: expected packet 1, got 2", 1),
+                SliceLost("expected packet 1, got 2", 1),
+                HEADLESS,
+                WHOLE,
+            ],
+        ),
+        ([MIDDLE, LAST, *AFTER], [HEADLESS, HEADLESS, WHOLE]),
+        (
+            [FIRST, *slice_of(b"c", first=1)],
+            [SliceLost("incomplete slice before the next one", 1), Slice(b"c", 77, 1, 1)],
+        ),
+        # A counter that goes back counts no loss.
+        (2 * [*AFTER], [WHOLE, SliceLost("expected packet 5, got 3", 0), WHOLE]),
+        (slice_of(b"12345678", b"9x"), [Slice(b"123456789x", 77, 0, 2)]),
+        (
+            slice_of(b"12345678", b"9xy", b"z") + AFTER,
+            [SliceLost("slice of more than 10 bytes", 2), HEADLESS, WHOLE],
+        ),
+        (
+            [FIRST, DataPacket(b"x", 1, channel=1, is_first=False), DataPacket(b"b", 2, is_first=False)],
+            [SliceLost("packet of channel 1 in a slice of 0", 1), Slice(b"ab", None, 0, 2)],
+        ),
+        (
+            [FIRST, DataPacket(b"", 1, timestamp=123456, error=7)],
+            [SliceLost("incomplete slice before an error", 1), StreamError(7, 123456)],
+        ),
+    ],
+)
+def test_slices_are_whole_and_losses_are_counted(sent, expected):
+    assembler = SliceAssembler(10)
+    assert [item for packet in sent for item in assembler.feed(packet)] == expected
 
 
 def test_counter_may_begin_anywhere_after_a_reset():
