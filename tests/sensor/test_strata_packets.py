@@ -343,7 +343,7 @@ def test_much_rubbish_takes_little_memory_and_leaves_the_next_packet_whole(kind)
     }[kind]
     parser = HostParser()
     tracemalloc.start()
-    found = feed_all(parser, [b"\0" + stream[i : i + 1000] for i in range(0, len(stream), 1000)])
+    found = feed_all(parser, [b"\0" + stream[i : i + 8000] for i in range(0, len(stream), 8000)])
     memory = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     # A record or two for each of 100 pieces, and two records of about 200 bytes for each sixth of 65,543 places.

@@ -63,16 +63,23 @@ def is_unlocked(path):
 
 
 @contextmanager
-def serving(*arguments):
-    """A server that listens; killed at the end if it still runs."""
-    with python(CLI, "sensor", "serve", *arguments) as server:
+def serving(*arguments, program=CLI):
+    """A server that listens, and its first line; killed at the end if it still runs."""
+    with python(program, "sensor", "serve", *arguments) as server:
         try:
-            line = server.stdout.readline()
-            assert line.startswith("listening on "), server.stderr.read()
+            assert server.stdout.readline() == f"listening on {arguments[arguments.index('--link') + 1]}\n"
             yield server
         finally:
-            if server.poll() is None:
-                server.kill()
+            server.kill()
+
+
+@pytest.fixture(scope="module")
+def served(recording, tmp_path_factory):
+    """Link to a server of a recording, for clients that come and go."""
+    link = tmp_path_factory.mktemp("served") / "radar"
+    with serving(recording, "--link", link, "--latency", "0.03") as server:
+        yield link
+        assert server.poll() is None
 
 
 def end(process, number):
@@ -90,10 +97,15 @@ def is_soon(true):
     return False
 
 
-def test_signal_ends_a_server_as_an_interrupt_does(recording, tmp_path):
-    """SIGHUP is what a terminal sends that closes, see below."""
+def test_signal_ends_a_server_which_removes_its_link_if_it_can(recording, tmp_path, capsys):
     link = tmp_path / "radar"
     with serving(recording, "--link", link) as server:
+        end(server, signal.SIGKILL)
+    left = link.readlink()
+    assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
+    assert "expected a name that is free, got the name of a link; --force" in capsys.readouterr().err
+    assert link.readlink() == left
+    with serving(recording, "--link", link, "--force") as server:
         assert "BGT60TR13C, protocol Strata; 4 frames over and over" in server.stdout.readline()
         assert f"radarcore sensor view {link}" in server.stdout.readline()
         with open_sensor(str(link), protocol="strata") as sensor:
@@ -152,53 +164,30 @@ def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol):
     """A board with ComLib simulates while its port waits for an answer."""
     scene, link = tmp_path / "swing.toml", tmp_path / "radar"
     scene.write_text(SWING)
-    with python(HEAVY + CLI, "sensor", "serve", scene, "--link", link, "--protocol", protocol) as server:
-        try:
-            assert server.stdout.readline() == f"listening on {link}\n"
-            with open_sensor(str(link), protocol=protocol) as sensor:
-                rx = RADAR.rx if protocol == "strata" else [[0.0, 0.0, 0.0]]
-                sensor.configure(rc.Radar(RADAR.waveform, rx=rx, receiver=RADAR.receiver))
-                with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
-                    next(sensor.frames(timeout=0.2))
-            assert "simulates\n" in [server.stdout.readline() for _ in range(3)]
-            began = time.monotonic()
-            end(server, signal.SIGTERM)
-            assert time.monotonic() - began < 10.0, "a busy machine may take some seconds, and the frame a minute"
-        finally:
-            server.kill()
-    assert server.returncode == 0
-    assert not link.is_symlink()
-
-
-# Links
-
-
-def test_link_of_a_killed_server_is_refused_and_replaced_if_asked(recording, tmp_path, capsys):
-    link = tmp_path / "radar"
-    with serving(recording, "--link", link) as server:
-        end(server, signal.SIGKILL)
-    left = link.readlink()  # nobody could remove it
-    assert main(["sensor", "serve", str(recording), "--link", str(link)]) == 1
-    assert "expected a name that is free, got the name of a link; --force" in capsys.readouterr().err
-    assert link.readlink() == left
-    with serving(recording, "--link", link, "--force") as server:
-        assert link.is_char_device()
+    with serving(scene, "--link", link, "--protocol", protocol, program=HEAVY + CLI) as server:
+        with open_sensor(str(link), protocol=protocol) as sensor:
+            rx = RADAR.rx if protocol == "strata" else [[0.0, 0.0, 0.0]]
+            sensor.configure(rc.Radar(RADAR.waveform, rx=rx, receiver=RADAR.receiver))
+            with pytest.raises(SensorTimeoutError, match=r"no frame within 0\.2 s"):
+                next(sensor.frames(timeout=0.2))
+        assert "simulates\n" in [server.stdout.readline() for _ in range(3)]
+        began = time.monotonic()
         end(server, signal.SIGTERM)
+        assert time.monotonic() - began < 10.0, "a busy machine may take some seconds, and the frame a minute"
+    assert server.returncode == 0
     assert not link.is_symlink()
 
 
 # Clients
 
 
-def test_server_takes_its_time(recording, tmp_path):
-    link = tmp_path / "radar"
-    with serving(recording, "--link", link, "--latency", "0.3", "--receiver", "ideal"):
-        file = os.open(link, os.O_RDWR | os.O_NOCTTY)
-        began = time.monotonic()
-        os.write(file, VERSION)
-        assert os.read(file, 1) == b"\xc0"
-        assert time.monotonic() - began >= 0.3
-        os.close(file)
+def test_server_takes_its_time(served):
+    file = os.open(served, os.O_RDWR | os.O_NOCTTY)
+    began = time.monotonic()
+    os.write(file, VERSION)
+    assert os.read(file, 1) == b"\xc0"
+    assert time.monotonic() - began >= 0.03
+    os.close(file)
 
 
 def client_of(port, data):
@@ -228,22 +217,37 @@ def test_clients_that_end_half_way_leave_nothing_to_the_next(board):
         assert board.controller.chip.registers == kept
 
 
-def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(recording, tmp_path):
+@contextmanager
+def recorder(port, output):
+    """A program that has recorded five frames, and goes on."""
     pytest.importorskip("serial", reason="needs the extra `usb`: pip install radarcore[usb]")
-    link = tmp_path / "radar"
-    with serving(recording, "--link", link) as server:
-        output = tmp_path / "rec"
-        options = ("--rate", "40", "--chirps", "8", "--samples", "32")
-        with python(CLI, "sensor", "record", link, "-o", output, *options) as client:
-            cube = output / "cube.npy"
-            assert is_soon(lambda: cube.exists() and cube.stat().st_size > 5 * 4 * 3 * 8 * 32)
-            client.kill()
-        time.sleep(0.5)  # frames that nobody reads
-        assert is_soon(lambda: is_unlocked(link)), "a busy system may take a moment to forget the client's lock"
-        with open_sensor(str(link), protocol="strata") as sensor:
-            sensor.configure(RADAR)
-            assert [frame.stats["lost_before"] for frame in sensor.frames(5)] == [0] * 5
-        assert server.poll() is None
+    options = ("--rate", "40", "--chirps", "8", "--samples", "32")
+    with python(CLI, "sensor", "record", port, "-o", output, *options) as client:
+        cube = output / "cube.npy"
+        assert is_soon(lambda: cube.exists() and cube.stat().st_size > 5 * 4 * 3 * 8 * 32)
+        yield client
+
+
+def test_recorder_that_is_told_to_end_does_so_well(served, tmp_path):
+    with recorder(served, tmp_path / "rec") as client:
+        out, err = end(client, signal.SIGTERM)  # as an interrupt does: as long as was wanted
+    assert client.returncode == 0, err
+    assert "0 lost" in out
+    recording = rc.Recording.load(tmp_path / "rec")
+    assert len(recording) >= 5
+    assert recording.raw.dtype == np.uint16
+    assert recording.source["sensor"]["chip"] == "BGT60TR13C"
+    assert main(["info", str(tmp_path / "rec")]) == 0
+
+
+def test_client_killed_while_frames_come_leaves_a_board_that_can_be_opened(served, tmp_path):
+    with recorder(served, tmp_path / "rec") as client:
+        client.kill()
+    time.sleep(0.3)  # frames that nobody reads
+    assert is_soon(lambda: is_unlocked(served)), "a busy system may take a moment to forget the client's lock"
+    with open_sensor(str(served), protocol="strata") as sensor:
+        sensor.configure(RADAR)
+        assert [frame.stats["lost_before"] for frame in sensor.frames(5)] == [0] * 5
 
 
 def test_client_that_never_reads_fills_no_memory(board):
