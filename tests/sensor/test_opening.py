@@ -17,7 +17,6 @@ from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor import (
     RequestError,
-    SensorDisconnectedError,
     SensorError,
     SensorNotFoundError,
     SensorTimeoutError,
@@ -26,7 +25,7 @@ from radarcore.sensor import (
     opening,
     virtual_board,
 )
-from radarcore.sensor.emulator.pty import PtyPort, Unplugged
+from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
 from radarcore.sensor.strata import packets
@@ -89,13 +88,8 @@ def is_stop(request: Request) -> bool:
     return (request.request, request.value) == (Code.DATA, Data.STOP)
 
 
-@pytest.mark.parametrize(
-    ("transport", "status"),
-    [
-        *(("cdc", status) for status in (0x01, 0x05, 0x11, 0x14, 0x16, 0x86, 0x8C, 0x90)),
-        *(("vendor", status) for status in (0x01, 0x05, 0x90)),
-    ],
-)
+@pytest.mark.parametrize("status", [0x01, 0x05, 0x16, 0x86, 0x90])
+@pytest.mark.parametrize("transport", ["cdc", "vendor"])
 def test_stop_may_be_refused_with_any_status(transport: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, is_stop, status)
     with opened(Controller(Numbered(), speed=None), transport) as sensor:
@@ -116,20 +110,7 @@ def test_stop_without_an_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
         open_sensor(**where)
 
 
-def test_board_that_goes_at_the_stop_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    handle = Controller.handle
-
-    def going(self: Controller, request: Request) -> packets.Response:
-        if is_stop(request):
-            raise Unplugged
-        return handle(self, request)
-
-    monkeypatch.setattr(Controller, "handle", going)
-    with plugged(Controller(Noise()), "cdc") as (where, _), pytest.raises(SensorDisconnectedError):
-        open_sensor(**where)
-
-
-@pytest.mark.parametrize("status", [0x10, 0x15, 0x86, 0x89, 0x8C])
+@pytest.mark.parametrize("status", [0x10, 0x8C])
 def test_board_that_has_no_uuid_and_no_name_is_opened(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, lambda asked: asked.request == Code.BOARD_INFO and asked.value != Info.VERSION, status)
     with opened(Controller(Noise())) as sensor:
@@ -140,35 +121,30 @@ def test_board_that_has_no_uuid_and_no_name_is_opened(status: int, monkeypatch: 
 
 
 @needs_pty
-@pytest.mark.parametrize("ids", [(0x058B, 0x0251), (0x058B, 0x0253), (0x04B4, 0xF155), (0x0403, 0x6001)])
+@pytest.mark.parametrize("is_link", [False, True])
+@pytest.mark.parametrize("ids", [(0x058B, 0x0251), (0x04B4, 0xF155), (0x0403, 0x6001)])
 def test_board_at_a_named_port_with_usb_ids_hears_strata_alone(
-    ids: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+    ids: tuple[int, int], is_link: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Boards by their ids, and bridges that ComLib boards do not need."""
+    """Boards by their ids, and bridges that ComLib boards do not need; a link has the ids of its port."""
     heard = Heard(CdcBoard(Controller(Noise())))
-    with named_port(monkeypatch, heard, ids) as port, open_sensor(port.path) as sensor:
-        assert (sensor.info.protocol, sensor.info.port) == ("strata", port.path)
+    with named_port(monkeypatch, heard, ids) as port:
+        path = tmp_path / "usb-Infineon_IFX_CDC-if00" if is_link else Path(port.path)
+        if is_link:
+            path.symlink_to(port.path)
+        with open_sensor(str(path)) as sensor:
+            assert (sensor.info.protocol, sensor.info.port) == ("strata", str(path))
     version = packets.encode_request(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16))
     assert heard.bytes.startswith(version), "and nothing before"
 
 
 @needs_pty
-def test_link_to_a_port_has_the_ids_of_the_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    heard = Heard(CdcBoard(Controller(Noise())))
-    with named_port(monkeypatch, heard, (0x058B, 0x0251)) as port:
-        link = tmp_path / "usb-Infineon_IFX_CDC-if00"
-        link.symlink_to(port.path)
-        with open_sensor(str(link)) as sensor:
-            assert sensor.info.port == str(link), "as it was named"
-    assert heard.bytes[0] == Kind.READ
-
-
-@needs_pty
 def test_silent_board_with_known_ids_is_asked_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    shorten_requests(monkeypatch, 0.3)
     heard = Heard(Silent())
     with (
         named_port(monkeypatch, heard, (0x058B, 0x0251)) as port,
-        pytest.raises(SensorTimeoutError, match=rf"{port.path}: no answer to request 0x80 .* within 2 s"),
+        pytest.raises(SensorTimeoutError, match=rf"{port.path}: no answer to request 0x80"),
     ):
         open_sensor(port.path)
     assert set(heard.bytes[::10]) == {Kind.READ}, "requests of 10 bytes"
@@ -203,7 +179,7 @@ def test_windows_names_of_a_port_are_one(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @needs_pty
-@pytest.mark.parametrize("ids", [(0x058B, 0x0251), (0x0403, 0x6001), None])
+@pytest.mark.parametrize("ids", [(0x058B, 0x0251), None])
 def test_old_firmware_at_a_named_port_is_told(ids: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         named_port(monkeypatch, CdcBoard(Controller(Noise(), identity=OLD)), ids) as port,
@@ -213,19 +189,19 @@ def test_old_firmware_at_a_named_port_is_told(ids: tuple[int, int] | None, monke
 
 
 @needs_pty
-def test_firmware_that_does_not_know_the_type_of_our_requests_is_old(monkeypatch: pytest.MonkeyPatch) -> None:
-    refusing(monkeypatch, lambda request: True, 0x85)
-    message = "expected protocol 4 of Strata, got 3 or older; update the board's firmware"
-    with PtyPort(CdcBoard(Controller(Noise()))) as port, pytest.raises(SensorError, match=message):
+@pytest.mark.parametrize(
+    ("refused", "status", "error", "message"),
+    [
+        (lambda request: True, 0x85, SensorError, "protocol 4 of Strata, got 3 or older; update the board's firmware"),
+        (lambda request: request.value == Info.VERSION, 0x8C, RequestError, r"not available \(0x8C\)"),
+    ],
+)
+def test_refusal_of_the_first_request_is_told_whatever_protocol_was_tried_before(
+    refused: Any, status: int, error: type[SensorError], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusing(monkeypatch, refused, status)
+    with PtyPort(CdcBoard(Controller(Noise()))) as port, pytest.raises(error, match=message):
         open_sensor(port.path)
-
-
-@needs_pty
-def test_what_a_board_refuses_is_told_whatever_protocol_was_tried_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    refusing(monkeypatch, lambda request: request.value == Info.VERSION, 0x8C)
-    with PtyPort(CdcBoard(Controller(Noise()))) as port, pytest.raises(RequestError, match="not available") as caught:
-        open_sensor(port.path)
-    assert (caught.value.status, caught.value.protocol) == (0x8C, "strata")
 
 
 @needs_pty

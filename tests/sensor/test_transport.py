@@ -149,50 +149,36 @@ def test_port_is_opened_once() -> None:
         SerialStream(port.path).close()
 
 
-def test_closing_ends_a_read_that_waits() -> None:
-    with PtyPort(Loopback()) as port:
-        stream = SerialStream(port.path)
-        call = Call(lambda: stream.read(1, 10 * HANG))
-        time.sleep(0.02)
-        Call(stream.close).result()
-        with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-            call.result()
-        stream.close()  # does nothing
-        for use in (lambda: stream.read(1, 1.0), lambda: stream.write(b"x", 1.0), lambda: stream.discard()):
-            with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-                use()
-
-
-@pytest.mark.parametrize("by_board", [True, False])
-def test_board_that_goes_ends_a_read_that_waits(by_board: bool) -> None:
+@pytest.mark.parametrize("end", ["closed", "unplugged", "port closed"])
+def test_end_of_a_port_ends_a_read_that_waits_and_all_later_calls(end: str) -> None:
     peripheral = Loopback()
     with PtyPort(peripheral) as port:
         stream = SerialStream(port.path)
         call = Call(lambda: stream.read(1, 10 * HANG))
         time.sleep(0.02)
-        if by_board:
+        if end == "closed":
+            Call(stream.close).result()
+        elif end == "unplugged":
             peripheral.queue(Unplugged)
         else:
             port.close()
-        with pytest.raises(SensorDisconnectedError, match=f"{port.path}: the board is gone"):
-            call.result()
-        with pytest.raises(SensorDisconnectedError):
-            stream.write(b"x", 1.0)
-        stream.close()
-    port.close()  # does nothing
-
-
-def test_missing_port_is_not_found(tmp_path: Path) -> None:
-    for path in (tmp_path / "ttyACM0", tmp_path / "no" / "such"):
-        with pytest.raises(SensorNotFoundError, match="there is no such port; is the board plugged in"):
-            open_stream(str(path))
+        message = "the port has been closed" if end == "closed" else f"{port.path}: the board is gone"
+        for ended in (call.result, lambda: stream.read(1, 1.0), lambda: stream.write(b"x", 1.0), stream.discard):
+            with pytest.raises(SensorDisconnectedError, match=message):
+                ended()
+        stream.close()  # does nothing the second time
+    port.close()
 
 
 def test_what_is_no_serial_port_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"abc")
-    for path in (file, tmp_path):
-        with pytest.raises(SensorError, match="no serial port"):
+    for path, error, message in (
+        (tmp_path / "no" / "such", SensorNotFoundError, "there is no such port; is the board plugged in"),
+        (file, SensorError, "no serial port"),
+        (tmp_path, SensorError, "no serial port"),
+    ):
+        with pytest.raises(error, match=message):
             open_stream(str(path))
     assert file.read_bytes() == b"abc"
 
@@ -255,18 +241,6 @@ def test_links_are_made_nowhere_but_where_nothing_is(tmp_path: Path) -> None:
             PtyPort(Loopback(), link=link, replace_link=True)
         assert raised.value.filename == str(link)
     assert file.read_bytes() == b"abc"
-
-
-def test_ptys_leave_no_files_and_no_threads_behind() -> None:
-    def num_files() -> int:
-        return len(list(Path("/dev/fd").iterdir()))
-
-    files, threads = num_files(), threading.active_count()
-    for _ in range(3):
-        with PtyPort(Loopback()) as port:
-            stream = SerialStream(port.path)
-            stream.close()
-    assert (num_files(), threading.active_count()) == (files, threads)
 
 
 def test_idle_pty_asks_its_board_seldom() -> None:
@@ -336,6 +310,16 @@ def test_capture_plays_as_the_board_did(capture: Path, checks_writes: bool) -> N
     with pytest.raises(SensorDisconnectedError, match="the capture ends here"):
         stream.read(1, HANG)
     stream.close()
+    for ended in (lambda: stream.read(10, 10 * HANG), lambda: stream.write(b"ask", HANG)):
+        with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
+            ended()
+
+
+def test_unchecked_write_stands_for_the_recorded_one(tmp_path: Path) -> None:
+    stream = Replay(write_capture(tmp_path / "c", ("write", b"ask"), ("read", b"answer")), checks_writes=False)
+    stream.write(b"other", HANG)
+    assert stream.read(10, HANG) == b"answer"
+    stream.write(b"more", HANG)  # nothing is left to stand for
 
 
 def write_capture(path: Path, *events: tuple[str, bytes]) -> Path:
@@ -346,8 +330,8 @@ def write_capture(path: Path, *events: tuple[str, bytes]) -> Path:
 
 
 def test_answers_wait_for_their_questions(tmp_path: Path) -> None:
-    path = write_capture(tmp_path / "c", ("read", b"hello"), ("write", b"ask"), ("read", b"answer"))
-    stream = Replay(path)
+    events = [("read", b"hello"), ("write", b"ask"), ("read", b"answer"), ("write", b"b"), ("read", b"2")]
+    stream = Replay(write_capture(tmp_path / "c", *events))
     assert stream.read(2, 0.0) == b"he"
     assert stream.read(10, 0.0) == b"llo"
     assert stream.read(10, 0.01) == b""
@@ -355,15 +339,8 @@ def test_answers_wait_for_their_questions(tmp_path: Path) -> None:
     stream.write(b"as", HANG)
     time.sleep(0.02)
     assert call.is_running  # the question is not complete
-    stream.write(b"k", HANG)
-    assert call.result() == b"answer"
-
-
-def test_write_may_come_before_what_was_read_before_it(tmp_path: Path) -> None:
-    path = write_capture(tmp_path / "c", ("write", b"a"), ("read", b"1"), ("write", b"b"), ("read", b"2"))
-    stream = Replay(path)
-    stream.write(b"ab", HANG)
-    assert [stream.read(10, 0.0) for _ in range(2)] == [b"1", b"2"]
+    stream.write(b"kb", HANG)  # a write may come before what was read before it
+    assert [call.result(), stream.read(10, 0.0)] == [b"answer", b"2"]
 
 
 def test_other_write_is_refused_with_both(tmp_path: Path) -> None:
@@ -373,14 +350,6 @@ def test_other_write_is_refused_with_both(tmp_path: Path) -> None:
     stream.write(b"\x01\x02\x03", HANG)
     with pytest.raises(ProtocolError, match=r"expected no further write, got 01 01 .* \.\.\. \(33 bytes\)"):
         stream.write(b"\x01" * 33, HANG)
-
-
-def test_unchecked_write_stands_for_the_recorded_one(tmp_path: Path) -> None:
-    path = write_capture(tmp_path / "c", ("write", b"ask"), ("read", b"answer"))
-    stream = Replay(path, checks_writes=False)
-    stream.write(b"other", HANG)
-    assert stream.read(10, HANG) == b"answer"
-    stream.write(b"more", HANG)  # nothing is left to stand for
 
 
 def test_discard_throws_away_what_was_thrown_away(tmp_path: Path) -> None:
@@ -397,17 +366,8 @@ def test_discard_throws_away_what_was_thrown_away(tmp_path: Path) -> None:
     assert [stream.read(10, 0.0) for _ in range(2)] == [b"1", b"3"]  # 2 never came to anybody
 
 
-def test_closing_a_replay_ends_a_read_that_waits(tmp_path: Path) -> None:
-    stream = Replay(write_capture(tmp_path / "c", ("write", b"ask")))
-    call = Call(lambda: stream.read(10, 10 * HANG))
-    stream.close()
-    with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-        call.result()
-    with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-        stream.write(b"ask", HANG)
-
-
 HEADER = b'{"format": "radarcore capture", "version": 1, "stream": "x", "started": 0}\n'
+EVENT = b'{"time": 0, "direction": "read", "bytes": "00"}\n'
 
 
 @pytest.mark.parametrize(
@@ -421,17 +381,22 @@ HEADER = b'{"format": "radarcore capture", "version": 1, "stream": "x", "started
         (b"{}\n", "expected a header with the format 'radarcore capture', got None"),
         (HEADER.replace(b"1", b"2"), "expected version 1, got 2"),
         (HEADER[:-1], "line 1: the file is cut off within the line"),
-        (HEADER + b'{"time": 0, "direction": "read", "bytes": "00', "line 2: the file is cut off within the line"),
-        (HEADER + b'{"time": 0, "direction": "read", "bytes": "00\n', "line 2: expected JSON"),
+        (HEADER + EVENT[:-5], "line 2: the file is cut off within the line"),
+        (HEADER + EVENT[:-5] + b"\n", "line 2: expected JSON"),
         (HEADER + b"\n", "line 2: expected JSON"),
-        (HEADER + b'{"direction": "read", "bytes": "00"}\n', "line 2: expected time, direction and bytes: 'time'"),
-        (HEADER + b'{"time": NaN, "direction": "read", "bytes": "00"}\n', "line 2: .*finite"),
-        (HEADER + b'{"time": 1' + b"0" * 400 + b', "direction": "read", "bytes": "00"}\n', "line 2: expected time"),
-        (HEADER + b'{"time": 0, "direction": "in", "bytes": "00"}\n', "line 2: .*expected one of 'write', 'read'"),
-        (HEADER + b'{"time": 0, "direction": ["read"], "bytes": "00"}\n', "line 2: .*expected one of"),
-        (HEADER + b'{"time": 0, "direction": "read", "bytes": "0g"}\n', "line 2: .*non-hexadecimal"),
-        (HEADER + b'{"time": 0, "direction": "read", "bytes": 12}\n', "line 2: expected time, direction and bytes"),
-        (HEADER + b'{"time": 0, "direction": "read", "bytes": ""}\n', "line 2: expected at least one byte"),
+        *(
+            (HEADER + EVENT.replace(old, new), f"line 2: {message}")
+            for old, new, message in (
+                (b'"time": 0, ', b"", "expected time, direction and bytes: 'time'"),
+                (b"0,", b"NaN,", ".*finite"),
+                (b"0,", b"1" + b"0" * 400 + b",", "expected time"),
+                (b'"read"', b'"in"', ".*expected one of 'write', 'read'"),
+                (b'"read"', b'["read"]', ".*expected one of"),
+                (b'"00"', b'"0g"', ".*non-hexadecimal"),
+                (b'"00"', b"12", "expected time, direction and bytes"),
+                (b'"00"', b'""', "expected at least one byte"),
+            )
+        ),
     ],
 )
 def test_damaged_capture_is_a_value_error(tmp_path: Path, content: bytes, message: str) -> None:
