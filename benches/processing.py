@@ -30,7 +30,7 @@ RATE = 40.0
 
 STAGES: dict[str, tuple[Any, str]] = {
     "transforms": (detection, "_map"),
-    "CFAR, local maxima": (map_test.MapTest, "passed"),
+    "CFAR": (map_test.Search, "thresholds"),
     "sidelobes": (detection, "_above_sidelobes"),
     "fit": (detection, "fit"),
     "directions": (detection, "waves_of"),

@@ -102,6 +102,8 @@ def cfar(
             raise ValueError(f"rank: expected none with method {method!r}, got {rank!r}")
         if check.count("rank", rank) > full:
             raise ValueError(f"rank: expected at most {full}, the training cells of a whole window, got {rank}")
+    if cells.size == 0:
+        return np.zeros(cells.shape, dtype=bool)
     moved = np.moveaxis(cells, axes_, range(-len(axes_), 0))
     if len(axes_) == 1:
         moved, guards, trainings = moved[..., None, :], (0, *guards), (0, *trainings)
@@ -110,10 +112,9 @@ def cfar(
     counts = training_counts(moved.shape[-2:], guards, trainings)
     require_training(counts, guards)
     if method == "ca":
-        factors = averaging_factor(counts, rate, looks)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            per_sum = np.where(counts > 0, factors / counts, 0.0).astype(moved.dtype)
-        mask = (moved > per_sum * training_sums(moved, guards, trainings)) & (counts > 0)
+        with np.errstate(invalid="ignore"):  # infinity times 0 where there are no training cells
+            threshold = averaging_factor(counts, rate, looks) * training_means(moved, guards, trainings, counts)
+        mask = moved > threshold
     else:
         ranks = scaled_ranks(counts, (DEFAULT_RANK * full if rank is None else rank) / full)
         factors = tabulated(counts, lambda n: ordered_factor(n, float(ranks[counts == n][0]), rate, looks))
@@ -175,25 +176,42 @@ def require_training(counts: NDArray[np.intp], guards: Sequence[int]) -> None:
 
     Few guard cells are allowed: a main lobe may be as wide as a tiny map.
     """
-    if max(guards) > _FEW_CELLS and counts.size > 0 and not counts.any():
+    if max(guards) > _FEW_CELLS and not counts.any():
         raise ValueError(f"guard: expected fewer cells than the map of {counts.shape} has, got {max(guards)}")
 
 
-def training_sums(power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int]) -> NDArray[Any]:
-    """Sums over the training cells, (..., row, column).
+def training_means(
+    power: NDArray[Any], guards: Sequence[int], trainings: Sequence[int], counts: NDArray[np.intp]
+) -> NDArray[Any]:
+    """Means of the training cells, (..., row, column), of which there are `counts`; 0 without any.
 
     The rows beside the guard cells over all columns of the window, and the rows of the guard cells over the columns
-    beside: nothing is taken off again, so that an echo in the middle leaves no rounding error in the sum around it.
+    beside: nothing is subtracted again, so that an echo in the middle leaves no rounding error in the sum around it.
     """
     rows, columns = power.shape[-2:]
     top, left = (g + t for g, t in zip(guards, trainings, strict=True))
-    padded = np.zeros((*power.shape[:-2], rows + 2 * top, columns + 2 * left), dtype=power.dtype)
-    padded[..., top : top + rows, left : left + columns] = power
-    beside = _sums_beside(padded, -1, guards[1], trainings[1])
-    across = beside + _sums_within(padded, -1, guards[1], trainings[1])
-    return np.asarray(
-        _sums_beside(across, -2, guards[0], trainings[0]) + _sums_within(beside, -2, guards[0], trainings[0])
-    )
+    padded = np.zeros((*power.shape[:-2], rows + 2 * top, columns + 2 * left), power.dtype)
+    inside = (..., slice(top, top + rows), slice(left, left + columns))
+    padded[inside] = power
+
+    # In maps laid end to end, neighbours are at fixed offsets.
+    flat, width = padded.ravel(), columns + 2 * left
+    beside = _sum_at(flat, 1, guards[1] + 1, left)
+    across = beside + _sum_at(flat, 1, 0, guards[1], left)
+    sums = _sum_at(across, width, guards[0] + 1, top) + _sum_at(beside, width, 0, guards[0], top)
+    flat[width * top + left : len(flat) - width * top - left] = sums
+    return np.asarray(padded[inside] / np.maximum(counts, 1).astype(power.dtype))
+
+
+def _sum_at(values: NDArray[Any], step: int, nearest: int, farthest: int, reach: int | None = None) -> NDArray[Any]:
+    """Sums of the values `nearest` to `farthest` steps away, of all that have values up to `reach` steps away."""
+    margin = step * (farthest if reach is None else reach)
+    number = len(values) - 2 * margin
+    total = np.zeros(number, values.dtype)
+    for steps in range(nearest, farthest + 1):
+        for offset in {-steps * step, steps * step}:
+            total += values[margin + offset : margin + offset + number]
+    return total
 
 
 def exceeds_ordered(
@@ -250,49 +268,6 @@ def _window_lengths(length: int, reach: int) -> NDArray[np.intp]:
     """Cells within `reach` of every cell of an axis."""
     at = np.arange(length)
     return np.minimum(at, reach) + np.minimum(at[::-1], reach) + 1
-
-
-def _sums_within(padded: NDArray[Any], axis: int, guard: int, training: int) -> NDArray[Any]:
-    """Sums of the cells up to `guard` away; `guard + training` cells at both ends of the axis are beyond the edges."""
-    inner = _part(padded, axis, training, padded.shape[axis] - training)
-    return _running_sums(inner, axis, 2 * guard + 1)
-
-
-def _sums_beside(padded: NDArray[Any], axis: int, guard: int, training: int) -> NDArray[Any]:
-    """Sums of the `training` cells on both sides beyond `guard` cells, likewise."""
-    length = padded.shape[axis] - 2 * (guard + training)
-    if training == 0:
-        return np.zeros_like(_part(padded, axis, 0, length))
-    sums = _running_sums(padded, axis, training)
-    first = 2 * guard + 1 + training
-    return np.asarray(_part(sums, axis, 0, length) + _part(sums, axis, first, first + length))
-
-
-def _part(values: NDArray[Any], axis: int, first: int, last: int) -> NDArray[Any]:
-    """Some cells of the last axis (-1), or of the last but one (-2)."""
-    return values[..., first:last] if axis == -1 else values[..., first:last, :]
-
-
-def _running_sums(values: NDArray[Any], axis: int, length: int) -> NDArray[Any]:
-    """Sums of `length` values that follow each other along an axis.
-
-    Blocks of 1, 2, 4, ... values by doubling; those of the binary digits of `length` make the sum. Every value is
-    added, none is taken off: the relative error is that of a few additions, also beside values far above.
-    """
-    num_sums = values.shape[axis] - length + 1
-    sums: NDArray[Any] | None = None
-    block, size, start = values, 1, 0
-    while True:
-        if length & size:
-            piece = _part(block, axis, start, start + num_sums)
-            sums = piece if sums is None else sums + piece
-            start += size
-        if 2 * size > length:
-            assert sums is not None  # a length of at least 1 has a digit
-            return sums
-        num_blocks = block.shape[axis]
-        block = _part(block, axis, 0, num_blocks - size) + _part(block, axis, size, num_blocks)
-        size *= 2
 
 
 _NODES = 1000

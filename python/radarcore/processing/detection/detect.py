@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import _core
+from radarcore import _core, check
 from radarcore.processing.angles.directions import waves_of
 from radarcore.processing.clutter.static import remove_mean
 from radarcore.processing.detection.map import (
@@ -22,12 +21,11 @@ from radarcore.processing.detection.map import (
     sidelobes,
 )
 from radarcore.processing.detection.point_cloud import Detections
-from radarcore.processing.detection.tone import Fit, fit, refit_near
+from radarcore.processing.detection.tone import fit, refit_near
 from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
-from radarcore.processing.spectra.noise import LEAST_NOISE, filtered_rows, median_of_unit_mean
+from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra.spectra import both_windows, fast_spectrum, transformed
 from radarcore.processing.spectra.windows import Window
-from radarcore.products import real_inner
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame
@@ -159,67 +157,60 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
-    energy = real_inner(samples, samples)  # NaN if a sample is
-    if not isfinite(energy) and not np.isfinite(samples).all():
-        bad = np.argwhere(~np.isfinite(samples))
-        raise ValueError(
-            f"frame: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
-        )
-    search = prepared(radar, samples.dtype.kind == "c", settings)
-    layout, test = search.layout, search.test
+    search = prepared(radar, check.finite("frame", samples).dtype.kind == "c", settings)
+    layout = search.layout
 
-    # Power over velocity and range; the noise is the same in all cells.
+    # Local maxima of the power over velocity and range that are above the thresholds of their surroundings.
     cells, power = _map(samples, wf, layout, settings)
-
-    # Cells above the threshold of their surroundings that no neighbour exceeds.
-    first, last = search.columns
-    searched = power[:, first:last]
-    noise_floor = layout.num_looks * max(layout.rounding * energy, LEAST_NOISE)
-    trained, doubles = _with_noise(searched), power.astype(np.float64)
-    rows, columns, least = test.passed(trained, lambda row, column: _local_maxima(doubles, row, column + first, layout))
+    trained = _with_noise(power[:, search.first : search.last])
+    doubles = power.astype(np.float64)
+    peaks = search.cells[_core.local_maxima(doubles, search.cells, is_cyclic=layout.is_iq)]
+    least = search.thresholds(trained, peaks)
+    is_above = doubles[*peaks.T] > least
+    peaks, least = np.ascontiguousarray(peaks[is_above]), least[is_above]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
-    if len(rows) == 0:
+    if len(peaks) == 0:
         return _none(time)
 
     # Without sidelobes, and without what rounding of the samples may be.
-    least = np.maximum(least, test.factor[rows, columns] * noise_floor)
-    cell = np.array([rows, columns + first]).T
-    offset, height = _core.between_cells(doubles, np.ascontiguousarray(cell), is_cyclic=layout.is_iq)
+    noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
+    least = np.maximum(least, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
+    offset, height = _core.between_cells(doubles, peaks, is_cyclic=layout.is_iq)
     least = np.maximum(least, height.max() * 10.0 ** (-0.1 * dynamic_range_db))
-    kept = _above_sidelobes((cell + offset).T, height, searched[rows, columns], least, layout)
+    kept = _above_sidelobes((peaks + offset).T, height, doubles[*peaks.T], least, layout)
     if len(kept) == 0:
         return _none(time)
+    peaks, offset = peaks[kept], offset[kept]
 
     # The tones, and how far they are above the noise.
-    rows, columns = rows[kept], columns[kept]
-    noise = test.medians(trained, rows, columns) / median_of_unit_mean(layout.num_looks)
+    noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
-    columns = columns + first
-    tones = fit(cells, cell[kept], offset[kept], layout.axes, is_cyclic=layout.is_iq)
+    tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
     if layout.has_range and not (layout.is_iq or subtract_mean):
         windows = layout.slow, layout.fast
-        tones = refit_near(cells, cell[kept], tones, layout.axes, windows, is_conjugate=layout.is_down)
+        tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
     in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
 
     # Range and velocity, and their covariance.
-    beat = layout.signed_beat_step * layout.wrapped_column(columns + tones.offset[:, 1])
-    doppler = layout.doppler_step * layout.wrapped_row(rows + tones.offset[:, 0])
+    rows, columns = (peaks + tones.offset).T
+    beat = layout.signed_beat_step * layout.wrapped_column(columns)
+    doppler = layout.doppler_step * layout.wrapped_row(rows)
     range_, velocity = layout.coordinates.at(beat, doppler)
-    covariance = np.zeros((len(rows), 4, 4))  # one tone's amplitudes and frequencies err independently
-    covariance[:, :2, :2] = _covariance(layout, tones, snr)
+    variance = 0.5 / (snr[:, None] * np.where(tones.information > 0.0, tones.information, np.inf))  # in cells^2
+    covariance = np.zeros((len(peaks), 4, 4))  # one tone's amplitudes and frequencies err independently
+    covariance[:, :2, :2] = layout.slopes * variance[:, None] @ layout.slopes.T
 
     # Directions: of the channels' amplitudes.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
     seen = waves_of(snapshots, radar, velocity, snr / radar.num_channels, range_ if layout.has_range else None)
     covariance[:, 2:, 2:] = seen.covariance
-    if isnan(covariance.sum()):
-        is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
-        covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
+    is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
+    covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     # By range, within the limits.
-    distance = range_ if layout.has_range else np.full(len(rows), np.nan)
+    distance = range_ if layout.has_range else np.full(len(peaks), np.nan)
     order = np.lexsort((velocity, distance))
     if min_range is not None:
         order = order[distance[order] >= min_range]
@@ -254,7 +245,7 @@ def _map(
     power = squares[:, ::2] + squares[:, 1::2]
     if settings.subtract_mean and layout.has_velocity:
         power /= np.maximum(layout.row_gain, LEAST_GAIN)[:, None].astype(power.dtype)
-        for row in np.flatnonzero(~layout.is_tested):  # no noise is left there: for training, that beside it
+        for row in np.flatnonzero(layout.row_gain <= LEAST_GAIN):  # no noise is left there: the noise beside trains
             power[row] = 0.5 * (power[row - 1] + power[(row + 1) % len(power)])
     return cells, power
 
@@ -264,26 +255,14 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
 
     They have the power of rows far away, without the echoes there, where that is larger.
     """
-    is_empty, level = filtered_rows(power)
-    if is_empty is None:
+    is_empty = filtered_rows(power)
+    if not is_empty.any():
         return power
     (empty,), (full,) = np.nonzero(is_empty), np.nonzero(~is_empty)
     far = full[(np.searchsorted(full, empty) + len(full) // 2) % len(full)]
     filled = power.copy()
-    filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * level))
+    filled[empty] = np.maximum(power[empty], np.minimum(power[far], _LARGEST_NOISE * np.median(power[full])))
     return filled
-
-
-def _local_maxima(
-    power: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], layout: Layout
-) -> NDArray[np.bool_]:
-    """True for cells that are to be tested and that no neighbour of eight exceeds.
-
-    Velocity is cyclic, range too with I/Q; the spectrum of real samples is even about both its ends.
-    """
-    cells = np.ascontiguousarray(np.array([rows, columns]).T)
-    is_maximum: NDArray[np.bool_] = _core.local_maxima(power, cells, is_cyclic=layout.is_iq)
-    return is_maximum & layout.is_tested[rows] if layout.has_velocity else is_maximum
 
 
 def _above_sidelobes(
@@ -298,38 +277,30 @@ def _above_sidelobes(
     `peaks` are the rows and columns of the maxima (axis, peak), `height` their powers, and `cell` the powers of their
     cells.
     """
-    margin = np.sqrt(cell.astype(np.float64)) - np.sqrt(threshold)
+    margin = np.sqrt(cell) - np.sqrt(threshold)
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
-    cell_rows, cell_columns = np.rint(peaks)
-    # The distance that a target crosses in a frame widens its lobes along both axes alike.
+
+    # Distances of cells from stronger maxima (maximum, cell). The distance that a target crosses in a frame widens its
+    # lobes along both axes alike.
+    rows, columns = np.abs(np.rint(peaks)[:, None] - peaks[:, :, None])
+    rows = np.minimum(rows, layout.num_rows - rows)
+    if layout.is_iq:
+        columns = np.minimum(columns, layout.num_columns - columns)
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
-    widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
-    amplitude = np.sqrt(height[order])
+    widened = (_OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed))[:, None]
+    lobes = np.sqrt(height[order])[:, None]
+    for distance, envelope in zip((rows, columns), layout.envelopes, strict=True):
+        lobes = lobes * sidelobes(envelope, np.maximum(distance - widened, 0.0))
+
     leaked = np.zeros(len(order))
     kept = []
-    for index, (row, column) in enumerate(peaks.T):
-        if leaked[index] >= margin[index]:
-            continue
-        kept.append(index)
-        rows, columns = np.abs(cell_rows - row), np.abs(cell_columns - column)
-        rows = np.minimum(rows, layout.num_rows - rows)
-        if layout.is_iq:
-            columns = np.minimum(columns, layout.num_columns - columns)
-        lobes = amplitude[index] * sidelobes(layout.envelopes[0], np.maximum(rows - widened[index], 0.0))
-        if layout.has_range:
-            lobes *= sidelobes(layout.envelopes[1], np.maximum(columns - widened[index], 0.0))
-        leaked += lobes
+    for index, leakage in enumerate(lobes):
+        if leaked[index] < margin[index]:
+            kept.append(index)
+            leaked += leakage
     return np.asarray(order[kept])
-
-
-def _covariance(layout: Layout, tones: Fit, snr: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of range and velocity, (detection, 2, 2); NaN for a coordinate that is not observable."""
-    information = np.where(tones.information > 0.0, tones.information, np.inf)
-    variance = 0.5 / (snr[:, None] * information)  # in cells^2
-    covariance: NDArray[np.float64] = (variance @ layout.per_variance).reshape(-1, 2, 2)
-    return covariance
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,10 +22,9 @@ from radarcore.processing.detection.cfar import (
     scaled_ranks,
     tabulated,
     training_counts,
-    training_sums,
+    training_means,
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
-from radarcore.processing.spectra.noise import rounding_per_energy
 from radarcore.processing.spectra.windows import (
     Window,
     centred_window,
@@ -94,31 +93,10 @@ class DetectionSettings:
         self.dynamic_range_db = check.positive("dynamic_range_db", self.dynamic_range_db, "dB")
 
 
-@lru_cache(maxsize=16)
-def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
-    """The search for detections in a frame of a radar, prepared once for all frames."""
-    if settings.min_range is not None or settings.max_range is not None:
-        require_range(radar.waveform)
-    if settings.subtract_mean and radar.waveform.num_chirps < 2:
-        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
-    layout = layout_of(radar, settings.window, settings.doppler_window, settings.subtract_mean, is_iq)
-    first, last = layout.searched(settings.min_range)
-    return Search(layout, (first, last), map_test(layout, last - first, settings))
-
-
 def cells_per_side(name: str, value: int | Sequence[int]) -> tuple[int, int]:
     """Numbers of cells along velocity and range."""
     row, column = per_axis(name, value, 2, 0)
     return row, column
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """Layout of a map, the columns to be searched (the last exclusive), and the test of their cells."""
-
-    layout: Layout
-    columns: tuple[int, int]
-    test: MapTest
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,19 +123,9 @@ class Layout:
     coordinates: Coordinates
 
     @cached_property
-    def is_tested(self) -> NDArray[np.bool_]:
-        """True for rows with noise enough that their cells are tested, (row,)."""
-        return self.row_gain > LEAST_GAIN
-
-    @cached_property
     def gain(self) -> float:
         """Amplitude of a tone of amplitude 1 in the middle of a cell."""
         return float(self.slow.sum() * (self.fast.sum()))
-
-    @cached_property
-    def rounding(self) -> float:
-        """Noise by rounding of the samples over the sum of their squares."""
-        return rounding_per_energy(self.fast, self.slow)
 
     @cached_property
     def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -177,11 +145,11 @@ class Layout:
         return float(np.sign(self.coordinates.waveform.slope)) * self.beat_step
 
     @cached_property
-    def per_variance(self) -> NDArray[np.float64]:
-        """Covariance of range and velocity by the variances of row and column [cells^2], (2, 4)."""
-        slopes = np.asarray(self.coordinates.slopes() * (self.signed_beat_step, self.doppler_step))
+    def slopes(self) -> NDArray[np.float64]:
+        """Derivatives of range and velocity by row and column, (2, 2); NaN for what is not observable."""
+        slopes: NDArray[np.float64] = self.coordinates.slopes()[:, ::-1] * [self.doppler_step, self.signed_beat_step]
         slopes[[not self.has_range, not self.has_velocity]] = np.nan
-        return np.array([np.outer(slope, slope).ravel() for slope in slopes.T[::-1]])
+        return slopes
 
     @cached_property
     def metres_per_column(self) -> float:
@@ -305,102 +273,81 @@ class Coordinates:
         return np.array([[by_beat, self._lead * by_doppler - by_beat], [0.0, by_doppler]])
 
 
-_Indices = NDArray[np.intp]
-
-
 @dataclass(frozen=True, eq=False)
-class MapTest:
-    """Factors of the thresholds of a map."""
+class Search:
+    """Cells of a map that are tested, and their thresholds; training cells are in the columns `first` to `last`."""
 
+    layout: Layout
+    first: int
+    last: int
+    """Exclusive."""
     guards: tuple[int, int]
     trainings: tuple[int, int]
     counts: NDArray[np.intp]
-    """Training cells, (row, column)."""
+    """Training cells, (row, column from `first` on)."""
     factor: NDArray[np.float64]
-    """Threshold over the background, inf without training cells, (row, column)."""
-    per_sum: NDArray[np.float64]
-    """Threshold over the sum of the training cells, 0 without any, (row, column)."""
-    ranks: NDArray[np.float64] | None
-    """Of the ordered statistic, (row, column); None for averages."""
+    """Threshold over the background, inf without training cells, (row, column from `first` on)."""
+    ranks: NDArray[np.intp] | None
+    """Of the ordered statistic, (row, column from `first` on); None for averages."""
 
     @cached_property
-    def has_training(self) -> NDArray[np.bool_]:
-        """True for cells that have training cells, (row, column)."""
-        return np.isfinite(self.factor)
+    def cells(self) -> NDArray[np.int64]:
+        """Rows and columns of the cells that are tested: with noise and with training cells, (cell, 2)."""
+        is_tested = (self.layout.row_gain > LEAST_GAIN)[:, None] & np.isfinite(self.factor)
+        return np.ascontiguousarray(np.argwhere(is_tested) + np.array([0, self.first]))
 
-    def passed(
-        self, power: NDArray[Any], are_candidates: Callable[[_Indices, _Indices], NDArray[np.bool_]]
-    ) -> tuple[_Indices, _Indices, NDArray[np.float64]]:
-        """Rows, columns and thresholds of the cells above it that are candidates, which are asked for by both."""
+    def thresholds(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Thresholds of some cells (cell, 2) of a map of the searched columns."""
+        rows, columns = cells.T - [[0], [self.first]]
         if self.ranks is None:
-            threshold = training_sums(power, self.guards, self.trainings) * self.per_sum.astype(power.dtype)
-            rows, columns = np.nonzero((power > threshold) & self.has_training)
-            kept = are_candidates(rows, columns)
-            rows, columns = rows[kept], columns[kept]
-            return rows, columns, threshold[rows, columns]
-        rows, columns = np.nonzero(self.has_training)
-        kept = are_candidates(rows, columns)
-        rows, columns = rows[kept], columns[kept]
-        around = self._around(power, rows, columns)
-        # Above the factor times the k-th smallest: k training cells are below the cell over the factor. No sorting.
-        limit = (power[rows, columns] / self.factor[rows, columns]).astype(power.dtype)
-        above = np.flatnonzero(np.count_nonzero(around < limit[:, None], axis=1) >= self.ranks[rows, columns])
-        rows, columns, around = rows[above], columns[above], np.sort(around[above], axis=1)
-        ordered = around[np.arange(len(rows)), self.ranks[rows, columns].astype(np.intp) - 1]
-        return rows, columns, self.factor[rows, columns] * ordered
+            background = training_means(power, self.guards, self.trainings, self.counts)[rows, columns]
+        else:
+            # All cells in the window of each; without the guard cells, and none beyond the edges.
+            reach = np.add(self.guards, self.trainings)
+            padded = np.pad(power, reach[:, None], constant_values=np.inf)
+            windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)[rows, columns]
+            top, left = self.trainings
+            windows[:, top : top + 2 * self.guards[0] + 1, left : left + 2 * self.guards[1] + 1] = np.inf
+            ordered = np.sort(windows.reshape(len(rows), np.prod(2 * reach + 1)), axis=1)
+            background = ordered[np.arange(len(rows)), self.ranks[rows, columns] - 1]
+        return np.asarray(self.factor[rows, columns] * background)
 
-    def medians(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Medians of the training cells of some cells that have any."""
-        cells = np.ascontiguousarray(np.array([rows, columns]).T)
-        map_ = np.ascontiguousarray(power, np.float64)
-        return _core.training_medians(map_, cells, guards=self.guards, trainings=self.trainings)
-
-    def _around(self, power: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
-        """Training cells of some cells, inf where the map has none, (cell, training cell)."""
-        top, left = self.guards[0] + self.trainings[0], self.guards[1] + self.trainings[1]
-        height, width = power.shape[0] + 2 * top, power.shape[1] + 2 * left
-        padded = np.full((height, width), np.inf, dtype=power.dtype)
-        padded[top : height - top, left : width - left] = power
-        middle = (rows + top) * width + columns + left
-        around: NDArray[Any] = padded.ravel()[middle[:, None] + _offsets(self.guards, self.trainings, width)]
-        return around
-
-
-def map_test(layout: Layout, num_columns: int, settings: DetectionSettings) -> MapTest:
-    """Test of the cells in some of the columns of a map.
-
-    Training cells count as the smaller number of independent cells, see `independent_share`.
-    """
-    guards, trainings = settings.guard, settings.training
-    if trainings is None:
-        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
-    counts = training_counts((layout.num_rows, num_columns), guards, trainings)
-    require_training(counts, guards)
-    share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
-    rate, looks = settings.false_alarm_rate, layout.num_looks
-    ranks = None
-    if settings.method == "ca":
-        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, looks)
-    else:
-        ranks = scaled_ranks(counts, DEFAULT_RANK)
-
-        def ordered(count: float) -> float:
-            """Factor at the same quantile of the independent cells."""
-            independent = max(1.0, share * count)
-            rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
-            return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, looks)
-
-        factor = tabulated(counts, ordered)
-    per_sum = np.where(np.isfinite(factor), factor, 0.0) / np.maximum(counts, 1)
-    return MapTest(guards, trainings, counts, factor, per_sum, ranks)
+    def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Medians of the training cells of some cells, likewise."""
+        searched = np.ascontiguousarray(power, np.float64), cells - np.array([0, self.first])
+        return _core.training_medians(*searched, guards=self.guards, trainings=self.trainings)
 
 
 @lru_cache(maxsize=16)
-def _offsets(guards: tuple[int, int], trainings: tuple[int, int], width: int) -> NDArray[np.intp]:
-    """Training cells relative to the one in the middle, in a map with rows of `width` cells laid end to end."""
-    rows, columns = (np.arange(-g - t, g + t + 1) for g, t in zip(guards, trainings, strict=True))
-    is_beside = (np.abs(rows)[:, None] > guards[0]) | (np.abs(columns) > guards[1])
-    return (rows[:, None] * width + columns)[is_beside]
+def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
+    """The search for detections in a frame of a radar, prepared once for all frames."""
+    if settings.min_range is not None or settings.max_range is not None:
+        require_range(radar.waveform)
+    if settings.subtract_mean and radar.waveform.num_chirps < 2:
+        raise ValueError("subtract_mean: expected at least two chirps to take the mean of, got one")
+    layout = layout_of(radar, settings.window, settings.doppler_window, settings.subtract_mean, is_iq)
+    first, last = layout.searched(settings.min_range)
+    guards, trainings = settings.guard, settings.training
+    if trainings is None:
+        trainings = 2 * (_TRAINING_2D if layout.has_velocity and layout.has_range else _TRAINING_1D,)
+    counts = training_counts((layout.num_rows, last - first), guards, trainings)
+    require_training(counts, guards)
+
+    # Training cells count as the smaller number of independent cells, see `independent_share`.
+    share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
+    rate, looks = settings.false_alarm_rate, layout.num_looks
+    if settings.method == "ca":
+        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, looks)
+        return Search(layout, first, last, guards, trainings, counts, factor, None)
+
+    def ordered(count: float) -> float:
+        """Factor at the same quantile of the independent cells."""
+        independent = max(1.0, share * count)
+        rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
+        return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, looks)
+
+    ranks = scaled_ranks(counts, DEFAULT_RANK).astype(np.intp)
+    return Search(layout, first, last, guards, trainings, counts, tabulated(counts, ordered), ranks)
 
 
 _PER_CELL = 16

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check, notice
+from radarcore import _core, check, notice
 from radarcore.processing.detection.cfar import ordered_factor
 from radarcore.processing.detection.map import Coordinates, envelope, sidelobes
 from radarcore.processing.inputs import (
@@ -19,8 +19,8 @@ from radarcore.processing.inputs import (
     require_transmitters_apart,
     require_uniform_chirps,
 )
-from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
-from radarcore.processing.spectra.spectra import both_windows, transformed
+from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, noise_level, rounding_noise
+from radarcore.processing.spectra.spectra import both_windows, powers, transformed
 from radarcore.processing.spectra.windows import (
     Window,
     centred_window,
@@ -181,11 +181,7 @@ def strongest_peak(
         num_samples=waveform.num_samples,
     )
     require_uniform_chirps(waveform)
-    if not np.isfinite(samples).all():
-        bad = np.argwhere(~np.isfinite(samples))
-        raise ValueError(
-            f"cube: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
-        )
+    check.finite("cube", samples)
     leaks = min_range is None and has_leakage and not waveform.is_cw
     range_limits = limits("range", "m", 0.0 if min_range is None else min_range, max_range)
     if waveform.is_cw and range_limits != (0.0, np.inf):
@@ -201,14 +197,11 @@ def strongest_peak(
     has_velocity = bool(np.count_nonzero(slow_weights) > 1)
     num_range = waveform.num_samples * (_PADDING if has_range else 1)
     num_velocity = waveform.num_chirps * (_PADDING if has_velocity else 1)
-    power: NDArray[np.float64] | float = 0.0
     weights = both_windows(fast_weights, slow_weights, num_velocity, samples.real.dtype)
+    power = np.zeros((num_velocity, 1))
     for channel in samples:
-        spectrum = transformed(channel * weights, waveform, num_range, num_velocity)
-        power = power + np.square(spectrum.real, dtype=np.float64) + np.square(spectrum.imag, dtype=np.float64)
-    if isinstance(power, float):  # no channels
-        return None
-    power = power[: None if has_velocity else 1, : None if has_range else 1]
+        power = power + powers(transformed(channel * weights, waveform, num_range, num_velocity))
+    power = np.ascontiguousarray(power[: None if has_velocity else 1, : None if has_range else 1])
 
     # Range and velocity of a cell.
     centres = window_centre(fast_weights), window_centre(slow_weights)
@@ -218,33 +211,29 @@ def strongest_peak(
         beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
         return coordinates.at(beat, (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval))
 
-    # The strongest within the limits.
+    # The strongest within the limits, and its place between the cells.
     is_iq = np.iscomplexobj(samples)
-    is_peak = local_maxima(power, is_iq=is_iq)
-    rows, columns = np.ogrid[: power.shape[0], : power.shape[1]]
-    ranges, velocities = measure(rows, columns)
+    is_searched = power > (_leakage(power, fast_weights, is_cyclic=is_iq) if leaks and has_range else 0.0)
+    ranges, velocities = measure(*np.ogrid[: power.shape[0], : power.shape[1]])
     if not waveform.is_cw:
-        is_peak &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
+        is_searched &= (ranges >= range_limits[0]) & (ranges <= range_limits[1])
     if has_velocity:
-        is_peak &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
-    if leaks and has_range:
-        is_peak &= power > _leakage(power, fast_weights, is_cyclic=np.iscomplexobj(samples))
-    if not is_peak.any():
+        is_searched &= (velocities >= velocity_limits[0]) & (velocities <= velocity_limits[1])
+    cells = np.ascontiguousarray(np.argwhere(is_searched))
+    cells = cells[_core.local_maxima(power, cells, is_cyclic=is_iq)]
+    if len(cells) == 0:
         return None
-    row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
-
-    # Refine by a parabola through the log power along each axis.
-    (row_offset, column_offset), height = between_cells(power, row, column, is_iq=is_iq)
-    at_row = (row + row_offset) % num_velocity  # half a cell below the lowest velocity is the highest
-    at_column = column + column_offset
+    strongest = cells[power[*cells.T].argmax()]
+    offset, heights = _core.between_cells(power, strongest[None], is_cyclic=is_iq)
+    height, (at_row, at_column) = float(heights[0]), strongest + offset[0]
+    at_row %= num_velocity  # half a cell below the lowest velocity is the highest
     peak_range, velocity = measure(at_row, at_column)
     num_samples, num_chirps = waveform.num_samples, waveform.num_chirps
     range_index = round(at_column * num_samples / num_range)
     velocity_index = round((at_row - num_velocity // 2) * num_chirps / num_velocity) + num_chirps // 2
 
     # Over the noise.
-    is_filtered, level = filtered_rows(power)  # rows without noise do not tell its level
-    noise = (float(np.median(power)) if is_filtered is None else level) / median_of_unit_mean(len(samples))
+    noise = noise_level(power[~filtered_rows(power)], num_looks=len(samples))
     noise = max(noise, len(samples) * rounding_noise(samples, fast_weights, slow_weights))
     snr_db = float(10.0 * np.log10(height / noise))
     if least_snr_db is None:
@@ -252,7 +241,7 @@ def strongest_peak(
         if has_velocity:
             independent *= len(slow_weights) * independent_share(slow_weights)
         if has_range:
-            num_bins = len(fast_weights) if np.iscomplexobj(samples) else 0.5 * len(fast_weights)
+            num_bins = len(fast_weights) if is_iq else 0.5 * len(fast_weights)
             independent *= num_bins * independent_share(fast_weights)
         least_snr_db = _least_snr_db(independent, power.size, len(samples))
     if snr_db < least_snr_db:
@@ -266,7 +255,7 @@ def strongest_peak(
         range=float(peak_range) if has_range else np.nan,
         velocity=float(velocity),
         power=height,
-        range_index=range_index % num_samples if np.iscomplexobj(samples) else min(range_index, num_samples // 2),
+        range_index=range_index % num_samples if is_iq else min(range_index, num_samples // 2),
         velocity_index=velocity_index % num_chirps,
         snr_db=snr_db,
     )
@@ -318,44 +307,3 @@ def limits(name: str, unit: str, low: float | None, high: float | None) -> tuple
     if lowest > highest:
         raise ValueError(f"max_{name}: expected at least min_{name} = {lowest:g} {unit}, got {highest:g}")
     return lowest, highest
-
-
-def local_maxima(power: NDArray[np.float64], *, is_iq: bool) -> NDArray[np.bool_]:
-    """True for cells (doppler, range) that none of their four neighbours exceeds."""
-    around = _surrounded(power, is_iq)
-    neighbours = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
-    is_highest: NDArray[np.bool_] = np.logical_and.reduce([power >= neighbour for neighbour in neighbours])
-    return is_highest & (power > 0.0)
-
-
-def between_cells(
-    power: NDArray[np.float64], row: int, column: int, *, is_iq: bool
-) -> tuple[tuple[float, float], float]:
-    """Offsets [cells] of a local maximum from its cell along both axes, and its height."""
-    cells = _surrounded(power, is_iq)[row : row + 3, column : column + 3]
-    level = np.log(np.maximum(cells, 1e-30 * power[row, column]))
-    row_offset, row_gain = parabolic_peak(*level[:, 1])
-    column_offset, column_gain = parabolic_peak(*level[1, :])
-    return (row_offset, column_offset), float(power[row, column] * np.exp(row_gain + column_gain))
-
-
-def _surrounded(power: NDArray[np.float64], is_iq: bool) -> NDArray[np.float64]:
-    """The map with the neighbours of its edges: velocity is cyclic, range too with I/Q.
-
-    The spectrum of real samples is even about both its ends.
-    """
-    around = np.pad(power, ((1, 1), (0, 0)), mode="wrap")
-    return np.pad(around, ((0, 0), (1, 1)), mode="wrap" if is_iq else "reflect")
-
-
-def parabolic_peak(left: float, middle: float, right: float) -> tuple[float, float]:
-    """Vertex of the parabola through a local maximum and its neighbours.
-
-    Returns the offset from the middle, in steps, at most half of one, and the height above `middle`; zeros where the
-    three values have no maximum.
-    """
-    curvature = left - 2.0 * middle + right
-    if curvature >= 0.0:
-        return 0.0, 0.0
-    offset = float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5))
-    return offset, -0.25 * (left - right) * offset

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.processing.detection.peaks import between_cells, local_maxima, parabolic_peak
-from radarcore.processing.estimation.bounds import beat_times, carrier
-from radarcore.processing.spectra.spectra import fast_spectrum, spectrum
+from radarcore import _core
+from radarcore.processing.estimation.bounds import beat_times
+from radarcore.processing.spectra.noise import noise_level
+from radarcore.processing.spectra.spectra import both_windows, fast_spectrum, powers, transformed
 from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.waveform import Waveform
 from radarcore.units import SPEED_OF_LIGHT
@@ -83,15 +84,27 @@ def fit_phase(
     weighted = weights * centred
     curvature = np.einsum("pmn,qmn->mpq", weighted, centred)  # (chirp, p, p)
 
+    # Twice the real samples: their echo is then the I/Q one and its conjugate, the mirror image.
     is_real = not np.iscomplexobj(samples)
-    echo = _Turned(samples, weights, per_chirp)
+    values = np.moveaxis(samples, 0, 1).astype(np.complex128) * (2.0 if is_real else 1.0)  # (chirp, channel, sample)
+    total = weights.sum(axis=1, keepdims=True)
+
+    def amplitudes(turn: Complex, before: Complex) -> Complex:
+        """Weighted means (chirp, channel) without the mirror image of the amplitudes before."""
+        turned = weights[:, None] * turn
+        sums = np.einsum("mcn,mcn->mc", values, turned)
+        if is_real:
+            sums -= before.conj() * (turned * turn).sum(axis=-1)
+        return np.asarray(sums / total) if per_chirp else np.broadcast_to(sums.sum(axis=0) / total.sum(), sums.shape)
+
     parameters = np.array(start, dtype=np.float64)
     turn = _turn(phase(parameters))
-    amplitude = echo.amplitude(turn, None)
+    amplitude = amplitudes(turn, np.zeros(values.shape[:2], np.complex128))
     for _ in range(_MOST_STEPS):
         # The echo turned to phase 0, times its conjugate amplitude: what varies is the error of the parameters.
-        amplitude = echo.amplitude(turn, amplitude)
-        error = echo.product(turn, amplitude).imag
+        amplitude = amplitudes(turn, amplitude)
+        turned = amplitude.conj()[..., None] * turn
+        error = (turned * (values - turned if is_real else values)).sum(axis=1).imag
         score = np.einsum("pmn,mn->p", weighted, error)
         matrix = np.einsum("m,mpq->pq", (np.abs(amplitude) ** 2).sum(axis=1), curvature)
         try:
@@ -103,52 +116,15 @@ def fit_phase(
         turn = _turn(phase(parameters))
         if size <= _SMALL_STEP:
             break
-    fitted = np.moveaxis(amplitude[..., None] * (turn if turn.ndim == 3 else turn[:, None]).conj(), 1, 0)
+    fitted = np.moveaxis(amplitude[..., None] * turn.conj(), 1, 0)
     num_free = samples.shape[0] * (samples.shape[1] if per_chirp else 1)
     power = float((np.abs(amplitude) ** 2).mean())
     return PhaseFit(parameters, power, num_free, fitted.real if is_real else fitted)
 
 
-class _Turned:
-    """Sums over samples that are turned by a phase, (chirp, sample) for all channels or (chirp, channel, sample)."""
-
-    def __init__(self, samples: NDArray[Any], weights: Array, per_chirp: bool) -> None:
-        self._is_real = not np.iscomplexobj(samples)
-        # Twice the real samples: their echo is then the I/Q one and its conjugate.
-        self._samples = np.moveaxis(samples, 0, 1).astype(np.complex128) * (2.0 if self._is_real else 1.0)
-        self._weights = weights
-        self._per_chirp = per_chirp
-
-    def amplitude(self, turn: Complex, before: Complex | None) -> Complex:
-        """Amplitudes (chirp, channel) by weighted means; `before`: those that make the mirror image of real samples."""
-        weights = self._weights if turn.ndim == 2 else self._weights[:, None]
-        weighted = weights * turn
-        if turn.ndim == 2:
-            sums = np.einsum("mcn,mn->mc", self._samples, weighted)
-        else:
-            sums = (self._samples * weighted).sum(axis=-1)
-        if self._is_real and before is not None:
-            sums -= before.conj() * (weighted * turn).sum(axis=-1).reshape(len(sums), -1)
-        total = self._weights.sum(axis=-1, keepdims=True)
-        if self._per_chirp:
-            return np.asarray(sums / total)
-        return np.broadcast_to(sums.sum(axis=0) / total.sum(), sums.shape)
-
-    def product(self, turn: Complex, amplitude: Complex) -> Complex:
-        """Conjugate amplitudes times turned samples without mirror images, added over channels, (chirp, sample)."""
-        conjugate = amplitude.conj()
-        if turn.ndim == 2:
-            found = turn * np.einsum("mc,mcn->mn", conjugate, self._samples)
-            mirror = turn**2 * (conjugate**2).sum(axis=1, keepdims=True)
-        else:
-            found = (conjugate[..., None] * self._samples * turn).sum(axis=1)
-            mirror = (conjugate[..., None] ** 2 * turn**2).sum(axis=1)
-        return np.asarray(found - mirror if self._is_real else found)
-
-
 def _turn(phase: Array) -> Complex:
-    """``exp(-1j * phase)``, with the chirps in front."""
-    phase = phase if phase.ndim == 2 else phase[0] if len(phase) == 1 else np.moveaxis(phase, 0, 1)
+    """``exp(-1j * phase)``, with the chirps in front: (chirp, channel or 1, sample)."""
+    phase = phase[:, None] if phase.ndim == 2 else np.moveaxis(phase, 0, 1)
     # Modulo one turn the phase fits into float32, whose functions are ten times faster; 1e-7 rad are at -140 dB.
     turns = phase * (0.5 / np.pi)
     reduced = ((turns - np.rint(turns)) * (2.0 * np.pi)).astype(np.float32)
@@ -161,43 +137,6 @@ _PADDING = 2
 """Cells per bin; a parabola through three of them ends well within the main lobe."""
 
 Limits = tuple[float, float]
-
-
-def search_doppler(
-    frame: NDArray[Any], waveform: Waveform, ranges: Limits, velocities: Limits, window: Window, doppler_window: Window
-) -> tuple[float, float] | None:
-    """Range at the middle of the frame [m] and velocity [m/s] of the strongest local maximum within limits, or None."""
-    num_range, num_velocity = _PADDING * waveform.num_samples, _PADDING * waveform.num_chirps
-    transformed = spectrum(
-        frame,
-        waveform,
-        window=window,
-        doppler_window=doppler_window,
-        num_range_bins=num_range,
-        num_velocity_bins=num_velocity,
-    )
-    power = _power(transformed).sum(axis=0)  # (doppler, range)
-    is_iq = np.iscomplexobj(frame)
-    is_peak = local_maxima(power, is_iq=is_iq)
-
-    def measure(row: Any, column: Any) -> tuple[Any, Any]:
-        # beat = slope delay + doppler, with the Doppler frequency at the middle of the chirp, as in eq. (1).
-        beat = np.sign(waveform.slope) * column * (waveform.sample_rate / num_range)
-        doppler = (row - num_velocity // 2) / (num_velocity * waveform.chirp_interval)
-        shift = beat - doppler
-        velocity = 0.5 * SPEED_OF_LIGHT * doppler / (carrier(waveform) - shift)
-        return 0.5 * SPEED_OF_LIGHT * shift / waveform.slope, velocity
-
-    rows, columns = np.ogrid[: power.shape[0], : power.shape[1]]
-    distance, velocity = measure(rows, columns)
-    is_peak &= (distance >= ranges[0]) & (distance <= ranges[1])
-    is_peak &= (velocity >= velocities[0]) & (velocity <= velocities[1])
-    if not is_peak.any():
-        return None
-    row, column = map(int, np.unravel_index(np.argmax(np.where(is_peak, power, -1.0)), power.shape))
-    (row_offset, column_offset), _ = between_cells(power, row, column, is_iq=is_iq)
-    found = measure(row + row_offset, column + column_offset)
-    return float(found[0]), float(found[1])
 
 
 def search_beat(
@@ -223,65 +162,43 @@ def search_beat(
 
     # One transform per cycle within a chirp: mostly one in all.
     rates = np.round(velocities * cycles) / max(cycles, 1e-300) if fastest * cycles > 0.5 else np.zeros(len(velocities))
-    best: tuple[float, Array, float] | None = None
+    powers_of = {rate: _dechirped_power(frame, waveform, rate, window, num_bins) for rate in set(rates)}
     cell = np.arange(num_bins if is_iq else num_bins // 2 + 1)
+    moved = [np.round(per_velocity * velocity * slow / bin_width).astype(np.intp) for velocity in velocities]
+    sums = np.array(
+        [
+            np.take_along_axis(powers_of[rate], (cell + cells) % num_bins, axis=1).sum(axis=0)
+            for rate, cells in zip(rates, moved, strict=True)
+        ]
+    )
     apparent = 0.5 * SPEED_OF_LIGHT / abs(waveform.slope) * bin_width * cell
-    within = (apparent >= ranges[0]) & (apparent <= ranges[1])
-    if not within.any():
+    within = np.where((apparent >= ranges[0]) & (apparent <= ranges[1]), sums, 0.0)
+    best, highest = np.unravel_index(within.argmax(), within.shape)
+    if within[best, highest] == 0.0:
         return None
-    for rate in np.unique(rates):
-        power = _dechirped_power(frame, waveform, rate, window, num_bins)  # (chirp, cell)
-        for velocity in velocities[rates == rate]:
-            moved = np.round(per_velocity * velocity * slow / bin_width).astype(np.intp)  # (chirp, 1)
-            summed = np.take_along_axis(power, (cell + moved) % num_bins, axis=1).sum(axis=0)
-            highest = float(summed[within].max())
-            if highest > 0.0 and (best is None or highest > best[0]):
-                best = highest, summed, float(velocity)
-    if best is None:
-        return None
-
-    # A parabola through the cells about the highest one.
-    _, summed, velocity = best
-    k = int(np.argmax(np.where(within, summed, -1.0)))
-    below, above = summed[(k - 1) % len(summed) if is_iq else abs(k - 1)], summed[(k + 1) % len(summed)]
-    level = np.log(np.maximum([below, summed[k], above], 1e-30 * summed[k]))
+    offset, _ = _core.between_cells(sums[best, None], np.array([[0, highest]]), is_cyclic=is_iq)
     sign = np.sign(waveform.slope)
-    frequency = sign * bin_width * (k + parabolic_peak(*level)[0])
-    change = sign * per_velocity * velocity
-    return float(frequency), float(change), float(2.0 * change)
+    change = sign * per_velocity * velocities[best]
+    return float(sign * bin_width * (highest + offset[0, 1])), float(change), float(2.0 * change)
 
 
 def noise_power(frame: NDArray[Any], waveform: Waveform) -> float:
-    """Power of the noise per sample, from the median power of all cells of the range-Doppler map (Hann windows).
+    """Power of the noise per sample, from the median power of the cells of its map (Hann windows).
 
-    Echoes are in a few cells. The power of noise is exponentially distributed: its median is ``ln 2`` of its mean.
+    Echoes are in a few cells. A few chirps have no window over slow time.
     """
-    profile: NDArray[Any] = fast_spectrum(frame, waveform, window="hann", num_bins=None)
-    weights = window_weights("window", "hann", waveform.num_samples)
-    gain = float((weights**2).sum())
-    if waveform.num_chirps > 3:
-        slow_weights = window_weights("doppler_window", "hann", waveform.num_chirps)
-        profile = np.fft.fft(profile * slow_weights[:, None], axis=-2)
-        gain *= float((slow_weights**2).sum())
-    if not np.iscomplexobj(frame) and profile.shape[-1] > 4:
-        profile = profile[..., 1:-1]  # the first and last cell of real samples are real, or have twice the noise
-    median = float(np.median(_power(profile)))
-    return median / (gain * float(np.log(2.0)))
+    fast = window_weights("window", "hann", waveform.num_samples)
+    slow = window_weights("doppler_window", "hann" if waveform.num_chirps > 3 else None, waveform.num_chirps)
+    windowed = frame * both_windows(fast, slow, waveform.num_chirps, frame.real.dtype)
+    cells = transformed(windowed, waveform, waveform.num_samples, waveform.num_chirps)
+    if not np.iscomplexobj(frame) and cells.shape[-1] > 4:
+        cells = cells[..., 1:-1]  # the first and last cell of real samples are real, or have twice the noise
+    return noise_level(powers(cells)) / float((fast**2).sum() * (slow**2).sum())
 
 
 def _dechirped_power(frame: NDArray[Any], waveform: Waveform, velocity: float, window: Window, num_bins: int) -> Array:
     """Power (chirp, cell) over channels, without the change of the frequency within a chirp of a velocity."""
-    if velocity == 0.0:
-        power: Array = _power(fast_spectrum(frame, waveform, window=window, num_bins=num_bins)).sum(axis=0)
-        if np.iscomplexobj(frame):
-            return power
-        both: Array = np.concatenate([power, power[:, -2:0:-1]], axis=1)  # of negative frequencies
-        return both
     fast = beat_times(waveform)[1]
     turn = np.exp(-2j * np.pi * (2.0 * waveform.slope * velocity / SPEED_OF_LIGHT) * fast**2)
-    dechirped: Array = _power(fast_spectrum(frame * turn, waveform, window=window, num_bins=num_bins)).sum(axis=0)
-    return dechirped
-
-
-def _power(values: NDArray[Any]) -> Array:
-    return np.asarray(np.square(values.real, dtype=np.float64) + np.square(values.imag, dtype=np.float64))
+    power: Array = powers(fast_spectrum(frame * turn, waveform, window=window, num_bins=num_bins)).sum(axis=0)
+    return power

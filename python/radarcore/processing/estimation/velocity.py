@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
-from radarcore.processing.detection.peaks import limits
+from radarcore.processing.detection.peaks import limits, strongest_peak
 from radarcore.processing.estimation import bounds
 from radarcore.processing.estimation.bounds import CramerRaoBound
-from radarcore.processing.estimation.phase_fit import PhaseFit, fit_phase, noise_power, search_beat, search_doppler
+from radarcore.processing.estimation.phase_fit import PhaseFit, fit_phase, noise_power, search_beat
 from radarcore.processing.inputs import (
     Samples,
     checked_samples,
@@ -26,9 +27,13 @@ from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
+from radarcore.recording.recording import Recording
 from radarcore.units import SPEED_OF_LIGHT
 
 Array = NDArray[np.float64]
+
+_ANY_SNR_DB = -1000.0
+"""The strongest echo is measured however weak it is [dB]."""
 
 
 def doppler_velocity(
@@ -91,18 +96,18 @@ def doppler_velocity(
     2.00 m, -0.50 m/s
     """
     require_transmitters_apart(cube, waveform)
-    given = checked_input(cube, waveform)
+    given = _checked_input(cube, waveform)
     wf = given.waveform
     require_uniform_chirps(wf)
     if wf.num_chirps < 2:
         raise ValueError(f"waveform: expected at least 2 chirps, got {wf.num_chirps}")
-    ranges = limits("range", "m", min_range, max_range)
-    velocities = limits("velocity", "m/s", min_velocity, max_velocity)
+    limits("range", "m", min_range, max_range)
+    limits("velocity", "m/s", min_velocity, max_velocity)
     weights = np.outer(
         window_weights("doppler_window", doppler_window, wf.num_chirps),
         window_weights("window", window, wf.num_samples),
     )
-    level = checked_noise(noise)
+    level = _checked_noise(noise)
     slow, fast = bounds.times_from_middle(wf)
     gradients = bounds.range_and_velocity_gradients(wf)
     time = slow + given.offsets[:, None, None] + fast  # (channel or 1, chirp, sample)
@@ -113,19 +118,25 @@ def doppler_velocity(
         turned: Array = 2.0 * np.pi * delay * (wf.start_frequency + wf.slope * ramp - 0.5 * wf.slope * delay)
         return turned
 
-    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
-        return bounds.doppler_bound(
-            wf, snr_db, is_real=is_real, num_channels=num_channels, window=window, doppler_window=doppler_window
+    def measure(frame: NDArray[Any]) -> _Row:
+        peak = strongest_peak(
+            frame,
+            wf,
+            min_range=min_range,
+            max_range=max_range,
+            min_velocity=min_velocity,
+            max_velocity=max_velocity,
+            window=window,
+            doppler_window=doppler_window,
+            min_snr_db=_ANY_SNR_DB,
         )
+        if peak is None or np.isnan(peak.velocity):
+            return _NOTHING
+        fit = fit_phase(frame, phase, gradients, np.array([peak.range, peak.velocity]), weights, per_chirp=False)
+        return fit.parameters[0], fit.parameters[1], _snr(frame, wf, fit, level, weights)
 
-    def measure(frame: NDArray[Any]) -> Echo:
-        start = search_doppler(frame, wf, ranges, velocities, window, doppler_window)
-        if start is None:
-            return Echo()
-        fit = fit_phase(frame, phase, gradients, np.array(start), weights, per_chirp=False)
-        return measured_echo(frame, wf, fit, fit.parameters[0], fit.parameters[1], level, bound, weights)
-
-    return measured(given, measure)
+    bound = partial(bounds.doppler_bound, wf, window=window, doppler_window=doppler_window)
+    return _estimate(given, [measure(frame) for frame in given.samples], bound)
 
 
 def up_down_velocity(
@@ -192,49 +203,39 @@ def up_down_velocity(
     >>> print(f"{estimate.range:.2f} m, {estimate.velocity:+.2f} m/s")
     2.01 m, +1.00 m/s
     """
-    both = checked_input(up, up_waveform, "up"), checked_input(down, down_waveform, "down")
-    waveforms = both[0].waveform, both[1].waveform
+    both = _checked_input(up, up_waveform, "up"), _checked_input(down, down_waveform, "down")
     kinds = ["one frame" if given.is_one else f"{len(given.samples)} frames in an array" for given in both]
     if kinds[0] != kinds[1]:
         raise ValueError(f"down: expected {kinds[0]} as up, got {kinds[1]}")
-    delay = down_delay if down_delay is not None else delay_between(up, down)
+    waveforms = both[0].waveform, both[1].waveform
+    delay = down_delay if down_delay is not None else _delay_between(up, down)
     equations = bounds.up_down_equations(*waveforms, delay)
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
-    level = checked_noise(noise)
+    level = _checked_noise(noise)
     searches = [_beat_fit(given, ranges, fastest, window) for given in both]
+    slopes = np.array([waveform.slope for waveform in waveforms])
 
-    rows: list[Echo] = []
-    for frames in zip(both[0].samples, both[1].samples, strict=True):
-        fits = [search(frame) for search, frame in zip(searches, frames, strict=True)]
-        if fits[0] is None or fits[1] is None:
-            rows.append(Echo())
-            continue
+    def measure(*frames: NDArray[Any]) -> _Row:
+        fits = [fit for search, frame in zip(searches, frames, strict=True) if (fit := search(frame)) is not None]
+        if len(fits) < 2:
+            return _NOTHING
         # The delay within slope * delay**2 / 2 shifts the carrier by the beat frequency: a millionth of it.
-        beats = np.array([fit.parameters[0] for fit in fits if fit is not None])
-        matrix = equations.copy()
-        distance, velocity = np.linalg.solve(matrix, beats)
-        for _ in range(2):
-            matrix[:, 1] = (
-                equations[:, 1] - np.array([wf.slope for wf in waveforms]) * 4.0 * distance / SPEED_OF_LIGHT**2
-            )
-            distance, velocity = np.linalg.solve(matrix, beats)
-        powers = [
-            snr(frame, wf, fit, level, _weights(wf, window))
+        distance = velocity = 0.0
+        for _ in range(3):
+            by_velocity = equations[:, 1] - slopes * 4.0 * distance / SPEED_OF_LIGHT**2
+            matrix = np.stack([equations[:, 0], by_velocity], axis=1)
+            distance, velocity = np.linalg.solve(matrix, [fit.parameters[0] for fit in fits])
+        ratios = [
+            _snr(frame, wf, fit, level, _weights(wf, window))
             for frame, wf, fit in zip(frames, waveforms, fits, strict=True)
-            if fit is not None
         ]
-        snr_db = decibels(float(np.mean(powers)))
-        limit = bounds.up_down_bound(
-            *waveforms,
-            snr_db,
-            down_delay=delay,
-            is_real=not np.iscomplexobj(frames[0]),
-            num_channels=len(frames[0]),
-            window=window,
-        )
-        rows.append(Echo(float(distance), float(velocity), float(limit.range), float(limit.velocity), snr_db))
-    return stacked(rows, both[0].is_one)
+        return distance, velocity, float(np.mean(ratios))
+
+    bound = partial(bounds.up_down_bound, *waveforms, down_delay=delay, window=window)
+    return _estimate(
+        both[0], [measure(*frames) for frames in zip(*(given.samples for given in both), strict=True)], bound
+    )
 
 
 def chirp_rate_velocity(
@@ -285,34 +286,32 @@ def chirp_rate_velocity(
     >>> print(f"{rc.processing.chirp_rate_velocity(frame).velocity:+.1f} m/s from one chirp")
     -2.0 m/s from one chirp
     """
-    given = checked_input(cube, waveform)
+    given = _checked_input(cube, waveform)
     wf = given.waveform
     if wf.num_samples < 3:
         raise ValueError(f"waveform: expected at least 3 samples per chirp, got {wf.num_samples}")
     ranges = limits("range", "m", min_range, max_range)
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
-    level = checked_noise(noise)
+    level = _checked_noise(noise)
     search = _beat_fit(given, ranges, fastest, window)
     weights = _weights(wf, window)
 
-    def bound(snr_db: float, is_real: bool, num_channels: int) -> bounds.CramerRaoBound:
-        return bounds.chirp_rate_bound(wf, snr_db, is_real=is_real, num_channels=num_channels, window=window)
-
-    def measure(frame: NDArray[Any]) -> Echo:
+    def measure(frame: NDArray[Any]) -> _Row:
         fit = search(frame)
         if fit is None:
-            return Echo()
+            return _NOTHING
         velocity = SPEED_OF_LIGHT / (4.0 * wf.slope) * fit.parameters[-1]
         # The delay within slope * delay**2 / 2 lowers the carrier by the beat frequency.
         shift = 2.0 * velocity / SPEED_OF_LIGHT * (bounds.beat_carrier(wf) - fit.parameters[0])
         distance = 0.5 * SPEED_OF_LIGHT / wf.slope * (fit.parameters[0] - shift)
-        return measured_echo(frame, wf, fit, distance, velocity, level, bound, weights)
+        return distance, velocity, _snr(frame, wf, fit, level, weights)
 
-    return measured(given, measure)
+    bound = partial(bounds.chirp_rate_bound, wf, window=window)
+    return _estimate(given, [measure(frame) for frame in given.samples], bound)
 
 
 def _beat_fit(
-    given: EchoInput, ranges: tuple[float, float], fastest: float, window: Window
+    given: _Input, ranges: tuple[float, float], fastest: float, window: Window
 ) -> Callable[[NDArray[Any]], PhaseFit | None]:
     """Fit of the mean beat frequency of a frame and of its observable changes.
 
@@ -326,7 +325,9 @@ def _beat_fit(
     shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
 
     def phase(parameters: Array) -> Array:
-        frequency, change, rate = _in_place(parameters, observable)
+        every = np.zeros(3)
+        every[observable] = parameters
+        frequency, change, rate = every
         turned: Array = 2.0 * np.pi * ((frequency + change * shifted) * fast + 0.5 * rate * fast**2)
         return turned
 
@@ -337,13 +338,6 @@ def _beat_fit(
         return fit_phase(frame, phase, gradients, np.array(start)[observable], weights, per_chirp=True)
 
     return search
-
-
-def _in_place(parameters: Array, observable: list[int]) -> Array:
-    """All three parameters, those not fitted being 0."""
-    full = np.zeros(3)
-    full[observable] = parameters
-    return full
 
 
 def _weights(waveform: Waveform, window: Window) -> Array:
@@ -389,17 +383,13 @@ class VelocityEstimate:
     snr_db: Array | float
 
 
-class Echo(NamedTuple):
-    """Estimate of one frame."""
+_Row = tuple[float, float, float]
+"""Range [m], velocity [m/s] and SNR (a ratio of powers per sample) of a frame."""
 
-    range: float = np.nan
-    velocity: float = np.nan
-    range_std: float = np.nan
-    velocity_std: float = np.nan
-    snr_db: float = np.nan
+_NOTHING: _Row = (np.nan, np.nan, np.nan)
 
 
-class EchoInput(NamedTuple):
+class _Input(NamedTuple):
     """Samples (frame, channel, chirp, sample) of a waveform, checked."""
 
     samples: NDArray[Any]
@@ -410,7 +400,7 @@ class EchoInput(NamedTuple):
     """One frame, not several."""
 
 
-def checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube") -> EchoInput:
+def _checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = "cube") -> _Input:
     """Samples of one frame or several, with the radar or waveform that they have; `name`: of the argument."""
     samples, wf = cube_and_waveform(cube, waveform)
     offsets = np.zeros(1)
@@ -426,23 +416,16 @@ def checked_input(cube: Samples, waveform: Waveform | Radar | None, name: str = 
         raise ValueError(f"{name}: expected shape ([frame,] channel, chirp, sample), got {checked.shape}")
     if checked.shape[-3] == 0:
         raise ValueError(f"{name}: expected at least one channel, got none")
-    if not np.isfinite(checked).all():
-        bad = np.argwhere(~np.isfinite(checked))
-        raise ValueError(
-            f"{name}: expected finite samples, got {len(bad)} that are not, the first at {tuple(map(int, bad[0]))}"
-        )
     is_one = checked.ndim == 3
-    return EchoInput(checked[None] if is_one else checked, wf, offsets, is_one)
+    return _Input(check.finite(name, checked)[None] if is_one else check.finite(name, checked), wf, offsets, is_one)
 
 
-def delay_between(up: Samples, down: Samples) -> float | None:
+def _delay_between(up: Samples, down: Samples) -> float | None:
     """Difference of the times of two frames [s]; None for cubes."""
-    if isinstance(up, Frame) and isinstance(down, Frame):
-        return down.time - up.time
-    times = getattr(up, "time", None), getattr(down, "time", None)
-    if times[0] is None or times[1] is None or len(times[0]) == 0:
+    times = [np.atleast_1d(frames.time) for frames in (up, down) if isinstance(frames, Frame | Recording)]
+    if len(times) < 2 or len(times[0]) == 0:
         return None
-    between = np.asarray(times[1]) - np.asarray(times[0])
+    between = times[1] - times[0]
     if np.ptp(between) > 1e-9:
         raise ValueError(
             f"down: expected frames at one delay after those of up, got {between.min():g} to {between.max():g} s"
@@ -450,28 +433,12 @@ def delay_between(up: Samples, down: Samples) -> float | None:
     return float(between[0])
 
 
-def checked_noise(noise: float | None) -> float | None:
+def _checked_noise(noise: float | None) -> float | None:
     """Power of the noise per sample, None if it is to be measured."""
     return None if noise is None else check.non_negative("noise", noise)
 
 
-def measured_echo(
-    frame: NDArray[Any],
-    waveform: Waveform,
-    fit: PhaseFit,
-    distance: float,
-    velocity: float,
-    level: float | None,
-    bound_of: Callable[[float, bool, int], CramerRaoBound],
-    weights: Array,
-) -> Echo:
-    """A fitted echo with what it is worth: the bound of (snr_db, is_real, num_channels); `level`: of known noise."""
-    snr_db = decibels(snr(frame, waveform, fit, level, weights))
-    bound = bound_of(snr_db, not np.iscomplexobj(frame), len(frame))
-    return Echo(float(distance), float(velocity), float(bound.range), float(bound.velocity), snr_db)
-
-
-def snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
+def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | None, weights: Array) -> float:
     """Power of the echo over that of the noise, per sample."""
     noise = noise_power(frame - fit.echo, waveform) if level is None else level
     if noise == 0.0:
@@ -483,19 +450,11 @@ def snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | N
     return max(0.0, power / noise)
 
 
-def decibels(ratio: float) -> float:
-    """A ratio of powers in dB, -inf for 0."""
-    with np.errstate(divide="ignore"):
-        return float(10.0 * np.log10(ratio))
-
-
-def measured(given: EchoInput, measure: Callable[[NDArray[Any]], Echo]) -> VelocityEstimate:
-    """Estimates of a function, frame by frame."""
-    return stacked([measure(frame) for frame in given.samples], given.is_one)
-
-
-def stacked(rows: list[Echo], is_one: bool) -> VelocityEstimate:
-    """Numbers of one frame, arrays of several."""
-    if is_one:
-        return VelocityEstimate(*rows[0])
-    return VelocityEstimate(*np.array(rows, dtype=np.float64).reshape(len(rows), len(Echo._fields)).T)
+def _estimate(given: _Input, rows: list[_Row], bound: Callable[..., CramerRaoBound]) -> VelocityEstimate:
+    """Estimates with the deviations of the bound at their SNR: numbers of one frame, arrays of several."""
+    distance, velocity, ratio = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+    with np.errstate(divide="ignore"):  # -inf for an echo without power
+        snr_db = 10.0 * np.log10(ratio)
+    least = bound(snr_db, is_real=not np.iscomplexobj(given.samples), num_channels=given.samples.shape[1])
+    columns = distance, velocity, least.range, least.velocity, snr_db
+    return VelocityEstimate(*(column.item() if given.is_one else column for column in columns))

@@ -64,19 +64,17 @@ def noise_level(power: ArrayLike, *, num_looks: int = 1) -> float:
     return float(np.median(cells)) / median_of_unit_mean(looks) if cells.size else 0.0
 
 
-def filtered_rows(power: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, float]:
-    """Rows (velocities) whose noise a filter took, such as `remove_static`, (row,), and the median of the others.
+def filtered_rows(power: NDArray[Any]) -> NDArray[np.bool_]:
+    """True for rows (velocities) whose noise a filter such as `remove_static` removed, (row,).
 
-    Rows whose median is far below that which a fifth of all exceed. None where there are none, as in maps too small to
-    tell.
+    Their median is far below the one that a fifth of all rows exceed. None are True in maps too small to compare rows.
     """
-    number = len(power)
-    if number < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
-        return None, float(np.median(power)) if power.size else 0.0
+    if len(power) < _LEAST_ROWS or power.shape[1] < _LEAST_COLUMNS:
+        return np.zeros(len(power), dtype=bool)
     middle = power.shape[1] // 2
     medians = np.partition(power, middle, axis=1)[:, middle]  # several times quicker than np.median
-    level = float(np.partition(medians, number * 4 // 5)[number * 4 // 5])
-    return None if medians.min() >= _EMPTY * level else medians < _EMPTY * level, level
+    is_empty: NDArray[np.bool_] = medians < _EMPTY * np.sort(medians)[len(power) * 4 // 5]
+    return is_empty
 
 
 @lru_cache(maxsize=64)
@@ -113,10 +111,5 @@ def rounding_noise(cube: NDArray[Any], fast_weights: NDArray[np.float64], slow_w
 
     Relative to the power of a frame that is a single echo, whose samples the windows add up coherently.
     """
-    return max(rounding_per_energy(fast_weights, slow_weights) * real_inner(cube, cube), LEAST_NOISE)
-
-
-def rounding_per_energy(fast_weights: NDArray[np.float64], slow_weights: NDArray[np.float64]) -> float:
-    """`rounding_noise` over the sum of the squared samples."""
-    fast, slow = (float(weights.sum()) ** 2 / len(weights) for weights in (fast_weights, slow_weights))
-    return ROUNDING * fast * slow
+    gain = float(np.prod([weights.sum() ** 2 / len(weights) for weights in (fast_weights, slow_weights)]))
+    return max(ROUNDING * gain * real_inner(cube, cube), LEAST_NOISE)

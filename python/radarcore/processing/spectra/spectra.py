@@ -200,3 +200,8 @@ def _fast_transform(windowed: NDArray[Any], num_bins: int, waveform: Waveform) -
     # A real signal's transform at -k is the conjugate of that at k.
     half: NDArray[Any] = rfft(windowed, num_bins)
     return half.conj() if down else half
+
+
+def powers(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Squared magnitudes in double precision."""
+    return np.asarray(np.square(values.real, dtype=np.float64) + np.square(values.imag, dtype=np.float64))

@@ -13,7 +13,7 @@ from radarcore import check
 from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
 from radarcore.processing.spectra.noise import known_noise
-from radarcore.processing.spectra.spectra import fast_spectrum
+from radarcore.processing.spectra.spectra import fast_spectrum, powers
 from radarcore.processing.spectra.windows import Window, window_centre, window_weights
 from radarcore.radar.waveform import require_range
 from radarcore.recording.frame import Frame
@@ -265,7 +265,7 @@ def range_time(
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
     for i, profile in enumerate(_profiles(recording, channel, slice(None), window, subtract_mean, num_bins=n)):
-        power[i] = _power(profile).mean(axis=1).sum(axis=0)
+        power[i] = powers(profile).mean(axis=1).sum(axis=0)
     noise = known_noise(recording, window_weights("window", window, wf.num_samples))
     noise = noise and noise * _num_channels(recording, channel)
     return RangeTime(recording.time + recording.radar.middle, wf.range_axis(n)[:num_ranges], power, noise)
@@ -315,12 +315,8 @@ def _profiles(
 def _doppler_power(run: NDArray[Any], weights: NDArray[np.float64], num_bins: int) -> NDArray[np.float64]:
     """Power (1, velocity) of one window of profiles (channel, chirp, range)."""
     spectrum = np.fft.fft(run * weights.astype(run.real.dtype)[:, None], num_bins, axis=1)
-    power: NDArray[np.float64] = np.fft.fftshift(_power(spectrum).sum(axis=(0, 2)))
+    power: NDArray[np.float64] = np.fft.fftshift(powers(spectrum).sum(axis=(0, 2)))
     return power[None]
-
-
-def _power(values: NDArray[Any]) -> NDArray[np.float64]:
-    return np.asarray(np.square(values.real, dtype=np.float64) + np.square(values.imag, dtype=np.float64))
 
 
 def _gate(recording: Recording, min_range: float | None, max_range: float | None) -> slice:
