@@ -13,12 +13,17 @@ from numpy.typing import NDArray
 
 from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
 from doubles.vendor_board import VendorBoard
+from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.sensor import Sensor, open_sensor
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 
 TRANSPORTS = ("cdc", "vendor", "pty")
+
+SMALL = bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
+LARGE = bgt60tr13c(num_chirps=64, frame_interval=100e-3)
+"""Two slices of 9216 bytes to a frame."""
 
 
 CLI = "import sys\nfrom radarcore.cli.main import main\nsys.exit(main())"
@@ -93,10 +98,14 @@ def plugged(controller: Controller, transport: str) -> Iterator[tuple[dict[str, 
 
 
 @contextmanager
-def opened(controller: Controller, transport: str = "cdc", **options: Any) -> Iterator[Sensor]:
-    """A sensor that is open, to an emulated board; its queue is long enough for boards without a pace."""
+def opened(
+    controller: Controller, transport: str = "cdc", *, radar: Radar | None = None, **options: Any
+) -> Iterator[Sensor]:
+    """A sensor that is open, and configured if a radar is given; its queue is long enough for boards without a pace."""
     options.setdefault("queue_size", 10_000)
     with plugged(controller, transport) as (where, _), open_sensor(**where, **options) as sensor:
+        if radar is not None:
+            sensor.configure(radar)
         yield sensor
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -76,6 +77,14 @@ class Requests:
         return self.values[request, value, index][:length]
 
 
+def is_soon(condition: Callable[[], Any]) -> bool:
+    """True once a condition is met, False if it is not for long."""
+    deadline = time.monotonic() + HANG
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return bool(condition())
+
+
 class Call:
     """A function that runs in a thread of its own."""
 
@@ -111,4 +120,4 @@ def read_all(stream: Any, size: int) -> bytes:
     return data
 
 
-__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "read_all"]
+__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "read_all"]

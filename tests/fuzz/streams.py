@@ -90,13 +90,15 @@ def read_strata(folder: Path) -> None:
     for parser in (strata_stream.HostParser(), strata_stream.BoardParser()):
         num_bytes = 0
         for piece in _pieces(data):
-            for item in parser.feed(piece):
+            found = parser.feed(piece)
+            assert parser.num_held == len(parser._buffer) <= parser._largest
+            for item in found:
                 if isinstance(item, Damage):
                     num_bytes += item.num_bytes
                 elif isinstance(item, DataPacket):
                     num_bytes += len(item.payload)
-                    for found in assembler.feed(item):
-                        assert len(getattr(found, "data", b"")) <= 3000
+                    for part in assembler.feed(item):
+                        assert len(getattr(part, "data", b"")) <= 3000
                 else:
                     num_bytes += len(item.payload)
                     _try_strata(item.payload)
@@ -162,8 +164,11 @@ def read_comlib(folder: Path) -> None:
             for item in parser.feed(piece):
                 if isinstance(item, comlib.Message):
                     _try_comlib(item.payload)
+            assert len(parser._buffer) <= 65541
             if number % 3 == 2:  # a silence
                 parser.reset()
+        parser.reset()
+        assert parser.feed(comlib.Message(1, b"\x22").encode()) == [comlib.Message(1, b"\x22")]
     _try_comlib(data)
 
 

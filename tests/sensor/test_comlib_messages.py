@@ -168,26 +168,6 @@ def test_every_message_arrives_however_the_stream_is_cut(answers, asked, places)
     assert host.is_idle
 
 
-@fuzz
-@given(st.lists(st.binary() | items.map(lambda item: item.encode())), cuts)
-def test_no_bytes_upset_the_parsers(parts, places):
-    stream = b"".join(parts)
-    host, board = HostParser(), BoardParser(3)
-    num_used = 0
-    for piece in pieces(stream, places):
-        for item in host.feed(piece):
-            num_used += item.num_bytes if isinstance(item, Damage) else len(item.encode())
-        assert len(host._buffer) <= 65541
-        board.feed(piece)
-        assert len(board._buffer) <= 518
-    assert num_used + len(host._buffer) == len(stream)
-    # After silence both listen again.
-    host.reset()
-    board.silence()
-    request = Message(1, b"\x22")
-    assert host.feed(request.encode()) == board.feed(request.encode()) == [request]
-
-
 def test_host_discards_everything_after_damage_until_silence():
     parser = HostParser()
     status = StatusMessage(1, 0)

@@ -4,13 +4,12 @@ import threading
 import time
 import warnings
 from contextlib import contextmanager
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import radarcore as rc
-from doubles.boards import TRANSPORTS, Numbered, number_of, opened, plugged
+from doubles.boards import LARGE, SMALL, TRANSPORTS, Numbered, number_of, opened, plugged
 from doubles.comlib_boards import Pipe, Ramp
 from doubles.usb_bus import bus_with, cdc_device
 from full_disk import largest_file
@@ -35,8 +34,6 @@ from radarcore.sensor.strata.packets import Version
 from radarcore.sensor.transport.capture import Capture
 from short_requests import shorten_requests
 
-SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
-LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices to a frame
 OUTER = rc.Radar(SMALL.waveform, tx=SMALL.tx, rx=SMALL.rx[[0, 2]], receiver=SMALL.receiver)
 
 
@@ -92,8 +89,7 @@ def test_temperature_is_that_of_the_chip_idle_and_measuring(transport):
 
 
 def test_slow_consumer_loses_whole_frames_and_is_told():
-    with opened(Controller(Numbered(), speed=20.0), queue_size=4) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered(), speed=20.0), queue_size=4, radar=SMALL) as sensor:
         frames = sensor.frames()
         with pytest.warns(FramesLostWarning, match="not taken in time"):  # noqa: PT031  # a frame may be lost before
             before = next(frames)
@@ -103,21 +99,6 @@ def test_slow_consumer_loses_whole_frames_and_is_told():
         assert after.stats["lost_reason"] == "frames were not taken in time"
         assert sensor.num_lost == before.stats["lost_before"] + after.stats["lost_before"]
         frames.close()
-
-
-def test_overflow_of_the_fifo_is_reported_and_measuring_goes_on():
-    controller = Controller(Numbered(), speed=None, faults=Faults(overflow=0.1, seed=3))
-    with opened(controller) as sensor, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        sensor.configure(SMALL)
-        frames = list(sensor.frames(30))
-        assert controller.faults.done["overflow"] > 0
-        reasons = [frame.stats["lost_reason"] for frame in frames if frame.stats["lost_before"]]
-    assert len(reasons) > 0
-    assert all("overflow (0x07); measuring was started anew" in reason for reason in reasons)
-    assert [str(w.message) for w in caught if w.category is FramesLostWarning], "never silent"
-    indices = [frame.stats["index"] for frame in frames]
-    assert all(b > a for a, b in pairwise(indices))
 
 
 @pytest.mark.parametrize("transport", ["cdc", "vendor"])

@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 
-from doubles.boards import Numbered, number_of, opened, plugged
+from doubles.boards import SMALL, Numbered, number_of, opened, plugged
 from doubles.small_boards import Loopback
 from doubles.usb_bus import EmulatedBus, cdc_device
-from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor import (
     RequestError,
     SensorError,
@@ -32,7 +31,6 @@ from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
 from short_requests import shorten_requests
 
-SMALL = bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 OLD = Identity(version=Version(2, 0, 0, protocol_major=3))
 needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="ptys need Linux or macOS")
 
@@ -92,8 +90,7 @@ def is_stop(request: Request) -> bool:
 @pytest.mark.parametrize("transport", ["cdc", "vendor"])
 def test_stop_may_be_refused_with_any_status(transport: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, is_stop, status)
-    with opened(Controller(Numbered(), speed=None), transport) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered(), speed=None), transport, radar=SMALL) as sensor:
         for _ in range(2):  # the stop in between is refused too, and the chip is reset
             assert [number_of(frame.raw) for frame in sensor.frames(2)] == [0, 1]
 

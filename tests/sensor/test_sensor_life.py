@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 import radarcore as rc
-from doubles.boards import TRANSPORTS, Numbered, number_of, opened, plugged, python
+from doubles.boards import SMALL, TRANSPORTS, Numbered, number_of, opened, plugged, python
+from doubles.small_boards import is_soon
 from radarcore.sensor import SensorError, SensorTimeoutError, open_sensor
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 
-SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
 AT_ONCE = 1.0
 """Half the time-out of `SMALL`'s frames [s]."""
 
@@ -43,10 +43,7 @@ def test_opening_and_closing_again_and_again_leaves_nothing(transport):
                 sensor.configure(SMALL)
                 assert len(list(sensor.frames(2))) == 2
         # A pty looks once more, for a moment, whether anything is left of a client that has gone.
-        deadline = time.monotonic() + AT_ONCE
-        while (threading.active_count(), files()) != before and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert (threading.active_count(), files()) == before
+        assert is_soon(lambda: (threading.active_count(), files()) == before)
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
@@ -64,20 +61,17 @@ def test_forgotten_sensor_gives_its_port_back(transport):
 
 
 def test_forgotten_sensor_is_closed_whichever_thread_finds_it():
-    controller = Controller(Numbered())
-    with plugged(controller, "cdc") as (where, _):
+    def opens():
+        with suppress(SensorError):
+            open_sensor(**where).close()
+            return True
+
+    with plugged(Controller(Numbered()), "cdc") as (where, _):
         kept = [open_sensor(**where)]
         thread = threading.Thread(target=kept.clear)
         thread.start()
         thread.join()
-        deadline = time.monotonic() + 10.0
-        while time.monotonic() < deadline:
-            with suppress(SensorError):
-                open_sensor(**where).close()
-                break
-            time.sleep(0.05)
-        else:
-            pytest.fail("the port is still in use")
+        assert is_soon(opens), "the port is still in use"
 
 
 def test_closing_from_another_thread_ends_the_wait_for_a_frame_at_once():
@@ -97,8 +91,7 @@ def test_closing_from_another_thread_ends_the_wait_for_a_frame_at_once():
 
 
 def test_stopping_ends_the_iteration_quietly():
-    with opened(Controller(Numbered())) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered()), radar=SMALL) as sensor:
         began, given = time.monotonic(), 0
         for _ in sensor.frames():
             given += 1
@@ -109,8 +102,7 @@ def test_stopping_ends_the_iteration_quietly():
 
 
 def test_second_iteration_ends_the_first_with_an_error():
-    with opened(Controller(Numbered())) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered()), radar=SMALL) as sensor:
         first, second = sensor.frames(), sensor.frames(3)
         assert number_of(next(first).raw) == 0
         assert number_of(next(second).raw) == 0
@@ -120,8 +112,7 @@ def test_second_iteration_ends_the_first_with_an_error():
 
 
 def test_settings_are_those_at_the_first_frame():
-    with opened(Controller(Numbered())) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered()), radar=SMALL) as sensor:
         frames = sensor.frames(1)
         achieved = sensor.configure(rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=25e-3))
         frame = next(frames)
@@ -134,8 +125,7 @@ def test_settings_are_those_at_the_first_frame():
 
 def test_error_in_the_middle_of_recording_ends_measuring_although_somebody_keeps_the_error(tmp_path, monkeypatch):
     controller = Controller(Numbered())
-    with opened(controller) as sensor:
-        sensor.configure(SMALL)
+    with opened(controller, radar=SMALL) as sensor:
         monkeypatch.setattr(rc.RecordingWriter, "append", _full_disk)
         with pytest.raises(OSError, match="disk") as kept:
             sensor.record(tmp_path / "rec", progress=False)
@@ -148,18 +138,15 @@ def _full_disk(self, frame):
 
 
 def test_what_went_wrong_first_is_told_where_stopping_fails_too(monkeypatch):
-    with opened(Controller(Numbered())) as sensor:
-        sensor.configure(SMALL)
+    def silent(*, is_silent=False):
+        raise SensorTimeoutError("no answer to stop")
+
+    with opened(Controller(Numbered()), radar=SMALL) as sensor, monkeypatch.context() as patch:
         frames = sensor.frames(timeout=0.5)
         next(frames)
-
-        def silent(*, is_silent=False):
-            raise SensorTimeoutError("no answer to stop")
-
-        sensor._board.stop, stop = silent, sensor._board.stop
+        patch.setattr(sensor._board, "stop", silent)
         with pytest.raises(KeyError):
             frames.throw(KeyError("what the reader of frames did"))
-        sensor._board.stop = stop
 
 
 @pytest.mark.parametrize("step", ["start", "stop"])
@@ -196,8 +183,7 @@ def _interrupt(monkeypatch, link, number):
 
 
 def test_measurement_after_an_interrupted_start_has_its_own_frames(monkeypatch):
-    with opened(Controller(Numbered())) as sensor:
-        sensor.configure(SMALL)
+    with opened(Controller(Numbered()), radar=SMALL) as sensor:
         with monkeypatch.context() as patch:
             _interrupt(patch, sensor._board._link, 3)
             with pytest.raises(KeyboardInterrupt):

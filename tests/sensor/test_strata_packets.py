@@ -241,22 +241,6 @@ def test_flipped_bits_lose_no_packet_but_their_own(before, hit, after, data):
     assert found == wanted
 
 
-@fuzz
-@given(st.lists(st.binary() | answers.map(encode) | requests.map(strata.encode_request)), cuts)
-def test_no_bytes_upset_the_parsers(parts, places):
-    stream = b"".join(parts)
-    for parser in (HostParser(), BoardParser()):
-        found = feed_all(parser, pieces(stream, places))
-        sizes = [
-            item.num_bytes
-            if isinstance(item, Damage)
-            else len(strata.encode_request(item) if isinstance(item, Request) else encode(item))
-            for item in found
-        ]
-        assert all(sizes)
-        assert sum(sizes) + len(parser._buffer) == len(stream)
-
-
 def test_false_header_does_not_hold_up_a_packet_behind_it():
     # A byte that begins no packet puts the parser out of step; 0xd3 then claims 4087 bytes.
     false = bytes.fromhex("00 d3 00 00 00 f0 0f")

@@ -12,7 +12,7 @@ import pytest
 
 import radarcore as rc
 from doubles import comlib_boards
-from doubles.boards import TRANSPORTS, Numbered, number_of, opened
+from doubles.boards import LARGE, SMALL, TRANSPORTS, Numbered, number_of, opened
 from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
 from doubles.vendor_board import VendorBoard
 from radarcore.sensor import Sensor, SensorTimeoutError, open_sensor
@@ -27,17 +27,12 @@ from radarcore.sensor.strata.packets import Avian, Code, Data, DataPacket, Kind,
 from radarcore.sensor.strata.stream import BoardParser
 from short_requests import shorten_requests
 
-SMALL = rc.bgt60tr13c(num_samples=32, num_chirps=8, frame_interval=25e-3)
-LARGE = rc.bgt60tr13c(num_chirps=64, frame_interval=100e-3)  # two slices of 9216 bytes to a frame
-
-
 # Long packets
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_slices_may_come_in_packets_of_any_size(transport: str) -> None:
-    with opened(Controller(Numbered(), speed=None, most_payload=20_000), transport) as sensor:
-        sensor.configure(LARGE)
+    with opened(Controller(Numbered(), speed=None, most_payload=20_000), transport, radar=LARGE) as sensor:
         assert [number_of(frame.raw) for frame in sensor.frames(5)] == [0, 1, 2, 3, 4]
         assert sensor.num_lost == 0
 

@@ -13,6 +13,7 @@ import pytest
 
 import radarcore as rc
 from doubles.boards import CLI, SWING, Numbered, numbered, python
+from doubles.small_boards import is_soon
 from radarcore.cli.main import main
 from radarcore.sensor import SensorTimeoutError, open_sensor, virtual_board
 from radarcore.sensor.bgt60.registers import start_words
@@ -86,15 +87,6 @@ def end(process, number):
     """Output and errors of a process that a signal ends."""
     process.send_signal(number)
     return process.communicate(timeout=PATIENCE)
-
-
-def is_soon(true):
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        if true():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 def test_signal_ends_a_server_which_removes_its_link_if_it_can(recording, tmp_path, capsys):
