@@ -289,6 +289,12 @@ def test_no_display_says_how_to_save(
     assert error.count("\n") == 1
 
 
+def test_missing_source_leaves_no_file(tmp_path: Path) -> None:
+    for source in ("none", "none.toml"):
+        assert main(["view", str(tmp_path / source), "-o", str(tmp_path / "run.rrd")]) == 1
+    assert not (tmp_path / "run.rrd").exists()
+
+
 def test_file_that_cannot_be_made_is_an_error_of_the_system(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"run\.rrd: expected a file that can be written; Failed to create file"):
         Viewer("/proc/self/run.rrd")

@@ -188,10 +188,9 @@ class Stub(threading.Thread):
         self.is_running, self.num_steps = False, 0
         return [1]
 
-    def _object(self, path: str, *_: Any) -> list[Any]:
-        if path not in PATHS:
-            raise ValueError("object does not exist.")
-        return [PATHS[path]]
+    def _object(self, path: str, options: dict[str, Any]) -> list[Any]:
+        assert options == {"noError": True}
+        return [PATHS.get(path, -1)]
 
     def _in_tree(self, base: int, kind: int = -2, options: int = 0) -> list[Any]:
         assert options == 0

@@ -9,7 +9,6 @@ import time as clock
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from radarcore import check, notice
 from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.images import PlanarDepth, from_coppeliasim
 from radarcore.geometry.mesh import Mesh
-from radarcore.geometry.pose import Pose, transforms
+from radarcore.geometry.pose import Pose
 from radarcore.motion.attached import Attached
 from radarcore.motion.live import LiveGroup
 from radarcore.motion.protocol import Motion
@@ -63,51 +62,8 @@ class CoppeliaSimError(OSError):
     """
 
 
-class _Client:
-    """Connection to a server, which is asked at once whether it is there.
-
-    Parameters
-    ----------
-    host, port
-        Address of the server.
-    timeout : float
-        Longest time that a call may take [s].
-
-    Raises
-    ------
-    ImportError
-        Without the extra.
-    CoppeliaSimError
-        When nobody answers.
-    """
-
-    def __init__(self, host: str, port: int, timeout: float) -> None:
-        self.timeout: float = check.positive("timeout", timeout, "s")
-        self.address: str = f"tcp://{host}:{check.port('port', port)}"
-        self.is_open: bool = True
-        self._remote = _remote(host, port, self)
-        try:
-            self.sim: Any = self._remote.require("sim")
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        """Close the connection; what was not sent is dropped."""
-        self.is_open = False
-        self._remote.context.destroy(linger=0)
-
-    def no_answer(self, function: str) -> CoppeliaSimError:
-        """Error of a call without an answer."""
-        return CoppeliaSimError(
-            f"{self.address}: expected an answer to {function} within {self.timeout:g} s, got none; is CoppeliaSim "
-            "running, with its ZMQ remote API server on this port? It does not answer while one of its dialogs is "
-            "open; slow scenes need a longer timeout"
-        )
-
-
-def _remote(host: str, port: int, owner: _Client) -> Any:
-    """The client of CoppeliaSim's package, made to keep the time-out of its owner."""
+def _connected(host: str, port: int, timeout: float) -> Any:
+    """The client of CoppeliaSim's package, all of whose calls end within the time-out."""
     try:
         import zmq
         from coppeliasim_zmqremoteapi_client import RemoteAPIClient
@@ -116,56 +72,52 @@ def _remote(host: str, port: int, owner: _Client) -> Any:
             "CoppeliaSim needs coppeliasim-zmqremoteapi-client, pyzmq and cbor2: pip install radarcore[coppelia]"
         ) from error
 
+    address, longest = f"tcp://{host}:{check.port('port', port)}", check.positive("timeout", timeout, "s")
+
     class Remote(RemoteAPIClient):  # type: ignore[misc]  # without types
         """One deadline for all messages of a call: `sim.step` takes as many as it waits."""
 
-        deadline: float | None = None
+        deadline: float
         socket: Any
 
         def call(self, func: str, args: Any) -> Any:
-            if not owner.is_open:
-                raise CoppeliaSimError(f"{owner.address}: expected an open connection for {func}, got a closed one")
-            is_outermost = self.deadline is None
-            if is_outermost:
-                self.deadline = clock.monotonic() + owner.timeout
+            if self.socket.closed:
+                raise CoppeliaSimError(f"{address}: expected an open connection for {func}, got a closed one")
+            self.deadline = clock.monotonic() + longest
             try:
                 return super().call(func, args)
             except zmq.Again:
-                owner.close()  # the answer may still come, and would be taken for that to the next call
-                raise owner.no_answer(func) from None
+                self.close()
+                raise CoppeliaSimError(
+                    f"{address}: expected an answer to {func} within {longest:g} s, got none; is CoppeliaSim "
+                    "running, with its ZMQ remote API server on this port? It does not answer while one of its dialogs "
+                    "is open; slow scenes need a longer timeout"
+                ) from None
             except Exception as error:
                 if type(error) is not Exception:  # as the client raises for what the server reports
                     raise
                 raise CoppeliaSimError(f"{func}: {error}") from error
-            except BaseException:  # Ctrl-C: the next call, which stops the simulation, must not wait for this answer
-                self.connect()
-                raise
-            finally:
-                if is_outermost:
-                    self.deadline = None
-
-        def connect(self) -> None:
-            self.socket.close(linger=0)
-            self.socket = self.context.socket(zmq.REQ)
-            self.prepare()
-            self.socket.connect(owner.address)
-
-        def prepare(self) -> None:
-            self.socket.setsockopt(zmq.LINGER, 0)
-            self.socket.setsockopt(zmq.SNDTIMEO, int(1e3 * owner.timeout))
 
         def _recv(self) -> Any:
-            assert self.deadline is not None  # only called within `call`
             left = max(0.0, self.deadline - clock.monotonic())
             if not self.socket.poll(int(1e3 * left)):
                 raise zmq.Again
             return super()._recv()
 
+        def close(self) -> None:
+            self.context.destroy(linger=0)
+
+        def __del__(self) -> None:
+            """Do nothing: the context closes its sockets, and the base class fails when Python ends."""
+
     try:
         remote = Remote(host, port)
     except zmq.ZMQError as error:
         raise ValueError(f"host: expected the name or address of a machine, got {host!r} ({error})") from error
-    remote.prepare()
+    remote.socket.setsockopt(zmq.LINGER, 0)
+    # After Ctrl-C the next call, which stops the simulation, does not wait for the answer to the one before.
+    remote.socket.setsockopt(zmq.REQ_RELAXED, 1)
+    remote.socket.setsockopt(zmq.REQ_CORRELATE, 1)
     return remote
 
 
@@ -341,17 +293,9 @@ class VisionSensor:
         self.motion: Motion = motion
         if not sim.getObjectInt32Param(handle, sim.visionintparam_perspective_operation):
             raise ValueError(f"{path}: expected a vision sensor of perspective type, got an orthographic one")
-        self.near: float
-        self.far: float
-        self.angle: float
-        self.near, self.far, self.angle = (
-            float(sim.getObjectFloatParam(handle, parameter))
-            for parameter in (
-                sim.visionfloatparam_near_clipping,
-                sim.visionfloatparam_far_clipping,
-                sim.visionfloatparam_perspective_angle,
-            )
-        )
+        self.near: float = float(sim.getObjectFloatParam(handle, sim.visionfloatparam_near_clipping))
+        self.far: float = float(sim.getObjectFloatParam(handle, sim.visionfloatparam_far_clipping))
+        self.angle: float = float(sim.getObjectFloatParam(handle, sim.visionfloatparam_perspective_angle))
         if self.near < _NEAREST:
             error = _rounding(self.near, self.far)
             notice.warn(
@@ -438,21 +382,24 @@ class CoppeliaSim:
     """
 
     def __init__(self, host: str = "localhost", port: int = PORT, *, timeout: float = 10.0) -> None:
-        self._client = _Client(host, port, timeout)
-        self.sim: Any = self._client.sim
+        self._remote = _connected(host, port, timeout)
+        self._timeout = timeout
+        try:
+            self.sim: Any = self._remote.require("sim")
+        except BaseException:
+            self.close()
+            raise
         self._live: list[tuple[LiveGroup, list[int]]] = []
 
     def __enter__(self) -> CoppeliaSim:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
         """Close the connection."""
-        self._client.close()
+        self._remote.close()
 
     @property
     def time(self) -> float:
@@ -466,11 +413,9 @@ class CoppeliaSim:
 
     def handle(self, path: str) -> int:
         """Handle of an object by its path, such as ``"/arm/tool"``; a CoppeliaSimError that names near ones."""
-        try:
-            return int(self.sim.getObject(path))
-        except CoppeliaSimError:
-            if not self._client.is_open:
-                raise
+        handle = int(self.sim.getObject(path, {"noError": True}))
+        if handle >= 0:
+            return handle
         known = [self._path(handle) for handle in self.sim.getObjectsInTree(self.sim.handle_scene)]
         raise CoppeliaSimError(f"no object {path!r} in the scene; {check.near_names(path, known)}")
 
@@ -545,21 +490,17 @@ class CoppeliaSim:
         sim = self.sim
         sim.stopSimulation()
         sim.setStepping(False)
-        end = clock.monotonic() + self._client.timeout
+        end = clock.monotonic() + self._timeout
         while sim.getSimulationState() != sim.simulation_stopped:
             if clock.monotonic() > end:
-                raise CoppeliaSimError(
-                    f"{self._client.address}: expected the simulation to stop within {self._client.timeout:g} s, got "
-                    "one that goes on"
-                )
+                raise CoppeliaSimError(f"the simulation goes on {self._timeout:g} s after it was asked to stop")
             clock.sleep(_POLL)
 
     def _update(self) -> float:
         """Read the poses of everything that moves; returns the time [s]."""
         time = self.time
         for group, handles in self._live:
-            poses = [self._pose(handle) for handle in handles]
-            group.update(time, np.array([transforms(pose.rotation, pose.position) for pose in poses]))
+            group.update(time, [self._pose(handle) for handle in handles])
         return time
 
     def _motions(self, handles: list[int]) -> list[Motion]:

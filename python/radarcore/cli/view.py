@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.options import OutputFile, Overwrite, Source, SubtractMean
-from radarcore.cli.sources import NOT_BARE, BareSamples, moving, open_recording, subtracts_mean
+from radarcore.cli.sources import NOT_BARE, AnyReader, BareSamples, moving, open_recording, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import Tracker
 from radarcore.radar.radar import Radar
-from radarcore.recording.bare import Description
 from radarcore.recording.frame import Frame
-from radarcore.scenefile.load import load_scene
+from radarcore.scenefile.load import Simulation, load_scene
 from radarcore.simulate.schedule import frame_times
 
 
@@ -46,25 +44,34 @@ def run(
         raise ValueError(
             f"{source}: expected no --subtract-mean with a scene file, whose frames are shown as they come"
         )
-    number = 0
-    with Viewer(output, overwrite=overwrite) as viewer:
-        is_scene = source.suffix == ".toml"
-        frames = _of_scene(source, viewer) if is_scene else _of_recording(source, bare.description, subtract_mean)
-        tracker: Tracker | None = None
-        for frame in frames:
-            tracker = tracker or _tracker(frame.radar)
-            viewer.show_frame(frame)
-            found = detect(frame)
-            viewer.show_detections(found)
-            viewer.show_tracks(tracker.update(found), found.time)
-            number += 1
+    # The source is opened first: without one there is no output.
+    if source.suffix == ".toml":
+        simulation = load_scene(source)
+        with Viewer(output, overwrite=overwrite) as viewer:
+            number = _show(viewer, _of_scene(simulation, viewer))
+    else:
+        with open_recording(source, bare.description) as reader, Viewer(output, overwrite=overwrite) as viewer:
+            number = _show(viewer, _of_recording(reader, subtract_mean))
     shown = "the viewer" if output is None else output
     show(f"{source}: {number} frames in {shown}")
 
 
-def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:
+def _show(viewer: Viewer, frames: Iterator[Frame]) -> int:
+    """Show frames with their detections and tracks; returns their number."""
+    number = 0
+    tracker: Tracker | None = None
+    for frame in frames:
+        tracker = tracker or _tracker(frame.radar)
+        viewer.show_frame(frame)
+        found = detect(frame)
+        viewer.show_detections(found)
+        viewer.show_tracks(tracker.update(found), found.time)
+        number += 1
+    return number
+
+
+def _of_scene(simulation: Simulation, viewer: Viewer) -> Iterator[Frame]:
     """Frames of a scene file as they are simulated; poses and depth images are shown."""
-    simulation = load_scene(path)
     simulator, run = simulation.simulator(), simulation.run
     times = frame_times(run.start, run.stop, run.rate)
     with notice.progress(times, "simulating", "frame", total=len(times)) as counted:
@@ -75,13 +82,12 @@ def _of_scene(path: Path, viewer: Viewer) -> Iterator[Frame]:
             yield simulator.frame(time).sequences()[0]
 
 
-def _of_recording(path: Path, config: Description, subtract_mean: bool | None) -> Iterator[Frame]:
+def _of_recording(reader: AnyReader, subtract_mean: bool | None) -> Iterator[Frame]:
     """Frames of a recording, however long; those of a sensor without what stands still."""
-    with open_recording(path, config) as reader:
-        frames = moving(reader) if subtracts_mean(reader, subtract_mean) else iter(reader)
-        with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
-            for frame in counted:
-                yield frame.sequences()[0]
+    frames = moving(reader) if subtracts_mean(reader, subtract_mean) else iter(reader)
+    with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
+        for frame in counted:
+            yield frame.sequences()[0]
 
 
 def _tracker(radar: Radar) -> Tracker:
