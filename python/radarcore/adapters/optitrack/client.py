@@ -73,16 +73,6 @@ class CapturedFrame:
     received: float
 
 
-def poses_of(bodies: Mapping[str, BodyState], axes: str) -> dict[str, Pose]:
-    """Poses of the bodies that are tracked, in radarcore's world."""
-    poses = {}
-    for name, body in bodies.items():
-        if body.is_tracked:
-            position = positions_of(np.array(body.position), axes)
-            poses[name] = Pose.from_quaternion(position, wxyz=quaternions_of(np.array(body.quaternion), axes))
-    return poses
-
-
 def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
     """Frames up to the end of a take: until it starts again, or no more frames come."""
     last: CapturedFrame | None = None
@@ -95,11 +85,6 @@ def one_take(frames: Iterator[CapturedFrame]) -> Iterator[CapturedFrame]:
     except TimeoutError:
         if last is None:
             raise
-
-
-def without_poses(frame: CapturedFrame) -> CapturedFrame:
-    """The frame without poses, a tenth as large: a capture needs only its bodies."""
-    return replace(frame, poses={})
 
 
 def capture_of(frames: list[CapturedFrame], axes: str) -> MotionCapture:
@@ -169,7 +154,7 @@ class Follower:
         try:
             for frame in one_take(self._frames) if self._keep else self._frames:
                 if self._keep:
-                    self._kept.append(without_poses(frame))  # others read it meanwhile
+                    self._kept.append(replace(frame, poses={}))  # a tenth as large
                 self._newest = frame
                 self._count += 1
         except Exception as error:  # raised where the user sees it
@@ -183,7 +168,7 @@ _KEEP_ALIVE = 1.0
 """Time between signs of life to the server [s]."""
 
 _LOOK_UP = 0.05
-"""Time after which a client in the background sees that it is to stop [s]."""
+"""Longest wait for a packet before the client sees that it is to stop, or has to ask again [s]."""
 
 _LATE = 0.1
 """A frame that is older than the one before by less than this [s] is late, not of another take."""
@@ -295,11 +280,21 @@ class MotionCaptureClient:
         >>> client.close()
         """
         self.close()
-        self._host, self._damage = _host_of(self._address[0]), None
+        try:
+            self._host = socket.gethostbyname(self._address[0])
+        except socket.gaierror as error:
+            raise ConnectionError(f"server: expected an address, got {self._address[0]!r} ({error.strerror})") from None
+        self._damage = None
         self._strangers.clear()
         self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._bind(self._command)
+            try:
+                self._command.bind((self._local_address, 0))
+            except OSError as error:
+                raise ConnectionError(
+                    f"local_address: expected an address of this computer, got {self._local_address!r} "
+                    f"({error.strerror})"
+                ) from error
             self._info = decode_server_info(self._answer(Kind.CONNECT, b"Ping\0", Kind.SERVER_INFO))
             checked_version(self._info.version)
             if self._info.is_multicast:
@@ -399,7 +394,7 @@ class MotionCaptureClient:
         for frame in one_take(self.frames(motions)):
             if kept and frame.time - kept[0].time >= limit:
                 break
-            kept.append(without_poses(frame))
+            kept.append(replace(frame, poses={}))
         else:
             took = kept[-1].time - kept[0].time
             notice.warn(f"duration: expected {limit:g} s of frames, got {took:g} s: the take ended, or began again")
@@ -456,7 +451,7 @@ class MotionCaptureClient:
     ) -> Iterator[CapturedFrame]:
         """Frames, up to a time at which they are no longer wanted."""
         end = clock.monotonic() + self._timeout
-        while (packet := self._packet(Kind.FRAME, end, stop)) is not None:
+        while (packet := self._next(Kind.FRAME, end, stop)) is not None:
             received = clock.time()
             try:
                 raw = decode_frame(packet, version)
@@ -492,96 +487,90 @@ class MotionCaptureClient:
             self._clock_offsets.append(received - raw.transmitted_ticks / frequency)
         # Takes that are played back have no exposures.
         time = raw.exposure_ticks / frequency if raw.exposure_ticks > 0 else raw.timestamp
-        return CapturedFrame(raw.number, time, bodies, poses_of(bodies, self._axes), received)
+        poses = {
+            name: Pose.from_quaternion(
+                positions_of(np.array(body.position), self._axes),
+                wxyz=quaternions_of(np.array(body.quaternion), self._axes),
+            )
+            for name, body in bodies.items()
+            if body.is_tracked
+        }
+        return CapturedFrame(raw.number, time, bodies, poses, received)
 
     def _answer(self, request: Kind, payload: bytes, answer: Kind) -> bytes:
-        """Answer to a request, which is repeated until the time-out."""
-        end = clock.monotonic() + self._timeout
-        while (left := end - clock.monotonic()) > 0.0:
-            self._send(request, payload)
-            packet = self._received(answer, min(left, _REPEAT))
-            if packet is not None:
-                self._damage = None
-                return packet
-        if self._damage is not None:
-            raise self._damage
-        host, port = self._address
-        raise TimeoutError(
-            f"no answer ({answer.name}) from a motion capture server at {host}:{port} within {self._timeout:g} s: does "
-            "Motive run there with streaming enabled in its settings, is the address right, does a firewall stop UDP?"
-            f"{self._other_senders()}"
-        )
+        """Answer to a request."""
+        self._next_sign = 0.0
+        packet = self._next(answer, clock.monotonic() + self._timeout, request=request, payload=payload)
+        assert packet is not None  # nothing stops it
+        self._damage = None
+        return packet
 
-    def _packet(self, kind: Kind, end: float, stop: threading.Event | None) -> bytes | None:
-        """Next packet of a kind, None after `stop`; a TimeoutError after the time `end`."""
-        while (left := end - clock.monotonic()) > 0.0:
+    def _next(
+        self,
+        kind: Kind,
+        end: float,
+        stop: threading.Event | None = None,
+        *,
+        request: Kind = Kind.KEEP_ALIVE,
+        payload: bytes = b"",
+    ) -> bytes | None:
+        """Next packet of a kind, None after `stop`; requests are repeated. A TimeoutError after the time `end`."""
+        while (now := clock.monotonic()) < end:
             if stop is not None and stop.is_set():
                 return None
-            packet = self._received(kind, min(left, _LOOK_UP))
-            if packet is not None:
+            if now >= self._next_sign:
+                self._next_sign = now + (_KEEP_ALIVE if request == Kind.KEEP_ALIVE else _REPEAT)
+                self._send(request, payload)
+            if (packet := self._received(kind)) is not None:
                 return packet
         if self._damage is not None and self._last_time == -inf:  # there never was a whole frame
             raise self._damage
-        host, port = self._address
-        way = (
-            f"multicast {self.info.multicast_address}:{self.info.data_port}; give local_address, that of the network "
-            "interface, if this computer has several"
-            if self.info.is_multicast
-            else "to this client alone"
-        )
-        raise TimeoutError(
-            f"no frame from the motion capture server at {host}:{port} within {self._timeout:g} s ({way}): is it live, "
-            f"or playing a take?{self._other_senders()}"
-        )
+        raise TimeoutError(self._no_packet(kind))
 
-    def _other_senders(self) -> str:
-        """Names senders whose packets were ignored, for messages."""
-        return f" Packets from {', '.join(sorted(self._strangers))} were ignored." if self._strangers else ""
+    def _no_packet(self, kind: Kind) -> str:
+        """Message of a time-out."""
+        server = f"motion capture server at {self._address[0]}:{self._address[1]} within {self._timeout:g} s"
+        if kind != Kind.FRAME:
+            text = (
+                f"no answer ({kind.name}) from a {server}: does Motive run there with streaming enabled in its "
+                "settings, is the address right, does a firewall stop UDP?"
+            )
+        else:
+            info = self.info
+            way = (
+                f"multicast {info.multicast_address}:{info.data_port}; give local_address, that of the network "
+                "interface, if this computer has several"
+                if info.is_multicast
+                else "to this client alone"
+            )
+            text = f"no frame from the {server} ({way}): is it live, or playing a take?"
+        return f"{text} Packets from {', '.join(sorted(self._strangers))} were ignored." if self._strangers else text
 
-    def _received(self, kind: Kind, timeout: float) -> bytes | None:
-        """Next packet of a kind, None at the time-out; names are taken from others that come."""
+    def _received(self, kind: Kind) -> bytes | None:
+        """A packet of a kind, if one comes soon; names are taken from others that come."""
         if self._command is None:
             raise ValueError("client: expected a connection, got a closed one")
-        end = clock.monotonic() + timeout
-        while (left := end - clock.monotonic()) > 0.0:
-            self._give_sign()
-            sockets = [one for one in (self._command, self._data) if one is not None]
-            ready, _, _ = select.select(sockets, [], [], min(left, _KEEP_ALIVE))
-            for one in ready:
-                try:
-                    packet, (host, _) = one.recvfrom(_LONGEST)
-                    if host != self._host:
-                        self._strangers.add(host)
-                        continue
-                    got = packet_kind(packet)
-                    if got == kind:
-                        return packet
-                    if got == Kind.MODEL and self._info is not None:
-                        self._model = decode_model(packet, self._info.version)
-                except ConnectionError:  # Windows: nobody listens at the port that was asked
+        sockets = [one for one in (self._command, self._data) if one is not None]
+        for one in select.select(sockets, [], [], _LOOK_UP)[0]:
+            try:
+                packet, (host, _) = one.recvfrom(_LONGEST)
+                if host != self._host:
+                    self._strangers.add(host)
                     continue
-                except NatNetError as error:
-                    self._damage = error
+                got = packet_kind(packet)
+                if got == kind:
+                    return packet
+                if got == Kind.MODEL and self._info is not None:
+                    self._model = decode_model(packet, self._info.version)
+            except ConnectionError:  # Windows: nobody listens at the port that was asked
+                continue
+            except NatNetError as error:
+                self._damage = error
         return None
-
-    def _give_sign(self) -> None:
-        """Tell the server, now and then, that this client is there."""
-        if self._info is not None and clock.monotonic() >= self._next_sign:
-            self._next_sign = clock.monotonic() + _KEEP_ALIVE
-            self._send(Kind.KEEP_ALIVE)
 
     def _send(self, kind: Kind, payload: bytes = b"") -> None:
         assert self._command is not None  # connected, or about to be
         self._command.sendto(struct.pack("<HH", kind, len(payload)) + payload, self._address)
-
-    def _bind(self, one: socket.socket) -> None:
-        """Bind to a free port of the chosen network interface."""
-        try:
-            one.bind((self._local_address, 0))
-        except OSError as error:
-            raise ConnectionError(
-                f"local_address: expected an address of this computer, got {self._local_address!r} ({error.strerror})"
-            ) from error
 
     def _joined(self, info: ServerInfo) -> socket.socket:
         """Socket that has joined the multicast group."""
@@ -598,11 +587,3 @@ class MotionCaptureClient:
                 "that of the network interface"
             ) from error
         return one
-
-
-def _host_of(name: str) -> str:
-    """Numeric address of a server, to ignore packets of other senders."""
-    try:
-        return socket.gethostbyname(name)
-    except socket.gaierror as error:
-        raise ConnectionError(f"server: expected an address, got {name!r} ({error.strerror})") from None
