@@ -135,7 +135,7 @@ def test_missing_unit_can_be_given(tmp_path: Path) -> None:
         ({"Rotation_Type": "XYZ"}, "expected the Rotation Type Quaternion, got 'XYZ'; export the take with"),
         ({"Coordinate_Space": "Local"}, "expected the Coordinate Space Global, got 'Local'"),
         ({"Length_Units": "Feet"}, "expected Length Units Meters, Centimeters or Millimeters, got 'feet'"),
-        ({"Format_Version": None}, "expected 'Format Version' in the first line, got 'Take Name'"),
+        ({"Format_Version": None}, "expected 'Format Version' in the first line .* got 'Take Name'"),
     ],
 )
 def test_other_exports_are_refused_with_advice(settings: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -188,24 +188,13 @@ def test_warning_names_types_that_are_not_read(tmp_path: Path) -> None:
         assert read_motive_csv(path).names == ("radar", "person")
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
-def test_encodings_with_a_mark_are_read(tmp_path: Path, encoding: str) -> None:
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_files_of_spreadsheets_are_refused(tmp_path: Path, mark: str) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
-    whole, text = read_motive_csv(path), path.read_bytes().decode()
-    path.write_bytes((("\ufeff" + text) if encoding == "utf-16-be" else text).encode(encoding))
-    np.testing.assert_array_equal(read_motive_csv(path)["radar"].position, whole["radar"].position)
-    path.write_bytes(text.encode("utf-16-le"))
-    with pytest.raises(ValueError, match=r"t1.csv: expected text in UTF-8, got zeros between letters"):
-        read_motive_csv(path)
-
-
-@pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabulators")])
-def test_error_for_files_of_spreadsheets_names_their_separator(tmp_path: Path, mark: str, name: str) -> None:
-    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
+    path.write_text("\ufeff" + path.read_text())  # a mark of the encoding
+    assert read_motive_csv(path).names == ("radar", "person")
     path.write_text(path.read_text().replace(",", mark).replace(".", ","))
-    with pytest.raises(
-        ValueError, match=rf"t1.csv: expected commas between cells and points in numbers, got {name}, as"
-    ):
+    with pytest.raises(ValueError, match="t1.csv: expected 'Format Version' in the first line and commas"):
         read_motive_csv(path)
 
 
@@ -215,7 +204,7 @@ def test_file_without_frames_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"t1.csv: expected frames below the line 'Frame', got none"):
         read_motive_csv(path)
     path.write_bytes(b"")
-    with pytest.raises(ValueError, match=r"t1.csv: expected a line that begins with 'Frame', got none"):
+    with pytest.raises(ValueError, match=r"t1.csv: expected 'Format Version' in the first line"):
         read_motive_csv(path)
 
 

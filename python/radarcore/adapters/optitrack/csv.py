@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from io import StringIO
 from math import isfinite
 from os import PathLike
@@ -44,18 +43,12 @@ class _Item:
     kind: str
     name: str
     id: str
-    columns: dict[str, int]
+    columns: dict[str, int] = field(default_factory=dict)
     """Index of the column by what it holds: ``Rotation X``, ``Position X``, ``error``."""
 
-
-@dataclass(frozen=True)
-class _Header:
-    """Header of a take: settings and columns."""
-
-    settings: dict[str, str]
-    items: list[_Item]
-    num_columns: int
-    num_lines: int
+    def values(self, frames: Array, quantity: str, letters: str) -> Array:
+        """Values of a quantity in all frames, (n, letters)."""
+        return frames[:, [self.columns[f"{quantity} {letter}"] for letter in letters]]
 
 
 def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_unit: str | None = None) -> MotionCapture:
@@ -97,19 +90,24 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
     """
     check.choice("axes", axes, AXES)
     file = Path(path)
-    text = _text(file)
+    text = file.read_bytes().decode("utf-8-sig", "replace")
     rows = _rows(file, text)
-    header = _header(file, rows)
-    unit = _unit(file, header.settings, length_unit)
-    frames = _frames(file, rows, header, is_ended=text.endswith(("\n", "\r")))
+    head = next((k for k, row in enumerate(rows) if row and row[0].strip() == "Frame"), len(rows))
+    header = [[cell.strip() for cell in row] for row in rows[: head + 1]]
+    settings = _settings(file, header)
+    unit = _unit(file, settings, length_unit)
+    if head == len(rows):
+        raise ValueError(f"{file.name}: expected a line that begins with 'Frame', got none: truncated")
+    items = _items(file, header)
+    frames = _frames(file, rows, head, settings, items, is_ended=text.endswith(("\n", "\r")))
 
     bodies: dict[str, CapturedBody] = {}
     markers: dict[str, Array] = {}
     body_markers: dict[str, Array] = {}
-    for item in header.items:
-        position = positions_of(unit * _values(frames, item, "Position", "XYZ"), axes)
+    for item in items:
+        position = positions_of(unit * item.values(frames, "Position", "XYZ"), axes)
         if item.kind in _BODIES:
-            quaternion = quaternions_of(_values(frames, item, "Rotation", "WXYZ"), axes)
+            quaternion = quaternions_of(item.values(frames, "Rotation", "WXYZ"), axes)
             # A quaternion of zeros is none.
             length = np.linalg.norm(quaternion, axis=1)
             is_lost = np.isnan(position.sum(axis=1)) | ~(length > 0.5)
@@ -124,186 +122,131 @@ def read_motive_csv(path: str | PathLike[str], *, axes: str = "z_up", length_uni
         bodies=bodies,
         markers=markers,
         body_markers=body_markers,
-        frame_rate=_rate(header.settings),
-        start_time=header.settings.get("Capture Start Time", ""),
-        take=header.settings.get("Take Name", ""),
+        frame_rate=_rate(settings),
+        start_time=settings.get("Capture Start Time", ""),
+        take=settings.get("Take Name", ""),
     )
 
 
-def _text(file: Path) -> str:
-    """Text of a file, by its byte-order mark, with commas between its cells."""
-    data = file.read_bytes()
-    is_wide = data.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
-    text = data.decode("utf-16" if is_wide else "utf-8-sig", "replace")
-    first = text.partition("\n")[0]
-    if "\0" in first:
-        raise ValueError(f"{file.name}: expected text in UTF-8, got zeros between letters: save it as UTF-8")
-    for mark, name in ((";", "semicolons"), ("\t", "tabulators")):
-        if first.startswith(f"Format Version{mark}"):
-            raise ValueError(
-                f"{file.name}: expected commas between cells and points in numbers, got {name}, as a spreadsheet saves "
-                "them; take the file that Motive exported"
-            )
-    return text
-
-
-def _rows(file: Path, text: str) -> Iterator[list[str]]:
+def _rows(file: Path, text: str) -> list[list[str]]:
     """Lines as cells."""
     try:
-        yield from csv.reader(StringIO(text, newline=""))
+        return list(csv.reader(StringIO(text, newline="")))
     except csv.Error as error:
         raise ValueError(f"{file.name}: expected text in cells between commas, got something else ({error})") from None
 
 
-def _header(file: Path, rows: Iterator[list[str]]) -> _Header:
-    """Everything up to the line that begins with ``Frame``."""
-    lines: list[list[str]] = []
-    for row in rows:
-        lines.append([cell.strip() for cell in row])
-        if lines[-1] and lines[-1][0] == "Frame":
-            break
-    else:
-        raise ValueError(
-            f"{file.name}: expected a line that begins with 'Frame', got none: truncated, or not of Motive"
-        )
-    first = lines[0] or [""]
+def _settings(file: Path, header: list[list[str]]) -> dict[str, str]:
+    """Settings of the first line."""
+    first = header[0] if header and header[0] else [""]
     settings = dict(zip(first[0::2], first[1::2], strict=False))
     if "Format Version" not in settings:
-        raise ValueError(f"{file.name}: expected 'Format Version' in the first line, got {check.printable(first[0])!r}")
-    rotation = settings.get("Rotation Type", "Quaternion")
-    if rotation.lower() != "quaternion":
         raise ValueError(
-            f"{file.name}: expected the Rotation Type Quaternion, got {rotation!r}; export the take with quaternions"
+            f"{file.name}: expected 'Format Version' in the first line and commas between cells, as Motive exports "
+            f"them, got {check.printable(first[0])!r}"
         )
-    space = settings.get("Coordinate Space", "Global")
-    if space.lower() not in ("global", "world"):
-        raise ValueError(
-            f"{file.name}: expected the Coordinate Space Global, got {space!r}; export the take in global ones"
-        )
-    above = [line for line in lines[1:-1] if any(line)]
-    if len(above) < 2:
-        raise ValueError(f"{file.name}: expected lines of types and names above 'Frame', got {len(above)}")
-    kinds, names, ids = _labelled(file, above[:-1])
-    items = list(_items(kinds, names, ids, above[-1], lines[-1]))
-    others = {
-        kind: _cell(names, column) for column, kind in enumerate(kinds) if column > 1 and kind not in {"", *_KINDS}
-    }
+    for name, known, advice in (
+        ("Rotation Type", ("quaternion",), "with quaternions"),
+        ("Coordinate Space", ("global", "world"), "in global ones"),
+    ):
+        if (got := settings.get(name, known[0])).lower() not in known:
+            raise ValueError(
+                f"{file.name}: expected the {name} {known[0].capitalize()}, got {got!r}; export the take {advice}"
+            )
+    return settings
+
+
+def _items(file: Path, header: list[list[str]]) -> list[_Item]:
+    """Bodies and markers, each with its columns, in the order of the file; a warning names other things."""
+    *labelled, quantities = [line for line in header[1:-1] if any(line)] or [[]]
+    letters = header[-1]
+    kinds, names, ids = _labelled(file, labelled)
+    found: dict[tuple[str, str, str], _Item] = {}
+    others: dict[str, str] = {}
+    for column, kind in enumerate(kinds[2:], 2):
+        name, number, quantity, letter = (_cell(line, column) for line in (names, ids, quantities, letters))
+        if kind in _KINDS:
+            item = found.setdefault((kind, name, number), _Item(kind, name, number))
+            is_error = _ERRORS & {quantity.lower(), letter.lower()}
+            item.columns["error" if is_error else f"{quantity} {letter}"] = column
+        elif kind:
+            others[kind] = name
     if others:
         text = ", ".join(f"{kind} ({name})" if name else kind for kind, name in others.items())
         notice.warn(f"{file.name}: expected types {', '.join(_KINDS)}; left out: {check.printable(text)}")
-    for item in items:
-        _check_columns(file, item)
-    return _Header(settings, items, len(lines[-1]), len(lines))
+    for item in found.values():
+        needed = [f"Position {letter}" for letter in "XYZ"]
+        if item.kind in _BODIES:
+            needed += [f"Rotation {letter}" for letter in "XYZW"]
+        if missing := [one for one in needed if one not in item.columns]:
+            raise ValueError(
+                f"{file.name}: expected a column {missing[0]!r} of {item.kind} {item.name!r}, got none; "
+                "export the take with quaternions"
+            )
+    return list(found.values())
 
 
 def _labelled(file: Path, lines: list[list[str]]) -> list[list[str]]:
     """Lines of types, names and identities, by their labels; by their order where there are none."""
-    labels = [line[1].lower() if len(line) > 1 else "" for line in lines]
+    labels: Iterable[str] = [_cell(line, 1).lower() for line in lines]
     if not any(labels):
-        labels = [*_LABELS, *("" for _ in lines)]
+        labels = _LABELS
     found = dict(zip(labels, lines, strict=False))
     for label in ("type", "name"):
         if label not in found:
-            raise ValueError(f"{file.name}: expected a line labelled {label.capitalize()!r}, got {labels}")
+            raise ValueError(f"{file.name}: expected a line labelled {label.capitalize()!r}, got {list(found)}")
     return [found.get(label, []) for label in _LABELS]
-
-
-def _items(
-    kinds: list[str], names: list[str], ids: list[str], quantities: list[str], letters: list[str]
-) -> Iterator[_Item]:
-    """Bodies and markers, each with its columns, in the order of the file; other things are left out."""
-    known: dict[tuple[str, str, str], _Item] = {}
-    for column, kind in enumerate(kinds):
-        if column < 2 or kind not in _KINDS:
-            continue
-        name, number, quantity, letter = (_cell(line, column) for line in (names, ids, quantities, letters))
-        key = (kind, name, number)
-        if key not in known:
-            known[key] = _Item(kind, name, number, {})
-        is_error = _ERRORS & {quantity.lower(), letter.lower()}
-        known[key].columns["error" if is_error else f"{quantity} {letter}"] = column
-    yield from known.values()
-
-
-def _check_columns(file: Path, item: _Item) -> None:
-    """Refuse bodies without a position and a quaternion, and markers without a position."""
-    needed = [f"Position {letter}" for letter in "XYZ"]
-    if item.kind in _BODIES:
-        needed += [f"Rotation {letter}" for letter in "XYZW"]
-    missing = [one for one in needed if one not in item.columns]
-    if missing:
-        advice = "; export the take with quaternions" if missing == ["Rotation W"] else ""
-        raise ValueError(
-            f"{file.name}: expected a column {missing[0]!r} of {item.kind} {item.name!r}, got none{advice}"
-        )
 
 
 def _unit(file: Path, settings: dict[str, str], given: str | None) -> float:
     """Unit of lengths [m]."""
-    if given is not None:
-        check.choice("length_unit", given, tuple(_UNITS))
     stated = settings.get("Length Units", "").lower()
-    if not stated and given is None:
+    if stated and stated not in _UNITS:
+        raise ValueError(f"{file.name}: expected Length Units Meters, Centimeters or Millimeters, got {stated!r}")
+    if given is None and not stated:
         raise ValueError(
             f"{file.name}: expected 'Length Units' in the first line, got none; "
             f"give length_unit='meters', 'centimeters' or 'millimeters'"
         )
-    if stated and stated not in _UNITS:
-        raise ValueError(f"{file.name}: expected Length Units Meters, Centimeters or Millimeters, got {stated!r}")
-    if stated and given is not None and stated != given:
+    if given is not None and check.choice("length_unit", given, tuple(_UNITS)) != (stated or given):
         raise ValueError(f"length_unit: expected {stated!r}, as the file says, got {given!r}")
     return _UNITS[stated or str(given)]
 
 
-def _frames(file: Path, rows: Iterator[list[str]], header: _Header, *, is_ended: bool) -> Array:
+def _frames(
+    file: Path, rows: list[list[str]], head: int, settings: dict[str, str], items: list[_Item], *, is_ended: bool
+) -> Array:
     """Numbers (frame, column) of all whole lines below the header; NaN where there are none."""
-    lines = [row for row in rows if any(row)]
-    expected = _announced(header.settings)
+    lines, num_columns = [row for row in rows[head + 1 :] if any(row)], len(rows[head])
+    announced = settings.get("Total Exported Frames", "")
+    expected = int(announced) if announced.isdecimal() else 0
     # A last line without an end, in a file with too few lines or itself with too few cells, is cut within a number.
-    is_short = expected is not None and len(lines) < expected
-    is_cut = bool(lines) and not is_ended and (is_short or len(lines[-1]) < header.num_columns)
+    is_short = len(lines) < expected
+    is_cut = bool(lines) and not is_ended and (is_short or len(lines[-1]) < num_columns)
     if is_cut:
         lines.pop()
     if not lines:
         raise ValueError(f"{file.name}: expected frames below the line 'Frame', got none")
-    wanted = sorted({0, 1, *(column for item in header.items for column in item.columns.values())})
-    frames = np.full((len(lines), header.num_columns), np.nan)
+    wanted = sorted({0, 1, *(column for item in items for column in item.columns.values())})
+    frames = np.full((len(lines), num_columns), np.nan)
     for k, row in enumerate(lines):
-        frames[k, wanted] = _numbers(f"{file.name}, line {header.num_lines + k + 1}", row, wanted)
+        place, cells = f"{file.name}, line {head + k + 2}", [_cell(row, column) for column in wanted]
+        for cell in cells:
+            if cell and not _is_number(cell):
+                raise ValueError(f"{place}: expected numbers, got {check.printable(cell)!r}")
+        if not cells[1]:
+            raise ValueError(f"{place}: expected a time in the second cell, got none")
+        frames[k, wanted] = [float(cell) if cell else np.nan for cell in cells]
     if is_short or is_cut:
-        count = "whole lines" if expected is None else f"{expected} frames"
+        count = f"{expected} frames" if expected else "whole lines"
         notice.warn(f"{file.name}: expected {count}, got {len(lines)}: the file is truncated after {frames[-1, 1]:g} s")
     return frames
 
 
-def _numbers(place: str, row: list[str], wanted: list[int]) -> list[float]:
-    """Numbers of a line in some columns, NaN for empty cells."""
-    cells = [_cell(row, column) for column in wanted]
-    for cell in cells:
-        if cell and not _is_number(cell):
-            raise ValueError(f"{place}: expected numbers, got {check.printable(cell)!r}")
-    if not cells[1]:
-        raise ValueError(f"{place}: expected a time in the second cell, got none")
-    return [float(cell) if cell else np.nan for cell in cells]
-
-
-def _announced(settings: dict[str, str]) -> int | None:
-    """Number of frames that the first line says."""
-    text = settings.get("Total Exported Frames", "")
-    return int(text) if text.isdecimal() else None
-
-
 def _rate(settings: dict[str, str]) -> float | None:
     """Frames per second, of the export if it says them."""
-    for name in ("Export Frame Rate", "Capture Frame Rate"):
-        if _is_number(text := settings.get(name, "")):
-            return float(text)
-    return None
-
-
-def _values(frames: Array, item: _Item, quantity: str, letters: str) -> Array:
-    """Values of a body or marker, (n, letters)."""
-    return frames[:, [item.columns[f"{quantity} {letter}"] for letter in letters]]
+    rates = (settings.get(f"{kind} Frame Rate", "") for kind in ("Export", "Capture"))
+    return next((float(text) for text in rates if _is_number(text)), None)
 
 
 def _free_name(item: _Item, taken: dict[str, CapturedBody] | dict[str, Array]) -> str:
@@ -321,9 +264,6 @@ def _is_number(text: str) -> bool:
         return isfinite(float(text))
     except ValueError:
         return False
-
-
-_XYZ = ["Position"] * 3, ["X", "Y", "Z"]
 
 
 def write_motive_csv(
@@ -360,31 +300,32 @@ def write_motive_csv(
     check.choice("axes", axes, AXES)
     file = Path(path)
     check_file(file, overwrite=overwrite, kind=".csv")
-    kinds, names, quantities, letters = [], [], [], []
-    columns: list[Array] = []
+    columns: list[tuple[str, str, str, str, Array]] = []
 
-    def add(kind: str, name: str, heads: tuple[list[str], list[str]], values: Array) -> None:
-        kinds.extend([kind] * len(heads[0]))
-        names.extend([name] * len(heads[0]))
-        quantities.extend(heads[0])
-        letters.extend(heads[1])
-        columns.append(values)
+    def add(kind: str, name: str, quantity: str, letters: Iterable[str], values: Array) -> None:
+        columns.extend((kind, name, quantity, *one) for one in zip(letters, values.T, strict=True))
 
     for name, body in capture.bodies.items():
-        turned = motive_quaternions(body.quaternion, axes)[:, [1, 2, 3, 0]]
-        add("Rigid Body", name, (["Rotation"] * 4, ["X", "Y", "Z", "W"]), turned)
-        add("Rigid Body", name, _XYZ, motive_positions(body.position, axes))
-        add("Rigid Body", name, (["Mean Marker Error"], [""]), body.mean_marker_error[:, None])
+        xyzw = np.roll(motive_quaternions(body.quaternion, axes), -1, axis=1)
+        add("Rigid Body", name, "Rotation", "XYZW", xyzw)
+        add("Rigid Body", name, "Position", "XYZ", motive_positions(body.position, axes))
+        add("Rigid Body", name, "Mean Marker Error", [""], body.mean_marker_error[:, None])
     for kind, markers in (("Rigid Body Marker", capture.body_markers), ("Marker", capture.markers)):
         for name, places in markers.items():
-            add(kind, name, _XYZ, motive_positions(places, axes))
-    first = {"Format Version": "1.23", "Take Name": capture.take, "Take Notes": ""}
-    if capture.frame_rate is not None:
-        first |= dict.fromkeys(["Capture Frame Rate", "Export Frame Rate"], f"{capture.frame_rate:.6f}")
-    first |= {"Capture Start Time": capture.start_time}
-    first |= dict.fromkeys(["Total Frames in Take", "Total Exported Frames"], str(len(capture)))
-    first |= {"Rotation Type": "Quaternion", "Length Units": "Meters", "Coordinate Space": "Global"}
-    values = np.column_stack(columns) if columns else np.zeros((len(capture), 0))
+            add(kind, name, "Position", "XYZ", motive_positions(places, axes))
+    kinds, names, quantities, letters = ([column[k] for column in columns] for k in range(4))
+    ids = [f"{1 + names.index(name):X}" for name in names]
+    rate = {} if capture.frame_rate is None else {"Export Frame Rate": f"{capture.frame_rate:.6f}"}
+    first = {
+        "Format Version": "1.23",
+        "Take Name": capture.take,
+        **rate,
+        "Capture Start Time": capture.start_time,
+        "Total Exported Frames": str(len(capture)),
+        "Rotation Type": "Quaternion",
+        "Length Units": "Meters",
+        "Coordinate Space": "Global",
+    }
     with (
         new_file(file, overwrite=overwrite, kind=".csv") as part,
         part.open("w", encoding="utf-8", newline="") as stream,
@@ -392,9 +333,9 @@ def write_motive_csv(
         lines = csv.writer(stream)
         lines.writerow([cell for pair in first.items() for cell in pair])
         lines.writerow([])
-        ids = [f"{1 + names.index(name):X}" for name in names]
         for label, cells in (("Type", kinds), ("Name", names), ("ID", ids), ("", quantities)):
             lines.writerow(["", label, *cells])
         lines.writerow(["Frame", "Time (Seconds)", *letters])
-        for k, (time, row) in enumerate(zip(capture.time, values, strict=True)):
+        for k, time in enumerate(capture.time):
+            row = [column[4][k] for column in columns]
             lines.writerow([k, f"{time:.6f}", *("" if np.isnan(value) else f"{value:.9f}" for value in row)])
