@@ -9,6 +9,19 @@ from hypothesis import strategies as st
 
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
+from radarcore.sensor.bgt60.registers import (
+    CCR2,
+    CSU1_0,
+    CSU1_1,
+    PLL1_0,
+    PLL1_1,
+    PLL1_2,
+    PLL1_3,
+    PLL1_4,
+    PLL1_5,
+    PLL1_6,
+    SFCTL,
+)
 from radarcore.sensor.bgt60.settings import Settings
 
 CLOCK = 80e6  # [Hz]
@@ -89,3 +102,22 @@ def legal_settings(draw: st.DrawFn) -> Settings:
         num_frames=draw(st.integers(0, 4094)),
         has_test_pattern=draw(st.booleans()),
     )
+
+
+def triangle(num_pairs: int, num_falling: int) -> dict[int, int]:
+    """Registers of one receiver and of pairs of ramps: 64 samples rising, and others falling from where those end."""
+    registers = image(V1)
+    start, step, ramp_time = (registers[address] for address in (PLL1_0, PLL1_1, PLL1_2))
+    one_receiver = registers[CSU1_1] & 0x0FFFFF | 1 << 20
+    return registers | {
+        CSU1_1: one_receiver,
+        0x13: registers[CSU1_0],
+        0x14: one_receiver,
+        0x15: registers[0x12],
+        PLL1_3: 64 | num_falling << 12,
+        PLL1_4: (start + step * 8 * ramp_time) & 0xFFFFFF,
+        PLL1_5: -step & 0xFFFFFF,
+        PLL1_6: ramp_time,
+        CCR2: num_pairs - 1 << 12,
+        SFCTL: registers[SFCTL] & ~0x1FFF | (num_pairs * (64 + num_falling) // 2 - 1),
+    }

@@ -109,11 +109,11 @@ def opened(
         yield sensor
 
 
-SWING = """
+SWING = f"""
 [radar]
 preset = "bgt60tr13c"
 # Without the leakage and the offsets of the board.
-receiver = { output = "real", noise_figure_db = 12.0, high_pass = 8e4 }
+receiver = {{ output = "real", noise_figure_db = 12.0, high_pass = 8e4 }}
 
 [run]
 stop = 60.0
@@ -122,19 +122,11 @@ field_of_view_deg = [20.0, 20.0]
 
 [[body]]
 name = "plate"
-shape = { kind = "plate", width = 0.2, height = 0.2 }
+shape = {{ kind = "plate", width = 0.2, height = 0.2 }}
 material = "metal"
 
 [body.motion]
 kind = "trajectory"
 times = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
-poses = [
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-    { position = [4.0, 0.0, 0.0] },
-    { position = [1.5, 0.0, 0.0] },
-]
+poses = [{", ".join(f"{{ position = [{x}, 0.0, 0.0] }}" for x in (1.5, 4.0, 1.5, 4.0, 1.5, 4.0, 1.5))}]
 """

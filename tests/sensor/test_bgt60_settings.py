@@ -117,16 +117,10 @@ def test_wide_slow_ramp_may_end_beyond_the_band_by_the_rounding_of_its_step() ->
             "num_samples: expected 1 to 3266 at 2 MHz (ramps of at most 1.6383 ms), got 4000; the nearest is 3266, or "
             "a sample_rate of at least 2.5 MHz",
         ),
-        ({"rx_mask": 0}, "rx_mask: expected 1 to 7, got 0; the nearest is 1"),
-        ({"if_gain_db": 61}, "if_gain_db: expected 18 dB to 60 dB, got 61 dB; the nearest is 60 dB"),
         ({"highpass_cutoff": -1.0}, "highpass_cutoff: expected 0 Hz or more, got -1 Hz; the nearest is 20 kHz"),
         (
             {"start_frequency": 57.999e9},
             "start_frequency: expected 58 GHz to 63.5 GHz, got 57.999 GHz; the nearest is 58 GHz",
-        ),
-        (
-            {"end_frequency": 63.6e9},
-            "end_frequency: expected 58 GHz to 63.5 GHz, got 63.6 GHz; the nearest is 63.5 GHz",
         ),
         (
             {"chirp_time": 30e-6},

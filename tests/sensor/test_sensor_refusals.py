@@ -37,12 +37,16 @@ class Small:
         return np.zeros((1, 2, 3), np.uint16)
 
 
-def of_rx(rx: list[list[float]]) -> Settings:
-    return Settings.from_radar(rc.Radar(power_up().waveform, rx=rx))
+def of_antennas(**antennas: Any) -> Settings:
+    return Settings.from_radar(rc.Radar(power_up().waveform, **antennas))
 
 
 def of_waveform(**changes: Any) -> Settings:
     return Settings.from_radar(power_up(**changes))
+
+
+def of_changed(**changes: Any) -> Settings:
+    return Settings.from_radar(replace(power_up(), **changes))
 
 
 def comlib(wanted: rc.Radar | None = None, **options: Any) -> rc.Radar:
@@ -74,25 +78,21 @@ SETTINGS: list[Row] = [
     (lambda: registers_of(Settings(), 77), "slice_size: expected an even number, got 77; the nearest are 76, 78"),
     (lambda: registers_of(Settings(), 16386), "slice_size: expected 2 to 16384, got 16386; the nearest is 16384"),
     (lambda: Settings(chirp_time=float("nan")), "chirp_time: expected"),
-    (lambda: Settings(rx_mask=0).to_radar(), "rx_mask: expected 1 to 7, got 0"),
-    (lambda: of_rx([[0.0, 0.0, 1.2e-4]]), "rx: expected three antennas, or some of"),
-    (lambda: of_rx([[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]]), "rx: expected three antennas"),  # in the wrong order
-    (lambda: of_rx([[0.0, 0.0, 0.0]] * 4), "rx: expected three antennas, or some of"),
+    (lambda: of_antennas(rx=[[0.0, 0.0, 1.2e-4]]), "rx: expected three antennas, or some of"),
     (
-        lambda: Settings.from_radar(rc.Radar(power_up().waveform, tx=1e-3 * np.eye(2, 3))),
-        "tx: expected one antenna, got 2",
-    ),
+        lambda: of_antennas(rx=[[0.0, 0.0, 0.0], [0.0, 2.5e-3, 0.0]]),
+        "rx: expected three antennas",
+    ),  # in the wrong order
+    (lambda: of_antennas(rx=[[0.0, 0.0, 0.0]] * 4), "rx: expected three antennas, or some of"),
+    (lambda: of_antennas(tx=1e-3 * np.eye(2, 3)), "tx: expected one antenna, got 2"),
     (lambda: of_waveform(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]), "chirp_times: expected evenly spaced chirps"),
     (lambda: of_waveform(num_chirps=2, chirp_times=[1e-3, 2e-3]), "chirp_times: .* from 0 s on, got 0.001 s"),
     (lambda: of_waveform(chirp_interval=36e-6), "chirp_interval: expected at least 39.7125 us for 64 samples at 2 MHz"),
     (lambda: of_waveform(frame_interval=30e-3), "frame_interval: expected at least 37.2805875 ms for 64 chirps"),
     (lambda: of_waveform(start_frequency=57e9), r"start_frequency \(3.1125 us before the first sample\): .*got 57 GHz"),
     (lambda: of_waveform(stop_frequency=64e9), r"slope \(the ramp's end, one sample after the last\): .*got 64 GHz"),
-    (lambda: Settings.from_radar(replace(power_up(), schedule=rc.Schedule.tdm())), "schedule: .*, got 'tdm'"),
-    (
-        lambda: Settings.from_radar(replace(power_up(), waveform=power_up().waveform.alternating())),
-        "waveform: expected one, got 2 sub-sequences",
-    ),
+    (lambda: of_changed(schedule=rc.Schedule.tdm()), "schedule: .*, got 'tdm'"),
+    (lambda: of_changed(waveform=power_up().waveform.alternating()), "waveform: expected one, got 2 sub-sequences"),
     (lambda: start_words({1: 0x0A0210}), "registers: expected MAIN"),
     (lambda: write_word(0x80, 0), "address, value: expected 7 and 24 bits"),
     (lambda: temperature_of(1024), "code: expected"),

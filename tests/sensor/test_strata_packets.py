@@ -37,19 +37,11 @@ fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_healt
 REQUESTS = {
     "c0 80 01 00 00 00 10 00 d7 45": Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16),
     "43 80 00 00 00 00 00 00 a4 62": Request.transfer(Code.BOARD_INFO, Info.NAME, 0),
-    "c0 80 02 00 00 00 10 00 19 a5": Request.read(Code.BOARD_INFO, Info.UUID, 0, 16),
-    "40 0d 03 00 00 00 00 00 e3 04": Request.write(Code.DATA, Data.START, 0),
-    "40 0d 04 00 00 00 00 00 2b 45": Request.write(Code.DATA, Data.STOP, 0),
-    "c0 20 00 00 03 01 01 00 cb 44": Request.read(Code.COMPONENT, Component.COUNT, Component.AVIAN, 1),
-    "40 20 03 01 20 05 00 00 11 17": Request.write(Code.COMPONENT, Component.AVIAN, Avian.PIN_RESET_PULSE),
     "43 20 03 01 30 01 04 00 04 00 00 00 9e 5d": Request.transfer(
         Code.COMPONENT, Component.AVIAN, Avian.EXECUTE, strata.encode_commands([0x04000000])
     ),
     "40 0d 01 00 00 00 0c 00 10 00 00 00 00 00 00 00 60 00 00 18 56 af": Request.write(
         Code.DATA, Data.CONFIGURE, 0, strata.data_configuration(6144)
-    ),
-    "40 20 03 01 30 02 04 00 0c 00 00 00 c6 83": Request.write(
-        Code.COMPONENT, Component.AVIAN, Avian.SET_BITS, strata.encode_values([0x0000000C])
     ),
 }
 
@@ -57,17 +49,12 @@ ANSWERS = {
     "c0 00 10 00 02 00 06 00 00 00 00 00 04 00 00 00 00 00 00 00 97 b2": Response(
         Kind.READ, 0, strata.Version(2, 6, 0).encode()
     ),
-    "c0 00 10 00 02 00 05 00 06 00 00 00 04 00 00 00 00 00 00 00 11 2f": Response(
-        Kind.READ, 0, strata.Version(2, 5, 6).encode()
-    ),
     "40 00 00 00 ea 5c": Response(Kind.WRITE, Status.SUCCESS),
-    "c0 00 01 00 01 05 a5": Response(Kind.READ, 0, b"\x01"),
     "43 00 04 00 03 03 00 f0 24 a9": Response(Kind.TRANSFER, 0, strata.encode_values([0xF0000303])),
     "40 8b 00 00 21 f7": Response(Kind.WRITE, Status.BAD_PAYLOAD),
     "df 00 01 00 0c 00 07 00 00 00 40 e2 01 00 00 00 00 00 d7 bf": DataPacket(
         b"", 1, timestamp=123456, error=Status.OVERFLOW
     ),
-    "df 00 05 00 0c 00 07 00 00 00 40 e2 01 00 00 00 00 00 57 6d": DataPacket(b"", 5, timestamp=123456, error=7),
     "d3 00 00 00 06 00 12 34 56 78 9a bc e7 4c": DataPacket(bytes.fromhex("123456789abc"), 0),
 }
 

@@ -3,7 +3,6 @@
 import fcntl
 import os
 import signal
-import subprocess
 import sys
 import time
 from contextlib import contextmanager
@@ -111,35 +110,6 @@ def test_signal_ends_a_server_which_removes_its_link_if_it_can(recording, tmp_pa
     assert rest == "frames delivered, 0 lost"
 
 
-def _as_in_a_shell() -> None:
-    """Be in the terminal, and hear of its end, as programs under nohup do not."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    fcntl.ioctl(0, 0x540E, 0)  # TIOCSCTTY
-
-
-def test_server_whose_terminal_closes_removes_its_link(recording, tmp_path):
-    link = tmp_path / "radar"
-    master, terminal = os.openpty()
-    server = subprocess.Popen(
-        [sys.executable, "-c", CLI, "sensor", "serve", recording, "--link", link],
-        stdin=terminal,
-        stdout=terminal,
-        stderr=terminal,
-        start_new_session=True,
-        preexec_fn=_as_in_a_shell,
-    )
-    with server:
-        try:
-            os.close(terminal)
-            assert os.read(master, 12) == b"listening on"
-            assert link.is_symlink()
-            os.close(master)
-            server.wait(PATIENCE)
-        finally:
-            server.kill()
-    assert not link.is_symlink()
-
-
 HEAVY = """
 import time
 from radarcore.simulate.simulator import Simulator
@@ -151,8 +121,8 @@ Simulator.frame = frame
 """A simulator whose frames take as long as those of millions of rays."""
 
 
-@pytest.mark.parametrize("protocol", ["strata", "comlib"])
-def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol):
+@pytest.mark.parametrize(("protocol", "sent"), [("strata", signal.SIGTERM), ("comlib", signal.SIGHUP)])
+def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol, sent):
     """A board with ComLib simulates while its port waits for an answer."""
     scene, link = tmp_path / "swing.toml", tmp_path / "radar"
     scene.write_text(SWING)
@@ -164,7 +134,7 @@ def test_server_does_not_wait_for_a_frame_that_takes_long(tmp_path, protocol):
                 next(sensor.frames(timeout=0.2))
         assert "simulates\n" in [server.stdout.readline() for _ in range(3)]
         began = time.monotonic()
-        end(server, signal.SIGTERM)
+        end(server, sent)
         assert time.monotonic() - began < 10.0, "a busy machine may take some seconds, and the frame a minute"
     assert server.returncode == 0
     assert not link.is_symlink()

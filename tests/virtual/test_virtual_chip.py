@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from chip_settings import V1, image, power_up
+from chip_settings import V1, image, power_up, triangle
 from doubles.boards import opened
-from radarcore.sensor.bgt60.registers import CSU1_0, CSU1_1, CSU1_2, PLL1_0, PLL1_1, PLL1_2, PLL1_3
+from radarcore.sensor.bgt60.registers import CSU1_2, PLL1_1
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.emulator.sequence import constant_wave_of, sequence_of
 from radarcore.sensor.emulator.strata import Controller
@@ -143,20 +143,7 @@ def test_scene_with_a_receiver_of_its_own_keeps_it() -> None:
 @pytest.mark.filterwarnings("ignore:.*beyond max_velocity")
 def test_falling_ramps_are_simulated_as_falling_chirps() -> None:
     """A target that recedes has its beat lowered or raised by its Doppler shift: where the peaks differ by two."""
-    registers = image(V1)
-    step, ramp_time = registers[PLL1_1], registers[PLL1_2]
-    end = (registers[PLL1_0] + step * 8 * ramp_time) & 0xFFFFFF
-    registers |= {
-        0x2E: 7 << 12,
-        CSU1_1: registers[CSU1_1] & ~(7 << 20) | 1 << 20,
-        0x13: registers[CSU1_0],
-        0x14: registers[CSU1_1] & ~(7 << 20) | 1 << 20,
-        0x15: registers[CSU1_2],
-        PLL1_3: 64 | 64 << 12,
-        0x34: end,
-        0x35: -step & 0xFFFFFF,
-        0x36: ramp_time,
-    }
+    registers = triangle(8, 64)
     for velocity in (0.0, 50.0):
         scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0], rcs=0.1, velocity=[velocity, 0.0, 0.0])])
         rising, falling = measured(source(scene, receiver="ideal"), registers)
