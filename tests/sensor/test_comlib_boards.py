@@ -12,20 +12,9 @@ import numpy as np
 import pytest
 
 from doubles.comlib_boards import Pipe, Ramp, board_with, radar
+from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import Base, EndpointType
-from radarcore.sensor.comlib.messages import (
-    AdcSettings,
-    Endpoint,
-    FmcwSettings,
-    Format,
-    Frame,
-    HostParser,
-    Info,
-    Message,
-    StatusMessage,
-    encode_number,
-)
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.errors import (
     ProtocolError,
@@ -127,7 +116,7 @@ class OtherEndpoints(ComLibEmulator):
 
     def __init__(self, types: Sequence[int]) -> None:
         super().__init__(Ramp())
-        self._endpoints = [Endpoint(kind) for kind in types]
+        self._endpoints = [comlib.Endpoint(kind) for kind in types]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +133,7 @@ def test_boards_with_other_endpoints_are_refused_by_name(types, message):
 
 def test_board_with_iq_samples_alone_is_refused():
     class Complex(ComLibEmulator):
-        def _set_format(self, form: Format) -> list[Message]:
+        def _set_format(self, form: comlib.Format) -> list[comlib.Message]:
             return super()._set_format(replace(form, signal_part=form.signal_part ^ 2))
 
     board = ComLibBoard(Pipe(Complex(Ramp())))
@@ -159,51 +148,53 @@ class Lying(ComLibEmulator):
         super().__init__(Ramp(), **options)
         self.lies = lies
 
-    def _base(self, payload: bytes) -> list[Message]:
+    def _base(self, payload: bytes) -> list[comlib.Message]:
         return self.lie(1, payload, super()._base)
 
-    def _fmcw(self, payload: bytes) -> list[Message]:
+    def _fmcw(self, payload: bytes) -> list[comlib.Message]:
         return self.lie(2, payload, super()._fmcw)
 
-    def lie(self, endpoint: int, payload: bytes, truth: Callable[[bytes], list[Message]]) -> list[Message]:
+    def lie(
+        self, endpoint: int, payload: bytes, truth: Callable[[bytes], list[comlib.Message]]
+    ) -> list[comlib.Message]:
         lie = self.lies.get((endpoint, payload[0]))
-        return truth(payload) if lie is None else [Message(endpoint, lie)]
+        return truth(payload) if lie is None else [comlib.Message(endpoint, lie)]
 
 
 @pytest.mark.parametrize(
     ("lies", "has_adc", "error", "message"),
     [
-        ({(1, 0x40): Format(64, 16, 0xF, 2).encode()}, False, SensorError, "real samples .*got signal part 2"),
-        ({(1, 0x40): Format(32, 16, 0xF).encode()}, False, ProtocolError, "was set to .*64.* and says .*32"),
+        ({(1, 0x40): comlib.Format(64, 16, 0xF, 2).encode()}, False, SensorError, "real samples .*got signal part 2"),
+        ({(1, 0x40): comlib.Format(32, 16, 0xF).encode()}, False, ProtocolError, "was set to .*64.* and says .*32"),
         (
-            {(2, 0x00): FmcwSettings(57_000_000, 58_000_000, 2, 0).encode()},
+            {(2, 0x00): comlib.FmcwSettings(57_000_000, 58_000_000, 2, 0).encode()},
             False,
             ProtocolError,
             "the board was set to",
         ),
         (
-            {(1, 0x34): encode_number(0x35, 7)},
+            {(1, 0x34): comlib.encode_number(0x35, 7)},
             False,
             ProtocolError,
             "expected the one with more samples to last",
         ),
         (
-            {(1, 0x34): encode_number(0x35, 0)},
+            {(1, 0x34): comlib.encode_number(0x35, 0)},
             True,
             ProtocolError,
             "expected a sample rate and a duration",
         ),
-        ({(1, 0x34): encode_number(0x37, 7)}, False, ProtocolError, "answer 0x35 .* to 0x34, got none"),
+        ({(1, 0x34): comlib.encode_number(0x37, 7)}, False, ProtocolError, "answer 0x35 .* to 0x34, got none"),
         ({(1, 0x36): b"\x37\0"}, False, ProtocolError, "pipe: ComLib message: expected 5 bytes, got 2"),
         (
-            {(1, 0x01): Frame(0, np.zeros((4, 16, 63), np.uint16), 0xF).encode()},
+            {(1, 0x01): comlib.Frame(0, np.zeros((4, 16, 63), np.uint16), 0xF).encode()},
             False,
             ProtocolError,
             r"^pipe: expected a frame of \[rx, chirp, sample\] \(4, 16, 64\), got \(4, 16, 63\)",
         ),
         ({(1, 0x01): bytes(18)}, False, ProtocolError, r"^pipe: ComLib frame: expected real samples .* got 0, 0, 0"),
         (
-            {(1, 0x22): Info(56_000_000, 64_000_000, 1, 4, 31, 0, 1, 0, 0, 0, "board").encode()},
+            {(1, 0x22): comlib.Info(56_000_000, 64_000_000, 1, 4, 31, 0, 1, 0, 0, 0, "board").encode()},
             False,
             SensorError,
             "has no temperature sensor",
@@ -224,7 +215,7 @@ def measured_once(board: ComLibBoard) -> None:
 
 
 def test_slope_follows_from_the_ramp_where_the_board_does_not_tell():
-    board = ComLibBoard(Pipe(Lying({(2, 0x02): encode_number(0x02, 0)})))
+    board = ComLibBoard(Pipe(Lying({(2, 0x02): comlib.encode_number(0x02, 0)})))
     assert board.configure(radar()).waveform.slope == pytest.approx(40e12, rel=1e-6)
 
 
@@ -413,10 +404,10 @@ def test_unplugged_board_is_disconnected_and_can_be_closed():
 # The emulator, byte by byte
 
 
-def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[Message | StatusMessage]:
+def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[comlib.Message | comlib.StatusMessage]:
     """Everything that a request is answered with."""
-    emulator.receive(Message(endpoint, payload).encode())
-    parser = HostParser()
+    emulator.receive(comlib.Message(endpoint, payload).encode())
+    parser = comlib.HostParser()
     found = []
     while data := emulator.send(7, 0.0):
         found += parser.feed(data)
@@ -424,9 +415,9 @@ def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[Messag
     return found
 
 
-def codes_of(answer: Sequence[Message | StatusMessage]) -> list[tuple[int, int]]:
+def codes_of(answer: Sequence[comlib.Message | comlib.StatusMessage]) -> list[tuple[int, int]]:
     return [
-        (item.endpoint, item.code if isinstance(item, Message) else -1 - item.status)
+        (item.endpoint, item.code if isinstance(item, comlib.Message) else -1 - item.status)
         for item in answer
     ]  # fmt: skip
 
@@ -436,14 +427,19 @@ OK = -1
 
 def test_emulator_tells_what_follows_from_a_setting():
     emulator = ComLibEmulator(Ramp())
-    assert codes_of(talk(emulator, 1, Format(64, 16, 0xF).encode())) == [
+    assert codes_of(talk(emulator, 1, comlib.Format(64, 16, 0xF).encode())) == [
         (1, 0x41), (1, 0x35), (1, 0x37), (3, 0x01), (2, 0x02), (1, OK),
     ]  # fmt: skip
-    ramp = FmcwSettings(57_000_000, 64_000_000, 0, 31)
+    ramp = comlib.FmcwSettings(57_000_000, 64_000_000, 0, 31)
     assert codes_of(talk(emulator, 2, ramp.encode())) == [(1, 0x33), (1, 0x33), (2, 0x01), (2, OK)]
-    assert codes_of(talk(emulator, 3, AdcSettings(1_000_000).encode())) == [(1, 0x35), (1, 0x37), (3, 0x01), (3, OK)]
+    assert codes_of(talk(emulator, 3, comlib.AdcSettings(1_000_000).encode())) == [
+        (1, 0x35),
+        (1, 0x37),
+        (3, 0x01),
+        (3, OK),
+    ]
     without = ComLibEmulator(Ramp(), has_adc=False)
-    assert codes_of(talk(without, 1, Format(64, 16, 0xF).encode())) == [
+    assert codes_of(talk(without, 1, comlib.Format(64, 16, 0xF).encode())) == [
         (1, 0x41), (1, 0x35), (1, 0x37), (2, 0x02), (1, OK),
     ]  # fmt: skip
 
@@ -453,29 +449,29 @@ def test_emulator_tells_what_follows_from_a_setting():
     [
         (0, b"\x07", 0xFFFF),
         (1, b"\x01", 0xFFFF),
-        (1, encode_number(0x02, 1), 0x05),
+        (1, comlib.encode_number(0x02, 1), 0x05),
         (1, bytes(8).replace(b"\0", b"\x03", 1), 0x03),
         (1, b"\x30\x01", 0x07),
         (1, b"\x32\x02", 0x06),
-        (1, Format(64, 16, 0x10).encode(), 0x06),
-        (1, Format(0, 16, 1).encode(), 0x08),
-        (1, Format(64, 16, 1, 2).encode(), 0x0B),
-        (2, FmcwSettings(55_999_999, 64_000_000, 0, 0).encode(), 0x09),
-        (2, FmcwSettings(57_000_000, 64_000_000, 0, 32).encode(), 0x0A),
-        (2, FmcwSettings(57_000_000, 64_000_000, 2, 0).encode(), 0x20),
-        (3, AdcSettings(3_000_001).encode(), 0x50),
-        (3, AdcSettings(1_000_000, 10).encode(), 0x51),
+        (1, comlib.Format(64, 16, 0x10).encode(), 0x06),
+        (1, comlib.Format(0, 16, 1).encode(), 0x08),
+        (1, comlib.Format(64, 16, 1, 2).encode(), 0x0B),
+        (2, comlib.FmcwSettings(55_999_999, 64_000_000, 0, 0).encode(), 0x09),
+        (2, comlib.FmcwSettings(57_000_000, 64_000_000, 0, 32).encode(), 0x0A),
+        (2, comlib.FmcwSettings(57_000_000, 64_000_000, 2, 0).encode(), 0x20),
+        (3, comlib.AdcSettings(3_000_001).encode(), 0x50),
+        (3, comlib.AdcSettings(1_000_000, 10).encode(), 0x51),
     ],
 )
 def test_emulator_refuses_with_the_status_of_the_protocol(endpoint, payload, status):
-    assert talk(ComLibEmulator(Ramp()), endpoint, payload) == [StatusMessage(endpoint, status)]
+    assert talk(ComLibEmulator(Ramp()), endpoint, payload) == [comlib.StatusMessage(endpoint, status)]
 
 
 def test_frame_that_is_not_ready_is_refused_or_held_back():
     # A frame every 100 ms, which takes days of the clock.
     emulator = ComLibEmulator(Ramp(), speed=1e-6)
-    talk(emulator, 1, encode_number(0x02, 100_000))
-    assert talk(emulator, 1, b"\x01\x00") == [StatusMessage(1, 0x02)]
+    talk(emulator, 1, comlib.encode_number(0x02, 100_000))
+    assert talk(emulator, 1, b"\x01\x00") == [comlib.StatusMessage(1, 0x02)]
     assert talk(emulator, 1, b"\x01\x01") == []
     # The next request waits behind it.
     assert talk(emulator, 1, b"\x22") == []
@@ -483,9 +479,9 @@ def test_frame_that_is_not_ready_is_refused_or_held_back():
 
 def test_frame_comes_when_its_interval_is_over():
     emulator = ComLibEmulator(Ramp(), speed=2.0)
-    talk(emulator, 1, encode_number(0x02, 100_000))
+    talk(emulator, 1, comlib.encode_number(0x02, 100_000))
     begin = time.monotonic()
-    emulator.receive(Message(1, b"\x01\x01").encode())
+    emulator.receive(comlib.Message(1, b"\x01\x01").encode())
     data = emulator.send(100, 60.0)
     # Half the interval, less what passed before the clock was read.
     assert data

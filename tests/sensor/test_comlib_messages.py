@@ -10,34 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.codes import Base, Direction, EndpointType, status_text
-from radarcore.sensor.comlib.messages import (
-    AdcSettings,
-    BoardParser,
-    Endpoint,
-    Firmware,
-    FmcwSettings,
-    Format,
-    Frame,
-    HostParser,
-    Info,
-    Message,
-    StatusMessage,
-    Temperature,
-    TxPower,
-    decode_endpoints,
-    decode_number,
-    encode_byte,
-    encode_endpoints,
-    encode_number,
-    pack_bits,
-    unpack_bits,
-)
 from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.interface import Damage
 
 fuzz = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-ENDPOINTS = [Endpoint(EndpointType.RBAS), Endpoint(EndpointType.RFMC), Endpoint(EndpointType.RADX)]
+ENDPOINTS = [comlib.Endpoint(EndpointType.RBAS), comlib.Endpoint(EndpointType.RFMC), comlib.Endpoint(EndpointType.RADX)]
 FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4)
 
 
@@ -47,45 +26,45 @@ FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("5A 00 01 00 00 DB E0", Message(0, b"\0")),
+        ("5A 00 01 00 00 DB E0", comlib.Message(0, b"\0")),
         (
             "5A 00 14 00 00 03 53 41 42 52 01 00 43 4D 46 52 01 00 58 44 41 52 01 00 DB E0",
-            Message(0, encode_endpoints(ENDPOINTS)),
+            comlib.Message(0, comlib.encode_endpoints(ENDPOINTS)),
         ),
-        ("5B 00 00 00", StatusMessage(0, 0)),
-        ("5A 01 02 00 01 01 DB E0", Message(1, encode_byte(Base.GET_FRAME, 1))),
-        ("5A 01 0B 00 41 40 00 00 00 10 00 00 00 0F 00 DB E0", Message(1, Format(64, 16, 0xF).encode())),
+        ("5B 00 00 00", comlib.StatusMessage(0, 0)),
+        ("5A 01 02 00 01 01 DB E0", comlib.Message(1, comlib.encode_byte(Base.GET_FRAME, 1))),
+        ("5A 01 0B 00 41 40 00 00 00 10 00 00 00 0F 00 DB E0", comlib.Message(1, comlib.Format(64, 16, 0xF).encode())),
         (
             "5A 02 0B 00 01 40 C0 65 03 00 90 D0 03 00 1F DB E0",
-            Message(2, FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31).encode()),
+            comlib.Message(2, comlib.FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31).encode()),
         ),
-        ("5A 01 05 00 02 50 C3 00 00 DB E0", Message(1, encode_number(Base.SET_INTERVAL, 50_000))),
+        ("5A 01 05 00 02 50 C3 00 00 DB E0", comlib.Message(1, comlib.encode_number(Base.SET_INTERVAL, 50_000))),
         (
             "5A 01 18 00 00 07 00 00 00 01 00 00 00 01 04 00 00 00 01 00 0C 00 23 61 45 89 C7 AB DB E0",
-            Message(1, Frame(7, FOUR_CODES, rx_mask=1).encode()),
+            comlib.Message(1, comlib.Frame(7, FOUR_CODES, rx_mask=1).encode()),
         ),
     ],
 )
 def test_messages_are_the_bytes_of_the_protocol(text, message):
     assert message.encode() == bytes.fromhex(text)
-    assert HostParser().feed(bytes.fromhex(text)) == [message]
+    assert comlib.HostParser().feed(bytes.fromhex(text)) == [message]
 
 
 def test_records_come_back_as_they_were_sent():
-    assert decode_endpoints(encode_endpoints(ENDPOINTS)) == ENDPOINTS
-    odd = Endpoint(0x00410A9C)
+    assert comlib.decode_endpoints(comlib.encode_endpoints(ENDPOINTS)) == ENDPOINTS
+    odd = comlib.Endpoint(0x00410A9C)
     assert [endpoint.letters for endpoint in (*ENDPOINTS, odd)] == ["RBAS", "RFMC", "RADX", r"\x00A\x0a\x9c"]
     for record in (
-        Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
-        Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
-        Format(256, 31, 5, 2),
-        FmcwSettings(1, 2, 3, 4),
-        AdcSettings(640_000, 12, 1),
-        Temperature(0, -12_345),
-        TxPower(1, 8_400),
+        comlib.Firmware(1, 2, 300, "Position2Go BGT24MTR12 Demo Radar Board"),
+        comlib.Info(56_000_000, 64_000_000, 2, 4, 31, 1, 1, 2, 0, 1, "board"),
+        comlib.Format(256, 31, 5, 2),
+        comlib.FmcwSettings(1, 2, 3, 4),
+        comlib.AdcSettings(640_000, 12, 1),
+        comlib.Temperature(0, -12_345),
+        comlib.TxPower(1, 8_400),
     ):
         assert type(record).decode(record.encode()) == record
-    assert decode_number(encode_number(0x35, 150_000)) == 150_000
+    assert comlib.decode_number(comlib.encode_number(0x35, 150_000)) == 150_000
 
 
 def test_status_names_depend_on_the_endpoint():
@@ -107,7 +86,7 @@ def test_frames_of_every_order_are_decoded(is_interleaved):
     head = bytes.fromhex("00 09 00 00 00 02 00 00 00 03 05 00 00 00 07 00 0c") + bytes([is_interleaved])
     payload = head + number.to_bytes(-(-len(stream) * 12 // 8), "little")
 
-    frame = Frame.decode(payload)
+    frame = comlib.Frame.decode(payload)
     assert (frame.number, frame.rx_mask, frame.is_interleaved) == (9, 7, is_interleaved)
     np.testing.assert_array_equal(frame.codes, codes)
     assert frame.codes.dtype == np.uint16
@@ -119,10 +98,10 @@ def test_frames_of_every_order_are_decoded(is_interleaved):
 @fuzz
 def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
     codes = np.array(numbers, np.uint16) & np.uint16((1 << resolution) - 1)
-    data = pack_bits(codes, resolution)
+    data = comlib.pack_bits(codes, resolution)
     assert len(data) == -(-len(numbers) * resolution // 8)
     assert int.from_bytes(data, "little") == sum(int(code) << resolution * i for i, code in enumerate(codes))
-    np.testing.assert_array_equal(unpack_bits(data, len(codes), resolution), codes)
+    np.testing.assert_array_equal(comlib.unpack_bits(data, len(codes), resolution), codes)
 
 
 @pytest.mark.parametrize(
@@ -141,15 +120,15 @@ def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
 )
 def test_frame_of_a_wrong_size_is_refused(change, message):
     with pytest.raises(ProtocolError, match=message):
-        Frame.decode(change(Frame(7, FOUR_CODES, rx_mask=1).encode()))
+        comlib.Frame.decode(change(comlib.Frame(7, FOUR_CODES, rx_mask=1).encode()))
 
 
 # Parsers
 
-items = st.builds(Message, st.integers(0, 255), st.binary(max_size=300)) | st.builds(
-    StatusMessage, st.integers(0, 255), st.integers(0, 65535)
+items = st.builds(comlib.Message, st.integers(0, 255), st.binary(max_size=300)) | st.builds(
+    comlib.StatusMessage, st.integers(0, 255), st.integers(0, 65535)
 )
-requests = st.builds(Message, st.integers(0, 3), st.binary(min_size=1, max_size=300))
+requests = st.builds(comlib.Message, st.integers(0, 3), st.binary(min_size=1, max_size=300))
 cuts = st.lists(st.integers(0, 2000))
 
 
@@ -161,7 +140,7 @@ def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
 @fuzz
 @given(st.lists(items), st.lists(requests), cuts)
 def test_every_message_arrives_however_the_stream_is_cut(answers, asked, places):
-    host, board = HostParser(), BoardParser(3)
+    host, board = comlib.HostParser(), comlib.BoardParser(3)
     for parser, sent in ((host, answers), (board, asked)):
         stream = b"".join(item.encode() for item in sent)
         assert [item for piece in pieces(stream, places) for item in parser.feed(piece)] == sent
@@ -169,8 +148,8 @@ def test_every_message_arrives_however_the_stream_is_cut(answers, asked, places)
 
 
 def test_host_discards_everything_after_damage_until_silence():
-    parser = HostParser()
-    status = StatusMessage(1, 0)
+    parser = comlib.HostParser()
+    status = comlib.StatusMessage(1, 0)
     assert parser.feed(status.encode() + b"\0" + status.encode()) == [status, Damage(5, "byte 0x00 begins no message")]
     assert parser.feed(status.encode()) == [Damage(4, "byte 0x00 begins no message")]
     parser.reset()
@@ -192,11 +171,11 @@ def test_host_discards_everything_after_damage_until_silence():
     ],
 )
 def test_board_answers_wrong_bytes_once_and_then_discards(text, status):
-    parser = BoardParser(3)
+    parser = comlib.BoardParser(3)
     found = [item for byte in bytes.fromhex(text) for item in parser.feed(bytes([byte]))]
-    assert found == [StatusMessage(0, status)]
-    request = Message(1, b"\x20")
+    assert found == [comlib.StatusMessage(0, status)]
+    request = comlib.Message(1, b"\x20")
     assert parser.feed(request.encode()) == []
-    assert parser.silence() == [StatusMessage(0, 1)]
+    assert parser.silence() == [comlib.StatusMessage(0, 1)]
     assert parser.silence() == []
     assert parser.feed(request.encode()) == [request]

@@ -13,24 +13,7 @@ from chip_settings import V1, image, triangle
 from doubles.boards import Numbered, numbered
 from doubles.comlib_boards import Ramp
 from radarcore.radar.radar import Radar
-from radarcore.sensor.bgt60.registers import (
-    CCR2,
-    CSU1_0,
-    CSU1_1,
-    FIFO_RESET,
-    FRAME_START,
-    FSM_RESET,
-    MAIN,
-    PLL1_0,
-    PLL1_1,
-    PLL1_2,
-    PLL1_3,
-    PLL1_7,
-    SFCTL,
-    STAT0,
-    start_words,
-    write_word,
-)
+from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.settings import settings_of
 from radarcore.sensor.comlib.messages import Message
 from radarcore.sensor.emulator.comlib import ComLibEmulator
@@ -102,20 +85,25 @@ def packet(controller: Controller, timeout: float = 5.0) -> DataPacket:
 def test_words_are_executed_under_an_overflow_and_the_board_can_be_stopped_and_started_again() -> None:
     """As a host that does not send a refused request twice."""
     controller = Controller(Numbered(), speed=1.0)
-    registers = image(V1) | {0x2D: 0x62FC0A, 0x37: 0x393B10, CCR2: 7 << 12, SFCTL: 0x102000 | (3 * 8 * 64 // 2 - 1)}
+    registers = image(V1) | {
+        0x2D: 0x62FC0A,
+        0x37: 0x393B10,
+        reg.CCR2: 7 << 12,
+        reg.SFCTL: 0x102000 | (3 * 8 * 64 // 2 - 1),
+    }
     size = 3 * 8 * 64
-    begin(controller, start_words(registers), size)
+    begin(controller, reg.start_words(registers), size)
     assert packet(controller).error is None
     controller.chip.overflow()
     controller._collect()
     while packet(controller).error != Status.OVERFLOW:
         pass
     ask(controller, Request.write(Code.DATA, Data.STOP, 0))
-    stop = [write_word(MAIN, registers[MAIN] | FSM_RESET | FIFO_RESET)]
+    stop = [reg.write_word(reg.MAIN, registers[reg.MAIN] | reg.FSM_RESET | reg.FIFO_RESET)]
     assert execute(controller, stop) == 0
     assert not controller.chip.has_overflown
     for _ in range(2):
-        begin(controller, start_words(registers), size)
+        begin(controller, reg.start_words(registers), size)
         for number in range(3):
             codes = np.empty(size, np.uint16)
             codes[:] = unpack_msb(packet(controller).payload)
@@ -166,9 +154,9 @@ def test_power_of_the_transmitter_is_that_of_the_registers() -> None:
     levels = [tx_power_dbm(level) for level in range(32)]
     np.testing.assert_allclose([levels[0], levels[31]], [-11.0, 4.0])
     assert (np.diff(levels) > 0.0).all()
-    (weak,) = sequence_of(registers | {CSU1_1: registers[CSU1_1] & ~0x1F | 10}).ramps
+    (weak,) = sequence_of(registers | {reg.CSU1_1: registers[reg.CSU1_1] & ~0x1F | 10}).ramps
     assert weak.radar.tx_power_dbm == levels[10]
-    (off,) = sequence_of(registers | {CSU1_0: registers[CSU1_0] & ~1}).ramps
+    (off,) = sequence_of(registers | {reg.CSU1_0: registers[reg.CSU1_0] & ~1}).ramps
     assert off.radar.tx_power_dbm == NO_POWER_DBM
 
 
@@ -180,16 +168,16 @@ def test_falling_ramps_of_a_shape_are_sampled_after_its_rising_ones() -> None:
     assert falling.slope == -rising.slope
     assert rising.num_chirps == falling.num_chirps == 4
     # Both ramps wait for the PLL: 90 cycles, the ramp, 117 at its end, and 2 more.
-    chirp = (90 + 8 * registers[PLL1_2] + 117 + 2) / 80e6
+    chirp = (90 + 8 * registers[reg.PLL1_2] + 117 + 2) / 80e6
     np.testing.assert_allclose(falling.chirp_times - rising.chirp_times, chirp, rtol=1e-9)
     # The ramp back starts where the first one ends, and its samples as late in it.
-    top = rising.start_frequency + rising.slope * (8 * registers[PLL1_2] / 80e6 - 150 / 80e6)
+    top = rising.start_frequency + rising.slope * (8 * registers[reg.PLL1_2] / 80e6 - 150 / 80e6)
     assert falling.start_frequency - falling.slope * 150 / 80e6 == pytest.approx(top, rel=1e-12)
     assert sequence.frame_size == 4 * 96
 
     source = Told()
     controller = Controller(source, speed=None)
-    begin(controller, start_words(registers), 4 * 96)
+    begin(controller, reg.start_words(registers), 4 * 96)
     for frame in range(2):
         codes = unpack_msb(packet(controller).payload).reshape(4, 96)
         for pair in range(4):
@@ -202,10 +190,10 @@ def test_falling_ramps_of_a_shape_are_sampled_after_its_rising_ones() -> None:
 def test_shapes_take_turns_and_repeat() -> None:
     """Two shapes, the second twice at once and with two receivers; five groups, so that the first comes three times."""
     registers = image(V1)
-    second = {address + 8: registers[address] for address in range(PLL1_0, PLL1_7 + 1)}
-    second |= {PLL1_3 + 8: 16, PLL1_7 + 8: registers[PLL1_7] | 1}
-    second |= {0x17: registers[CSU1_0], 0x18: registers[CSU1_1] & 0x0FFFFF | 0b101 << 20, 0x19: registers[0x12]}
-    registers |= second | {CSU1_1: registers[CSU1_1] & 0x0FFFFF | 0b010 << 20, CCR2: 4 << 12}
+    second = {address + 8: registers[address] for address in range(reg.PLL1_0, reg.PLL1_7 + 1)}
+    second |= {reg.PLL1_3 + 8: 16, reg.PLL1_7 + 8: registers[reg.PLL1_7] | 1}
+    second |= {0x17: registers[reg.CSU1_0], 0x18: registers[reg.CSU1_1] & 0x0FFFFF | 0b101 << 20, 0x19: registers[0x12]}
+    registers |= second | {reg.CSU1_1: registers[reg.CSU1_1] & 0x0FFFFF | 0b010 << 20, reg.CCR2: 4 << 12}
     sequence = sequence_of(registers)
     one, two = sequence.ramps
     assert (one.radar.num_channels, one.radar.waveform.num_chirps, one.radar.waveform.num_samples) == (1, 3, 64)
@@ -222,12 +210,12 @@ def test_shapes_take_turns_and_repeat() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({PLL1_7: 0}, "shape 1 to be on"),
-        ({PLL1_3: 0}, "samples of a receiver"),
-        ({CSU1_1: 0x0FF41F}, "samples of a receiver"),
+        ({reg.PLL1_7: 0}, "shape 1 to be on"),
+        ({reg.PLL1_3: 0}, "samples of a receiver"),
+        ({reg.CSU1_1: 0x0FF41F}, "samples of a receiver"),
         ({0x01: 0x000210}, "ADC_DIV of at least 20"),
         ({0x05: 0x0805B5}, "DIVSET of 20"),
-        ({PLL1_7: 0x39391F, CCR2: 0xFFF000}, "frames of fewer samples"),
+        ({reg.PLL1_7: 0x39391F, reg.CCR2: 0xFFF000}, "frames of fewer samples"),
     ],
 )
 def test_registers_without_samples_say_so(changes: dict[int, int], message: str) -> None:
@@ -241,13 +229,13 @@ def test_registers_without_samples_say_so(changes: dict[int, int], message: str)
 def test_constant_wave_goes_from_state_to_state_with_every_trigger_and_samples_in_the_last() -> None:
     source = Told()
     controller = Controller(source, speed=None)
-    registers = image(V1) | {PLL1_1: 0, CSU1_1: 0x5FF41F, PLL1_3: 128}
-    begin(controller, start_words(registers)[:-1], 256)
-    trigger = [write_word(MAIN, registers[MAIN] | CW_MODE | FRAME_START)]
-    modes = [read(controller, STAT0) >> 5 & 7]
+    registers = image(V1) | {reg.PLL1_1: 0, reg.CSU1_1: 0x5FF41F, reg.PLL1_3: 128}
+    begin(controller, reg.start_words(registers)[:-1], 256)
+    trigger = [reg.write_word(reg.MAIN, registers[reg.MAIN] | CW_MODE | reg.FRAME_START)]
+    modes = [read(controller, reg.STAT0) >> 5 & 7]
     for _ in range(3):
         execute(controller, trigger)
-        modes.append(read(controller, STAT0) >> 5 & 7)
+        modes.append(read(controller, reg.STAT0) >> 5 & 7)
     assert modes == [5, 3, 2, 1], "deep sleep, idle, between chirps, active"
     for number in range(2):
         execute(controller, trigger)
@@ -255,9 +243,9 @@ def test_constant_wave_goes_from_state_to_state_with_every_trigger_and_samples_i
         assert len(codes) == 2 * 128
         radar, index, _, gain = source.asked[-1]
         assert (radar.waveform.slope, radar.waveform.num_chirps, index, gain) == (0.0, 1, number, 23)
-        assert read(controller, STAT0) >> 5 & 7 == 2
+        assert read(controller, reg.STAT0) >> 5 & 7 == 2
         execute(controller, trigger)
-    assert read(controller, MAIN) & CW_MODE
-    execute(controller, [write_word(MAIN, registers[MAIN] | FSM_RESET)])
-    assert read(controller, STAT0) >> 5 & 7 == 5
+    assert read(controller, reg.MAIN) & CW_MODE
+    execute(controller, [reg.write_word(reg.MAIN, registers[reg.MAIN] | reg.FSM_RESET)])
+    assert read(controller, reg.STAT0) >> 5 & 7 == 5
     controller.close()

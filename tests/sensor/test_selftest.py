@@ -13,21 +13,7 @@ import pytest
 import radarcore as rc
 from doubles.boards import TRANSPORTS, opened, plugged
 from radarcore.sensor import SensorError, open_sensor
-from radarcore.sensor.bgt60.registers import (
-    ADC0,
-    CHIP_ID,
-    COMPARED,
-    CSU1_2,
-    FSTAT,
-    MAIN,
-    PLL1_0,
-    PLL1_1,
-    RESET_VALUES,
-    RFT1,
-    SFCTL,
-    stuck_bits,
-    unusual_resets,
-)
+from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.registers import test_pattern as pattern_of
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.checks import chirp_noise, clipped, leakage, reasons_of
@@ -145,9 +131,9 @@ def test_fault_is_named_by_the_checks_that_are_about_it(options, group, named, r
 @pytest.mark.parametrize(
     ("address", "bit", "result"),
     [
-        (PLL1_1, 1 << 23, "FAIL"),  # the slope's sign: one of the two sweeps is rising
-        (CSU1_2, 1 << 4, "FAIL"),  # six steps of gain have it, one has not
-        (ADC0, 1 << 13, "PASS"),  # reserved
+        (reg.PLL1_1, 1 << 23, "FAIL"),  # the slope's sign: one of the two sweeps is rising
+        (reg.CSU1_2, 1 << 4, "FAIL"),  # six steps of gain have it, one has not
+        (reg.ADC0, 1 << 13, "PASS"),  # reserved
     ],
 )
 @pytest.mark.parametrize("level", [0, 1])
@@ -331,17 +317,23 @@ def test_jitter_is_what_one_frame_of_twenty_is_late():
 
 def test_registers_are_compared_but_for_bits_without_a_public_meaning():
     image = registers_of(Settings(), 6144)
-    assert stuck_bits(image, image) == {}
-    assert stuck_bits(image, image | {PLL1_0: image[PLL1_0] ^ 0x800001}) == {PLL1_0: 0x800001}
-    for address, bits in ((ADC0, 1 << 13), (ADC0, 1 << 12), (MAIN, 0xF), (RFT1, 0xFFFFFF), (SFCTL, 1 << 15)):
-        assert stuck_bits(image, image | {address: image[address] ^ bits}) == {}
-    assert stuck_bits(image, {}) == {}
+    assert reg.stuck_bits(image, image) == {}
+    assert reg.stuck_bits(image, image | {reg.PLL1_0: image[reg.PLL1_0] ^ 0x800001}) == {reg.PLL1_0: 0x800001}
+    for address, bits in (
+        (reg.ADC0, 1 << 13),
+        (reg.ADC0, 1 << 12),
+        (reg.MAIN, 0xF),
+        (reg.RFT1, 0xFFFFFF),
+        (reg.SFCTL, 1 << 15),
+    ):
+        assert reg.stuck_bits(image, image | {address: image[address] ^ bits}) == {}
+    assert reg.stuck_bits(image, {}) == {}
     # All that is set is compared, but for two test registers; nothing is set that is not compared.
-    assert set(image) - set(COMPARED) == {RFT1, 0x5B}
-    assert all(value & ~COMPARED[address] == 0 for address, value in image.items() if address in COMPARED)
+    assert set(image) - set(reg.COMPARED) == {reg.RFT1, 0x5B}
+    assert all(value & ~reg.COMPARED[address] == 0 for address, value in image.items() if address in reg.COMPARED)
 
 
 def test_resets_are_compared_with_published_values_but_for_states():
-    assert unusual_resets(RESET_VALUES) == {}
-    changes = {ADC0: 0x0A0240, FSTAT: 0, CHIP_ID: 1, SFCTL: 0x100000, 0x30: 5}
-    assert unusual_resets(RESET_VALUES | changes) == {0x30: 5}
+    assert reg.unusual_resets(reg.RESET_VALUES) == {}
+    changes = {reg.ADC0: 0x0A0240, reg.FSTAT: 0, reg.CHIP_ID: 1, reg.SFCTL: 0x100000, 0x30: 5}
+    assert reg.unusual_resets(reg.RESET_VALUES | changes) == {0x30: 5}

@@ -111,7 +111,8 @@ def test_signal_ends_a_server_which_removes_its_link_if_it_can(recording, tmp_pa
 
 
 HEAVY = """
-import time
+import signal, time
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from radarcore.simulate.simulator import Simulator
 def frame(self, time_of_frame):
     print("simulates", flush=True)
