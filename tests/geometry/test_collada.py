@@ -63,37 +63,31 @@ def test_box_without_a_transform_is_as_its_file_says(tmp_path: Path, faces: str)
     check_box(load(tmp_path, faces=faces), [0, 0, 0], SIZES)
 
 
-def test_unit_of_the_file_makes_metres(tmp_path: Path) -> None:
-    asset = '<unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis>'
-    check_box(load(tmp_path, asset=asset), [0, 0, 0], 0.01 * SIZES)
-    # Translations of nodes are in the file's unit as well.
-    check_box(load(tmp_path, asset=asset, node="<translate>100 0 0</translate>"), [1, 0, 0], [1.01, 0.02, 0.04])
+CENTIMETRES = '<unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis>'
+# Scaled to 2 x 2 x 4, turned by 90 degrees about z: x from -2 to 0; then moved by 10 along x.
+INNER = f'<node id="b"><rotate>0 0 1 90</rotate><scale>2 1 1</scale>{INSTANCE}</node>'
 
 
 @pytest.mark.parametrize(
-    ("up", "low", "high"),
+    ("given", "low", "high"),
     [
+        ({"asset": CENTIMETRES}, [0, 0, 0], 0.01 * SIZES),
+        # Translations of nodes are in the file's unit as well.
+        ({"asset": CENTIMETRES, "node": "<translate>100 0 0</translate>"}, [1, 0, 0], [1.01, 0.02, 0.04]),
         # The side along the up axis (4, 2 and 1 m) becomes the height; (x, y, z) -> (x, -z, y) and (-y, -z, x).
-        ("<up_axis>Z_UP</up_axis>", [0, 0, 0], [1, 2, 4]),
-        ("<up_axis>Y_UP</up_axis>", [0, -4, 0], [1, 0, 2]),
-        ("<up_axis>X_UP</up_axis>", [-2, -4, 0], [0, 0, 1]),
-        ("", [0, -4, 0], [1, 0, 2]),  # y by COLLADA's rule
+        ({"asset": "<up_axis>Z_UP</up_axis>"}, [0, 0, 0], [1, 2, 4]),
+        ({"asset": "<up_axis>Y_UP</up_axis>"}, [0, -4, 0], [1, 0, 2]),
+        ({"asset": "<up_axis>X_UP</up_axis>"}, [-2, -4, 0], [0, 0, 1]),
+        ({"asset": ""}, [0, -4, 0], [1, 0, 2]),  # y by COLLADA's rule
+        ({"body": f'<node id="a"><translate>10 0 0</translate>{INNER}</node>'}, [8, 0, 0], [10, 2, 4]),
+        # A mirrored node keeps its normals outwards.
+        ({"node": "<matrix>-1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1</matrix>"}, [-1, 0, 0], [0, 2, 4]),
     ],
 )
-def test_up_axis_of_the_file_becomes_z(tmp_path: Path, up: str, low: list[int], high: list[int]) -> None:
-    check_box(load(tmp_path, asset=up), low, high)
-
-
-def test_transforms_of_nodes_multiply_from_the_root(tmp_path: Path) -> None:
-    inner = f'<node id="b"><rotate>0 0 1 90</rotate><scale>2 1 1</scale>{INSTANCE}</node>'
-    # Scaled to 2 x 2 x 4, turned by 90 degrees about z: x from -2 to 0; then moved by 10 along x.
-    body = f'<node id="a"><translate>10 0 0</translate>{inner}</node>'
-    check_box(load(tmp_path, body=body), [8, 0, 0], [10, 2, 4])
-
-
-def test_mirrored_node_keeps_its_normals_outwards(tmp_path: Path) -> None:
-    mirror = "<matrix>-1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1</matrix>"
-    check_box(load(tmp_path, node=mirror), [-1, 0, 0], [0, 2, 4])
+def test_unit_axes_and_transforms_of_a_file_place_the_box(
+    tmp_path: Path, given: dict[str, str], low: object, high: object
+) -> None:
+    check_box(load(tmp_path, **given), low, high)
 
 
 def test_geometry_that_is_shown_twice_is_there_twice(tmp_path: Path) -> None:

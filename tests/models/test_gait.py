@@ -6,7 +6,7 @@ from scipy.interpolate import PchipInterpolator
 
 from radarcore.models.people import gait
 
-SPEEDS = (0.05, 0.3, 0.5, 0.8, 1.0, 1.3, 1.5, 2.3, 3.0)
+SPEEDS = (0.05, 0.5, 0.8, 1.3, 3.0)
 # Between their control points smooth curves differ from the paper's by less than this [degrees].
 SMOOTHING = 0.2
 FUNCTIONS = (gait.limb_angles, gait.trunk_angles, gait.root_translation)
@@ -114,17 +114,6 @@ def test_posture_is_all_angles_of_both_sides_at_once(relative_speed):
         expected = np.concatenate([left, right, gait.trunk_angles(t, relative_speed, order)])
         np.testing.assert_allclose(posture.angles[order].T, expected, atol=1e-9)
         np.testing.assert_allclose(posture.root[order], gait.root_translation(t, relative_speed, order), atol=1e-12)
-
-
-@pytest.mark.parametrize("relative_speed", SPEEDS)
-def test_angles_and_rates_join_from_cycle_to_cycle(relative_speed):
-    for derivative, tolerance in ((0, 1e-6), (1, 1e-4)):  # 1e-9 of a cycle times the next derivative
-        before, after = every_angle(np.array([1.0 - 1e-9, 1e-9]), relative_speed, derivative).T
-        np.testing.assert_allclose(before, after, atol=tolerance)
-    t = np.random.default_rng(2).uniform(-3.0, 3.0, 100)
-    for function in FUNCTIONS:
-        now, later = np.array(function(t, relative_speed)), np.array(function(t + 7.0, relative_speed))
-        np.testing.assert_allclose(now, later, rtol=0.0, atol=1e-11)
 
 
 def test_speed_changes_angles_without_a_jump_except_the_hips_at_1_3():

@@ -45,35 +45,11 @@ def lowest(bodies, time):
     return min(body.motion.at(time).apply(body.mesh.vertices)[:, 2].min() for body in bodies)
 
 
-# Slowest and fastest forward over a cycle [m/s]; in the stance the ankle should rest, so it tells how much it slides.
+# Slowest and fastest forward over a cycle [m/s] of POINTS; in the stance the ankle should rest, so that it slides.
 FORWARD_SPEEDS = {
-    0.8: {
-        "root": (0.63, 0.97),
-        "head": (0.39, 1.21),
-        "wrist": (0.33, 1.55),
-        "knee": (0.23, 1.72),
-        "ankle": (-0.41, 3.40),
-        "toe": (-0.86, 4.30),
-        "stance": (-0.28, 0.23),
-    },
-    1.2: {
-        "root": (0.99, 1.41),
-        "head": (0.71, 1.69),
-        "wrist": (0.33, 2.45),
-        "knee": (0.54, 2.38),
-        "ankle": (-0.30, 4.36),
-        "toe": (-0.96, 5.45),
-        "stance": (-0.17, 0.44),
-    },
-    1.4: {
-        "root": (1.18, 1.62),
-        "head": (0.88, 1.92),
-        "wrist": (0.26, 2.93),
-        "knee": (0.71, 2.71),
-        "ankle": (-0.25, 4.85),
-        "toe": (-1.11, 6.04),
-        "stance": (-0.14, 0.50),
-    },
+    0.8: ((0.63, 0.97), (0.39, 1.21), (0.33, 1.55), (0.23, 1.72), (-0.41, 3.40), (-0.86, 4.30), (-0.28, 0.23)),
+    1.2: ((0.99, 1.41), (0.71, 1.69), (0.33, 2.45), (0.54, 2.38), (-0.30, 4.36), (-0.96, 5.45), (-0.17, 0.44)),
+    1.4: ((1.18, 1.62), (0.88, 1.92), (0.26, 2.93), (0.71, 2.71), (-0.25, 4.85), (-1.11, 6.04), (-0.14, 0.50)),
 }
 
 
@@ -84,7 +60,7 @@ def test_forward_speed_of_joints_over_a_cycle(speed):
     times = phases * human.cycle_duration
     speeds = {name: velocities(human, segment, times, point)[:, 0] for name, (segment, point) in POINTS.items()}
     speeds["stance"] = speeds["ankle"][(phases >= 0.15) & (phases <= 0.45)]
-    for name, expected in FORWARD_SPEEDS[speed].items():
+    for name, expected in zip(speeds, FORWARD_SPEEDS[speed], strict=True):
         # Two digits are printed. In the stance accelerations of the paper's ankle jump, and smoothing rounds the peak.
         tolerance = 0.045 if name == "stance" else 0.01
         assert (speeds[name].min(), speeds[name].max()) == pytest.approx(expected, abs=tolerance), name
@@ -111,7 +87,7 @@ def test_joints_at_the_right_heel_strike_are_where_the_published_chain_has_them(
     assert 0.02 < lift[2] < 0.06  # how far the soles would sink
 
 
-@pytest.mark.parametrize("speed", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("speed", [0.3, 2.5])
 def test_left_is_the_mirror_image_of_right_half_a_cycle_later(speed):
     human = Human(speed=speed)
     half = 0.5 * human.cycle_duration
@@ -124,7 +100,7 @@ def test_left_is_the_mirror_image_of_right_half_a_cycle_later(speed):
             np.testing.assert_allclose(MIRROR @ pose.rotation @ MIRROR, later.rotation, atol=1e-12)
 
 
-@pytest.mark.parametrize("speed", [0.3, 1.4, 2.7])
+@pytest.mark.parametrize("speed", [0.3, 2.7])
 def test_every_segment_advances_by_one_cycle_at_the_mean_speed(speed):
     human = Human(speed=speed)
     duration = human.cycle_duration
@@ -138,33 +114,8 @@ def test_every_segment_advances_by_one_cycle_at_the_mean_speed(speed):
     np.testing.assert_allclose(velocities.mean(axis=0), np.tile([speed, 0, 0], (16, 1)), atol=1e-9)
 
 
-def test_all_segments_in_one_call_are_where_each_of_them_is():
-    human = Human(path=CURVED, start_time=0.3, phase=0.2)
-    times = np.random.default_rng(5).uniform(-1.0, 6.0, 30)
-    poses, rates = human.link_poses_at(times), human.link_rates_at(times)
-    assert poses.shape == rates.shape == (30, 16, 3, 4)
-    for segment, pose, rate in zip(SEGMENTS, np.swapaxes(poses, 0, 1), np.swapaxes(rates, 0, 1), strict=True):
-        motion = human.segment_motion(segment)
-        np.testing.assert_array_equal(motion.poses_at(times), pose)
-        np.testing.assert_array_equal(motion.rates_at(times), rate)
-        # Sums for a single time are in another order.
-        np.testing.assert_allclose(motion.at(times[7]).apply([0.1, 0.2, 0.3]), pose[7] @ [0.1, 0.2, 0.3, 1], atol=1e-12)
-        np.testing.assert_allclose(motion.rate_at(times[7]), rate[7], atol=1e-10)
-
-
-def test_standing_person_has_all_poses_too_and_does_not_move():
-    human = Human(speed=0.0, path=[[2, 1], [2, 5]])
-    poses, rates = human.link_poses_at([0.0, 3.0]), human.link_rates_at([0.0, 3.0])
-    for segment, pose in zip(SEGMENTS, poses[0], strict=True):
-        still = human.segment_motion(segment)
-        np.testing.assert_allclose(pose, np.column_stack([still.rotation, still.position]), atol=1e-15)
-    np.testing.assert_array_equal(poses[1], poses[0])
-    assert not rates.any()
-
-
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
 @pytest.mark.filterwarnings("ignore:.* beyond max_velocity")
-def test_frames_take_delays_at_8_times_in_turns_too(tolerance):
+def test_frames_take_delays_at_8_times_in_turns_too():
     waveform = rc.Waveform.from_sweep(
         start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=3e-4
     )
@@ -175,10 +126,10 @@ def test_frames_take_delays_at_8_times_in_turns_too(tolerance):
         radar_motion=rc.Pose([-0.4, -0.6, 1.1]),
         field_of_view_deg=(90.0, 60.0),
         resolution=96,
-        tolerance=tolerance,
+        tolerance=1e-4,
     )
     # The path turns from 1.2 to 2.1 s; accelerations that jump would take up to 64 times.
-    assert max(simulator.frame(k / 12.0).stats["delay_nodes"] for k in (0, 6, *range(13, 26))) <= 8
+    assert max(simulator.frame(k / 12.0).stats["delay_nodes"] for k in range(14, 26, 2)) <= 8
 
 
 def test_velocities_do_not_jump_in_turns():
@@ -225,11 +176,11 @@ def test_taller_person_at_the_same_relative_speed_is_the_same_picture_larger():
         np.testing.assert_allclose(a.rotation, b.rotation, atol=1e-12)
 
 
-@pytest.mark.parametrize("speed", [0.0, 0.5, 1.4, 2.7])
+@pytest.mark.parametrize("speed", [0.0, 0.5, 2.7])
 def test_lowest_point_of_a_cycle_touches_the_floor(speed):
     human = Human(speed=speed)
     feet = [body for body in human.bodies() if body.name.endswith("foot")]
-    times = np.linspace(0.0, human.cycle_duration, 401) if speed else [0.0]
+    times = np.linspace(0.0, human.cycle_duration, 101) if speed else [0.0]
     heights = [lowest(feet, t) for t in times]
     assert min(heights) == pytest.approx(0.0, abs=3e-4)  # facets of the spheroids
     assert speed > 2.0 or max(heights) < 0.04  # one foot is always near the floor, but for a race
@@ -273,19 +224,7 @@ def test_standing_person_is_upright_and_known_to_be_still():
     np.testing.assert_allclose(human.segment_motion("trunk").at(5.0).rotation[:, 0], [0, 1, 0], atol=1e-12)
 
 
-def test_radar_sees_a_person_come():
-    waveform = rc.Waveform.from_sweep(
-        start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=128, num_chirps=64, chirp_interval=3e-4
-    )
-    human = Human(path=[[5, 0], [0, 0]])
-    sensor = rc.Pose([0.0, 0.0, 1.2])
-    simulator = rc.Simulator(rc.Scene(human.bodies()), rc.Radar(waveform), radar_motion=sensor, resolution=96)
-    peak = rc.strongest_peak(simulator.frame(1.0).cube, waveform)
-    assert peak.range == pytest.approx(5.0 - 1.4, abs=0.3)  # half of a trunk
-    assert -1.92 < peak.velocity < -0.88  # between slowest and fastest of the trunk
-
-
-@pytest.mark.parametrize("height", [0.9, 1.63, 1.75, 1.99])
+@pytest.mark.parametrize("height", [0.9, 1.99])
 def test_fastest_speed_is_the_one_the_message_names(height):
     human = Human(height=height, speed=3.0 * (0.53 * height))
     assert human.relative_speed == pytest.approx(3.0)
@@ -326,7 +265,7 @@ def test_real_meshes_move_as_the_joints_of_their_own_model_do():
     standing = real_links({})
     heights = [(mesh.vertices @ pose[2, :3] + pose[2, 3]) for mesh, pose in standing.values()]
     scale = 1.8 / (np.concatenate(heights).max() - np.concatenate(heights).min())
-    for time in (0.0, 0.2, 0.5, 0.9):
+    for time in (0.2, 0.9):
         links = {name: pose for name, (_, pose) in real_links(urdf_angles(human, time)).items()}
         pelvis, model_pelvis = bodies["pelvis"].motion.at(time), links["middle_pelvis/pelvis_mesh"]
         for name, segment, angle_deg, distance in (

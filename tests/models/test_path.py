@@ -8,11 +8,6 @@ from radarcore.models.people.path import FloorPath
 WINDING = [[0, 0], [3, 0], [3, 3], [1, 5], [-4, 5], [-5, 4.9]]
 
 
-def sampled(path, distances):
-    points = [path.at(s) for s in distances]
-    return tuple(np.array(values) for values in zip(*points, strict=True))
-
-
 def test_path_without_turns_is_the_line_through_its_waypoints():
     path = FloorPath([[1, 2], [2, 2], [4, 2]])
     assert path.length == 3.0
@@ -57,27 +52,11 @@ def test_turns_begin_middle_and_end_without_a_jump_of_any_of_four_derivatives_of
         assert np.abs(np.diff(values)).max() < 0.02 * np.abs(values).max(), order
 
 
-def test_points_at_many_distances_are_those_at_each():
-    path = FloorPath(WINDING)
-    distances = np.random.default_rng(1).uniform(-1.0, path.length + 1.0, 50)
-    for together, one_by_one in zip(path.points_at(distances), sampled(path, distances), strict=True):
-        np.testing.assert_allclose(together, one_by_one, rtol=0, atol=1e-15)
-
-
 def test_right_angle_takes_1_8_radii_of_each_leg():
     path = FloorPath([[0, 0], [2, 0], [2, 2]], turn_radius=0.5)
     distance = np.linspace(0.0, path.length, 10_001)
-    _, _, curvature = sampled(path, distance)
+    _, _, curvature = path.points_at(distance)
     assert distance[curvature > 0.0][0] == pytest.approx(2 - 1.81 * 0.5, abs=2e-3)
-
-
-def test_path_reversed_is_the_same_line():
-    path, back = FloorPath(WINDING), FloorPath(WINDING[::-1])
-    assert path.length == pytest.approx(back.length, abs=1e-12)
-    for distance in np.linspace(-1.0, path.length + 1.0, 50):
-        there, again = path.at(distance), back.at(path.length - distance)
-        assert there.position == pytest.approx(again.position, abs=1e-12)
-        assert there.curvature == pytest.approx(-again.curvature, abs=1e-9)
 
 
 def test_full_round_ends_with_its_heading_a_whole_turn_later():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from arms import ROUNDING, matrix, some_trajectory
 from radarcore.models.robots.arm import RobotArm
@@ -16,7 +17,7 @@ URDF = """<?xml version="1.0"?>
       <geometry><cylinder radius="0.1" length="0.6"/></geometry></collision>
     <visual><geometry><mesh filename="missing.obj"/></geometry></visual>
   </link>
-  <link name="slide"><collision><geometry><sphere radius="0.2"/></geometry></collision></link>
+  <link name="slide"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
   <link name="wheel">
     <collision><origin xyz="0 0 1"/><geometry><mesh filename="{mesh}" scale="{scale}"/></geometry></collision>
   </link>
@@ -40,6 +41,7 @@ URDF = """<?xml version="1.0"?>
 </robot>
 """
 
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
@@ -52,12 +54,8 @@ def write_urdf(directory: Path, text: str = URDF, mesh: str = "meshes/part.obj",
 
 
 def about(axis, angle):
-    """Rotation about a coordinate axis, from the textbook."""
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    matrix = np.eye(3)
-    matrix[[i, i, j, j], [i, j, i, j]] = c, -s, s, c
-    return matrix
+    """Rotation about a coordinate axis."""
+    return Rotation.from_euler(axis, angle).as_matrix()
 
 
 def test_urdf_with_every_kind_of_joint_has_the_kinematics_on_paper(tmp_path):
@@ -94,7 +92,7 @@ def test_urdf_shapes_have_their_size_and_place(tmp_path):
     # Box and a cylinder turned to lie along x.
     np.testing.assert_allclose(arm.links["base"].bounds, [[-0.2, -0.15, -0.1], [1.3, 0.15, 0.1]], atol=1e-9)
     assert arm.links["base"].volume == pytest.approx(0.012 + np.pi * 0.006, rel=2e-3)  # facets inside the cylinder
-    np.testing.assert_allclose(arm.links["slide"].bounds, [[-0.2] * 3, [0.2] * 3], atol=2e-4)
+    np.testing.assert_allclose(arm.links["slide"].bounds, [[-0.02] * 3, [0.02] * 3], atol=5e-5)
     np.testing.assert_allclose(arm.links["wheel"].bounds, [[0, 0, 1], [1, 2, 4]])
     assert arm.links["wheel"].volume == pytest.approx(1.0)
     assert arm.links["tip"] is None
@@ -131,22 +129,10 @@ def test_missing_files_are_named(tmp_path):
     [
         ("</robot>", "", r"\d\d: no element found"),
         ('<link name="elbow"/>', '<link name="elbow">', r"\d\d: mismatched tag"),
-        (
-            '<link name="tip"/>',
-            '<link name="${tip}"/>',
-            "expected a URDF file, got one with macros of xacro; expand it",
-        ),
-        ('<link name="tip"/>', '<xacro:tool name="tip"/>', "expected a URDF file, got one with macros of xacro"),
-        (
-            '<robot name="machine">',
-            '<robot name="m" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" value="1"/>',
-            "expected a URDF file, got one with macros of xacro",
-        ),
-        (
-            'rpy="0.4 -0.5 0.6"',
-            'rpy="0 0 0" quat_xyzw="0 0 0 1"',
-            "joint 'rail', origin: expected rpy or quat_xyzw, got",
-        ),
+        ('<link name="tip"/>', '<link name="${tip}"/>', "got one with macros of xacro; expand it"),
+        ('<link name="tip"/>', '<xacro:tool name="tip"/>', "got one with macros of xacro"),
+        ('<robot name="machine">', f'<robot name="m" {XACRO}><xacro:arg name="a"/>', "got one with macros of xacro"),
+        ('rpy="0.4 -0.5 0.6"', 'rpy="0 0 0" quat_xyzw="0 0 0 1"', "'rail', origin: expected rpy or quat_xyzw, got"),
         ('rpy="0.4 -0.5 0.6"', 'quat_xyzw="0 0 1"', "joint 'rail', quat_xyzw: expected 4 numbers, got '0 0 1'"),
         ('rpy="0.4 -0.5 0.6"', 'quat_xyzw="0 0 0 0"', "joint 'rail', origin: .*zero"),
         ("robot", "sdf", "expected <robot>, got <sdf>"),
@@ -156,18 +142,14 @@ def test_missing_files_are_named(tmp_path):
         ('<parent link="wheel"/>', "", "joint 'hinge': expected <parent> and <child>, got no <parent>"),
         ('<child link="elbow"/>', '<child link="elbo"/>', "joint 'hinge', child: no link 'elbo'; did you mean 'elbow'"),
         ('xyz="0 2 0"', 'xyz="0 0 0"', "joint 'rail', axis: expected a direction, got zero"),
-        ('radius="0.2"', 'radius="-0.2"', "link 'slide', collision, radius: expected positive numbers"),
-        ('<sphere radius="0.2"/>', "<cone/>", "expected mesh, box, cylinder or sphere, got <cone>"),
-        ('<sphere radius="0.2"/>', "", "link 'slide', collision: expected a <geometry> with a shape"),
+        ('radius="0.02"', 'radius="-0.02"', "link 'slide', collision, radius: expected positive numbers"),
+        ('<sphere radius="0.02"/>', "<cone/>", "expected mesh, box, cylinder or sphere, got <cone>"),
+        ('<sphere radius="0.02"/>', "", "link 'slide', collision: expected a <geometry> with a shape"),
         ('<child link="tip"/>', '<child link="elbow"/>', "expected one to lead to every link"),
         ('<link name="tip"/>', '<link name="tip"/><link name="stray"/>', "expected one link without a parent"),
         ('scale="1 2 3"', 'scale="1 0 3"', "scale: expected numbers other than zero"),
-        ('radius="0.2"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
-        (
-            'xyz="0.1 0.2 0.3"',
-            'xyz="0.1 0.2 1e31"',
-            "joint 'rail', origin: position: expected coordinates within 1e.15 m",
-        ),
+        ('radius="0.02"', 'radius="1e308"', "link 'slide', collision: sagitta: expected at least"),
+        ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 1e31"', "'rail', origin: position: expected coordinates within 1e.15 m"),
         ('scale="1 2 3"', 'scale="1 2 1e308"', "vertices: expected coordinates below 1e15 m"),
     ],
 )
@@ -192,8 +174,8 @@ def test_quaternions_of_urdf_1_1_turn_origins(tmp_path):
 
 def test_expanded_files_of_xacro_are_read(tmp_path):
     """The tags keep the namespace of xacro."""
-    text = URDF.replace('<robot name="machine">', '<robot name="m" xmlns:xacro="http://www.ros.org/wiki/xacro">')
-    assert RobotArm.from_urdf(write_urdf(tmp_path, text)).name == "m"
+    text = URDF.replace('<robot name="machine">', f'<robot name="m" {XACRO}>')
+    assert RobotArm.from_urdf(write_urdf(tmp_path, text), meshes=None).name == "m"
 
 
 @pytest.mark.parametrize(("kind", "other"), [("collision", "visual"), ("visual", "collision")])
@@ -210,4 +192,4 @@ def test_urdf_with_only_the_other_kind_of_shapes_raises_a_warning(tmp_path, kind
 def test_mimicking_joints_are_announced(tmp_path):
     path = write_urdf(tmp_path, URDF.replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 -1"/><mimic joint="rail"/>'))
     with pytest.warns(UserWarning, match="joint 'spin' mimics another"):
-        assert "spin" in RobotArm.from_urdf(path).joint_names
+        assert "spin" in RobotArm.from_urdf(path, meshes=None).joint_names

@@ -59,11 +59,3 @@ def test_envelope_is_that_of_ankle_and_toe(walk: tuple[rc.models.Human, rc.Recor
     assert abs(fastest - np.nanmax(feet)) <= width
     # The stance foot slides back by 0.14 m/s at the ankle, the swinging one slows past it: nothing goes far backwards.
     assert spectrogram.velocity[(level > -40.0).any(axis=0)].min() > -1.11 - width
-
-
-def test_both_feet_take_their_turn(walk: tuple[rc.models.Human, rc.Recording]) -> None:
-    spectrogram = rc.spectrogram(walk[1])
-    fast = spectrogram.power[:, spectrogram.velocity > 3.0].sum(axis=1)
-    phase = (spectrogram.time / walk[0].cycle_duration) % 1.0
-    first, second = (fast[(phase >= half) & (phase < half + 0.5)].max() for half in (0.0, 0.5))
-    assert 0.1 < first / second < 10.0

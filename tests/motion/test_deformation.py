@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -296,15 +295,6 @@ def test_shape_at_rest_is_cast_once() -> None:
     assert cast[3] == 0
 
 
-def test_deforming_bodies_travel_to_other_processes() -> None:
-    mesh = grid()
-    times = np.linspace(0.0, 0.2, 5)
-    deformation = rc.Deformation(times, [wave(mesh)(time) for time in times])
-    sim = simulator([rc.Body(mesh, motion=rc.Pose([1.0, 0.0, 0.0]), deformation=deformation)])
-    again = pickle.loads(pickle.dumps(sim))
-    np.testing.assert_array_equal(again.frame(0.1).cube, sim.frame(0.1).cube)
-
-
 # --- splines ---------------------------------------------------------------------------------------------------------
 
 
@@ -321,13 +311,6 @@ def test_deformation_passes_through_its_vertices_and_stays_at_the_last() -> None
     difference = (deformation.at(0.2 + step) - deformation.at(0.2 - step)) / (2.0 * step)
     np.testing.assert_allclose(deformation.rate_at(0.2), difference, rtol=0, atol=1e-6)  # step^2 / 6 of 6000 m/s^3
     assert repr(deformation) == "<Deformation: 7 vertices at 4 times, 0 to 0.4 s>"
-
-
-def test_two_times_make_a_straight_line() -> None:
-    first, last = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 5, 3))
-    deformation = rc.Deformation([1.0, 3.0], [first, last])
-    np.testing.assert_allclose(deformation.at(1.5), 0.75 * first + 0.25 * last, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(deformation.rate_at(1.5), 0.5 * (last - first), rtol=0, atol=1e-15)
 
 
 # --- silly input -----------------------------------------------------------------------------------------------------

@@ -77,14 +77,6 @@ def test_poses_alone_at_the_ends_are_left_out() -> None:
     assert motion.gaps.shape == (0, 2)
 
 
-def test_simulation_of_a_frame_within_a_gap_says_so() -> None:
-    body = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Attached(rc.Pose([2.0, 0.0, 0.0]), GAPPED), name="seen")
-    simulator = rc.Simulator(rc.Scene([body]), rc.bgt60tr13c(), resolution=8)
-    simulator.frame(0.1)
-    with pytest.raises(ValueError, match=r"within a gap of this Trajectory, from 0\.4 to 1 s"):
-        simulator.frame(0.6)
-
-
 def test_gaps_are_read_only_and_survive_pickling() -> None:
     with pytest.raises(ValueError, match="read-only"):
         GAPPED.gaps[...] = 0.0

@@ -60,7 +60,7 @@ def test_motions_along_cubics_are_exact_between_updates_and_so_are_their_rates()
         np.testing.assert_allclose(live.rate_at(time), rate, rtol=0, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_tumbling_motion_has_the_given_poses_and_rates_and_is_smooth(seed: int) -> None:
     rng, live = np.random.default_rng(seed), rc.Live()
     times = [0.0, 0.05, 0.08]
@@ -80,19 +80,11 @@ def test_tumbling_motion_has_the_given_poses_and_rates_and_is_smooth(seed: int) 
         np.testing.assert_allclose(live.rate_at(time), (4.0 * near - far) / 3.0, rtol=0, atol=2e-6), f"seed {seed}"
 
 
-def test_rates_that_are_not_given_are_the_difference_of_two_updates() -> None:
-    live, linear = rc.Live(), rc.Linear(START, VELOCITY, TURNING)
-    live.update(0.0, START)
-    assert live.rate_at(0.0).tolist() == np.zeros((3, 4)).tolist()  # nothing is known yet
-    live.update(0.5, linear.at(0.5))
-    times = np.array([0.0, 0.2, 0.5, 1.0])
-    np.testing.assert_allclose(live.poses_at(times), linear.poses_at(times), rtol=0, atol=ROUNDING)
-
-
 def test_past_rates_that_are_not_given_are_those_of_a_parabola() -> None:
     live = rc.Live()
-    times = [0.0, 0.1, 0.3, 0.4]
-    for time in times:
+    live.update(0.0, rc.Pose())
+    assert not live.rate_at(0.0).any()  # nothing is known yet
+    for time in (0.1, 0.3, 0.4):
         live.update(time, rc.Pose([3.0 * time**2, 0.0, 0.0], turned([0, 0, 1], time**2).rotation))
     # The newest by the last two updates, those between on the parabola.
     np.testing.assert_allclose(live.rate_at(0.4)[0, 3], 3.0 * (0.4 + 0.3), rtol=0, atol=ROUNDING)
@@ -214,20 +206,6 @@ def test_simulator_starts_at_the_newest_update_of_anything_that_is_live() -> Non
     group.update(0.9, [rc.Pose([4.0, 0.0, 0.0]), rc.Pose()], velocities=still, angular_velocities=still)
     assert simulator.frame().time == simulator.depth_image().time == 0.9
     assert rc.Simulator(rc.Scene([rc.PointTarget([1, 0, 0])]), RADAR).frame().time == 0.0
-
-
-def test_truth_and_samples_are_those_of_the_same_motion_as_a_function() -> None:
-    live, linear = rc.Live(), rc.Linear(rc.Pose([1.5, 0.1, 0.0]), [-1.0, 0.2, 0.0], [0.0, 0.0, 2.0])
-    live.update(0.0, linear.pose, linear.velocity, linear.angular_velocity)
-    frames = [
-        rc.Simulator(rc.Scene([rc.Body(PLATE, motion=motion)]), RADAR, resolution=32).frame(0.0)
-        for motion in (live, linear)
-    ]
-    for name in ("range", "velocity", "azimuth"):
-        np.testing.assert_allclose(*(getattr(frame.truth, name) for frame in frames), rtol=0, atol=1e-9)
-    # Bits of poses may differ; phases are good to rounding of 2 m in wavelengths of 5 mm.
-    scale = np.abs(frames[0].cube).max()
-    np.testing.assert_allclose(frames[0].cube, frames[1].cube, rtol=0, atol=1e-4 * scale)
 
 
 @pytest.mark.filterwarnings("ignore:.* planned frames, its writer was interrupted")  # as it still writes

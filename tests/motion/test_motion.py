@@ -15,19 +15,9 @@ EPS = np.finfo(float).eps
 """Step of central differences [s]: eps^(1/3), where truncation and rounding are about equal."""
 
 
-def rx(angle: float) -> NDArray[Any]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def ry(angle: float) -> NDArray[Any]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def rz(angle: float) -> NDArray[Any]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+def turn(axes: str, *angles: float) -> NDArray[Any]:
+    """Rotation about fixed axes, one after the other."""
+    return Rotation.from_euler(axes, angles).as_matrix()
 
 
 def random_pose(rng: np.random.Generator) -> rc.Pose:
@@ -44,14 +34,14 @@ def same_pose(a: rc.Pose, b: rc.Pose, scale: float = 4.0) -> bool:
 
 
 def test_pose_turns_then_moves() -> None:
-    pose = rc.Pose([1.0, 2.0, 3.0], rz(np.pi / 2))
+    pose = rc.Pose([1.0, 2.0, 3.0], turn("z", np.pi / 2))
     assert close(pose.apply([1.0, 0.0, 0.0]), [1.0, 3.0, 3.0], 4.0)
     assert close(pose.apply(np.ones((2, 5, 3))), np.broadcast_to([0.0, 3.0, 4.0], (2, 5, 3)), 4.0)
     assert rc.Pose() == rc.Pose([0.0, 0.0, 0.0], np.eye(3))
     assert rc.Pose().apply([4.0, 5.0, 6.0]).tolist() == [4.0, 5.0, 6.0]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_poses_form_a_group(seed: int) -> None:
     rng = np.random.default_rng(seed)
     a, b, c = (random_pose(rng) for _ in range(3))
@@ -91,42 +81,29 @@ def test_look_at_takes_another_up() -> None:
     assert abs(tilted.rotation[:, 1] @ [0.0, 1.0, 5.0]) <= 16 * EPS * 5.0  # z has all that is across the sight
 
 
-@pytest.mark.parametrize(("axis", "turn"), [(0, rx), (1, ry), (2, rz)])
-def test_quaternion_is_w_x_y_z_of_any_length(axis: int, turn: Any) -> None:
-    for angle in (-2.5, 0.0, 1e-9, 0.7, np.pi):
-        quaternion = np.zeros(4)
-        quaternion[0], quaternion[1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
-        for length in (1.0, -1.0, 1e-3, 40.0):
-            pose = rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=length * quaternion)
-            assert close(pose.rotation, turn(angle)), (angle, length)
-            assert pose.position.tolist() == [1.0, 2.0, 3.0]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_quaternion_of_any_axis_agrees_with_scipy(seed: int) -> None:
-    w, x, y, z = quaternion = np.random.default_rng(seed).standard_normal(4)
-    expected = Rotation.from_quat([x, y, z, w]).as_matrix()
-    assert close(rc.Pose.from_quaternion([0.0, 0.0, 0.0], wxyz=quaternion).rotation, expected), f"seed {seed}"
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_order_of_a_quaternion_is_named(seed: int) -> None:
-    w, x, y, z = np.random.default_rng(seed).standard_normal(4).tolist()
-    by_name = rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=[w, x, y, z])
-    assert same_pose(rc.Pose.from_quaternion([1.0, 2.0, 3.0], xyzw=[x, y, z, w]), by_name)
+@pytest.mark.parametrize("length", [1.0, -1.0, 1e-3, 40.0])
+def test_quaternions_of_any_length_and_named_order_agree_with_scipy(length: float) -> None:
+    for axes, angle in (("x", -2.5), ("y", 0.0), ("z", 1e-9), ("xyz", [0.7, -1.0, np.pi])):
+        rotation = Rotation.from_euler(axes, angle)
+        x, y, z, w = (length * rotation.as_quat()).tolist()
+        for pose in (
+            rc.Pose.from_quaternion([1.0, 2.0, 3.0], wxyz=[w, x, y, z]),
+            rc.Pose.from_quaternion([1.0, 2.0, 3.0], xyzw=[x, y, z, w]),
+        ):
+            assert same_pose(pose, rc.Pose([1.0, 2.0, 3.0], rotation.as_matrix())), (axes, length)
 
 
 def test_pose_from_a_homogeneous_matrix() -> None:
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rz(0.3), [1.0, 2.0, 3.0]
+    matrix[:3, :3], matrix[:3, 3] = turn("z", 0.3), [1.0, 2.0, 3.0]
     for given in (matrix, matrix[:3], matrix.tolist()):
-        assert rc.Pose.from_matrix(given) == rc.Pose([1.0, 2.0, 3.0], rz(0.3))
+        assert rc.Pose.from_matrix(given) == rc.Pose([1.0, 2.0, 3.0], turn("z", 0.3))
 
 
 def test_roll_pitch_and_yaw_turn_about_fixed_axes_as_in_urdf() -> None:
     for r, p, y in [(0.3, -0.5, 1.1), (1.2, 0.0, 0.0), (0.0, np.pi / 2, 0.0), (0.0, 0.0, -2.0), (-3.0, 1.5, 2.9)]:
         pose = rc.Pose.from_rpy([1.0, 2.0, 3.0], [r, p, y])
-        assert close(pose.rotation, rz(y) @ ry(p) @ rx(r)), (r, p, y)
+        assert close(pose.rotation, turn("xyz", r, p, y)), (r, p, y)
         assert pose.position.tolist() == [1.0, 2.0, 3.0]
     # Yaw turns left, pitch looks down, roll leans right.
     assert close(rc.Pose.from_rpy([0.0] * 3, [0.0, 0.0, np.pi / 2]).apply([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0])
@@ -135,42 +112,42 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes_as_in_urdf() -> None:
 
 
 def test_pose_is_the_same_at_all_times() -> None:
-    pose = rc.Pose([1.0, 2.0, 3.0], rz(0.3))
+    pose = rc.Pose([1.0, 2.0, 3.0], turn("z", 0.3))
     assert pose.at(17.0) == pose
     assert pose.rate_at(17.0).tolist() == np.zeros((3, 4)).tolist()
 
 
 def test_rotation_that_is_slightly_off_is_made_one() -> None:
-    noisy = rz(0.3) + 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3))
+    noisy = turn("z", 0.3) + 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3))
     pose = rc.Pose(rotation=noisy)
     assert close(pose.rotation @ pose.rotation.T, np.eye(3))
-    assert np.abs(pose.rotation - noisy).max() <= 2e-7  # the nearest rotation is no farther than that of rz(0.3)
+    assert np.abs(pose.rotation - noisy).max() <= 2e-7  # the nearest rotation is no farther than that of turn("z", 0.3)
 
 
 def test_poses_are_equal_when_their_numbers_are_and_cannot_be_changed() -> None:
-    position, rotation = np.array([1.0, 2.0, 3.0]), rz(0.3)
+    position, rotation = np.array([1.0, 2.0, 3.0]), turn("z", 0.3)
     pose = rc.Pose(position, rotation)
-    assert pose == rc.Pose([1.0, 2.0, 3.0], rz(0.3))
-    assert hash(pose) == hash(rc.Pose([1.0, 2.0, 3.0], rz(0.3)))
-    assert pose != rc.Pose([1.0, 2.0, 3.1], rz(0.3))
-    assert pose != rc.Pose([1.0, 2.0, 3.0], rz(0.4))
+    assert pose == rc.Pose([1.0, 2.0, 3.0], turn("z", 0.3))
+    assert hash(pose) == hash(rc.Pose([1.0, 2.0, 3.0], turn("z", 0.3)))
+    assert pose != rc.Pose([1.0, 2.0, 3.1], turn("z", 0.3))
+    assert pose != rc.Pose([1.0, 2.0, 3.0], turn("z", 0.4))
     assert pose != "pose"
     position[0] = rotation[0, 0] = 7.0
-    assert pose == rc.Pose([1.0, 2.0, 3.0], rz(0.3))
+    assert pose == rc.Pose([1.0, 2.0, 3.0], turn("z", 0.3))
     for values in (pose.position, pose.rotation):
         with pytest.raises(ValueError, match="read-only"):
             values[0] = 0.0
 
 
-@pytest.mark.parametrize(("axis", "turn"), [(0, rx), (1, ry), (2, rz)])
-def test_linear_motion_goes_straight_and_turns_evenly(axis: int, turn: Any) -> None:
-    start = rc.Pose([1.0, 2.0, 3.0], rz(0.4) @ rx(-0.2))
-    angular_velocity = 3.0 * np.eye(3)[axis]
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_linear_motion_goes_straight_and_turns_evenly(axis: str) -> None:
+    start = rc.Pose([1.0, 2.0, 3.0], turn("xz", -0.2, 0.4))
+    angular_velocity = 3.0 * np.eye(3)["xyz".index(axis)]
     motion = rc.Linear(start, velocity=[0.5, -1.0, 2.0], angular_velocity=angular_velocity)
     for time in (-1.3, 0.0, 1e-6, 0.8, 10.0):
         pose = motion.at(time)
         # World axes: the turn comes from the left. 30 rad are reduced modulo a turn with an error of 30 eps.
-        assert close(pose.rotation, turn(3.0 * time) @ start.rotation, 4.0), time
+        assert close(pose.rotation, turn(axis, 3.0 * time) @ start.rotation, 4.0), time
         assert close(pose.position, [1.0 + 0.5 * time, 2.0 - time, 3.0 + 2.0 * time], 32.0), time
     assert motion.at(0.0) == start
 

@@ -24,12 +24,6 @@ def test_trajectory_passes_its_poses_and_has_no_step_of_velocity_there() -> None
         np.testing.assert_allclose(motion.rate_at(time - 1e-9), motion.rate_at(time + 1e-9), atol=1e-5)
 
 
-def test_two_poses_are_a_straight_uniform_motion() -> None:
-    motion = rc.Trajectory([1.0, 3.0], [rc.Pose([0.0, 0.0, 0.0]), rc.Pose([1.0, 0.0, 2.0])])
-    np.testing.assert_allclose(motion.at(1.5).position, [0.25, 0.0, 0.5], atol=1e-15)
-    np.testing.assert_allclose(motion.rate_at(2.0)[:, 3], [0.5, 0.0, 1.0], atol=1e-14)
-
-
 @pytest.mark.filterwarnings("ignore:.* beyond max_velocity")
 def test_frames_follow_the_true_path_of_a_sensor_that_swings() -> None:
     # 4 m/s^2 and more: a rate frozen at the start of the 25 ms frame would be off by 1 mm, or a quarter of a turn.
@@ -47,13 +41,3 @@ def test_frames_follow_the_true_path_of_a_sensor_that_swings() -> None:
     positions = [sensor.at(time).inverse().apply(target) for time in times.ravel()]
     expected = point_echo_reference(np.reshape(positions, (*times.shape, 3)), 1.0, simulator.radar)
     np.testing.assert_allclose(frame.cube, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
-
-
-def test_bodies_ride_on_bodies() -> None:
-    carrier = rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.5, 0.0, 0.0])
-    rider = rc.Body(rc.shapes.plate(0.2, 0.2), motion=rc.Attached(carrier, rc.Pose([0.0, 0.0, 0.3])), name="rider")
-    radar = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1e13, sample_rate=2e6, num_samples=16))
-    truth = rc.Simulator(rc.Scene([rider]), radar, resolution=65).frame(1.0).truth
-    assert truth is not None
-    # The nearest corner row of the plate, 2.5 m ahead and 0.2 m up, recedes by the cosine of its elevation.
-    assert truth.velocity[0] == pytest.approx(0.5 * 2.5 / np.hypot(2.5, 0.2), rel=2e-3)  # a pixel is 2 cm

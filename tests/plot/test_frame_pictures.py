@@ -16,7 +16,7 @@ from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 
-figure_module = pytest.importorskip("matplotlib.figure", reason="needs the extra `plot`: pip install radarcore[plot]")
+pytest.importorskip("matplotlib.figure", reason="needs the extra `plot`: pip install radarcore[plot]")
 
 
 def test_depth_image_has_azimuth_to_the_left_elevation_up_and_grey_misses() -> None:
@@ -170,21 +170,3 @@ def test_map_of_silence_and_of_nan_is_drawn_without_a_warning() -> None:
     damaged = Frame(np.full_like(one.cube, np.nan), 0.0, one.radar)
     figure = plot.overview(damaged, image(hit=False))
     figure.draw_without_rendering()
-
-
-def test_pictures_go_into_given_axes() -> None:
-    panels = figure_module.Figure().subplots(5)
-    one = frame()
-    for draw, ax in zip(
-        (
-            lambda ax: plot.depth_image(image(), ax),
-            lambda ax: plot.reflectance_image(image(), ax=ax),
-            lambda ax: plot.chirp(one, ax=ax),
-            lambda ax: plot.range_profile(one, ax=ax),
-            lambda ax: plot.range_doppler_map(one, ax=ax),
-        ),
-        panels,
-        strict=True,
-    ):
-        assert draw(ax) is ax  # type: ignore[no-untyped-call]
-        assert ax.has_data()

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import radarcore as rc
 from picture_scenes import frame, image, recording, room
 from radarcore import plot
+from radarcore.plot.canvas import new_axes
 
 pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 
@@ -49,51 +51,41 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize(
-    ("draw", "error", "message"),
-    [
-        (lambda: plot.chirp(frame(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
-        (
-            lambda: plot.depth_image(SimpleNamespace(distance=np.ones(3), field_of_view_deg=(60, 60))),
-            ValueError,
-            r"image: expected arrays of shape \(row, column\), got \(3,\)",
-        ),
-        (
-            lambda: plot.depth_image(SimpleNamespace(distance=np.ones((3, 3)), field_of_view_deg=(180, 60))),
-            ValueError,
-            "field_of_view_deg: expected two angles between 0 and 180",
-        ),
-        (lambda: plot.range_time(recording([])), ValueError, "recording: expected at least one frame, got none"),
-        (lambda: plot.range_time(recording(), names=["leg"]), KeyError, "no truth of 'leg'; there is wall, arm"),
-        (
-            lambda: plot.range_time(recording(truth=False), names=["arm"]),
-            ValueError,
-            "names: expected none, because the recording has no truth",
-        ),
-        (lambda: plot.tracks(recording(), [1.0]), TypeError, "estimates: expected a dict of tracks by name, got list"),  # type: ignore[arg-type]
-        (
-            lambda: plot.tracks(recording(), {"arm": {"time": [0.0]}}),
-            TypeError,
-            r"estimates\['arm'\]: expected a dict or an object with time and range, got one without range",
-        ),
-        (
-            lambda: plot.tracks(recording(), {"arm": {"time": [0.0], "range": [1.0, 2.0]}}),
-            ValueError,
-            r"estimates\['arm'\]: expected time and range of one shape \(n,\), got \(1,\) and \(2,\)",
-        ),
-        (
-            lambda: plot.tracks(recording(), {"arm": {"time": [0.0], "range": ["far"]}}),
-            TypeError,
-            r"estimates\['arm'\]\.range: expected numbers, got list of",
-        ),
-        (lambda: plot.scene_from_above(room(), 3), TypeError, "radar_motion: expected Pose"),  # type: ignore[arg-type]
-        (lambda: plot.scene_from_above(room(), None, []), ValueError, "times: expected at least one time"),
-        (lambda: plot.range_angle_map(frame(), field_of_view_deg=181.0), ValueError, "field_of_view_deg: expected"),
-        (lambda: plot.rcs([0.0], [1.0, 2.0]), ValueError, r"rcs_m2: expected shape \(1,\), got \(2,\)"),
-        (lambda: plot.rcs([], []), ValueError, "azimuth_deg: expected at least one angle, got none"),
-        (lambda: plot.experiment(recording([]), room()), ValueError, "recording: expected at least one frame"),
-    ],
-)
+def picture(distance: Any, *angles: float) -> Any:
+    return plot.depth_image(SimpleNamespace(distance=distance, field_of_view_deg=angles))
+
+
+def tracks(estimates: Any) -> Any:
+    return plot.tracks(recording(), estimates)
+
+
+ARM = r"estimates\['arm'\]"
+
+REFUSED: list[tuple[Any, type[Exception], str]] = [
+    (lambda: plot.chirp(frame(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
+    (lambda: picture(np.ones(3), 60, 60), ValueError, r"image: expected arrays of shape \(row, column\), got \(3,\)"),
+    (lambda: picture(np.ones((3, 3)), 180, 60), ValueError, "field_of_view_deg: expected two angles between 0 and 180"),
+    (lambda: plot.range_time(recording([])), ValueError, "recording: expected at least one frame, got none"),
+    (lambda: plot.range_time(recording(), names=["leg"]), KeyError, "no truth of 'leg'; there is wall, arm"),
+    (
+        lambda: plot.range_time(recording(truth=False), names=["arm"]),
+        ValueError,
+        "expected none, because the recording",
+    ),
+    (lambda: tracks([1.0]), TypeError, "estimates: expected a dict of tracks by name, got list"),
+    (lambda: tracks({"arm": {"time": [0.0]}}), TypeError, f"{ARM}: expected a dict or an object with .* without range"),
+    (lambda: tracks({"arm": {"time": [0], "range": [1, 2]}}), ValueError, rf"{ARM}: .* shape \(n,\), got \(1,\) and"),
+    (lambda: tracks({"arm": {"time": [0], "range": ["far"]}}), TypeError, rf"{ARM}\.range: expected numbers, got list"),
+    (lambda: plot.scene_from_above(room(), 3), TypeError, "radar_motion: expected Pose"),  # type: ignore[arg-type]
+    (lambda: plot.scene_from_above(room(), None, []), ValueError, "times: expected at least one time"),
+    (lambda: plot.range_angle_map(frame(), field_of_view_deg=181.0), ValueError, "field_of_view_deg: expected"),
+    (lambda: plot.rcs([0.0], [1.0, 2.0]), ValueError, r"rcs_m2: expected shape \(1,\), got \(2,\)"),
+    (lambda: plot.rcs([], []), ValueError, "azimuth_deg: expected at least one angle, got none"),
+    (lambda: plot.experiment(recording([]), room()), ValueError, "recording: expected at least one frame"),
+]
+
+
+@pytest.mark.parametrize(("draw", "error", "message"), REFUSED)
 def test_silly_input_is_refused_by_name(draw: Any, error: Any, message: str) -> None:
     with pytest.raises(error, match=message):
         draw()
@@ -103,3 +95,28 @@ def test_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         plot.overview(frame(), None, tmp_path / "file" / "overview.png")
+
+
+ROW = [[0.0, 2.5e-3 * k, 0.0] for k in range(4)]
+ARRAY = rc.Radar(rc.bgt60tr13c().waveform, rx=ROW)
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda ax: plot.depth_image(image(), ax),
+        lambda ax: plot.reflectance_image(image(), ax),
+        lambda ax: plot.chirp(frame(), ax=ax),
+        lambda ax: plot.range_profile(frame(), ax=ax),
+        lambda ax: plot.range_doppler_map(frame(), ax=ax),
+        lambda ax: plot.range_angle_map(rc.Simulator(rc.Scene(), ARRAY).frame(), ax),
+        lambda ax: plot.virtual_array(ARRAY, ax),
+        lambda ax: plot.antenna_pattern(ARRAY, ax),
+        lambda ax: plot.array_pattern(ARRAY, ax),
+        lambda ax: plot.rcs([0.0, 1.0], [1.0, 2.0], ax),
+    ],
+)
+def test_pictures_go_into_given_axes(draw: Any) -> None:
+    ax = new_axes()
+    assert draw(ax) is ax
+    assert ax.has_data()

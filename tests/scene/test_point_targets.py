@@ -110,13 +110,6 @@ def test_default_tolerance_gives_single_precision_of_the_same_samples() -> None:
     np.testing.assert_allclose(single, double, rtol=0, atol=1e-4 * np.abs(double).max())
 
 
-def test_echo_falls_by_12_db_per_doubling_of_range() -> None:
-    radar = rc.Radar(waveform(num_chirps=1))
-    levels = [np.abs(simulate([rc.PointTarget([r, 0.0, 0.0])], radar)).max() for r in (0.5, 1.0, 2.0, 4.0)]
-    steps = 20.0 * np.log10(np.divide(levels[:-1], levels[1:]))
-    np.testing.assert_allclose(steps, 40.0 * np.log10(2.0), atol=1e-8)
-
-
 def test_frame_is_the_sum_of_the_frames_of_its_targets() -> None:
     seed = 3
     rng = np.random.default_rng(seed)
@@ -151,16 +144,17 @@ EXACT_GEOMETRY = 1e-8
 
 
 @pytest.mark.parametrize(
-    "radar_motion",
+    ("radar_motion", "pattern"),
     [
-        rc.Pose(),
-        rc.Pose.from_rpy([-0.05, 0.02, 0.03], [0.3, -0.1, 0.2]),
-        rc.Linear(rc.Pose.from_rpy([0.0, 0.1, 0.0], [0.1, 0.0, 0.1]), velocity=[0.5, -2.0, 0.3]),
-        rc.Linear(rc.Pose([-0.05, 0.0, 0.0]), velocity=[0.2, 1.0, 0.0], angular_velocity=[1.0, -2.0, 5.0]),
+        (rc.Pose.from_rpy([-0.05, 0.02, 0.03], [0.3, -0.1, 0.2]), rc.GaussianPattern(5.0, 60.0, 40.0)),
+        (rc.Linear(rc.Pose.from_rpy([0.0, 0.1, 0.0], [0.1, 0.0, 0.1]), [0.5, -2.0, 0.3]), rc.IsotropicPattern()),
+        (
+            rc.Linear(rc.Pose([-0.05, 0.0, 0.0]), [0.2, 1.0, 0.0], [1.0, -2.0, 5.0]),
+            rc.GaussianPattern(5.0, 60.0, 40.0),
+        ),
     ],
-    ids=["fixed", "turned", "moving", "turning"],
+    ids=["turned", "moving", "turning"],
 )
-@pytest.mark.parametrize("pattern", [rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 40.0)])
 def test_passing_point_follows_the_exact_geometry_of_every_sample(radar_motion: Any, pattern: Any) -> None:
     radar = rc.Radar(waveform(**PASSING_WAVEFORM), tx=TX, rx=RX, pattern=pattern)
     start = 0.01
@@ -221,7 +215,7 @@ def test_moving_world_and_radar_together_changes_nothing(kind: str) -> None:
     sensor = rc.Pose([0.02, -0.03, 0.01])
     options = {"resolution": 48, "seed": 7}
     here = simulate(world(rc.Pose())[picked], radar, radar_motion=sensor, **options)
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         far = rng.standard_normal(3)
         moved = rc.Pose(1000.0 * far / np.linalg.norm(far), random_rotation(rng))
