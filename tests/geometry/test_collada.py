@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -118,10 +117,3 @@ def test_visual_of_a_urdf_file_is_scaled_and_put_at_its_origin(tmp_path: Path) -
 def test_file_without_a_shown_face_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"box\.dae: expected faces, got none"):
         load(tmp_path, body='<node id="empty"/>')
-
-
-def test_missing_pycollada_names_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load(tmp_path)
-    monkeypatch.setitem(sys.modules, "collada", None)
-    with pytest.raises(ImportError, match=r"box\.dae: .* needs pycollada: pip install radarcore\[mesh\]"):
-        rc.load_mesh(tmp_path / "box.dae")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -210,12 +209,3 @@ def test_format_that_nobody_reads_is_an_error_with_the_path(tmp_path: Path) -> N
     pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
     with pytest.raises(ValueError, match=r"part\.xyzzy"):
         rc.load_mesh(written(tmp_path, "nonsense", "part.xyzzy"))
-
-
-def test_missing_trimesh_is_an_error_that_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "trimesh", None)  # an import of it now fails
-    with pytest.raises(
-        ImportError, match=r"part\.stl: reading \.stl files needs trimesh: pip install radarcore\[mesh\]"
-    ):
-        rc.load_mesh(written(tmp_path, "", "part.stl"))
-    assert len(rc.load_mesh(written(tmp_path, CUBE)).triangles) == 12, "OBJ needs nothing"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 import sys
 import zipfile
@@ -78,31 +77,12 @@ def assert_box(mesh: rc.Mesh, low: Any = -0.5 * SIZES) -> None:
 
 def test_gltf_is_turned_to_z_up(tmp_path: Path) -> None:
     """glTF 2.0, 3.4: +Y is up, +Z towards the viewer: y and z of the file are z and -y here."""
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
-    corners, rows = (BOX.vertices[:, [0, 2, 1]] * [1, 1, -1]).astype("<f4"), BOX.triangles.astype("<u2")
-    data = corners.tobytes() + rows.tobytes()
-    views = [(0, corners.nbytes), (corners.nbytes, rows.nbytes)]
-    content = {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3"}
-            | {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()},
-            {"bufferView": 1, "componentType": 5123, "count": rows.size, "type": "SCALAR"},
-        ],
-        "bufferViews": [{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
-        "buffers": [{"byteLength": len(data)}],
-    }
-    text = json.dumps(content).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
-    (tmp_path / "box.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    trimesh: Any = pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
+    written = trimesh.Trimesh(BOX.vertices[:, [0, 2, 1]] * [1, 1, -1], BOX.triangles, process=False)
+    for name, data in {"box.glb": written.export(file_type="glb"), **written.export(file_type="gltf")}.items():
+        (tmp_path / name).write_bytes(data)
+    (tmp_path / "model.gltf").rename(tmp_path / "box.gltf")
     assert_box(rc.load_mesh(tmp_path / "box.glb"))
-    content["buffers"] = [{"byteLength": len(data), "uri": "box.bin"}]
-    (tmp_path / "box.gltf").write_text(json.dumps(content))
-    (tmp_path / "box.bin").write_bytes(data)
     assert_box(rc.load_mesh(tmp_path / "box.gltf"))
 
 
@@ -210,13 +190,21 @@ def test_stl_that_ends_within_a_facet_is_refused(tmp_path: Path) -> None:
         rc.load_mesh(tmp_path / "cut.stl")
 
 
-def test_packages_that_a_format_needs_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
-    monkeypatch.setitem(sys.modules, "cascadio", None)
-    (tmp_path / "part.step").write_text("ISO-10303-21;")
-    message = r"part\.step: reading \.step files needs trimesh and cascadio: pip install radarcore\[mesh\] cascadio"
+@pytest.mark.parametrize(
+    ("name", "missing", "message"),
+    [
+        ("part.stl", "trimesh", r"part\.stl: reading \.stl files needs trimesh: pip install radarcore\[mesh\]"),
+        ("part.step", "cascadio", r"\.step files needs trimesh and cascadio: pip install radarcore\[mesh\] cascadio"),
+        ("part.dae", "collada", r"part\.dae: .* needs pycollada: pip install radarcore\[mesh\]"),
+    ],
+)
+def test_packages_that_a_format_needs_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, missing: str, message: str
+) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)  # an import of it now fails
+    (tmp_path / name).write_text("ISO-10303-21;")
     with pytest.raises(ImportError, match=message):
-        rc.load_mesh(tmp_path / "part.step")
+        rc.load_mesh(tmp_path / name)
 
 
 def test_unit_that_trimesh_knows_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,9 +12,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import radarcore as rc
+from arms import matrix
 from radarcore.models import RobotArm, robots
 from radarcore.models.robots import urdf
 from radarcore.models.robots.named import ARMS, data_file
@@ -41,22 +41,8 @@ def arm(name: str, meshes: str | None) -> RobotArm:
     return RobotArm.named(name, meshes=meshes)  # type: ignore[arg-type]
 
 
-def turn(axis: str, angle: float) -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    i, j = {"x": (1, 2), "z": (0, 1)}[axis]
-    matrix[i, i] = matrix[j, j] = np.cos(angle)
-    matrix[i, j], matrix[j, i] = -np.sin(angle), np.sin(angle)
-    return matrix
-
-
-def move(x: float, z: float) -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    matrix[[0, 2], 3] = x, z
-    return matrix
-
-
-def matrix_of(pose: rc.Pose) -> NDArray[np.float64]:
-    return np.vstack([np.column_stack([pose.rotation, pose.position]), [0.0, 0.0, 0.0, 1.0]])
+def turn(*rpy: float) -> rc.Pose:
+    return rc.Pose.from_rpy([0.0, 0.0, 0.0], rpy)
 
 
 @pytest.mark.parametrize("name", UR)
@@ -65,23 +51,24 @@ def test_flange_of_universal_robots_is_where_their_parameters_put_it(name: str) 
     quarter = np.pi / 2
     table = [(0, d1, quarter), (a2, 0, 0), (a3, 0, 0), (0, d4, quarter), (0, d5, -quarter), (0, d6, 0)]
     for angles in np.random.default_rng(5).uniform(-np.pi, np.pi, (5, 6)):
-        expected = np.eye(4)
+        expected = rc.Pose()
         for q, (a, d, alpha) in zip(angles, table, strict=True):
-            expected = expected @ turn("z", q) @ move(a, d) @ turn("x", alpha)
+            expected = expected @ turn(0.0, 0.0, q) @ rc.Pose([a, 0.0, d]) @ turn(alpha, 0.0, 0.0)
         # `base` is the makers' base frame. The files round to 1e-5 m and take pi/2 to 1e-10.
         found = arm(name, None).link_pose("base", angles).inverse() @ arm(name, None).link_pose("tool0", angles)
-        np.testing.assert_allclose(matrix_of(found), expected, atol=2e-5)
+        np.testing.assert_allclose(matrix(found), matrix(expected), atol=2e-5)
 
 
 def test_flange_of_the_panda_is_where_its_parameters_put_it() -> None:
     panda = arm("panda", None)
     assert panda.joint_names == tuple(f"panda_joint{number}" for number in range(1, 8))
     for angles in np.random.default_rng(6).uniform(-1.5, 1.5, (5, 7)):
-        expected = np.eye(4)
+        expected = rc.Pose()
         for q, (a, d, quarters) in zip(angles, PANDA, strict=True):
-            expected = expected @ turn("x", quarters * np.pi / 2) @ move(a, 0) @ turn("z", q) @ move(0, d)
+            expected = expected @ turn(quarters * np.pi / 2, 0.0, 0.0) @ rc.Pose([a, 0.0, 0.0])
+            expected = expected @ turn(0.0, 0.0, q) @ rc.Pose([0.0, 0.0, d])
         found = panda.link_pose("panda_link8", angles)
-        np.testing.assert_allclose(matrix_of(found), expected @ move(0, 0.107), atol=1e-9)
+        np.testing.assert_allclose(matrix(found), matrix(expected @ rc.Pose([0.0, 0.0, 0.107])), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["panda", "kinova", "xarm7", "so100", "so101"])
