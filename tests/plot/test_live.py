@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-import tracemalloc
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -78,7 +77,7 @@ def shown(live: plot.LiveView) -> dict[str, Any]:
 
 
 def texts(live: plot.LiveView) -> str:
-    return "\n".join(text.get_text() for ax in live.figure.axes for text in ax.texts)
+    return "|".join(text.get_text() for ax in live.figure.axes for text in ax.texts)
 
 
 def columns(live: plot.LiveView) -> NDArray[np.bool_]:
@@ -87,13 +86,10 @@ def columns(live: plot.LiveView) -> NDArray[np.bool_]:
     return ~np.ma.getmaskarray(levels).all(axis=0)
 
 
-def num_artists(live: plot.LiveView) -> int:
-    return len(live.figure.findobj())
-
-
-@pytest.mark.parametrize("real", [True, False], ids=["real", "iq"])
-@pytest.mark.parametrize("slope", [100e12, -100e12], ids=["up", "down"])
-@pytest.mark.parametrize("velocity", [-2.2, -0.9, 0.0, 1.7])
+@pytest.mark.parametrize(
+    ("real", "slope", "velocity"),
+    [(True, 100e12, -2.2), (True, -100e12, 0.0), (False, 100e12, 1.7), (False, -100e12, -2.2)],
+)
 def test_moving_target_is_detected_where_it_is(real: bool, slope: float, velocity: float) -> None:
     of = radar(real=real, slope=slope, adc_delay=2e-6)
     (found,) = stream([frame(0.83, velocity, of=of)], subtract_mean=False).detections
@@ -107,11 +103,10 @@ def test_detection_is_marked_and_listed() -> None:
     live = plot.LiveView(RADAR, subtract_mean=False)
     live.update(frame(0.8, -0.9))
     (found,) = live.detections
-    rings = [line for line in shown(live)["Range and velocity"].lines if line.get_marker() == "o"]
-    for ring in rings:
-        np.testing.assert_array_equal(ring.get_xydata(), [[found.velocity, found.range]])
-    assert len(rings) == 2  # one is the other's outline
-    assert f"1\n{found.range:.2f}\n{found.velocity:+.2f}\n{found.level_db:.0f}" in texts(live)
+    (rings,) = shown(live)["Range and velocity"].lines
+    np.testing.assert_array_equal(rings.get_xydata(), [[found.velocity, found.range]])
+    listed = f"1 {found.range:.2f} {found.velocity:+.2f} {found.level_db:.0f}"
+    assert listed.split() in [text.split() for text in texts(live).split("|")]
     assert "-0.00" not in texts(live)
 
     # The cell of the target is the brightest of the map, and of the newest column.
@@ -124,17 +119,6 @@ def test_detection_is_marked_and_listed() -> None:
     assert abs(left + (column + 0.5) * (right - left) / width + 0.9) <= 0.5 * RADAR.waveform.velocity_resolution
     newest = shown(live)["Range over time"].images[0].get_array()[:, -1]
     assert newest[row] == newest.max()
-
-
-def test_simulated_point_is_detected_where_its_truth_is() -> None:
-    of = rc.bgt60tr13c(num_chirps=16)
-    scene = rc.Scene([rc.PointTarget([0.6, 0.05, 0.0], rcs=0.1, velocity=[0.8, 0.0, 0.0], name="hand")])
-    frames = list(rc.Simulator(scene, of, resolution=8).frames(0.0, 0.3, 20.0))
-    truth = frames[-1].truth
-    assert truth is not None
-    strongest = max(stream(frames).detections, key=lambda found: found.level_db)
-    assert abs(strongest.range - truth.range[0]) <= 0.1 * of.waveform.range_resolution
-    assert abs(strongest.velocity - truth.velocity[0]) <= 0.1 * of.waveform.velocity_resolution
 
 
 def test_level_is_power_over_the_noise_of_a_cell() -> None:
@@ -228,25 +212,14 @@ def test_long_title_takes_no_room_from_the_picture(tmp_path: Path) -> None:
     live.save(tmp_path / "view.png")  # matplotlib warns of a layout without room for axes
 
 
-def test_updates_add_no_artists_and_no_memory() -> None:
+def test_updates_add_no_artists() -> None:
     live = plot.LiveView(RADAR, history=2.0)
-    frames = [frame(0.8 - 0.002 * i, -0.9, i) for i in range(60)]
-    for each in frames[:10]:
-        live.update(each)
-    live.draw()
-    artists = num_artists(live)
-    tracemalloc.start()
-    try:
-        before = tracemalloc.get_traced_memory()[0]
-        for each in frames[10:]:
-            live.update(each)
+    counts = []
+    for i in range(6):
+        live.update(frame(0.8 - 0.002 * i, -0.9, i))
         live.draw()
-        grown = tracemalloc.get_traced_memory()[0] - before
-    finally:
-        tracemalloc.stop()
-    assert num_artists(live) == artists
-    one_picture = 4 * 40 * 129  # bytes: keeping one of every frame would be 50 of them
-    assert grown <= 20 * one_picture
+        counts.append(len(live.figure.findobj()))
+    assert len(set(counts[1:])) == 1
 
 
 def test_partial_drawing_leaves_the_picture_of_a_whole_one() -> None:
@@ -310,8 +283,7 @@ def test_frame_that_is_not_finite_is_drawn_as_missing() -> None:
     assert np.ma.getmaskarray(shown(live)["Range and velocity"].images[0].get_array()).all()
 
 
-@pytest.mark.parametrize("real", [True, False], ids=["real", "iq"])
-@pytest.mark.parametrize("num_samples", [1, 2, 3])
+@pytest.mark.parametrize(("real", "num_samples"), [(True, 1), (True, 2), (False, 1), (False, 3)])
 def test_tiny_frames_have_levels(real: bool, num_samples: int) -> None:
     of = radar(real=real, num_samples=num_samples, num_chirps=3)
     taken = stream(frame(number=i, of=of) for i in range(3))
@@ -396,15 +368,12 @@ def interrupted(error: BaseException) -> Iterator[Frame]:
     raise error
 
 
-def test_ctrl_c_ends_with_the_last_picture(tmp_path: Path) -> None:
+def test_ctrl_c_and_errors_of_the_source_end_with_the_last_picture(tmp_path: Path) -> None:
     assert plot.view(interrupted(KeyboardInterrupt()), output=tmp_path) == 3
-    assert [path.name for path in tmp_path.iterdir()] == ["view-000002.png"]
-
-
-def test_error_of_the_source_is_raised_after_the_last_picture(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="unplugged"):
-        plot.view(interrupted(OSError("unplugged")), output=tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["view-000002.png"]
+        plot.view(interrupted(OSError("unplugged")), output=tmp_path / "again")
+    for folder in (tmp_path, tmp_path / "again"):
+        assert [path.name for path in folder.glob("*.png")] == ["view-000002.png"]
 
 
 def play(frames: Any, *, paced: bool = False, hold: bool = False) -> tuple[int, plot.LiveView | None]:
@@ -497,29 +466,24 @@ def test_key_shows_what_is_static() -> None:
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb, a display without a screen")
 def test_window_opens_shows_frames_and_ends_at_ctrl_c(tmp_path: Path) -> None:
     pytest.importorskip("tkinter")
-    script = (
-        "import itertools, sys, time\n"
-        "from test_live import frame\n"
-        "from radarcore import plot\n"
-        "def frames():\n"
-        "    for i in itertools.count():\n"
-        "        time.sleep(0.02)\n"
-        "        yield frame(number=i)\n"
-        "        if i == 20:\n"
-        "            print('running', flush=True)\n"
-        "print(plot.view(frames(), title='Window'), 'frames')\n"
-    )
-    with subprocess.Popen(
-        ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as server:
+    script = """
+import itertools, sys, time
+from test_live import frame
+from radarcore import plot
+def frames():
+    for i in itertools.count():
+        time.sleep(0.02)
+        yield frame(number=i)
+        if i == 20:
+            print('running', flush=True)
+print(plot.view(frames(), title='Window'), 'frames')
+"""
+    screen = ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24"]
+    with subprocess.Popen(screen, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as server:
         try:
             assert server.stdout is not None
             display = f":{int(server.stdout.readline())}"
-            environment = os.environ | {
-                "DISPLAY": display,
-                "MPLBACKEND": "TkAgg",
-                "PYTHONPATH": os.pathsep.join(sys.path),
-            }
+            environment = os.environ | {"DISPLAY": display, "MPLBACKEND": "TkAgg", "PYTHONPATH": ":".join(sys.path)}
             with subprocess.Popen(
                 [sys.executable, "-c", script], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
             ) as window:

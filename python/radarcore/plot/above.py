@@ -17,7 +17,7 @@ from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.tracking.tracks import Track, Tracks
 from radarcore.recording.frame import Truth
-from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.body import Body, PointTarget, motion_of
 from radarcore.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -118,24 +118,17 @@ def tracks_from_above(
     check.instance("tracks", tracks, Tracks)
     if any(np.isnan(one.position).all() for one in tracks):
         raise ValueError("tracks: expected tracks with positions, got some of ranges alone, without angles")
-    if truth is not None and not isinstance(truth, Truth):
-        raise TypeError(f"truth: expected Truth, got {type(truth).__name__}")
     ax = canvas.new_axes() if ax is None else ax
     names = [Name(0.0, 0.0, "radar", "black")]
     if truth is not None:
-        names += _draw_truth(ax, truth)
+        names += _draw_truth(ax, check.instance("truth", truth, Truth))
     palette = canvas.color_cycle([f"track {one.id}" for one in tracks], colors)
     for one in tracks:
-        name = f"track {one.id}"
-        _draw_track(ax, one, palette[name])
-        names.append(Name(float(one.position[-1, 0]), float(one.position[-1, 1]), name, palette[name]))
+        name, color = f"track {one.id}", palette[f"track {one.id}"]
+        _draw_track(ax, one, color)
+        names.append(Name(float(one.position[-1, 0]), float(one.position[-1, 1]), name, color))
     ax.plot(0.0, 0.0, "o", color="black", markersize=6.0, zorder=6.0)
-    ax.margins(0.08)
-    ax.autoscale_view()
-    ax.set_aspect("equal", adjustable="datalim")  # the limits grow to the shape of the axes
-    ax.grid(alpha=0.3)
-    ax.set_xlabel("x [m]")
-    ax.set_ylabel("y [m]")
+    _finish(ax)
     canvas.place_names(ax, names, outline="white")
     return ax
 
@@ -163,7 +156,7 @@ def draw_scene(
     colors: Mapping[str, str] | None = None,
 ) -> list[Name]:
     """Draw `scene_from_above` without the names, which are returned."""
-    check_scene(scene)
+    check.instance("scene", scene, Scene)
     sensor: Motion = Pose() if radar_motion is None else as_motion("radar_motion", radar_motion)
     moments = np.sort(check.array("times", times, (None,)))
     if len(moments) == 0:
@@ -201,19 +194,10 @@ def draw_scene(
         x, y, _ = interferer.motion.at(last).position.tolist()
         ax.plot(x, y, "s", color="black", markersize=5.0, fillstyle="none", zorder=6.0)
         names.append(Name(x, y, name, "black"))
-    _set_limits(ax)
+    _finish(ax)
     if field_of_view_deg is not None:
         _draw_view(ax, sensor_pose, float(angles[0]))
-    ax.grid(alpha=0.3)
-    ax.set_axisbelow(True)
-    ax.set_xlabel("x [m]")
-    ax.set_ylabel("y [m]")
     return names
-
-
-def check_scene(scene: object) -> None:
-    """Raise a TypeError unless the argument is a scene."""
-    check.instance("scene", scene, Scene)
 
 
 def _draw_body(
@@ -256,23 +240,23 @@ def _draw_view(ax: Axes, sensor: Pose, horizontal_deg: float) -> None:
         ax.add_artist(patch)  # not add_patch: the limits are those of the scene
 
 
-def _set_limits(ax: Axes) -> None:
-    """Equal metres, a margin around all that is drawn, and not less than two metres."""
+def _finish(ax: Axes) -> None:
+    """Equal metres, a margin around all that is drawn, not less than two metres; grid and labels."""
     middle = ax.dataLim.get_points().mean(axis=0)
     if ax.dataLim.width < 2.0 and ax.dataLim.height < 2.0:
         ax.update_datalim([middle - 1.0, middle + 1.0])
     ax.margins(0.06)
     ax.autoscale_view()
     ax.set_aspect("equal", adjustable="datalim")  # the limits grow to the shape of the axes
+    ax.grid(alpha=0.3)
+    ax.set(axisbelow=True, xlabel="x [m]", ylabel="y [m]")
 
 
 def _name_place(name: str, body: Body | PointTarget, time: float, color: str, sensor: NDArray[np.float64]) -> Name:
     """Name and its place: the middle of a body, or a corner of a body around the sensor."""
     outline = _outline(body, time)
-    if _encloses(outline, sensor):
-        x, y = outline[np.argmax(outline @ (-1.0, 1.0))]
-        return Name(float(x), float(y), name, color)
-    x, y = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    corner, middle = outline[np.argmax(outline @ (-1.0, 1.0))], 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    x, y = corner if _encloses(outline, sensor) else middle
     return Name(float(x), float(y), name, color)
 
 
@@ -284,23 +268,15 @@ def _corners(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     return np.asarray(vertices[used_by(body.mesh.triangles, len(vertices))])
 
 
-def _pose(body: Body | PointTarget, time: float) -> Pose:
-    if isinstance(body, PointTarget):
-        return Pose(np.asarray(body.position) + time * np.asarray(body.velocity))
-    return body.motion.at(time)
-
-
 def _placed(body: Body | PointTarget, times: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of a body in its own coordinates at several times, (time, n, 3), in the world [m]."""
-    if isinstance(body, PointTarget):
-        return points + np.asarray(body.position) + times[:, None, None] * np.asarray(body.velocity)
-    maps = poses_at(body.motion, times)  # at once: of a person, time by time takes far longer
+    maps = poses_at(motion_of(body), times)  # at once: of a person, time by time takes far longer
     return np.asarray(points @ maps[:, :, :3].swapaxes(1, 2) + maps[:, None, :, 3])
 
 
 def _outline(body: Body | PointTarget, time: float) -> NDArray[np.float64]:
     """Corners (n, 2) of the convex outline on the floor at one time, anticlockwise [m]."""
-    flat = _pose(body, time).apply(_corners(body, time))[:, :2]
+    flat = motion_of(body).at(time).apply(_corners(body, time))[:, :2]
     farthest = np.argmax(flat @ _DIRECTIONS, axis=0)
     around = farthest[np.flatnonzero(farthest != np.roll(farthest, 1))]
     return np.asarray(flat[around] if len(around) > 0 else flat[farthest[:1]])
@@ -352,12 +328,10 @@ def _draw_track(ax: Axes, track: Track, color: str) -> None:
     ax.plot(*seen.T, color=color, linewidth=1.6, zorder=3.0)
     ax.plot(*places[0], ".", color=color, markersize=6.0, zorder=3.0)
     values, vectors = np.linalg.eigh(track.state_covariance[-1, :2, :2])
-    width, height = 2.0 * _DEVIATIONS * np.sqrt(values)
+    width, height = (2.0 * _DEVIATIONS * np.sqrt(values)).tolist()
     angle = float(np.rad2deg(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    end = (float(places[-1, 0]), float(places[-1, 1]))
-    ax.add_patch(
-        Ellipse(end, float(width), float(height), angle=angle, facecolor=color, alpha=0.25, edgecolor=color, zorder=2.5)
-    )
+    x, y = places[-1].tolist()
+    ax.add_patch(Ellipse((x, y), width, height, angle=angle, color=color, alpha=0.25, zorder=2.5))
 
 
 def _draw_truth(ax: Axes, truth: Truth) -> list[Name]:
@@ -365,11 +339,7 @@ def _draw_truth(ax: Axes, truth: Truth) -> list[Name]:
     places = truth.range[..., None] * unit_vectors(truth.azimuth, np.nan_to_num(truth.elevation))
     x, y, _ = map(np.atleast_2d, np.moveaxis(places, -1, 0))
     names = []
-    for name, way in zip(truth.names, np.stack([x, y], axis=-1).transpose(1, 0, 2), strict=True):
-        known = way[np.isfinite(way).all(axis=1)]
-        if len(known) == 0:
-            continue
-        ax.plot(*way.T, color=canvas.GREY, linewidth=4.0, alpha=0.35, solid_capstyle="round", zorder=2.0)
-        middle = known[len(known) // 2]
-        names.append(Name(float(middle[0]), float(middle[1]), name, canvas.GREY))
+    for name, *way in zip(truth.names, x.T, y.T, strict=True):
+        ax.plot(*way, color=canvas.GREY, linewidth=4.0, alpha=0.35, solid_capstyle="round", zorder=2.0)
+        names += canvas.line_name(name, *way)
     return names

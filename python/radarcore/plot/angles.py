@@ -108,20 +108,14 @@ def range_angle_map(
         rims * np.sin(sides),
         rims * np.cos(sides),
         scale.level_db(power[shown]),
-        cmap=canvas.color_map("inferno"),
-        vmin=scale.low,
-        vmax=scale.high,
         rasterized=True,
+        **scale.colors,
     )
     reach = last * np.sin(half)
-    ax.set_xlim(reach, -reach)
-    ax.set_ylim(0.0, last)
-    ax.set_aspect("equal")
-    ax.set_xlabel("y [m], to the left")
-    ax.set_ylabel("x [m], forward")
     what = "Pseudo-spectrum" if method == "music" else "Power"
+    ax.set(xlim=(reach, -reach), ylim=(0.0, last), aspect="equal", title=f"{what} in front at {frame.time:.3f} s")
+    ax.set(xlabel="y [m], to the left", ylabel="x [m], forward")
     canvas.color_bar(ax, picture, scale.label.replace("Power", what))
-    ax.set_title(f"{what} in front at {frame.time:.3f} s")
     if frame.truth is not None:
         places = frame.truth.range[..., None] * unit_vectors(frame.truth.azimuth, frame.truth.elevation)
         forward, left, _ = np.moveaxis(places, -1, 0)
@@ -156,22 +150,19 @@ def virtual_array(radar: Radar, ax: Axes | None = None, *, unit: str = "mm") -> 
     is_in_mm = check.choice("unit", unit, ("mm", "wavelengths")) == "mm"
     scale = 1e3 if is_in_mm else 1.0 / radar.waveform.wavelength
     ax = canvas.new_axes() if ax is None else ax
-    for positions, label, marker, size, filled in (
-        (radar.virtual_array, "virtual channel", "o", 10.0, False),
-        (radar.rx - radar.array_center, "receiver", "s", 5.0, True),
-        (radar.tx - radar.array_center, "transmitter", "^", 7.0, True),
+    receiver, transmitter, channel = canvas.COLORS[:3]
+    for positions, label, marker, size, color, fill in (
+        (radar.virtual_array, "virtual channel", "o", 10.0, channel, "none"),
+        (radar.rx - radar.array_center, "receiver", "s", 5.0, receiver, "full"),
+        (radar.tx - radar.array_center, "transmitter", "^", 7.0, transmitter, "full"),
     ):
-        color = canvas.COLORS[("receiver", "transmitter", "virtual channel").index(label)]
-        face = color if filled else "none"
         at = scale * positions[:, 1:].T
-        ax.plot(*at, marker, color=color, markerfacecolor=face, markersize=size, label=label)
+        ax.plot(*at, marker, color=color, fillstyle=fill, markersize=size, label=label)
     ax.margins(0.15)
     ax.set_aspect("equal", adjustable="datalim")
     ax.invert_xaxis()
     ax.grid(alpha=0.3)
-    ax.set_axisbelow(True)
-    ax.set_xlabel(f"y [{unit}], to the left")
-    ax.set_ylabel(f"z [{unit}], up")
+    ax.set(axisbelow=True, xlabel=f"y [{unit}], to the left", ylabel=f"z [{unit}], up")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     return ax
 
@@ -337,10 +328,9 @@ def rcs(
     is_first = ax is None or not ax.lines
     ax = _cut_axes(polar) if ax is None else ax
     level = _db(sections)
-    lowest, top = _top(level) - depth, _top(level)
-    if not is_first:
-        lowest, highest = ax.get_ylim()  # the floor of the first, to which its curve was drawn
-        top = max(highest, top)
+    top = _top(level)
+    # The floor is that of the first curve, which was drawn to it.
+    lowest, top = (top - depth, top) if is_first else (ax.get_ylim()[0], max(ax.get_ylim()[1], top))
     color = canvas.COLORS[len(ax.lines) % len(canvas.COLORS)]
     _draw_cut(ax, angles, level, lowest, color=color, linewidth=1.4, label=label or "")
     return _finish_cut(ax, (lowest, top), "Radar cross-section [dBsm]", _AXIS_LABELS["azimuth"])
@@ -352,15 +342,13 @@ def _patterns(antenna: Radar | Pattern) -> dict[Pattern, str]:
         return {antenna: ""}
     if not isinstance(antenna, Radar):
         raise TypeError(f"antenna: expected Radar or a pattern, got {type(antenna).__name__}")
-    elements: dict[Pattern, list[str]] = {}
+    names: dict[Pattern, str] = {}
     for kind, patterns in (("TX", antenna.tx_patterns), ("RX", antenna.rx_patterns)):
         for pattern in dict.fromkeys(patterns):
             which = [str(i) for i, other in enumerate(patterns) if other == pattern]
             name = kind if len(which) == len(patterns) else f"{kind} {', '.join(which)}"
-            elements.setdefault(pattern, []).append(name)
-    if len(elements) == 1:
-        return dict.fromkeys(elements, "")
-    return {pattern: " and ".join(names) for pattern, names in elements.items()}
+            names[pattern] = f"{names[pattern]} and {name}" if pattern in names else name
+    return names if len(names) > 1 else dict.fromkeys(names, "")
 
 
 def _cut_axes(polar: bool) -> Axes:
@@ -397,27 +385,22 @@ def _finish_cut(ax: Axes, limits: tuple[float, float], level_label: str, angle_l
     ax.grid(alpha=0.4)
     if ax.name == "polar":
         polar.set_theta_zero_location("N")
-        angles = np.concatenate([line.get_xdata() for line in ax.lines])
-        if np.abs(angles).max() <= 0.5 * np.pi + 1e-9:
-            polar.set_thetalim(-0.5 * np.pi, 0.5 * np.pi)
-            degrees, turn = np.arange(-90.0, 91.0, 30.0), 0.0
-        else:
-            degrees, turn = np.arange(-150.0, 181.0, 30.0), 360.0
-            polar.set_thetalim(0.0, 2.0 * np.pi)
-        ax.set_xticks(
-            np.deg2rad(np.where(degrees < 0.0, degrees + turn, degrees)),
-            [f"{degree:.0f}°".replace("-", "\N{MINUS SIGN}") for degree in degrees],
-        )
+        is_half = max(np.abs(line.get_xdata()).max() for line in ax.lines) <= 0.5 * np.pi + 1e-9
+        polar.set_thetalim(*(-0.5 * np.pi, 0.5 * np.pi) if is_half else (0.0, 2.0 * np.pi))
+        degrees = np.arange(-90.0, 91.0, 30.0) if is_half else np.arange(-150.0, 181.0, 30.0)
+        places = degrees if is_half else degrees % 360.0
+        ax.set_xticks(np.deg2rad(places), [canvas.with_minus(f"{degree:.0f}°") for degree in degrees])
         polar.set_rlabel_position(75.0)
         ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
         ax.set_title(level_label, fontsize="medium")
     else:
         ax.margins(x=0.0)
-        ax.set_xlabel(angle_label)
-        ax.set_ylabel(level_label)
+        ax.set(xlabel=angle_label, ylabel=level_label)
         if angle_label == _AXIS_LABELS["azimuth"] and not ax.xaxis_inverted():
             ax.invert_xaxis()
-    if any(line.get_label() and not str(line.get_label()).startswith("_") for line in ax.lines):
-        outside: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.06), "ncols": 2, "frameon": False}
-        ax.legend(**outside if ax.name == "polar" else {"loc": "upper right"})
+    if ax.get_legend_handles_labels()[0]:
+        if ax.name == "polar":
+            ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, frameon=False)
+        else:
+            ax.legend(loc="upper right")
     return ax

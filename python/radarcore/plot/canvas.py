@@ -106,6 +106,18 @@ def color_map(name: str) -> Any:
     return colormaps[name].with_extremes(bad=_MISS)
 
 
+def outlined(width: float, color: str = "black") -> list[Any]:
+    """Path effects of lines and letters with an outline."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=width, foreground=color)]
+
+
+def with_minus(text: str) -> str:
+    """Text with a minus sign in place of a hyphen."""
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
 def color_bar(ax: Axes, picture: Any, label: str) -> None:
     """Colour bar as high as the axes."""
     figure = ax.get_figure(root=True)
@@ -131,13 +143,24 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
     return [name if parts[of] == 1 else name._replace(text=of) for of, name in reversed(first.items())]
 
 
+def line_name(
+    text: str,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    color: str = GREY,
+) -> list[Name]:
+    """The name in the middle of the part of a line whose y is within limits; none where no part is."""
+    (shown,) = np.nonzero((y >= limits[0]) & (y <= limits[1]))
+    return [Name(float(x[at]), float(y[at]), text, color) for at in shown[len(shown) // 2 :][:1]]
+
+
 def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> None:
     """Names beside their points; one that would cover another name or a point everywhere is left out.
 
     Each name takes the free place that hides the least of the lines. Parts of one thing are named once. Limits must
     be final.
     """
-    from matplotlib.patheffects import withStroke
     from matplotlib.transforms import Bbox
 
     figure = ax.get_figure(root=True)
@@ -159,7 +182,7 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> N
             textcoords="offset points",
             fontsize=9,
             color=name.color,
-            path_effects=[withStroke(linewidth=2.5, foreground=outline)],
+            path_effects=outlined(2.5, outline),
             parse_math=False,
         )
         label.set_in_layout(False)
@@ -206,6 +229,11 @@ class Scale(NamedTuple):
     high: float
     label: str
 
+    @property
+    def colors(self) -> dict[str, Any]:
+        """Arguments of matplotlib for pictures of levels."""
+        return {"cmap": color_map("inferno"), "vmin": self.low, "vmax": self.high}
+
     def level_db(self, power: NDArray[Any]) -> NDArray[np.float64]:
         """Levels, not below the lowest [dB]; silence lies there."""
         relative = np.asarray(power, dtype=np.float64) / self.reference
@@ -235,7 +263,7 @@ def scale(power: NDArray[Any], noise: float | None, dynamic_range_db: float | No
     low = -most
     if dynamic_range_db is None and shown.size > 0:
         low = float(np.clip(10.0 * np.log10(np.median(shown) / largest) - 3.0, -60.0, -20.0))
-    return Scale(largest, low, 0.0, f"Power [dB re maximum, floor {low:.0f}]".replace("-", "\N{MINUS SIGN}"))
+    return Scale(largest, low, 0.0, with_minus(f"Power [dB re maximum, floor {low:.0f}]"))
 
 
 def stands_out(power: NDArray[Any], axis: int | None = None) -> NDArray[np.bool_]:

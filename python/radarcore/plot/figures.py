@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from radarcore import check
 from radarcore.motion.protocol import AnyMotion
 from radarcore.plot import above, canvas, history
 from radarcore.plot import frame as frame_pictures
@@ -162,7 +163,7 @@ def experiment(
     """
     canvas.picture(path, overwrite)
     history.check_recording(recording)
-    above.check_scene(scene)
+    check.instance("scene", scene, Scene)
     colors = dict.fromkeys(scene.names, canvas.GREY)
     colors |= above.scene_colors(scene, recording.time, first=estimates or ())
     wf, middle = recording.radar.waveform, recording[len(recording) // 2]

@@ -148,11 +148,11 @@ def chirp(frame: Frame, channel: int = 0, chirp: int = 0, ax: Axes | None = None
     ax.set_ylim(-1.1 * largest, (1.35 if np.iscomplexobj(scaled) else 1.1) * largest)  # room for the legend
     ax.margins(x=0.0)
     ax.grid(alpha=0.3)
-    ax.set_xlabel("Time since start of ramp [µs]")
     given = unit_of(frame)
     unit = r"\sqrt{\mathrm{W}}" if given is None else rf"\mathrm{{{given.replace(' ', chr(92) + ' ')}}}"
     ax.set_ylabel(f"Amplitude [${unit}$]" if exponent == 0 else rf"Amplitude [$10^{{{exponent}}}\,{unit}$]")
-    ax.set_title(f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s")
+    title = f"Chirp {chirp}, channel {channel}, at {frame.time:.3f} s"
+    ax.set(xlabel="Time since start of ramp [µs]", title=title)
     return ax
 
 
@@ -193,12 +193,10 @@ def range_profile(
     ranges = wf.range_axis(n)[: len(power)]
     ax = canvas.new_axes() if ax is None else ax
     ax.plot(ranges, scale.level_db(power), color="tab:blue", linewidth=1.4)
-    ax.set_xlim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power)))
+    end = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power))
+    ax.set(xlabel="Range [m]", ylabel=scale.label, title=f"Range at {frame.time:.3f} s", xlim=(0.0, end))
     ax.set_ylim(scale.low, scale.high + 3.0)
     ax.grid(alpha=0.3)
-    ax.set_xlabel("Range [m]")
-    ax.set_ylabel(scale.label)
-    ax.set_title(f"Range at {frame.time:.3f} s")
     return ax
 
 
@@ -282,21 +280,11 @@ def draw_map(
 
     velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(power)]
     extent = (*canvas.edges(velocities, 2.0 * wf.max_velocity), *canvas.edges(ranges, wf.max_range))
-    picture = ax.imshow(
-        scale.level_db(power),
-        extent=extent,
-        origin="lower",
-        aspect="auto",
-        cmap=canvas.color_map("inferno"),
-        vmin=scale.low,
-        vmax=scale.high,
-    )
+    picture = ax.imshow(scale.level_db(power), extent=extent, origin="lower", aspect="auto", **scale.colors)
     fastest = canvas.velocity_end(frame, max_velocity, velocities, canvas.stands_out(power, axis=0), detections)
-    ax.set_xlim(-fastest, fastest)
-    ax.set_ylim(0.0, canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1), detections))
-    ax.set_xlabel("Velocity [m/s, receding positive]")
-    ax.set_ylabel("Range [m]")
-    ax.set_title(f"Range and velocity at {frame.time:.3f} s")
+    farthest = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1), detections)
+    ax.set(xlabel="Velocity [m/s, receding positive]", xlim=(-fastest, fastest), ylim=(0.0, farthest))
+    ax.set(ylabel="Range [m]", title=f"Range and velocity at {frame.time:.3f} s")
     canvas.color_bar(ax, picture, scale.label)
     if detections is not None:
         ring(ax, detections.velocity, detections.range)
@@ -309,24 +297,19 @@ def ring(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     """Rings around points, within the limits of the axes."""
     limits = ax.axis()
     style: dict[str, Any] = {"linestyle": "", "marker": "o", "markerfacecolor": "none", "markersize": 10.0}
-    for color, width in (("black", 3.0), ("white", 1.3)):
-        ax.plot(x, y, markeredgecolor=color, markeredgewidth=width, **style)
+    ax.plot(x, y, color="white", markeredgewidth=1.3, path_effects=canvas.outlined(3.0), **style)
     ax.axis(limits)
 
 
 def mark(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, ...]) -> list[Name]:
     """Draw crosses at points in view (NaN is out of view), and return the names to place beside them."""
-    from matplotlib.patheffects import withStroke
-
     (left, right), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
     points = [
         Name(a, b, text) for a, b, text in zip(x, y, names, strict=True) if left <= a <= right and bottom <= b <= top
     ]
-    outline = [withStroke(linewidth=2.5, foreground="black")]
+    style: dict[str, Any] = {"marker": "+", "markersize": 8.0, "markeredgewidth": 1.2}
     for point in points:
-        ax.plot(
-            [point.x], [point.y], marker="+", color="white", markersize=8.0, markeredgewidth=1.2, path_effects=outline
-        )
+        ax.plot([point.x], [point.y], color="white", path_effects=canvas.outlined(2.5), **style)
     return points
 
 
@@ -360,11 +343,8 @@ def _draw_image(
     for axis, width in ((ax.xaxis, widths[0]), (ax.yaxis, widths[1])):
         step = next((step for step in (1, 2, 5, 10, 15, 20, 30) if width / step <= 6.5), 45)
         degrees = step * np.arange(-int(width / 2 / step), int(width / 2 / step) + 1)
-        axis.set_ticks(
-            np.tan(np.deg2rad(degrees)), [f"{degree:d}".replace("-", "\N{MINUS SIGN}") for degree in degrees]
-        )
-    ax.set_xlabel("Azimuth [°]")
-    ax.set_ylabel("Elevation [°]")
+        axis.set_ticks(np.tan(np.deg2rad(degrees)), [canvas.with_minus(f"{degree:d}") for degree in degrees])
+    ax.set(xlabel="Azimuth [°]", ylabel="Elevation [°]")
     canvas.color_bar(ax, picture, label)
     return ax
 

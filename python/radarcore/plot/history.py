@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.plot import canvas
-from radarcore.plot.canvas import Name
 from radarcore.processing.spectra.time_frequency import USUAL_LENGTH
 from radarcore.processing.spectra.time_frequency import range_time as power_of_ranges
 from radarcore.processing.spectra.time_frequency import spectrogram as power_of_velocities
 from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, middles, usual_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,10 +79,9 @@ def range_time(
     )
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
-    is_something = canvas.stands_out(found.power, axis=0)
-    ax.set_ylim(0.0, canvas.range_end(recording, max_range, found.range, is_something))
-    ax.set_title(f"Range{', static echoes removed' if subtract_mean else ''}")
-    ax.set_ylabel("Range [m]")
+    end = canvas.range_end(recording, max_range, found.range, canvas.stands_out(found.power, axis=0))
+    title = f"Range{', static echoes removed' if subtract_mean else ''}"
+    ax.set(ylim=(0.0, end), title=title, ylabel="Range [m]")
     _draw_truth(ax, recording, "range", names)
     return ax
 
@@ -151,9 +149,8 @@ def spectrogram(
     is_something = canvas.stands_out(found.power, axis=0)
     fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
     fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # less than the waveform's for single-chirp frames
-    ax.set_ylim(-fastest, fastest)
-    ax.set_title(f"Spectrogram{', static echoes removed' if subtract_mean else ''}")
-    ax.set_ylabel("Velocity [m/s, receding positive]")
+    title = f"Spectrogram{', static echoes removed' if subtract_mean else ''}"
+    ax.set(ylim=(-fastest, fastest), title=title, ylabel="Velocity [m/s, receding positive]")
     _draw_truth(ax, recording, "velocity", names)
     return ax
 
@@ -219,7 +216,7 @@ def draw_estimates(
     if not isinstance(estimates, Mapping):
         raise TypeError(f"estimates: expected a dict of tracks by name, got {type(estimates).__name__}")
     wf = recording.radar.waveform
-    truth_time = _middles(recording)
+    truth_time = middles(recording)
     points = {name: _track(name, track, quantity) for name, track in estimates.items()}
     truth = _truth(recording, quantity, None)
     ax = canvas.new_axes() if ax is None else ax
@@ -269,7 +266,7 @@ def _draw_tracks(
     """Tracks in colours by id, over the truth of all bodies."""
     label, bin_name = QUANTITIES[quantity]
     width = getattr(recording.radar.waveform, bin_name)
-    truth_time, truth = _middles(recording), _truth(recording, quantity, None)
+    truth_time, truth = middles(recording), _truth(recording, quantity, None)
     bodies: Mapping[int, str | None] = {}
     if recording.truth is not None and len(found.time) == len(recording):
         bodies = assign_to_truth(found, recording.truth)
@@ -308,12 +305,7 @@ def _draw_tracks(
             text = ""  # one entry per group
     add_legends(_finished(ax, recording, label))
 
-    # Names of the true lines where they are, those of a thing once.
-    names = []
-    for name, values in truth.items():
-        (known,) = np.nonzero(np.isfinite(values))
-        last = known[-1 - len(known) // 20]
-        names.append(Name(float(truth_time[last]), float(values[last]), name, canvas.GREY))
+    names = [label for name, values in truth.items() for label in canvas.line_name(name, truth_time, values)]
     canvas.place_names(ax, names, outline="white")
     return ax
 
@@ -325,9 +317,8 @@ def _error_text(errors: NDArray[np.float64]) -> str:
 
 def _finished(ax: Axes, recording: Recording, label: str) -> Axes:
     """Limits and labels."""
-    ax.set_xlim(*_span(recording))
-    ax.set_xlabel("Time [s]")
-    ax.set_ylabel(label)
+    first, last = float(recording.time.min()), float(recording.time.max())
+    ax.set(xlim=(first, last + usual_interval(recording)), xlabel="Time [s]", ylabel=label)
     ax.grid(alpha=0.3)
     return ax
 
@@ -355,7 +346,7 @@ def _draw_power(
     time, level = time[order], scale.level_db(power[order])
 
     # A column reaches half way to its neighbours, in a pause as far as it would in an ordinary one.
-    usual = _frame_interval(recording)
+    usual = usual_interval(recording)
     reach = np.minimum(0.5 * np.diff(time), 0.75 * usual)
     outer = reach[[0, -1]] if len(reach) > 0 else np.full(2, 0.5 * usual)
     left = time - np.append(outer[0], reach)
@@ -365,39 +356,17 @@ def _draw_power(
     columns = np.insert(level, np.flatnonzero(is_pause) + 1, np.nan, axis=0)
 
     rows = np.linspace(*canvas.edges(values, 1.0), len(values) + 1)
-    picture = ax.pcolorfast(
-        edges,
-        rows,
-        np.ma.masked_invalid(columns.T),
-        cmap=canvas.color_map("inferno"),
-        vmin=scale.low,
-        vmax=scale.high,
-    )
-    ax.set_xlim(float(edges[0]), float(edges[-1]))
-    ax.set_xlabel("Time [s]")
+    picture = ax.pcolorfast(edges, rows, np.ma.masked_invalid(columns.T), **scale.colors)
+    ax.set(xlim=(float(edges[0]), float(edges[-1])), xlabel="Time [s]")
     canvas.color_bar(ax, picture, scale.label)
 
 
 def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[str] | None) -> None:
     """Dashed lines with their names."""
-    from matplotlib.patheffects import withStroke
-
-    time = _middles(recording)
-    low, high = ax.get_ylim()
-    lines = _truth(recording, quantity, names)
-    labels = []
-    for name, values in lines.items():
-        outline = [withStroke(linewidth=2.2, foreground="black")]
-        ax.plot(time, values, color="white", linewidth=1.0, linestyle=(0, (5, 4)), path_effects=outline)
-
-        # The name goes where the line is in view and farthest from the others.
-        apart = [np.abs(values - other) for key, other in lines.items() if key != name]
-        distance = np.fmin.reduce([np.full(len(values), np.inf), *apart])
-        distance[~((values >= low) & (values <= high))] = -np.inf
-        inner = np.abs(np.linspace(-1.0, 1.0, len(values))) <= 0.8
-        best = int(np.argmax(np.where(inner, distance, np.minimum(distance, 0.0))))
-        if distance[best] > -np.inf:
-            labels.append(Name(float(time[best]), float(values[best]), name))
+    time, labels = middles(recording), []
+    for name, values in _truth(recording, quantity, names).items():
+        ax.plot(time, values, color="white", linewidth=1.0, linestyle=(0, (5, 4)), path_effects=canvas.outlined(2.2))
+        labels += canvas.line_name(name, time, values, ax.get_ylim(), "white")
     canvas.place_names(ax, labels)
 
 
@@ -462,20 +431,3 @@ def _add_legend(ax: Axes, dpi: float) -> None:
 def _plain(name: str) -> str:
     """A name that a legend shows as it is: a dollar sign is no formula, a leading underscore hides nothing."""
     return ("\u200b" if name.startswith("_") else "") + name.replace("$", r"\$")
-
-
-def _middles(recording: Recording) -> NDArray[np.float64]:
-    """Time for which the truth of every frame holds [s]."""
-    return recording.time + recording.radar.middle
-
-
-def _frame_interval(recording: Recording) -> float:
-    """Ordinary distance between frames [s]."""
-    if len(recording) < 2:
-        return recording.radar.waveform.frame_interval
-    return float(np.median(np.abs(np.diff(recording.time)))) or recording.radar.waveform.frame_interval
-
-
-def _span(recording: Recording) -> tuple[float, float]:
-    """Time from the start of the first frame to the end of the last, and the pause after it [s]."""
-    return float(recording.time.min()), float(recording.time.max()) + _frame_interval(recording)

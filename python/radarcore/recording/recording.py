@@ -259,13 +259,13 @@ class Recording(Stored):
         [0.0, 0.025]
         """
         rounds = self._rounds() if loop else self.frames()
-        return rounds if speed is None else _paced(rounds, check.positive("speed", speed))
+        return rounds if speed is None else frames_when_due(rounds, check.positive("speed", speed))
 
     def _rounds(self) -> Iterator[Frame]:
         """Frames in endless rounds, with times that go on."""
         if len(self) == 0:
             return
-        usual = float(np.median(np.diff(self.time))) if len(self) > 1 else self.radar.waveform.frame_interval
+        usual = usual_interval(self)
         length = float(np.ptp(self.time)) + usual
         start = 0.0
         while True:
@@ -470,7 +470,18 @@ _FORMATS = {
 """Formats in the order in which they are tried on a path."""
 
 
-def _paced(frames: Iterable[Frame], speed: float) -> Iterator[Frame]:
+def middles(recording: Recording, offset: float = 0.0) -> NDArray[np.float64]:
+    """Middle of every frame, by a clock that is `offset` ahead [s]: ranges, velocities and truth hold there."""
+    return np.asarray(recording.time) + recording.radar.middle + offset
+
+
+def usual_interval(recording: Recording) -> float:
+    """Ordinary interval of frames [s]."""
+    steps = np.abs(np.diff(recording.time))
+    return (float(np.median(steps)) if len(steps) > 0 else 0.0) or recording.radar.waveform.frame_interval
+
+
+def frames_when_due(frames: Iterable[Frame], speed: float = 1.0) -> Iterator[Frame]:
     """Frames when the clock has gone on from the first by as much as their times [s] over `speed`."""
     start = first = None
     for frame in frames:

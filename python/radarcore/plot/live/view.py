@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import queue
 import signal
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,8 +21,10 @@ from radarcore.plot import canvas
 from radarcore.plot.live.stream import LOWEST_DB, Detection, Stream
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
+from radarcore.recording.recording import frames_when_due
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -33,10 +33,6 @@ SIZE = (11.0, 6.2)
 
 _DYNAMIC_RANGE_DB = 60.0
 """Largest span of the colours [dB]."""
-
-_TEXT_INTERVAL = 0.2
-"""Time between changes of the texts [s]: nobody reads faster, and drawing them takes as long as the pictures."""
-
 
 OUTPUT = Path("out/view")
 """Directory of the pictures without a window."""
@@ -125,12 +121,9 @@ class LiveView:
         )
         self.figure: Figure = canvas.new_figure(*SIZE) if figure is None else figure
         self._limits = (0.0, 0.0)  # of the colours, set by the first frame
-        self._make_axes()
-        self._make_texts(title, max_detections)
-        self._make_marks(max_detections)
-        self._still: dict[Axes, Any] = {}  # what is painted beneath the artists that change
-        self._texts_painted = -np.inf
-        for artist in itertools.chain.from_iterable(self._changing.values()):
+        self._background: Any = None  # painted beneath the artists that change
+        self._changing: list[Artist] = [*self._make_pictures(title), *self._make_marks(max_detections)]
+        for artist in self._changing:
             artist.set_animated(self.figure.canvas.supports_blit)
             artist.set_in_layout(False)
         self.figure.canvas.mpl_connect("draw_event", self._on_draw)
@@ -152,7 +145,7 @@ class LiveView:
             self._stream.forget()
         self._stream.subtract_mean = check.flag("subtract_mean", value)
         self._history_axes.set_title(f"Range over time, static echoes {'removed' if value else 'shown'}")
-        self._still = {}
+        self._background = None
         self._show()
 
     def update(self, frame: Frame) -> None:
@@ -180,7 +173,7 @@ class LiveView:
         self._show()
 
     def draw(self) -> None:
-        """Paint the changes of `update`: axes at once, texts a few times per second; all if the scale changed.
+        """Paint the changes of `update` over a background; everything if the scale changed.
 
         See Also
         --------
@@ -197,12 +190,12 @@ class LiveView:
         ['Range and velocity', 'Range over time, static echoes removed']
         """
         painting: Any = self.figure.canvas
-        if not self._still:
+        if self._background is None:
             painting.draw()
-            return
-        self._paint([self._now_axes, self._history_axes])
-        if time.perf_counter() - self._texts_painted >= _TEXT_INTERVAL:
-            self._paint(self._text_axes)
+        else:
+            painting.restore_region(self._background)
+            self._paint()
+            painting.blit(self.figure.bbox)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the figure as a PNG picture; missing parents are made.
@@ -228,97 +221,61 @@ class LiveView:
         >>> os.path.getsize("live.png") > 0
         True
         """
-        from matplotlib.image import imsave
-
-        painting: Any = self.figure.canvas
-        if not painting.supports_blit:
-            canvas.save(self.figure, path, overwrite=overwrite)
-            return
-        # The pixels that are painted anyway: several times quicker than `savefig`.
-        self._texts_painted = -np.inf
-        self.draw()
         with new_file(Path(path), overwrite=overwrite, kind=".png") as part:
-            imsave(part, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
+            self.figure.savefig(part, dpi=self.figure.dpi)
 
-    def _make_axes(self) -> None:
-        """Make the axes, and the artists in them that change."""
+    def _make_pictures(self, title: str) -> list[Artist]:
+        """Make the axes; the artists in them that change."""
         stream = self._stream
-        grid = self.figure.add_gridspec(3, 2, height_ratios=(0.06, 1.0, 0.22), width_ratios=(1.0, 1.2))
-        self._text_axes = [self.figure.add_subplot(grid[row, :]) for row in (0, 2)]
-        self._now_axes, self._history_axes = left, right = [self.figure.add_subplot(grid[1, i]) for i in range(2)]
-        self._changing: dict[Axes, list[Any]] = {}
-
-        # Range over time.
+        axes = self.figure.subplot_mosaic(
+            [["headline", "headline"], ["now", "history"], ["list", "list"]],
+            height_ratios=(0.06, 1.0, 0.22),
+            width_ratios=(1.0, 1.2),
+        )
+        self._now_axes, self._history_axes = left, right = axes["now"], axes["history"]
         nearest, farthest = canvas.edges(stream.ranges, stream.radar.waveform.range_resolution)
-        extent = (-stream.seconds, 0.0, nearest, farthest)
-        self._history = _image(right, stream.history.T, extent)
-        right.set_ylim(0.0, farthest)
-        right.set_xlabel("Time [s, now is 0]")
-        right.set_ylabel("Range [m]")
+        self._history = _image(right, stream.history.T, (-stream.seconds, 0.0, nearest, farthest))
+        right.set(xlabel="Time [s, now is 0]", ylabel="Range [m]", ylim=(0.0, farthest))
         canvas.color_bar(right, self._history, "Power [dB over noise]")
-        self._changing[right] = [self._history]
-
-        # The newest frame.
+        self._newest: Any
         if stream.velocities is None:
-            (self._profile,) = left.plot(stream.ranges, np.full(len(stream.ranges), np.nan), linewidth=1.4)
-            self._changing[left] = [self._profile]
-            left.set_xlim(0.0, farthest)
-            left.set_xlabel("Range [m]")
-            left.set_ylabel("Power [dB over noise]")
+            (self._newest,) = left.plot(stream.ranges, np.full(len(stream.ranges), np.nan), linewidth=1.4)
+            left.set(xlabel="Range [m]", ylabel="Power [dB over noise]", title="Range", xlim=(0.0, farthest))
             left.grid(alpha=0.3)
-            left.set_title("Range")
         else:
-            velocity_edges = canvas.edges(stream.velocities, 1.0)
-            self._map = _image(left, stream.level.T, (*velocity_edges, nearest, farthest))
-            self._changing[left] = [self._map]
-            left.set_ylim(0.0, farthest)
-            left.set_xlabel("Velocity [m/s, receding positive]")
-            left.set_ylabel("Range [m]")
+            extent = (*canvas.edges(stream.velocities, 1.0), nearest, farthest)
+            self._newest = _image(left, stream.level.T, extent)
+            left.set(xlabel="Velocity [m/s, receding positive]", ylabel="Range [m]", ylim=(0.0, farthest))
             left.set_title("Range and velocity")
 
-    def _make_texts(self, title: str, number: int) -> None:
-        """Make the headline and the list of detections; constant text stands apart, as drawing letters takes time."""
-        top, bottom = self._text_axes
-        for ax in (top, bottom):
-            ax.set_axis_off()
         # The layout ignores clipped text, however long it is.
-        style: dict[str, Any] = {"verticalalignment": "center", "parse_math": False, "clip_on": True}
-        top.text(0.0, 0.5, title, fontsize=12, fontweight="bold", **style)
-        self._status = top.text(1.0, 0.5, "", fontsize=11, color="0.25", horizontalalignment="right", **style)
-        style = {"fontsize": 10, "linespacing": 1.4, "verticalalignment": "top", "clip_on": True}
+        style: dict[str, Any] = {"verticalalignment": "top", "parse_math": False, "clip_on": True}
+        top, bottom = axes["headline"], axes["list"]
+        top.set_axis_off()
+        bottom.set_axis_off()
+        top.text(0.0, 1.0, title, fontsize=12, fontweight="bold", **style)
+        self._status = top.text(1.0, 1.0, "", fontsize=11, color="0.25", horizontalalignment="right", **style)
+        style |= {"fontsize": 10, "linespacing": 1.4, "family": "monospace"}
         bottom.text(0.0, 1.0, "Detection\nRange [m]\nVelocity [m/s]\nOver noise [dB]", **style)
-        place: dict[str, Any] = {"textcoords": "offset points", "horizontalalignment": "right"}
-        self._list = [bottom.annotate("", (0.0, 1.0), (150 + 50 * i, 0), **place, **style) for i in range(number)]
-        self._changing |= {top: [self._status], bottom: [*self._list]}
+        self._list = bottom.text(0.12, 1.0, "", **style)
+        return [self._history, self._newest, self._status, self._list]
 
-    def _make_marks(self, number: int) -> None:
+    def _make_marks(self, number: int) -> list[Artist]:
         """Rings with numbers, out of sight until something is detected."""
         from matplotlib.patheffects import withStroke
 
-        ax = self._now_axes
         inner, outer = ("C1", "white") if self._stream.velocities is None else ("white", "black")
-        style: dict[str, Any] = {"linestyle": "", "marker": "o", "markerfacecolor": "none", "markersize": 11.0}
-        self._rings = [
-            ax.plot([], [], markeredgecolor=color, markeredgewidth=width, **style)[0]
-            for color, width in ((outer, 3.2), (inner, 1.4))
-        ]
+        outline = [withStroke(linewidth=2.8, foreground=outer)]
+        ring: dict[str, Any] = {"marker": "o", "markerfacecolor": "none", "markersize": 11.0, "markeredgewidth": 1.4}
+        (self._rings,) = self._now_axes.plot([], [], linestyle="", color=inner, path_effects=outline, **ring)
+        text: dict[str, Any] = {"fontweight": "bold", "verticalalignment": "center", "clip_on": True, "visible": False}
         self._numbers = [
-            ax.annotate(
-                str(i + 1),
-                (0.0, 0.0),
-                (9, 0),
-                textcoords="offset points",
-                color=inner,
-                fontsize=10,
-                fontweight="bold",
-                verticalalignment="center",
-                path_effects=[withStroke(linewidth=2.5, foreground=outer)],
-                clip_on=True,
-                visible=False,
+            self._now_axes.annotate(
+                str(i + 1), (0.0, 0.0), (9, 0), textcoords="offset points", color=inner, path_effects=outline, **text
             )
             for i in range(number)
         ]
-        self._changing[ax] += [*self._rings, *self._numbers]
+        return [self._rings, *self._numbers]
 
     def _show(self) -> None:
         """Hand the newest numbers to the artists."""
@@ -327,52 +284,44 @@ class LiveView:
         number = stream.num_frames + stream.num_lost - 1
         status = f"frame {number}   ·   {stream.time:.2f} s   ·   {rate}{stream.num_lost} lost" if number >= 0 else ""
         self._status.set_text(status)
-        for column, text in itertools.zip_longest(self._list, map(_column, stream.detections, itertools.count(1))):
-            column.set_text(text or "")
+        self._list.set_text(_table(stream.detections))
 
         # The scale is that of the whole history, in steps, so that it rarely changes.
         strongest = np.fmax.reduce(stream.history, axis=None)
         highest = 10.0 * np.ceil(max(20.0, 0.0 if np.isnan(strongest) else float(strongest)) / 10.0)
         limits = (max(0.0, highest - _DYNAMIC_RANGE_DB), highest)
         if limits != self._limits:
-            self._limits, self._still = limits, {}
+            self._limits, self._background = limits, None
             self._history.set_clim(*limits)
             if stream.velocities is None:
                 self._now_axes.set_ylim(limits[0] + LOWEST_DB, highest + 5.0)
 
         self._history.set_data(stream.history.T)
         if stream.velocities is None:
-            self._profile.set_ydata(stream.level[0])
+            self._newest.set_ydata(stream.level[0])
             points = [(found.range, found.level_db) for found in stream.detections]
         else:
-            self._map.set(data=stream.level.T, clim=limits)
+            self._newest.set(data=stream.level.T, clim=limits)
             points = [(found.velocity, found.range) for found in stream.detections]
-        for ring in self._rings:
-            ring.set_data([x for x, _ in points], [y for _, y in points])
-        for i, number_text in enumerate(self._numbers):
-            number_text.set_visible(i < len(points))
-            number_text.xy = points[i] if i < len(points) else (0.0, 0.0)
+        self._rings.set_data([x for x, _ in points], [y for _, y in points])
+        for label in self._numbers:
+            label.set_visible(False)
+        for label, point in zip(self._numbers, points, strict=False):
+            label.set_visible(True)
+            label.xy = point
 
     def _on_draw(self, _: object) -> None:
         """Keep the drawn background, after any redraw, and draw the moving parts on top."""
         painting: Any = self.figure.canvas
-        self._still = {}
+        self._background = None
         if painting.supports_blit and not painting.is_saving():
-            for ax in self._changing:
-                self._still[ax] = painting.copy_from_bbox(ax.bbox)
-            self._paint(self._changing, is_blitted=False)
+            self._background = painting.copy_from_bbox(self.figure.bbox)
+            self._paint()
 
-    def _paint(self, axes: Iterable[Axes], *, is_blitted: bool = True) -> None:
-        """Paint the changing artists of some axes over the constant ones."""
-        painting: Any = self.figure.canvas
-        for ax in axes:
-            painting.restore_region(self._still[ax])
-            for artist in self._changing[ax]:
-                ax.draw_artist(artist)
-            if is_blitted:
-                painting.blit(ax.bbox)
-            if ax in self._text_axes:
-                self._texts_painted = time.perf_counter()
+    def _paint(self) -> None:
+        """Paint the artists that change."""
+        for artist in self._changing:
+            self.figure.draw_artist(artist)
 
 
 def _image(ax: Axes, levels: NDArray[np.float32], extent: tuple[float, float, float, float]) -> Any:
@@ -389,10 +338,13 @@ def _image(ax: Axes, levels: NDArray[np.float32], extent: tuple[float, float, fl
     )
 
 
-def _column(found: Detection, number: int) -> str:
-    """A detection in the list."""
-    velocity = "–" if np.isnan(found.velocity) else f"{round(found.velocity, 2) + 0.0:+.2f}"  # no "-0.00"
-    return f"{number}\n{found.range:.2f}\n{velocity}\n{found.level_db:.0f}"
+def _table(found: Sequence[Detection]) -> str:
+    """Detections side by side, in letters of one width."""
+    columns = []
+    for number, one in enumerate(found, 1):
+        velocity = "–" if np.isnan(one.velocity) else f"{round(one.velocity, 2) + 0.0:+.2f}"  # no "-0.00"
+        columns.append((f"{number}", f"{one.range:.2f}", velocity, f"{one.level_db:.0f}"))
+    return "\n".join("".join(f"{cell:>9}" for cell in cells) for cells in zip(*columns, strict=True))
 
 
 def view(
@@ -461,7 +413,7 @@ def view(
     """
     canvas.require()
     check.positive("every", every, "s")
-    tell = say if say is not None else _silent
+    tell = say or (lambda _: None)
 
     def live(first: Frame, figure: Figure | None = None) -> LiveView:
         check.instance("frames", first, Frame)
@@ -490,15 +442,8 @@ def _write(
     if not overwrite and (taken := next(directory.glob("view-*.png"), None)) is not None:
         raise already_exists(taken, "a picture of an earlier view; overwrite=True replaces it")
     live: LiveView | None = None
-    num_frames = num_pictures = 0
-    is_shown, due = True, 0.0
-
-    def picture() -> None:
-        nonlocal num_pictures, is_shown
-        if live is not None and not is_shown:
-            live.save(directory / f"view-{num_frames - 1:06d}.png", overwrite=overwrite)
-            num_pictures, is_shown = num_pictures + 1, True
-
+    num_frames = num_pictures = num_shown = 0
+    due = 0.0
     try:
         for frame in frames:
             if live is None:
@@ -506,14 +451,16 @@ def _write(
                 make_folder(directory)
                 say(f"{directory}: a picture every {every:g} s")
             live.update(frame)
-            num_frames, is_shown = num_frames + 1, False
+            num_frames += 1
             if not due - every <= frame.time < due:  # also where a source starts again
-                picture()
-                due = frame.time + every
+                live.save(directory / f"view-{num_frames - 1:06d}.png", overwrite=overwrite)
+                num_pictures, num_shown, due = num_pictures + 1, num_frames, frame.time + every
     except KeyboardInterrupt:
         pass
     finally:
-        picture()
+        if live is not None and num_shown < num_frames:
+            live.save(directory / f"view-{num_frames - 1:06d}.png", overwrite=overwrite)
+            num_pictures += 1
         say(f"{directory}: {num_pictures} pictures of {num_frames} frames" if num_frames else "no frames came")
     return num_frames
 
@@ -545,27 +492,22 @@ def _play(
     from matplotlib import pyplot as plt
 
     live: LiveView | None = None
-    num_frames, is_open, is_wanted = 0, True, True
-
-    def close(_: object) -> None:
-        nonlocal is_open
-        is_open = False
-
-    def stop() -> None:
-        nonlocal is_wanted
-        is_wanted = False
+    num_frames = 0
+    is_closed, is_stopped = threading.Event(), threading.Event()
 
     def press(event: Any) -> None:
         if event.key == STATIC_KEY and live is not None:
             live.subtract_mean = not live.subtract_mean
             live.draw()
 
-    figure.canvas.mpl_connect("close_event", close)
+    figure.canvas.mpl_connect("close_event", lambda _: is_closed.set())
     figure.canvas.mpl_connect("key_press_event", press)
-    with _ctrl_c(stop):
-        source = _Source(frames, paced)
+    with _ctrl_c(is_stopped.set):
+        source = _Source(frames_when_due(frames) if paced else frames)
         try:
-            while is_open and is_wanted and (source.has_more or (hold and source.error is None)):
+            while not (is_closed.is_set() or is_stopped.is_set()) and (
+                source.has_more or (hold and source.error is None)
+            ):
                 news = list(source.waiting())
                 for frame in news:
                     live = live_of(frame) if live is None else live
@@ -576,7 +518,7 @@ def _play(
                 figure.canvas.start_event_loop(0.001 if news else 0.01)
         finally:
             source.stop()
-            if is_open:
+            if not is_closed.is_set():
                 plt.close(figure)
     if source.error is not None and not isinstance(source.error, KeyboardInterrupt):
         raise source.error
@@ -599,13 +541,12 @@ def _ctrl_c(stop: Callable[[], None]) -> Iterator[None]:
 class _Source:
     """Frames taken in a thread of their own, a few of which wait to be drawn."""
 
-    def __init__(self, frames: Iterable[Frame], paced: bool) -> None:
+    def __init__(self, frames: Iterable[Frame]) -> None:
         self.error: BaseException | None = None
         """Error that ended the frames; None at the end of the source."""
-        self._frames, self._paced = frames, paced
         self._waiting: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._unwanted = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="frames to show", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(frames,), name="frames to show", daemon=True)
         self._thread.start()
 
     @property
@@ -621,28 +562,15 @@ class _Source:
     def stop(self) -> None:
         """Take no more frames. A source that is stuck is left behind."""
         self._unwanted.set()
+        list(self.waiting())  # room for a frame that waits to be put
         self._thread.join(_PATIENCE)
 
-    def _run(self) -> None:
+    def _run(self, frames: Iterable[Frame]) -> None:
         """Read frames until they end or the window is closed."""
-        began, start = 0.0, None
         try:
-            for frame in self._frames:
-                if start is None or frame.time < start:  # the first, or the source starts again
-                    began, start = time.perf_counter(), frame.time
-                if self._paced:
-                    self._unwanted.wait(max(0.0, began + frame.time - start - time.perf_counter()))
-                while not self._unwanted.is_set():
-                    try:
-                        self._waiting.put(frame, timeout=0.1)
-                        break
-                    except queue.Full:
-                        pass
+            for frame in frames:
+                self._waiting.put(frame)
                 if self._unwanted.is_set():
                     return
         except BaseException as error:  # of whatever kind: it is raised again where the frames are shown
             self.error = error
-
-
-def _silent(_: str) -> None:
-    pass
