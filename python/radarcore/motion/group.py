@@ -1,4 +1,4 @@
-"""Motions that are evaluated together: at rest, uniform, live, and the links of an arm or a person."""
+"""Motions that are evaluated together: at rest, uniform, and the links of an arm or a person."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix
 from radarcore.motion.linear import Linear, together
-from radarcore.motion.live import Live, LiveBatch
 from radarcore.motion.protocol import LinkMotion, Links, Motion, factors_of, latest_update, poses_at, with_factors
 
 Members = NDArray[np.intp] | slice
@@ -85,28 +84,21 @@ class Motions:
     """
 
     def __init__(self, motions: Sequence[Motion]) -> None:
-        self._number = len(motions)
         motions = [motion.at(0.0) if factors_of(motion) and is_static(motion) else motion for motion in motions]
         ordered = with_factors(motions)
-        given = {id(motion) for motion in motions}
-        every = [*motions, *(motion for motion in ordered if id(motion) not in given)]
-        sources = {id(source): source for motion in every for source in [getattr(motion, "group", motion)]}
+        places = {id(motion): number for number, motion in enumerate(ordered)}
+        self._wanted = _members([places[id(motion)] for motion in motions])
+        sources = {id(source): source for motion in ordered for source in [getattr(motion, "group", motion)]}
         self._live = [
             source for source in sources.values() if not factors_of(source) and latest_update(source) is not None
         ]
-        # Composed motions, after their factors.
-        rank = {id(motion): number for number, motion in enumerate(ordered)}
-        places = {id(motion): number for number, motion in enumerate(every)}
-        composed = sorted(
-            (number for number, motion in enumerate(every) if factors_of(motion)),
-            key=lambda number: rank[id(every[number])],
-        )
         self._composed = [
-            (number, cast(Composed, every[number]), [places[id(factor)] for factor in factors_of(every[number])])
-            for number in composed
+            (number, cast(Composed, motion), [places[id(factor)] for factor in factors_of(motion)])
+            for number, motion in enumerate(ordered)
+            if factors_of(motion)
         ]
-        self._num_evaluated = len(every)
-        self._groups = _groups(every)
+        self._num_evaluated = len(ordered)
+        self._groups = _groups(ordered)
 
     @property
     def newest(self) -> float | None:
@@ -115,16 +107,16 @@ class Motions:
 
     def poses_at(self, times: Matrix) -> Matrix:
         """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4): body coordinates to the world."""
-        return self._poses(times)[:, : self._number]
+        return self._poses(times)[:, self._wanted]
 
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
-        return self._rates(times, self._poses(times) if self._composed else None)[:, : self._number]
+        return self._rates(times, self._poses(times) if self._composed else None)[:, self._wanted]
 
     def poses_and_rates_at(self, times: Matrix) -> tuple[Matrix, Matrix]:
         """`poses_at` and `rates_at` in one evaluation."""
         poses = self._poses(times)
-        return poses[:, : self._number], self._rates(times, poses)[:, : self._number]
+        return poses[:, self._wanted], self._rates(times, poses)[:, self._wanted]
 
     def _poses(self, times: Matrix) -> Matrix:
         """Poses of the motions and of the factors of products, (n, evaluated, 3, 4)."""
@@ -185,7 +177,6 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
     """Groups of all motions except composed ones, each with the indices of its members."""
     still: list[int] = []
     uniform: list[int] = []
-    live: list[int] = []
     linked: dict[int, list[int]] = {}
     single: list[int] = []
     for number, motion in enumerate(motions):
@@ -193,8 +184,6 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
             still.append(number)
         elif type(motion) is Linear:
             uniform.append(number)
-        elif type(motion) is Live:
-            live.append(number)
         elif isinstance(motion, LinkMotion):
             linked.setdefault(id(motion.group), []).append(number)
         elif not factors_of(motion):
@@ -204,8 +193,6 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
         found.append((_Still([motions[number] for number in still]), still))
     if uniform:
         found.append((together([cast(Linear, motions[number]) for number in uniform]), uniform))
-    if live:
-        found.append((LiveBatch([cast(Live, motions[number]) for number in live]), live))
     for numbers in linked.values():
         links = [cast(LinkMotion, motions[number]) for number in numbers]
         found.append((_Linked(links[0].group, [link.member for link in links]), numbers))
@@ -214,7 +201,8 @@ def _groups(motions: Sequence[Motion]) -> list[tuple[Group, Members]]:
 
 def _members(numbers: list[int]) -> Members:
     """Indices as a slice where they follow each other, which numpy copies faster."""
-    start, stop = numbers[0], numbers[-1] + 1
+    start = numbers[0] if numbers else 0
+    stop = start + len(numbers)
     return slice(start, stop) if numbers == list(range(start, stop)) else np.array(numbers)
 
 

@@ -113,8 +113,8 @@ class ConstantTwist:
         self._speed = speed
 
     def poses_at(self, times: Matrix) -> Matrix:
-        """``[rotation | position]`` at times (n,), or of every body its own (n, body), (n, body, 3, 4)."""
-        elapsed = _per_body(times)
+        """``[rotation | position]`` at times (n,) [s], (n, body, 3, 4)."""
+        elapsed = times[:, None, None, None]
         half = (0.5 * elapsed) * self._speed
         # 1 - cos as 2 sin^2 keeps small angles exact.
         versine = 2.0 * np.sin(half) ** 2
@@ -125,13 +125,8 @@ class ConstantTwist:
 
     def rates_at(self, times: Matrix) -> Matrix:
         """Time derivatives of `poses_at`."""
-        angle = _per_body(times) * self._speed
+        angle = times[:, None, None, None] * self._speed
         turning: Matrix = np.cos(angle) * self._by_sine + np.sin(angle) * self._by_versine
         turning *= self._speed
         turning += self._drift
         return turning
-
-
-def _per_body(times: Matrix) -> Matrix:
-    """Times as (n, 1, 1, 1) or (n, body, 1, 1)."""
-    return (times if times.ndim == 2 else times[:, None])[..., None, None]

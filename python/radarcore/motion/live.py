@@ -218,41 +218,6 @@ class Live(LinkMotion):
         return f"<Live: {self._group._known}>"
 
 
-class LiveBatch:
-    """Motions of several `Live`, evaluated by one call where all times lie behind their newest updates."""
-
-    def __init__(self, motions: Sequence[Live]) -> None:
-        self._motions = list(motions)
-        # Replaced as a whole, so that another thread reads a consistent pair.
-        self._continued: tuple[list[Update], ConstantTwist] | None = None
-
-    def poses_at(self, times: Matrix) -> Matrix:
-        """``[rotation | position]`` at times (n,) [s], (n, motion, 3, 4)."""
-        if (ends := self._ends(times)) is not None:
-            return ends[0].poses_at(ends[1])
-        return np.stack([motion.poses_at(times) for motion in self._motions], axis=1)
-
-    def rates_at(self, times: Matrix) -> Matrix:
-        """Time derivatives of `poses_at`."""
-        if (ends := self._ends(times)) is not None:
-            return ends[0].rates_at(ends[1])
-        return np.stack([motion.rates_at(times) for motion in self._motions], axis=1)
-
-    def _ends(self, times: Matrix) -> tuple[ConstantTwist, Matrix] | None:
-        """Motions after the newest updates, and times since then (n, motion) [s], if that is all that is asked for."""
-        known = [motion._group._known.of(times)[0] for motion in self._motions]
-        newest = [updates[-1] for updates in known]
-        starts = np.array([update.time for update in newest])
-        if times.min(initial=np.inf) < starts.max():
-            return None
-        continued = self._continued
-        if continued is None or newest != continued[0]:  # updates compare by identity
-            maps = np.concatenate([update.maps for update in newest])
-            rates = (np.concatenate(values) for values in zip(*(update.past for update in newest), strict=True))
-            continued = self._continued = newest, ConstantTwist(maps[..., :3], maps[..., 3], *rates)
-        return continued[1], times[:, None] - starts
-
-
 class History:
     """The updates that are kept, replaced as a whole: whoever reads them meanwhile has those of one moment."""
 
