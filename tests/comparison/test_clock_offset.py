@@ -49,7 +49,7 @@ def capture(seed: int, distance: CubicSpline, rate: float, offset: float) -> tup
     return times[is_there] - offset, values[is_there]
 
 
-@pytest.mark.parametrize(("rate", "offset"), [(100.0, -1.2345), (120.0, 0.0101), (180.0, 0.7071), (240.0, 1.9)])
+@pytest.mark.parametrize(("rate", "offset"), [(100.0, -1.2345), (240.0, 1.9)])
 def test_known_offsets_of_a_walker_are_recovered_within_2_ms(rate: float, offset: float) -> None:
     seed = int(rate)
     distance = walker(seed)
@@ -63,12 +63,12 @@ def test_deviation_is_that_of_the_errors() -> None:
     distance = walker(1)
     found = [
         clock_offset(*radar_track(seed, distance, 0.02), *capture(seed, distance, 120.0, 0.5), max_offset=1.0)
-        for seed in range(16)
+        for seed in range(10)
     ]
     errors = np.array([one.offset for one in found]) - 0.5
     ratio = np.sqrt(np.mean(np.square(errors))) / np.mean([one.deviation for one in found])
-    # The root mean square of 16 errors is known to 18 %.
-    assert 0.6 < ratio < 1.5
+    # The root mean square of 10 errors is known to 22 %.
+    assert 0.5 < ratio < 1.6
 
 
 def test_without_noise_the_offset_is_exact() -> None:
@@ -111,6 +111,12 @@ WALK = walker(5)(TIMES)
 STEADY = 3.0 + 0.2 * np.sin(2.0 * np.pi * TIMES)
 
 
+RANDOM = np.cumsum(np.random.default_rng(0).normal(size=800))
+SLOW = 100.0 * TIMES**2 - np.where(TIMES < 10.0, WALK, 0.0)
+PIECES = np.where(np.arange(800) % 20 < 3, WALK, np.nan)
+MIXED = {"times_b": np.append(TIMES, 1.7e9), "values_b": np.append(WALK, 2.0)}
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -118,45 +124,28 @@ STEADY = 3.0 + 0.2 * np.sin(2.0 * np.pi * TIMES)
         ({"values_a": 1.0 + 0.5 * TIMES}, "values_a: expected values whose slope varies, got a constant slope"),
         (
             {"values_a": STEADY, "values_b": STEADY},
-            r"values_a: expected a motion that tells one offset, got two that fit alike, .* give a smaller max_offset",
+            r"values_a: .* got two that fit alike, .* give a smaller max_offset",
         ),
-        (
-            {"values_b": -WALK},
-            r"values_b: expected the motion of values_a, got a correlation of -?0\.\d+ at most within",
-        ),
-        (
-            {"values_b": np.cumsum(np.random.default_rng(0).normal(size=800))},
-            "values_b: expected the motion of values_a",
-        ),
+        ({"values_b": -WALK}, r"values_b: expected the motion of values_a, got a correlation of -?0\.\d+ at most"),
+        ({"values_b": RANDOM}, "values_b: expected the motion of values_a"),
+        ({"values_b": SLOW, "max_offset": 0.5}, "values_b: expected the motion of values_a"),
         ({"times_b": TIMES + 100.0}, r"max_offset: expected records that overlap within 1\.5 s, got none"),
         ({"times_b": TIMES + 1.55, "max_offset": 1.52}, r"max_offset: expected the best offset within 1\.52 s"),
         ({"times_b": TIMES + 1e9, "max_offset": 1e7}, "max_offset: expected records that overlap within 1e\\+07 s"),
-        (
-            {"values_b": 100.0 * TIMES**2 - np.where(TIMES < 10.0, WALK, 0.0), "max_offset": 0.5},
-            "values_b: expected the motion of values_a",
-        ),
         ({"values_a": np.full(800, np.nan)}, "values_a: expected at least 4 that are not NaN, got 0"),
-        (
-            {"values_a": np.where(np.arange(800) % 20 < 3, WALK, np.nan)},
-            r"times_a: expected stretches longer than 0\.4 s without gaps",
-        ),
+        ({"values_a": PIECES}, r"times_a: expected stretches longer than 0\.4 s without gaps"),
         ({"values_a": np.full(800, np.inf)}, "values_a: expected finite numbers or NaN, got inf"),
         ({"values_a": WALK[1:]}, r"values_a: expected shape \(800,\), got \(799,\)"),
         ({"times_b": TIMES[::-1]}, r"times_b: expected increasing times \[s\]"),
+        (MIXED, r"times_b: expected times of one record, .* nothing between 19\.975 and 1\.7e\+09 s"),
         ({"max_offset": 0.0}, "max_offset: expected a positive number"),
         ({"smoothing": 0.001}, r"smoothing: expected at least 0\.0125 s, half a step, got 0\.001 s"),
     ],
 )
 def test_records_that_do_not_tell_the_offset_are_refused(given: dict[str, Any], message: str) -> None:
-    arguments: dict[str, Any] = {
-        "times_a": TIMES,
-        "values_a": WALK,
-        "times_b": TIMES,
-        "values_b": WALK,
-        "max_offset": 1.5,
-    }
+    arguments: dict[str, Any] = {"times_a": TIMES, "values_a": WALK, "times_b": TIMES, "values_b": WALK}
     with pytest.raises(ValueError, match=message):
-        clock_offset(**arguments | given)
+        clock_offset(**arguments | {"max_offset": 1.5} | given)
 
 
 def test_memory_does_not_grow_with_the_rate_of_one_record() -> None:
@@ -169,13 +158,3 @@ def test_memory_does_not_grow_with_the_rate_of_one_record() -> None:
     tracemalloc.stop()
     assert peak < 120e6
     assert abs(found.offset - 0.3) < 0.01
-
-
-def test_times_of_another_clock_in_a_record_are_refused() -> None:
-    distance = walker(3)
-    times = np.arange(0.0, 20.0, 0.025)
-    mixed = np.append(times, 1.7e9)
-    with pytest.raises(
-        ValueError, match=r"times_b: expected times of one record, .* nothing between 19\.975 and 1\.7e\+09 s"
-    ):
-        clock_offset(times, distance(times), mixed, np.append(distance(times), 2.0), max_offset=1.0)

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.comparison.clocks import rival_peak
-from radarcore.comparison.targets import Found, measured, middles, usual_interval
+from radarcore.comparison.targets import Found, measured
 from radarcore.comparison.truth import RecordedTruth
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
+from radarcore.recording.recording import middles, usual_interval
 
 _Floats = NDArray[np.float64]
 

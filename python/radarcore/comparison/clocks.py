@@ -19,7 +19,7 @@ _REACH = 4.0
 """Half width of the smoothing kernel, in standard deviations."""
 
 _GRID = 0.2
-"""Step of the common grid, in standard deviations of the kernel: parabolas give peaks to a fraction of it."""
+"""Step of the common grid, in standard deviations of the kernel."""
 
 _BLOCK = 400_000
 """Samples in the windows of one block of grid points: some 20 MB."""
@@ -104,8 +104,8 @@ def clock_offset(
     """Offset between the clocks of two records of one motion, by cross-correlation of their slopes.
 
     The records may have different rates, gaps, noise, a constant difference and a different scale. Lines are fitted
-    under a moving Gaussian window; their slopes are correlated where both are known, for every offset, and a parabola
-    gives the peak between the steps. From there on, smoothed values of one record are fitted to those of the other.
+    under a moving Gaussian window; their slopes are correlated where both are known, for every offset. From the peak
+    on, smoothed values of one record are fitted to the other's.
 
     Parameters
     ----------
@@ -157,8 +157,7 @@ def clock_offset(
         raise ValueError(f"max_offset: expected records that overlap within {limit:g} s, got none that do long enough")
     best = int(np.nanargmax(correlation))
     _check_peak(correlation, best, base + step * lags, center, limit)
-    lag = lags[best] + _vertex(correlation[best - 1 : best + 2])
-    lag, deviation = _fitted(first, second, float(lag), step, width)
+    lag, deviation = _fitted(first, second, int(lags[best]), step, width)
     return ClockOffset(float(base + step * lag), step * deviation, float(correlation[best]))
 
 
@@ -286,19 +285,12 @@ def rival_peak(values: Array, best: int) -> int | None:
     return int(beyond[values[beyond].argmax()]) if beyond.size else None
 
 
-def _vertex(three: Array) -> float:
-    """Place of the vertex of a parabola through three values, from the middle one, in steps."""
-    before, middle, after = three
-    curvature = before - 2.0 * middle + after
-    return float(0.5 * (before - after) / curvature) if curvature < 0.0 else 0.0
-
-
-def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tuple[float, float]:
+def _fitted(a: _Smooth, b: _Smooth, peak: int, step: float, width: float) -> tuple[float, float]:
     """Lag at which the values of both agree best, but for a scale and slow changes, and its standard deviation.
 
     Noise of the values is white, that of the slopes is not: the peak of their correlation is five times as uncertain.
     """
-    whole = round(lag)
+    whole = peak
     for _ in range(_MOST_FITS):
         begin, end = max(whole, 0), min(len(a.values), len(b.values) + whole)
         here, there = slice(begin, end), slice(begin - whole, end - whole)
@@ -310,7 +302,7 @@ def _fitted(a: _Smooth, b: _Smooth, lag: float, step: float, width: float) -> tu
         basis = np.column_stack([b.values[there][is_known], step * b.slopes[there][is_known], slow])
         found = _least_squares(basis, a.values[here][is_known])
         rest = -found[1] / found[0] if found[0] > 0.0 else np.inf
-        if abs(whole + rest - lag) > _FARTHEST / _GRID:
+        if abs(whole + rest - peak) > _FARTHEST / _GRID:
             raise ValueError(
                 "values_b: expected the motion of values_a, got values that agree at another offset than their slopes"
             )

@@ -11,7 +11,7 @@ import numpy as np
 
 from radarcore import check, notice
 from radarcore.comparison.alignment import TruthOverTime, aligned, offsets
-from radarcore.comparison.echoes import EchoDifference, echo_difference, pairs
+from radarcore.comparison.echoes import echo_difference
 from radarcore.comparison.figure import draw
 from radarcore.comparison.record import Record, Side, TargetComparison, differences
 from radarcore.comparison.report import facts, html, text
@@ -21,17 +21,15 @@ from radarcore.comparison.targets import (
     dropped_frames,
     estimates,
     found_in,
-    middles,
     target_errors,
-    thing_of,
-    usual_interval,
 )
 from radarcore.comparison.truth import MovingTargets, RecordedTruth, with_names
 from radarcore.motion.protocol import AnyMotion
 from radarcore.output import check_file, write_text
+from radarcore.plot.canvas import thing
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import Frame, Truth
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, middles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -209,7 +207,12 @@ def compare(
     _warn_of_nothing(sides)
 
     # Target by target.
-    compared = [_target(name, body, sides, not base.is_by_tracks) for name, body in _targets(targets, sides).items()]
+    chosen = _targets(targets, sides)
+    followed = [estimates(side.found, side.truth, chosen.values(), side.offset.seconds) for side in sides]
+    compared = [
+        _target(name, body, sides, [one[body] for one in followed], not base.is_by_tracks)
+        for name, body in chosen.items()
+    ]
     return Comparison(
         tuple(sides),
         tuple(compared),
@@ -280,7 +283,7 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
 
 def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[Side]) -> dict[str, str]:
     """Name of every target, and the body that it is."""
-    known = list(dict.fromkeys(name for side in sides for name in side.truth.names))
+    known = sides[0].truth.names  # those of all sides
     if targets is not None:
         if isinstance(targets, str):
             raise TypeError(f"targets: expected several names, got the text {targets!r}")
@@ -291,31 +294,26 @@ def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[
                     f"targets: expected bodies of the truth, got {body!r}; {check.near_names(body, known)}"
                 )
         return chosen
-    visible = {name: sum(_num_visible(side.truth, name) for side in sides) for name in known}
+    counts = np.sum([np.isfinite(side.truth.range).sum(axis=0) for side in sides], axis=0)
+    visible = dict(zip(known, counts.tolist(), strict=True))
     longest: dict[str, str] = {}
     for name, number in visible.items():
-        thing = thing_of(name)
-        if number > 0 and (thing not in longest or number > visible[longest[thing]]):
-            longest[thing] = name
+        owner = thing(name)
+        if number > 0 and (owner not in longest or number > visible[longest[owner]]):
+            longest[owner] = name
     return longest
 
 
-def _num_visible(truth: Truth, name: str) -> int:
-    """Frames in which a body has a truth."""
-    return int(np.isfinite(truth.select([name]).range).sum()) if name in truth.names else 0
-
-
-def _target(name: str, body: str, sides: Sequence[Side], has_truth: bool) -> TargetComparison:
-    """Estimates, errors and echoes of one target."""
-    followed, true, errors = [], [], []
-    for side in sides:
-        own = estimates(side.found, side.truth, [body])[body]
-        one = Estimates(side.time, own.range, own.velocity, own.num_tracks)
-        of_body = side.truth.select([body])
-        known = (of_body.range[:, 0], of_body.velocity[:, 0])
-        followed.append(one)
-        true.append(known)
-        errors.append(target_errors(name, (one.range, one.velocity), known, side.bins, one.num_tracks))
+def _target(
+    name: str, body: str, sides: Sequence[Side], followed: Sequence[Estimates], has_truth: bool
+) -> TargetComparison:
+    """Errors and echoes of one target, from its estimates in every recording."""
+    columns = [side.truth.select([body]) for side in sides]
+    true = [(column.range[:, 0], column.velocity[:, 0]) for column in columns]
+    errors = [
+        target_errors(name, (one.range, one.velocity), known, side.bins, one.num_tracks)
+        for one, known, side in zip(followed, true, sides, strict=True)
+    ]
     is_both = len(sides) == 2
     return TargetComparison(
         name=name,
@@ -323,7 +321,7 @@ def _target(name: str, body: str, sides: Sequence[Side], has_truth: bool) -> Tar
         truth=tuple(true) if has_truth else None,
         errors=tuple(errors) if has_truth else (),
         difference=_difference(name, followed, sides) if is_both else None,
-        echo=_echo(followed, sides) if is_both else None,
+        echo=echo_difference([side.recording for side in sides], followed) if is_both else None,
     )
 
 
@@ -334,17 +332,4 @@ def _difference(name: str, followed: Sequence[Estimates], sides: Sequence[Side])
     joined = RecordedTruth(a.time, Truth((name,), a.range[:, None], a.velocity[:, None], unknown, unknown)).at(b.time)
     return target_errors(
         name, (b.range, b.velocity), (joined.range[:, 0], joined.velocity[:, 0]), sides[1].bins, b.num_tracks
-    )
-
-
-def _echo(followed: Sequence[Estimates], sides: Sequence[Side]) -> EchoDifference:
-    """Echoes of B against those of A, in frames at most half an interval apart."""
-    a, b = followed
-    longest = 0.5 * max(usual_interval(side.recording) for side in sides) + 1e-6
-    return echo_difference(
-        (sides[0].recording, sides[1].recording),
-        (a.time, b.time),
-        (a.range, b.range),
-        (a.velocity, b.velocity),
-        pairs(a.time, b.time, longest),
     )

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.comparison.targets import Estimates
 from radarcore.processing.spectra.windows import window_weights
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, unit_of
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, usual_interval
 from radarcore.units import SPEED_OF_LIGHT
 
 _Floats = NDArray[np.float64]
@@ -99,26 +101,18 @@ def pairs(times_a: _Floats, times_b: _Floats, longest: float) -> NDArray[np.intp
     return both
 
 
-def echo_difference(
-    recordings: tuple[Recording, Recording],
-    times: tuple[_Floats, _Floats],
-    ranges: tuple[_Floats, _Floats],
-    velocities: tuple[_Floats, _Floats],
-    paired: NDArray[np.intp],
-) -> EchoDifference:
-    """Amplitudes and phases of a target in two recordings.
+def echo_difference(recordings: Sequence[Recording], followed: Sequence[Estimates]) -> EchoDifference:
+    """Amplitudes and phases of a target in two recordings, in frames at most half an interval apart.
 
     Parameters
     ----------
     recordings : (A, B)
-    times : (A, B)
-        Middles of their frames, by the common base [s].
-    ranges, velocities : (A, B)
-        Of the target in every frame, as found; NaN where it was not [m, m/s].
-    paired : (pair, 2) int
-        See `pairs`.
+    followed : (A, B)
+        Estimates of the target in every frame.
     """
-    both = [k for k in paired if all(np.isfinite(ranges[side][k[side]] + velocities[side][k[side]]) for side in (0, 1))]
+    a, b = followed
+    paired = pairs(a.time, b.time, 0.5 * max(map(usual_interval, recordings)) + 1e-6)
+    both = [(i, j) for i, j in paired.tolist() if np.isfinite(a.range[i] + a.velocity[i] + b.range[j] + b.velocity[j])]
     radars = [recording.radar for recording in recordings]
     waves = [radar.waveform for radar in radars]
     units = {_unit(recording) for recording in recordings}
@@ -135,13 +129,15 @@ def echo_difference(
 
     levels, products = [], []
     for i, j in both:
-        index = (i, j)
-        found = [echo(recordings[side][int(k)], ranges[side][k], velocities[side][k]) for side, k in enumerate(index)]
+        found = [
+            echo(recording[k], one.range[k], one.velocity[k])
+            for recording, one, k in zip(recordings, followed, (i, j), strict=True)
+        ]
         powers = [float(np.mean(np.abs(one) ** 2)) for one in found]
         levels.append(10.0 * np.log10(powers[1] / powers[0]) if min(powers) > 0.0 else np.nan)
         if has_phases and has_channels:
-            moved = 0.5 * (velocities[0][i] + velocities[1][j]) * (times[1][j] - times[0][i])
-            turn = 4.0 * np.pi / SPEED_OF_LIGHT * (frequencies[1] * moved + np.diff(frequencies)[0] * ranges[0][i])
+            moved = 0.5 * (a.velocity[i] + b.velocity[j]) * (b.time[j] - a.time[i])
+            turn = 4.0 * np.pi / SPEED_OF_LIGHT * (frequencies[1] * moved + np.diff(frequencies)[0] * a.range[i])
             products.append(found[1] * found[0].conj() * np.exp(-1j * turn))
     known = np.array(levels)[np.isfinite(levels)]
     ratio, spread = (float(np.median(known)), float(known.std())) if len(known) > 0 else (np.nan, np.nan)

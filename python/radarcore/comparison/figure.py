@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.comparison.record import Record, Side
-from radarcore.comparison.targets import usual_interval
 from radarcore.plot import canvas, history
 from radarcore.plot import frame as frame_pictures
 from radarcore.plot.canvas import Name
 from radarcore.recording.frame import TRUTH_FIELDS, Frame, Truth
+from radarcore.recording.recording import usual_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -138,27 +138,13 @@ def _draw_series(ax: Axes, comparison: Record, quantity: str) -> list[Name]:
         series = zip(comparison.sides, target.estimates, _COLORS, _MARKERS, strict=False)
         for _, found, color, marker in series:
             ax.plot(found.time, getattr(found, quantity), color=color, linestyle="", markeredgewidth=0.9, **marker)
-        names += _name(target.name, *_line(target.truth, target.estimates, column, quantity))
+        best = getattr(target.estimates[0], quantity) if target.truth is None else target.truth[0][column]
+        names += canvas.line_name(target.name, target.estimates[0].time, best, color="0.2")
     if comparison.truth_source:
         ax.plot([], [], color=canvas.GREY, linewidth=3.5, alpha=0.4, label="truth")
     for side, color, marker in zip(comparison.sides, _COLORS, _MARKERS, strict=False):
         ax.plot([], [], color=color, linestyle="", label=side.name.replace("$", r"\$"), **marker)
     return names
-
-
-def _line(truth: Any, estimates: Any, column: int, quantity: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times and values of what shows a target best: its truth, or what A found."""
-    values = getattr(estimates[0], quantity) if truth is None else truth[0][column]
-    return estimates[0].time, values
-
-
-def _name(text: str, time: NDArray[np.float64], values: NDArray[np.float64]) -> list[Name]:
-    """Name of a line at the end of its first quarter; none where it is nowhere known."""
-    (known,) = np.nonzero(np.isfinite(values))
-    if len(known) == 0:
-        return []
-    at = known[len(known) // 4]
-    return [Name(float(time[at]), float(values[at]), text, "0.2")]
 
 
 def _frame(comparison: Record, side: Side, time: float) -> Frame:

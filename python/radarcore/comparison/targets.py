@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import notice
+from radarcore.plot.canvas import thing
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.tracker import track
 from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Frame, Truth
-from radarcore.recording.recording import Recording
+from radarcore.recording.recording import Recording, middles, usual_interval
 
 _Floats = NDArray[np.float64]
 
@@ -183,18 +184,6 @@ class Dropped:
     is_counted: bool
 
 
-def middles(recording: Recording, offset: float = 0.0) -> _Floats:
-    """Middle of every frame, by the common base [s]: ranges, velocities and truth hold there."""
-    return np.asarray(recording.time) + recording.radar.middle + offset
-
-
-def usual_interval(recording: Recording) -> float:
-    """Ordinary interval of frames [s]."""
-    if len(recording) < 2:
-        return recording.radar.waveform.frame_interval
-    return float(np.median(np.diff(recording.time)))
-
-
 def dropped_frames(recording: Recording, offset: float = 0.0) -> tuple[Dropped, ...]:
     """Frames that a recording lacks: as it counts them itself, and as gaps of its times tell."""
     interval = usual_interval(recording)
@@ -260,7 +249,7 @@ def found_in(
     detections_of = partial(detect, false_alarm_rate=_FALSE_ALARM_RATE) if detector is None else detector
     with notice.progress(recording.frames(), "detecting", "frame", total=len(recording), shown=progress) as frames:
         detections = [detections_of(frame) for frame in frames]
-    max_missed = max(1, round(_LONGEST_GAP / float(np.median(np.diff(recording.time))))) if len(recording) > 1 else 1
+    max_missed = max(1, round(_LONGEST_GAP / usual_interval(recording)))
     wf = recording.radar.waveform
     period = 2.0 * recording.radar.max_velocity if wf.num_chirps > 1 and wf.has_uniform_chirps else None
     num_dimensions = 1 if range_only else None
@@ -270,7 +259,7 @@ def found_in(
     return Found(recording, tuple(detections), tracks)
 
 
-def estimates(found: Found, truth: Truth, bodies: Sequence[str]) -> dict[str, Estimates]:
+def estimates(found: Found, truth: Truth, bodies: Iterable[str], offset: float = 0.0) -> dict[str, Estimates]:
     """Estimates of some bodies by the tracks that follow them.
 
     A track follows the body whose truth is nearest to it throughout. Of a thing of several parts, such as a person, all
@@ -282,27 +271,24 @@ def estimates(found: Found, truth: Truth, bodies: Sequence[str]) -> dict[str, Es
     found : Found
     truth : Truth
         Of all that is known to be there, arrays (frame, body): what tracks may follow.
-    bodies : sequence of str
+    bodies : iterable of str
         Names of bodies.
+    offset : float
+        Added to the times of the recording it gives those of the estimates [s].
     """
     waveform = found.recording.radar.waveform
     owners = assign_to_truth(found.tracks, truth)
-    time = middles(found.recording)
+    time = middles(found.recording, offset)
     result = {}
     for body in bodies:
         followers = [
-            one for one in found.tracks if (owner := owners[one.id]) is not None and thing_of(owner) == thing_of(body)
+            one for one in found.tracks if (owner := owners[one.id]) is not None and thing(owner) == thing(body)
         ]
         of_body = truth.select([body])
         true = np.stack([of_body.range[:, 0], of_body.velocity[:, 0]], axis=1)
         nearest = _nearest(followers, found.detections, true, waveform)
         result[body] = Estimates(time, nearest[:, 0], nearest[:, 1], len(followers))
     return result
-
-
-def thing_of(name: str) -> str:
-    """Owner of a body: the person of ``person/trunk``, the body itself otherwise."""
-    return name.partition("/")[0]
 
 
 def measured(track: Track, found: Sequence[Detections], waveform: Waveform) -> NDArray[np.float64]:

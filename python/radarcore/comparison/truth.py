@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import check
 from radarcore.direction import angles
 from radarcore.geometry.pose import Pose
-from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at, with_factors
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
-from radarcore.scene.body import Body, PointTarget
+from radarcore.scene.body import Body, PointTarget, motion_of
 
 _Floats = NDArray[np.float64]
 
@@ -191,12 +190,8 @@ def _ends(motion: Motion) -> list[tuple[float, float]]:
 
 
 def _motion_of(name: str, target: object) -> Motion:
-    """Motion of a target: of a body its own, of a point one without turns."""
-    if isinstance(target, Body):
-        return target.motion
-    if isinstance(target, PointTarget):
-        return Linear(Pose(target.position), velocity=target.velocity)
-    return as_motion(f"truth[{name!r}]", target)
+    """Motion of a target."""
+    return motion_of(target) if isinstance(target, Body | PointTarget) else as_motion(f"truth[{name!r}]", target)
 
 
 def _rates(motion: Motion, times: _Floats) -> _Floats:

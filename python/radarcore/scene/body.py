@@ -12,6 +12,7 @@ from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, checked_position
 from radarcore.motion.deformation import Deformation, DeformationFunction, as_deformation
+from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.records import sealed
 from radarcore.scene.library import materials
@@ -132,3 +133,8 @@ class PointTarget:
         speeds = check.below("velocity", check.array("velocity", velocity, (3,)), SPEED_OF_LIGHT, "m/s")
         self.velocity = check.frozen(speeds)
         self.name = name
+
+
+def motion_of(body: Body | PointTarget) -> Motion:
+    """Motion of a body, or of a point at constant velocity."""
+    return body.motion if isinstance(body, Body) else Linear(Pose(body.position), velocity=body.velocity)
