@@ -34,11 +34,8 @@ HIP_HEIGHT = 0.530
 Support = Callable[[Floats], Floats]
 """Smallest product of directions (n, 3) with the points of a shape, (n,)."""
 
-# Phases at which the height of the soles is compared; at first every so many of them, then those near the lowest.
 _LIFT_PHASES = 2048
-_LIFT_STRIDE = 8
-# How far the lowest sole may be above the others at first [body heights]: soles move by less between these phases.
-_LIFT_MARGIN = 0.003
+"""Phases of a cycle at which the height of the soles is compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,17 +119,8 @@ class Figure:
     def lowest_sole(self, lowest: Support) -> float:
         """Height over the floor of the lowest point of a foot in a cycle, sampled to about 1e-6 m [m]."""
         reach, sums = _reach(self._carried[_LEG][:, _LEG]), _TURNS[:, :, _LEG]
-
-        def heights(phases: Floats) -> Floats:
-            foot = _maps(*self._gait(phases, 1, sums), reach)[0, :, -1]
-            result: Floats = foot[:, 2, 3] + lowest(foot[:, 2, :3])
-            return result
-
-        phases = np.linspace(0.0, 1.0, _LIFT_PHASES)
-        at_first = heights(phases[::_LIFT_STRIDE])
-        near = at_first < at_first.min() + _LIFT_MARGIN * self._walk.height
-        chosen = np.arange(0, _LIFT_PHASES, _LIFT_STRIDE)[near, None] + np.arange(-_LIFT_STRIDE // 2, _LIFT_STRIDE)
-        return float(heights(phases[np.unique(np.clip(chosen, 0, _LIFT_PHASES - 1))]).min())
+        foot = _maps(*self._gait(np.linspace(0.0, 1.0, _LIFT_PHASES), 1, sums), reach)[0, :, -1]
+        return float((foot[:, 2, 3] + lowest(foot[:, 2, :3])).min())
 
     def _along_the_path(self, times: ArrayLike, orders: int) -> Floats:
         """Maps of all segments to the world, (orders, n, segment, 3, 4)."""
