@@ -33,8 +33,8 @@ def butterworth(ratio: float, order: int) -> float:
     return 1.0 / np.sqrt(1.0 + ratio ** (2 * order))
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4, 8])
-@pytest.mark.parametrize("ratio", [0.01, 0.5, 1.0, 2.0, 30.0])
+@pytest.mark.parametrize("order", [1, 2, 4, 8])
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 30.0])
 def test_level_is_that_of_a_butterworth_filter(order: int, ratio: float) -> None:
     low = rc.Receiver(low_pass=500e3, low_pass_order=order)
     high = rc.Receiver(high_pass=80e3, high_pass_order=order)
@@ -54,7 +54,7 @@ def test_phase_of_first_order_filters_at_their_corner_is_an_eighth_of_a_turn() -
 
 
 @pytest.mark.filterwarnings("ignore:the scene reaches to")
-@pytest.mark.parametrize("distance", [0.05, 0.3, 1.0, 1.7, 2.2, 4.0])
+@pytest.mark.parametrize("distance", [0.05, 1.0, 1.7, 4.0])
 @pytest.mark.parametrize("slope", [100e12, -100e12])
 def test_echo_is_weighted_by_its_true_beat_frequency_also_where_it_aliases(distance: float, slope: float) -> None:
     """Half of the sample rate is at 1.5 m: echoes beyond fold back, weakened by what they were before."""

@@ -13,7 +13,6 @@ import radarcore as rc
 from radarcore.receive.filters import LowPass, low_pass_of
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
 
-C = 299_792_458.0
 RATE = 1e6
 F0 = 77e9
 
@@ -24,6 +23,12 @@ def waveform(slope: float = 1e11, **options: Any) -> rc.Waveform:
     return rc.Waveform(
         **{"start_frequency": F0, "slope": slope, "sample_rate": RATE, "num_samples": 64, "num_chirps": 2, **options}
     )
+
+
+def gain(low_pass: LowPass, frequency: Any) -> Array:
+    """Transfer function of a filter at frequencies [Hz], by its partial fractions."""
+    rate = 2j * np.pi * np.asarray(frequency)[..., None]
+    return np.asarray((low_pass.residues / (rate - low_pass.poles)).sum(axis=-1))
 
 
 def one_chirp(start: float, frequency: float, slope: float, duration: float, phase: float = 0.0) -> Chirps:
@@ -50,16 +55,16 @@ def beat(
 # --- The filter
 
 
-@pytest.mark.parametrize("order", range(1, 17))
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 8, 16])
 def test_filter_is_that_of_butterworth(order: int) -> None:
     low_pass, frequency = LowPass(2e5, order), np.linspace(-2e6, 2e6, 101)
     numerator, denominator = butter(order, 2.0 * np.pi * low_pass.cutoff, analog=True)
     expected = freqs(numerator, denominator, 2.0 * np.pi * frequency)[1]
     # Partial fractions of order 16 are as large as 1e3: their sum is off by as many roundings.
-    np.testing.assert_allclose(low_pass.gain(frequency), expected, rtol=0.0, atol=1e-11)
-    assert abs(low_pass.gain(np.array(2e5))) ** 2 == pytest.approx(0.5, rel=1e-9)
+    np.testing.assert_allclose(gain(low_pass, frequency), expected, rtol=0.0, atol=1e-11)
+    assert abs(gain(low_pass, 2e5)) ** 2 == pytest.approx(0.5, rel=1e-9)
     band = low_pass.band(np.array([1.0, 1e-2, 1e-4, 1e-6]))
-    np.testing.assert_allclose(np.abs(low_pass.gain(band[:2])), [1e-4, 1e-2], rtol=1e-9)
+    np.testing.assert_allclose(np.abs(gain(low_pass, band[:2])), [1e-4, 1e-2], rtol=1e-9)
     assert band[2:].tolist() == [0.0, 0.0]
 
 
@@ -100,75 +105,14 @@ def test_equal_slopes_give_a_tone_with_the_gain_of_the_filter_there(offset: floa
         t = wf.sample_times
         other = phase + (F0 + offset - 1e8) * (t + start + 1e-3) + 0.5e11 * (t + start + 1e-3) ** 2
         own = F0 * t + 0.5e11 * t**2
-        gain = LowPass(0.5 * RATE).gain(np.array(-offset - 1e11 * start))
-        expected = np.conj(amplitude) * gain * np.exp(2j * np.pi * ((own - other) % 1.0))
+        level = gain(LowPass(0.5 * RATE), -offset - 1e11 * start)
+        expected = np.conj(amplitude) * level * np.exp(2j * np.pi * ((own - other) % 1.0))
         # Phases of 1e8 turns are rounded to 1e-8 turns, on both sides. Less than -80 dB is left out.
-        error = 1e-6 if abs(gain) > 1e-4 else 1e-4
+        error = 1e-6 if abs(level) > 1e-4 else 1e-4
         np.testing.assert_allclose(samples[chirp], expected, rtol=0.0, atol=error * abs(amplitude))
 
 
-@pytest.mark.parametrize(("shift", "lag"), [(0.0, 1.5e-6), (1e5, 0.0), (-5e4, 2e-6)])
-def test_equal_slope_and_late_start_are_a_ghost_at_the_predicted_range(shift: float, lag: float) -> None:
-    slope = 1e11
-    wf = waveform(slope, num_samples=256, num_chirps=1)
-    delay = 10.0 / C
-    chirps = one_chirp(lag, F0 - shift, slope, wf.num_samples / RATE)
-    spectrum = np.abs(np.fft.fft(beat(chirps, wf, one_path(1, delay))[0, 8:] * np.hanning(248), 16384))
-    ghost = 0.5 * C * (shift / slope + lag + delay)
-    axis = wf.range_axis(16384)
-    assert axis[spectrum.argmax()] == pytest.approx(ghost, abs=0.05 * wf.range_resolution)
-
-
-def test_range_rate_of_the_path_shifts_the_tone_to_higher_beat_frequencies() -> None:
-    # A receding transmitter is received at a lower frequency; the beat is ours minus that.
-    wf, velocity = waveform(0.0, num_chirps=1, num_samples=512), 100.0
-    samples = beat(one_chirp(-1e-3, F0, 0.0, 3e-3), wf, one_path(1, 1e-8, velocity / C))[0]
-    turns = np.unwrap(np.angle(samples)) / (2.0 * np.pi)
-    assert (turns[-1] - turns[0]) * RATE / 511 == pytest.approx(F0 * velocity / C, rel=1e-6)
-
-
-def test_cw_radars_give_one_tone_through_all_chirps() -> None:
-    wf = waveform(0.0, num_chirps=8, chirp_interval=100e-6)
-    samples = beat(one_chirp(-1e-3, F0 + 1.234e5, 0.0, 5e-3), wf)
-    times = wf.chirp_times[:, None] + wf.sample_times
-    expected = np.exp(-2j * np.pi * 1.234e5 * times)
-    # One phase for all.
-    assert np.abs(np.vdot(expected, samples)) == pytest.approx(
-        samples.size * abs(LowPass(5e5).gain(np.array(1.234e5))), rel=1e-6
-    )
-
-
 # --- Bursts
-
-
-@pytest.mark.parametrize("slope", [-1e11, 0.0, 0.98e11, 1.5e11])
-@pytest.mark.parametrize("order", [2, 4, 8])
-def test_crossing_is_a_burst_of_twice_the_cutoff_over_the_difference_of_slopes(slope: float, order: int) -> None:
-    # A fine grid of samples behind a filter that is fast beside the sweep: the gain is that at the frequency.
-    ours, num = 1e11, 2000
-    difference = ours - slope
-    cutoff = 3.0 * np.sqrt(abs(difference))
-    duration = 2.0 * cutoff / abs(difference)
-    rate = 400.0 / duration
-    wf = waveform(ours, sample_rate=rate, num_samples=num, num_chirps=1)
-    middle = 0.5 * num / rate
-    chirps = one_chirp(-1.0, F0 + (ours - slope) * middle - slope, slope, 2.0)
-    samples = np.abs(beat(chirps, wf, low_pass=LowPass(cutoff, order))[0])
-    burst = np.count_nonzero(samples > np.sqrt(0.5)) / rate
-    # Group delays shift it; what the next term of the series changes is below slope over cutoff squared, a ninth, of
-    # half the duration.
-    assert burst == pytest.approx(duration, rel=0.06)
-
-
-def test_fast_crossing_leaves_the_energy_of_the_filter() -> None:
-    # Behind a short crossing the filter has its impulse response over sqrt(difference): energy int |H|^2 df / S.
-    ours, slope, order = 5e11, -5e11, 4
-    low_pass = LowPass(5e4, order)
-    wf = waveform(ours, sample_rate=2e6, num_samples=200, num_chirps=1)
-    chirps = one_chirp(-1e-3, F0 + 1e12 * 30e-6 + 5e11 * 1e-3, slope, 3e-3)
-    energy = (np.abs(beat(chirps, wf, low_pass=low_pass)) ** 2).sum() / wf.sample_rate
-    bandwidth = np.pi / (order * np.sin(np.pi / (2 * order))) * low_pass.cutoff
-    assert energy == pytest.approx(bandwidth / 1e12, rel=1e-3)  # Parseval, exact for an endless chirp
 
 
 def test_no_crossing_is_no_interference() -> None:
@@ -217,7 +161,7 @@ def stepped(chirps: Chirps, arrivals: Arrivals, wf: rc.Waveform, low_pass: LowPa
     return np.array(result)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(12))
 def test_samples_are_those_of_a_sum_of_small_steps(seed: int) -> None:
     rng = np.random.default_rng(seed)
     ours = rng.uniform(-4e10, 4e10)
@@ -260,29 +204,3 @@ def test_receivers_near_each_other_have_the_samples_that_each_would_have_alone()
         alone = beat_of_chirps(chirps, one, wf, wf.chirp_times, LowPass(5e5), 1.0)[0][0]
         # 2 pi times 180 Hz over 500 kHz, in a response of which the slopes are about one over the cut-off.
         assert np.linalg.norm(together[k] - alone) <= 2e-3 * np.linalg.norm(alone)
-
-
-def test_paths_add_up() -> None:
-    wf = waveform(num_chirps=2)
-    chirps = one_chirp(10e-6, F0 + 1e5, 0.9e11, 60e-6)
-    paths = [one_path(2, delay, 0.0, amplitude) for delay, amplitude in ((1e-8, 1.0), (5e-7, 0.3j))]
-    both = Arrivals(
-        *(np.concatenate([getattr(path, name) for path in paths], axis=1) for name in ("delay", "delay_rate")),
-        np.concatenate([path.amplitude for path in paths], axis=1),
-        np.zeros(2),
-    )
-    apart = sum(beat(chirps, wf, path, strongest=1.0) for path in paths)
-    np.testing.assert_allclose(beat(chirps, wf, both), apart, rtol=0.0, atol=1e-12)
-
-
-def test_chirps_before_a_frame_by_any_number_of_frames_shift_nothing() -> None:
-    wf = waveform(num_chirps=2)
-    near = Chirps(np.array([0.0, 1e-4]), np.array([0.1, 0.7]), F0, 0.9e11, 60e-6)
-    more = Chirps(
-        np.concatenate([np.arange(-50, 0) * 1e-3, near.starts]),
-        np.concatenate([np.zeros(50), near.phases]),
-        F0,
-        0.9e11,
-        60e-6,
-    )
-    assert np.array_equal(beat(near, wf), beat(more, wf))

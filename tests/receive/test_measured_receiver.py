@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 import radarcore as rc
 from chip_settings import power_up
 from radarcore.radar.bgt60_receiver import gain_stages, highpass_index
-from radarcore.recording.frame import to_codes
-from radarcore.virtual.source import Simulated
 
 STEPS_DB = (18, 23, 28, 30, 33, 35, 38, 40, 43, 45, 48, 50, 55, 60)
 LOWEST_OF_STEPS = (18, 21, 26, 29, 32, 34, 37, 39, 42, 44, 47, 49, 53, 58)
@@ -86,22 +84,6 @@ def test_start_of_chirps_is_kicked_as_in_the_recordings() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.075)
 
 
-def test_leakage_ramps_have_the_levels_of_the_recordings() -> None:
-    """Wide sweep, 23 dB: about 1240, 650 and 360 over several boards, 1260, 580 and 212 on one; within 2 dB of that."""
-    mean = codes(measured(num_chirps=8), 20).mean(axis=(0, 2))
-    swing = np.ptp(mean, axis=1)
-    decibels = 20.0 * np.log10(swing / [1260.0, 580.0, 212.0])
-    assert abs(decibels).max() < 2.0
-    # Nothing above range bin 5, within 20 dB of which is the lowest.
-    spectrum = abs(np.fft.rfft(mean * np.hanning(64)))
-    assert (spectrum[:, 6:].max(axis=1) < 0.1 * spectrum[:, :3].max(axis=1)).all()
-    # A narrow sweep leaves the transient of turning on: up to 700 at 50 dB.
-    narrow = codes(measured(50, num_chirps=8, start_frequency=60e9, stop_frequency=60.5e9), 20).mean(axis=(0, 2))
-    transient = narrow - narrow[:, 20:].mean(axis=1, keepdims=True)
-    np.testing.assert_allclose(transient[:, 0], 700.0, rtol=0.1)
-    assert abs(transient[:, 16:]).max() < 10.0
-
-
 def test_leakage_has_the_range_profile_of_a_recording() -> None:
     """Within 2 dB in every one of the first ten bins where leakage is what was recorded.
 
@@ -138,11 +120,6 @@ def test_noise_from_chirp_to_chirp_follows_the_gain_as_in_the_recordings(gain_db
     change = np.diff(raw, axis=2) / np.sqrt(2.0)
     offset = change[..., 8:].mean(axis=-1, keepdims=True) if gain_db == 23 else 0.0
     np.testing.assert_allclose((change - offset).std(axis=(0, 2, 3)), recorded, rtol=0.1)
-
-
-def test_weaker_transmitter_leaks_less() -> None:
-    loud, soft = (codes(measured(tx_power_dbm=power, num_chirps=8), 4).mean(axis=(0, 2)) for power in (4.0, -6.0))
-    np.testing.assert_allclose(np.ptp(soft, axis=1), np.ptp(loud, axis=1) / np.sqrt(10.0), rtol=0.05)
 
 
 def test_phase_noise_is_far_below_a_tenth_of_a_degree_at_short_range() -> None:
@@ -208,27 +185,10 @@ def test_scene_files_have_the_receiver(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(SCENE_FILE)
     assert rc.load_scene(path).radar == rc.bgt60tr13c(receiver="measured", if_gain_db=33)
-    table = """\
-[radar.receiver]
-output = "real"
-noise_figure_db = 12.0
-phase_noise = [[1e5, -80.0], [1e6, -100.0]]
-high_pass = 8e4
-full_scale = 1.21
-gain_db = 37.0
-adc_bits = 12
-leakage = { level_db = [-30.0, -31.0, -32.0], delay = 1e-10 }
-"""
-    path.write_text(SCENE_FILE.replace("measured_receiver = true\nif_gain_db = 33\n", table))
-    receiver = rc.load_scene(path).radar.receiver
-    assert receiver is not None
-    assert receiver.leakage == rc.Leakage(level_db=(-30.0, -31.0, -32.0), delay=1e-10)
-    assert receiver.phase_noise == ((1e5, -80.0), (1e6, -100.0))
-    assert receiver.has_codes
-    path.write_text(
-        SCENE_FILE.replace('preset = "bgt60tr13c"\nmeasured_receiver = true\nif_gain_db = 33', 'preset = "bgt60tr24"')
-    )
-    assert rc.load_scene(path).radar == rc.bgt60tr24()
+    own = "receiver = { phase_noise = [[1e5, -80.0]], leakage = { level_db = [-3, -4, -5] } }\n"
+    path.write_text(SCENE_FILE.replace("measured_receiver = true\nif_gain_db = 33\n", own))
+    expected = rc.Receiver(phase_noise=((1e5, -80.0),), leakage=rc.Leakage(level_db=(-3.0, -4.0, -5.0)))
+    assert rc.load_scene(path).radar.receiver == expected
     path.write_text(SCENE_FILE.replace("bgt60tr13c", "bgt60tr24").replace("= 33", '= 33\nschedule = { kind = "tdm" }'))
     expected = rc.bgt60tr24(receiver="measured", if_gain_db=33, schedule=rc.Schedule.tdm())
     assert rc.load_scene(path).radar == expected
@@ -256,41 +216,3 @@ def test_scene_files_that_contradict_themselves_are_refused(old: str, new: str, 
     path.write_text(SCENE_FILE.replace(old, new))
     with pytest.raises(ValueError, match=f"radar: {message}"):
         rc.load_scene(path)
-
-
-@pytest.mark.filterwarnings("ignore:receiver.full_scale")  # it clips, as the chip does
-def test_virtual_sensor_of_a_measured_receiver_sends_its_codes_at_the_gain_of_the_registers() -> None:
-    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
-    source = Simulated(rc.Simulator(scene, measured(), resolution=8))
-    waveform = power_up(num_chirps=4)
-    part = rc.Radar(
-        waveform.waveform, tx=waveform.tx, rx=waveform.rx[[0, 2]], pattern=waveform.pattern, tx_power_dbm=4.0
-    )
-    found = source.frame(part, 0, 0.0, if_gain_db=40.0)
-    chain = measured(40).receiver
-    assert chain is not None
-    expected = rc.Radar(
-        part.waveform,
-        tx=part.tx,
-        rx=part.rx,
-        pattern=part.pattern,
-        tx_power_dbm=4.0,
-        receiver=chain.of_receivers([0, 2]),
-    )
-    np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))
-    again = source.frame(part, 1, part.waveform.frame_interval, if_gain_db=40.0)
-    assert again.shape == found.shape
-    assert (again != found).any()
-
-
-def test_virtual_sensor_leaves_out_what_is_switched_off() -> None:
-    scene = rc.Scene([rc.PointTarget([0.5, 0.0, 0.0])])
-    radar = power_up(num_chirps=4)
-    full = measured(40).receiver
-    assert full is not None
-    off = {"leakage": None, "phase_noise": None, "rx_phase_deg": None}
-    off["adc_errors"] = replace(full.adc_errors, turn_on_db=None, odd_width=0.26)
-    own = replace(measured(), receiver=replace(measured().receiver, **off))
-    found = Simulated(rc.Simulator(scene, own, resolution=8)).frame(radar, 0, 0.0, if_gain_db=40.0)
-    expected = replace(radar, receiver=replace(full, **off))
-    np.testing.assert_array_equal(found, to_codes(rc.Simulator(scene, expected, resolution=8).frame().cube))

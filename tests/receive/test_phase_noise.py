@@ -116,7 +116,7 @@ def turns(distance: float, receiver: rc.Receiver, **waveform: float) -> NDArray[
     return np.asarray(noisy / quiet, np.complex128)
 
 
-@pytest.mark.parametrize("distance", [0.03, 0.3, 3.0, 9.0])
+@pytest.mark.parametrize("distance", [0.03, 3.0, 9.0])
 def test_echoes_have_the_phase_noise_of_their_delay_short_range_less_than_long(distance: float) -> None:
     turn = turns(distance, rc.Receiver(phase_noise=FALLING))
     expected = variance(FALLING, 2.0 * distance / C)
@@ -151,14 +151,6 @@ def test_every_delay_has_the_integral_of_the_formula_at_every_slope(
         found = (np.abs(shares.T @ of_drawn) ** 2 * density).sum(axis=1)
         expected = (4.0 * np.sin(np.pi * np.outer(delay, offset)) ** 2 * density).sum(axis=1)
         np.testing.assert_allclose(found, expected, rtol=0.02, err_msg=f"{slope:g}")
-
-
-@pytest.mark.parametrize("distance", [1.0, 18.73, 65.0, 149.0])
-def test_far_echoes_of_a_slow_sweep_have_the_formula_too(distance: float) -> None:
-    """At a slope of 2 MHz/us the largest range is 150 m, in whose delay the phase of 1 MHz makes a turn."""
-    turn = turns(distance, rc.Receiver(output="iq", phase_noise=FLAT), slope=2e12, num_chirps=1024)
-    # 131 072 nearly independent samples: 4 sqrt(2 / 131 072) = 1.6 %.
-    assert np.mean(np.angle(turn) ** 2) == pytest.approx(variance(FLAT, 2.0 * distance / C), rel=0.025)
 
 
 def test_near_and_far_echo_of_a_frame_have_their_own_phase_noise() -> None:

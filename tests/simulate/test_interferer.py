@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.receive.filters import LowPass
+from radarcore.receive.filters import filter_gain
 from radarcore.scene.interferer import chirps_between
 from scene_files import check_fault, load, write
 
@@ -21,6 +21,8 @@ FMCW = rc.Waveform.from_sweep(
     start_frequency=77e9, stop_frequency=77.2e9, sample_rate=2e6, num_samples=64, num_chirps=16, chirp_interval=40e-6
 )
 CROSSING = FMCW.replace(start_frequency=77.2e9, slope=-FMCW.slope)
+FILTER = rc.Receiver(low_pass=0.5e6)
+"""Of a receiver that has none: half of the sample rate."""
 HORN = rc.GaussianPattern(15.0, beamwidth_azimuth_deg=30.0, beamwidth_elevation_deg=20.0)
 
 Array = NDArray[Any]
@@ -54,7 +56,7 @@ def friis(frequency: float, distance: float, power: float = 1e-2) -> float:
 def test_cw_interferer_is_a_tone_of_friis_power_at_the_difference_of_frequencies() -> None:
     offset = 1.1e5
     cube = cube_of([tone(offset)])[0]
-    gain = LowPass(0.5e6).gain(np.array(offset))
+    gain = filter_gain(FILTER, offset)
     power = friis(77e9 + offset, 5.0) * abs(gain) ** 2
     np.testing.assert_allclose(np.abs(cube) ** 2, power, rtol=1e-6)
     times = CW.chirp_times[:, None] + CW.sample_times
@@ -77,19 +79,6 @@ def test_gains_are_those_of_the_directions_in_either_frame() -> None:
     distance = float(np.linalg.norm(here.position - there.position))
     found = power_of([other], ours, radar_motion=here)
     assert found == pytest.approx(gains * friis(77e9, distance), rel=1e-6)
-
-
-def test_swapping_the_radars_changes_no_power() -> None:
-    # A crossing: other samples, the same energy per chirp, as both cross in the middle of the ramps.
-    here, there = rc.Pose.look_at([0.0, 0.0, 0.0], [3.0, 1.0, 0.5]), rc.Pose.look_at([3.0, 1.5, 0.5], [0.0, 0.1, 0.0])
-    up = rc.Radar(FMCW, pattern=HORN, tx_power_dbm=10.0)
-    down = rc.Radar(CROSSING, pattern=rc.GaussianPattern(8.0, 60.0, 40.0), tx_power_dbm=10.0)
-    powers = [
-        power_of([rc.Interferer(sender, at)], receiver, radar_motion=mount)
-        for receiver, mount, sender, at in ((up, here, down, there), (down, there, up, here))
-    ]
-    # Delays of 11 ns shift the crossing by 5 ns of the 16 us, and the samples with it.
-    assert powers[0] == pytest.approx(powers[1], rel=0.01)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0])
@@ -199,21 +188,17 @@ def test_chirps_of_any_time_are_all_there(origin: float) -> None:
     assert (starts + other.ramp_duration >= begin).all()
 
 
-def test_same_seed_gives_the_same_bits_frame_by_frame_and_side_by_side() -> None:
+def test_same_seed_gives_the_same_bits() -> None:
     body = rc.Body(rc.shapes.sphere(0.2), motion=rc.Linear(rc.Pose([3.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
     other = rc.Interferer(rc.Radar(CROSSING, tx_power_dbm=0.0), rc.Pose([5.0, 1.0, 0.0]), rate=700.0)
     radar = rc.Radar(FMCW, rx=[[0, 0, 0], [0, 2e-3, 0]], receiver=rc.Receiver(noise_figure_db=10.0))
     scene = rc.Scene([body, other])
 
-    def recorded(**options: Any) -> rc.Recording:
-        return rc.Simulator(scene, radar, resolution=32, **options).record(0.0, 0.3, 20.0, progress=False)
-
-    first, again, seed = recorded(threads=1), recorded(threads=4), recorded(seed=1)
-    assert np.array_equal(first.cube, again.cube)
+    sims = [rc.Simulator(scene, radar, resolution=32, **options) for options in ({"threads": 1}, {"seed": 1})]
+    first, seed = (sim.record(0.0, 0.1, 20.0, progress=False) for sim in sims)
+    assert np.array_equal(sims[0].frame(float(first.time[1])).cube, first.cube[1])
     assert not np.array_equal(first.cube, seed.cube)
-    one = rc.Simulator(scene, radar, resolution=32).frame(float(first.time[3]))
-    assert np.array_equal(one.cube, first.cube[3])
-    assert not np.array_equal(first.cube[2], first.cube[3])
+    assert not np.array_equal(first.cube[0], first.cube[1])
     assert first.source["interferers"] == ["interferer 0"]
 
 
@@ -229,7 +214,7 @@ def test_chirp_that_lasts_into_two_frames_has_one_phase() -> None:
         t = time + u - 3.0 / C
         own, sent = 77e9 * u, 77e9 * t + 0.5e9 * t**2
         settled = np.angle(cube * np.exp(-2j * np.pi * ((own - sent) % 1.0)))
-        response = np.angle(LowPass(0.5e6).gain(-1e9 * t))
+        response = np.angle(filter_gain(FILTER, -1e9 * t))
         phases.append(np.exp(1j * (settled - response)).mean())
     # 1e-4 of a turn: phases of 4e7 turns, and the response to the slope.
     assert np.angle(phases[0] / phases[1]) == pytest.approx(0.0, abs=1e-2)
@@ -265,13 +250,12 @@ def test_sub_sequences_are_disturbed_by_themselves() -> None:
     both = rc.Radar([up, down])
     other = rc.Interferer(rc.Radar(CROSSING), rc.Pose([3.0, 0.0, 0.0]))
     simulator = rc.Simulator(rc.Scene([other]), both, tolerance=1e-8)
-    frame = simulator.frame(0.0)
+    frame, num_hit = simulator.frame(0.0), 0
     for part, waveform in zip(frame.sequences(), (up, down), strict=True):
         alone = rc.Simulator(rc.Scene([other]), rc.Radar(waveform), tolerance=1e-8).frame(0.0)
         np.testing.assert_allclose(part.cube, alone.cube, rtol=1e-9)
-    assert frame.stats["chirps_hit"] == sum(
-        rc.Simulator(rc.Scene([other]), rc.Radar(waveform)).frame(0.0).stats["chirps_hit"] for waveform in (up, down)
-    )
+        num_hit += alone.stats["chirps_hit"]
+    assert frame.stats["chirps_hit"] == num_hit
 
 
 def test_phase_noise_of_echoes_leaves_the_signal_alone() -> None:
@@ -296,13 +280,6 @@ def test_scene_keeps_interferers_beside_bodies() -> None:
     assert len(again.interferers) == 1
     with pytest.raises(ValueError, match="names that differ, got 'a'"):
         rc.Scene([point, rc.Interferer(other.radar, other.motion, name="a")])
-
-
-def test_strong_interferer_is_warned_of_once() -> None:
-    sim = rc.Simulator(rc.Scene([tone(0.0, tx_power_dbm=60.0, motion=rc.Pose([0.5, 0.0, 0.0]))]), rc.Radar(CW))
-    with pytest.warns(UserWarning, match="received with -4 dBm: real receivers compress") as caught:
-        list(sim.frames(0.0, 0.1, 20.0))
-    assert len(caught) == 1
 
 
 def test_interferer_at_our_antenna_is_refused() -> None:

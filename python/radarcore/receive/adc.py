@@ -60,12 +60,6 @@ def gain(receiver: Receiver) -> float:
     return field if receiver.full_scale is None else field * sqrt(2.0 * IMPEDANCE) / receiver.full_scale
 
 
-def lsb(receiver: Receiver) -> float:
-    """Step of the ADC in samples."""
-    assert receiver.adc_bits is not None
-    return 2.0 / ((1 << receiver.adc_bits) - 1)
-
-
 def offset(receiver: Receiver, numbers: NDArray[Any], num_rx: int) -> None:
     """Add the constant offset, in place, to the real numbers (channel, chirp, number)."""
     values = np.broadcast_to(np.asarray(receiver.dc_offset, numbers.dtype), num_rx)
@@ -74,22 +68,16 @@ def offset(receiver: Receiver, numbers: NDArray[Any], num_rx: int) -> None:
 
 def add_errors(receiver: Receiver, errors: AdcErrors, numbers: NDArray[Any], num_rx: int, draws: RandomStreams) -> None:
     """Add the ADC's offsets and noise, in place, to the real numbers (channel, chirp, number)."""
-    step, parts = lsb(receiver), 1 if receiver.output == "real" else 2
+    assert receiver.adc_bits is not None
+    step, parts = 2.0 / (2**receiver.adc_bits - 1), 1 if receiver.output == "real" else 2
+    added: Any = 0.0
     by_part = numbers.reshape(*numbers.shape[:2], -1, parts)
     if errors.segment_offset_lsb:
         # Of the code that is met without offsets, so that the order of adding does not matter.
-        offsets = draws.normal("segment offset", (numbers.shape[0] * numbers.shape[1], _SEGMENTS * parts))
+        offsets = draws.normal("segment offset", (*numbers.shape[:2], _SEGMENTS, parts))
         offsets *= np.float32(errors.segment_offset_lsb * step)
         segment = (0.5 * _SEGMENTS * by_part + 0.5 * _SEGMENTS).astype(np.int32)
-        np.clip(segment, 0, _SEGMENTS - 1, out=segment)
-        segment *= parts
-        segment += np.arange(parts, dtype=np.int32)
-        # One flat index is faster than one along an axis.
-        segment = segment.reshape(len(offsets), -1)
-        segment += (offsets.shape[1] * np.arange(len(offsets), dtype=np.int32))[:, None]
-        added = offsets.ravel().take(segment).reshape(by_part.shape)
-    else:
-        added = np.zeros((), numbers.dtype)
+        added = np.take_along_axis(offsets, np.clip(segment, 0, _SEGMENTS - 1), axis=2)
     if errors.chirp_offset_lsb is not None:
         deviations = np.broadcast_to(np.asarray(errors.chirp_offset_lsb, np.float32), num_rx) * np.float32(step)
         offsets = draws.normal("chirp offset", (*numbers.shape[:2], 1, parts))

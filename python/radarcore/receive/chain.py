@@ -94,10 +94,7 @@ def _phase_noise_factors(receiver: Receiver, radar: Radar, draws: RandomStreams)
         return np.zeros((0, 1, 1, 1), np.complex64)
     waveform = radar.waveform
     delays = tuple(phase_noise_delays(receiver, waveform).tolist())
-    offsets = radar.channel_offsets[:1]
-    of_channel = np.zeros(radar.num_channels, np.intp)
-    if np.ptp(radar.channel_offsets) > 0.0:
-        offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
+    offsets, of_channel = np.unique(radar.channel_offsets, return_inverse=True)
     starts = np.add.outer(offsets, waveform.chirp_times).ravel()
     phase = phase_differences(receiver.phase_noise, delays, starts, waveform.sample_times, draws)
     factors: NDArray[np.complex64] = np.empty(phase.shape, np.complex64)

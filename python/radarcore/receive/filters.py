@@ -9,11 +9,9 @@ from math import ceil, log
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.records import sealed
 from radarcore.units import SPEED_OF_LIGHT
 
 _FARTHEST_BEAT = 4.0
@@ -37,7 +35,7 @@ _STEPS_PER_TURN = 64
 """Smallest number of steps of the responses per turn of phase noise: linear interpolation is then exact to 1e-3."""
 
 
-def filter_gain(receiver: Receiver, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+def filter_gain(receiver: Receiver, frequency: ArrayLike) -> NDArray[np.complex128]:
     """Complex gain of high-pass and low-pass at frequencies of any sign [Hz]."""
     gain = low_pass_gain(receiver, frequency)
     if receiver.high_pass is not None:
@@ -47,7 +45,7 @@ def filter_gain(receiver: Receiver, frequency: NDArray[np.float64]) -> NDArray[n
     return gain
 
 
-def low_pass_gain(receiver: Receiver, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+def low_pass_gain(receiver: Receiver, frequency: ArrayLike) -> NDArray[np.complex128]:
     """Complex gain of the low-pass at frequencies of any sign [Hz]."""
     gain = np.ones(np.shape(frequency), np.complex128)
     if receiver.low_pass is not None:
@@ -130,9 +128,6 @@ def responses(receiver: Receiver, waveform: Waveform) -> tuple[NDArray[np.comple
 _SETTLED = 1e-4
 """Gain below which frequencies, and what is left after the settling time, are nothing beside the passband."""
 
-_HIGHEST_ORDER = 16
-"""Largest order: partial fractions of higher ones cancel each other."""
-
 _FAR = 50.0
 """Squared argument of w beyond which five terms of its series are exact to 1e-7."""
 
@@ -140,8 +135,7 @@ Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 
 
-@sealed
-@dataclass(unsafe_hash=True)
+@dataclass(frozen=True)
 class LowPass:
     """Butterworth low-pass filter in front of the ADC, of either part of the beat signal.
 
@@ -150,15 +144,11 @@ class LowPass:
     cutoff : float
         Frequency of half the power [Hz].
     order : int
-        Number of poles, 1 to 16.
+        Number of poles, 1 to 16: partial fractions of higher ones cancel each other.
     """
 
     cutoff: float
     order: int = 4
-
-    def __post_init__(self) -> None:
-        self.cutoff = check.positive("cutoff", self.cutoff, "Hz")
-        self.order = check.count("order", self.order, maximum=_HIGHEST_ORDER)
 
     @cached_property
     def poles(self) -> Complex:
@@ -184,18 +174,7 @@ class LowPass:
     @cached_property
     def settling_time(self) -> float:
         """Time [s] after which -80 dB are left of what was."""
-        return -log(_SETTLED) / self._slowest
-
-    @property
-    def _slowest(self) -> float:
-        """Rate of decay of the slowest pole [1/s]."""
-        return float(-self.poles.real.max())
-
-    def gain(self, frequency: Floats) -> Complex:
-        """Transfer function at frequencies [Hz], of their shape."""
-        rate = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
-        gain: Complex = (self.residues / (rate[..., None] - self.poles)).sum(axis=-1)
-        return gain
+        return log(_SETTLED) / float(self.poles.real.max())
 
     def modes(self, frequency: Floats, slope: Floats) -> Complex:
         """Response of every pole to a chirp, where its frequency is `frequency` [Hz], relative to the chirp.

@@ -120,8 +120,8 @@ def beat_of_chirps(
                 more, faster = (arrivals.delay[receiver] - delay), (arrivals.delay_rate[receiver] - rate)
                 amplitude = arrivals.amplitude[receiver].conj()[path, chirp]
                 if len(group) > 1:
-                    shift = beats.received(beat) * more[path, chirp]
-                    drift = (beats.received(beat) * faster[path, chirp] + chirps.slope * more[path, chirp]) * times
+                    shift = beats.arriving[beat] * more[path, chirp]
+                    drift = (beats.arriving[beat] * faster[path, chirp] + chirps.slope * more[path, chirp]) * times
                     amplitude = amplitude * np.exp(2j * np.pi * ((shift + drift) % 1.0))
                 np.add.at(samples[receiver], place, amplitude * values)
     return samples.reshape(len(samples), len(starts), waveform.num_samples), is_hit
@@ -148,7 +148,7 @@ class _Beats:
     chirp: NDArray[np.int64]
     """Indices of the path and of the own chirp."""
     arriving: Floats
-    """Frequency with which the chirp arrives at u = 0 [Hz]."""
+    """Frequency with which the chirp arrives at u = 0 [Hz]: a longer delay turns the beat by it."""
     c0: Floats
     c1: Floats
     c2: Floats
@@ -209,19 +209,9 @@ class _Beats:
         all_of = (path, chirp, arriving, c0 % 1.0, c1, c2, on, off, clicks_on, clicks_off, begin, end)
         return cls(*(values[kept] for values in all_of))
 
-    def received(self, beat: NDArray[np.int64]) -> Floats:
-        """Frequency with which chirps arrive [Hz]: what a longer delay turns the beat by."""
-        return self.arriving[beat]
-
-    def frequency(self, beat: NDArray[np.int64], times: Floats) -> Floats:
-        """Difference of the frequencies [Hz] at times of some beats [s]."""
-        found: Floats = self.c1[beat] + 2.0 * self.c2[beat] * times
-        return found
-
     def passes(self, cutoff: float) -> NDArray[np.bool_]:
         """True for beats whose frequency is below a cut-off [Hz] at some time from the first sample on."""
-        every = np.arange(len(self.path))
-        low, high = self.frequency(every, np.maximum(self.begin, 0.0)), self.frequency(every, self.end)
+        low, high = (self.c1 + 2.0 * self.c2 * times for times in (np.maximum(self.begin, 0.0), self.end))
         within: NDArray[np.bool_] = (np.minimum(low, high) < cutoff) & (np.maximum(low, high) > -cutoff)
         return within & (self.end > 0.0)
 
@@ -262,7 +252,8 @@ class _Beats:
         """Response of every pole at some times of beats, (time, pole), without switching."""
         turns = self.c0[beat] + (self.c1[beat] + self.c2[beat] * times) * times
         phasor = np.exp(2j * np.pi * (turns % 1.0))
-        modes: Complex = low_pass.modes(self.frequency(beat, times), 2.0 * self.c2[beat]) * phasor[:, None]
+        frequency, slope = self.c1[beat] + 2.0 * self.c2[beat] * times, 2.0 * self.c2[beat]
+        modes: Complex = low_pass.modes(frequency, slope) * phasor[:, None]
         return modes
 
 

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Leakage, Receiver
 from radarcore.receive.filters import filter_gain
@@ -15,19 +16,13 @@ from radarcore.receive.filters import filter_gain
 @lru_cache(maxsize=16)
 def leakage_tones(leakage: Leakage, receiver: Receiver, radar: Radar) -> list[tuple[float, NDArray[np.complex64]]]:
     """Delays [s], and tones behind the filters (rx, sample) [sqrt(W)]: echoes of them, docs/theory.md eq. (1)."""
-    return [(delay, _tone(level_db, delay, phase_deg, receiver, radar)) for level_db, delay, phase_deg in leakage.tones]
-
-
-def _tone(
-    level_db: ArrayLike, tau: float, phase_deg: ArrayLike, receiver: Receiver, radar: Radar
-) -> NDArray[np.complex64]:
-    waveform = radar.waveform
-    phase = (
-        waveform.start_frequency * tau - 0.5 * waveform.slope * tau**2 + waveform.slope * tau * waveform.sample_times
-    )
-    gain = filter_gain(receiver, np.array(waveform.slope * tau))
-    tone = gain * _phasors(level_db, phase_deg, radar)[:, None] * np.exp(2j * np.pi * phase)
-    return _read_only(tone)
+    waveform, tones = radar.waveform, []
+    for level_db, delay, phase_deg in leakage.tones:
+        beat = waveform.slope * delay
+        phase = waveform.start_frequency * delay - 0.5 * waveform.slope * delay**2 + beat * waveform.sample_times
+        level = filter_gain(receiver, beat) * _phasors(level_db, phase_deg, radar)[:, None]
+        tones.append((delay, check.frozen((level * np.exp(2j * np.pi * phase)).astype(np.complex64))))
+    return tones
 
 
 @lru_cache(maxsize=16)
@@ -37,13 +32,7 @@ def leakage_step(leakage: Leakage, radar: Radar) -> NDArray[np.complex64]:
     waveform = radar.waveform
     decay = np.exp(-np.arange(waveform.num_samples) / (waveform.sample_rate * leakage.step_time))
     step = _phasors(leakage.step_db, leakage.step_phase_deg, radar)[:, None] * decay
-    return _read_only(step)
-
-
-def _read_only(values: NDArray[np.complex128]) -> NDArray[np.complex64]:
-    single = values.astype(np.complex64)
-    single.flags.writeable = False
-    return single
+    return check.frozen(step.astype(np.complex64))
 
 
 def _phasors(level_db: ArrayLike, phase_deg: ArrayLike, radar: Radar) -> NDArray[np.complex128]:

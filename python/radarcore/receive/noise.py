@@ -85,7 +85,9 @@ _EFFECTS = (
     "ADC noise",
     "segment offset",
 )
-_WORD = 2**64
+
+GOLDEN = 0x9E3779B97F4A7C15
+"""Step of SplitMix64: 2**64 over the golden ratio."""
 
 
 @dataclass(frozen=True)
@@ -115,30 +117,25 @@ class RandomStreams:
 
 
 def _key(seed: int, stream: int) -> int:
-    """Key of a stream.
+    """Key of a stream. The first has the seed itself, as a receiver with thermal noise alone."""
+    return seed if stream == 0 else int(mixed(np.array([(seed + stream * GOLDEN) % 2**64], dtype=np.uint64))[0])
 
-    The first has the seed itself, as a receiver with thermal noise alone. Others: SplitMix64 (Steele, Lea, Flood, Fast
-    splittable pseudorandom number generators, OOPSLA 2014).
+
+def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Words in which every bit depends on all bits of the given ones: the mixer of SplitMix64.
+
+    G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
     """
-    if stream == 0:
-        return seed
-    word = (seed + stream * 0x9E3779B97F4A7C15) % _WORD
-    word = (word ^ word >> 30) * 0xBF58476D1CE4E5B9 % _WORD
-    word = (word ^ word >> 27) * 0x94D049BB133111EB % _WORD
-    return word ^ word >> 31
+    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return words ^ (words >> np.uint64(31))
 
 
 def even_length(least: int) -> int:
     """Smallest even number from `least` on without prime factors above 5: a fast length of transforms."""
-    number = max(2, least + least % 2)
-    while True:
-        rest = number
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return number
-        number += 2
+    from scipy.fft import next_fast_len  # takes longer to load than the rest
+
+    return 2 * int(next_fast_len((least + 1) // 2, real=True))
 
 
 def real_noise(normal: NDArray[np.float32], root: NDArray[np.float32], num_samples: int) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 from radarcore.receive.filters import low_pass_of
 from radarcore.receive.interference import Arrivals, Chirps, beat_of_chirps
+from radarcore.receive.noise import GOLDEN, mixed
 from radarcore.scene.interferer import Interferer, chirps_between, sent_after
 from radarcore.scene.scene import Scene
 from radarcore.simulate.placement import Placement
@@ -26,9 +27,6 @@ _CLEARANCE = 1e-3
 
 _LONGEST_DELAY = 1e-4
 """Longest delay of a path [s], that of 30 km."""
-
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-"""Step of SplitMix64: 2^64 over the golden ratio."""
 
 _SHORTEST = 1e-6
 """Shortest time over which delays are taken as linear [s]."""
@@ -128,7 +126,7 @@ class Interference:
 
         # Amplitudes at the starts of the chirps: gains, polarisation, and transmitters that a body occludes.
         to_tx = offsets[0] / distance[0, ..., None]
-        at_rx, at_tx = _turned(sensor[0], to_tx), _turned(sender[0], -to_tx)
+        at_rx, at_tx = to_tx @ sensor[0][:, None, :, :3], -to_tx @ sender[0][:, None, :, :3]
         gains = _gains(ours.rx_patterns, at_rx, 1) * _gains(other.tx_patterns, at_tx, 2)
         amplitude: Floats = np.sqrt(other.tx_power * gains) * other.waveform.wavelength / (4.0 * np.pi * distance[0])
         amplitude *= _match(ours, other, sensor[0], sender[0], to_tx)
@@ -137,24 +135,14 @@ class Interference:
         delay = distance / SPEED_OF_LIGHT
         # Absolute times are rounded: what lies between them is not quite the span.
         rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
-        sent = sent_after(interferer) / interferer.clock
-        delays, rates, amplitudes = (  # per offset (chirp, rx, tx)
-            np.split(values, len(self._starts)) for values in (delay[0], rate, amplitude.astype(np.complex128))
+        parts = (  # (offset, rx, tx, chirp)
+            np.moveaxis(values.reshape(*self._starts.shape, *values.shape[1:]), 1, -1)
+            for values in (delay[0], rate, amplitude.astype(np.complex128))
         )
-        return [
-            Arrivals(
-                delay=delays[k].transpose(1, 2, 0),
-                delay_rate=rates[k].transpose(1, 2, 0),
-                amplitude=amplitudes[k].transpose(1, 2, 0),
-                sent_after=sent,
-            )
-            for k in range(len(self._starts))
-        ]
+        return [Arrivals(*each, sent_after(interferer) / interferer.clock) for each in zip(*parts, strict=True)]
 
     def _is_hidden(self, interferer: Interferer, engine: _core.Simulator, middle: float) -> NDArray[np.bool_]:
         """True for transmitters that a body occludes from the centre of our array, at the middle of a frame [s]."""
-        if not self._scene.parts.meshed:
-            return np.zeros(len(interferer.radar.tx), dtype=np.bool_)
         sensor, sender = (poses_at(motion, [middle])[0] for motion in (self._motion, interferer.motion))
         seen = (_in_world(sender, interferer.radar.tx) - sensor[:, 3]) @ sensor[:, :3] - self._radar.array_center
         return engine.occluded(self._placement.at(middle), np.ascontiguousarray(seen))
@@ -175,16 +163,10 @@ def _in_world(poses: Floats, points: Floats) -> Floats:
     return world
 
 
-def _turned(poses: Floats, directions: Floats) -> Floats:
-    """Directions of the world (time, rx, tx, 3) in sensor frames at poses (time, 3, 4)."""
-    turned: Floats = directions @ poses[:, None, :, :3]
-    return turned
-
-
 def _gains(patterns: tuple[Pattern, ...], directions: Floats, axis: int) -> Floats:
     """Gains of antennas, one per entry of an axis, in directions (time, rx, tx, 3) of their frame."""
-    of_each = np.moveaxis(directions, axis, 0)
-    return np.stack([pattern.gain(*angles(seen)) for pattern, seen in zip(patterns, of_each, strict=True)], axis=axis)
+    of_each = zip(patterns, np.moveaxis(directions, axis, 0), strict=True)
+    return np.stack([pattern.gain(*angles(seen)) for pattern, seen in of_each], axis=axis)
 
 
 def _match(ours: Radar, other: Radar, sensor: Floats, sender: Floats, to_tx: Floats) -> Floats | float:
@@ -201,15 +183,8 @@ def _match(ours: Radar, other: Radar, sensor: Floats, sender: Floats, to_tx: Flo
 
 
 def _turns(seed: int, *counters: Any) -> Floats:
-    """Random phases [turns] that belong to a seed and to counters, by the mixer of SplitMix64.
-
-    G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
-    """
-    state = np.array([seed], dtype=np.uint64)
-    with np.errstate(over="ignore"):
-        for counter in counters:
-            state = (state + np.asarray(counter).astype(np.uint64)) * _GOLDEN + _GOLDEN
-            state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            state ^= state >> np.uint64(31)
+    """Random phases [turns] that belong to a seed and to counters."""
+    state, step = np.array([seed], dtype=np.uint64), np.uint64(GOLDEN)
+    for counter in counters:
+        state = mixed((state + np.asarray(counter).astype(np.uint64)) * step + step)
     return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53

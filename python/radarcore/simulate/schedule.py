@@ -13,9 +13,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.receive.adc import Use, use_of_all
 from radarcore.receive.chain import receive
-
-_SEED_STEP = 0x9E3779B97F4A7C15
-"""Step of the seed of noise from one sub-sequence to the next: 2**64 over the golden ratio."""
+from radarcore.receive.noise import GOLDEN
 
 
 def ramps_of(radar: Radar) -> Waveform:
@@ -45,7 +43,7 @@ def received(
     parts: list[NDArray[Any]] = []
     uses: list[Use] = []
     for number, (arriving, part) in enumerate(zip(samples, sequences, strict=True)):
-        parts.append(receive(arriving, part, start, seed=(seed + number * _SEED_STEP) % 2**64, uses=uses))
+        parts.append(receive(arriving, part, start, seed=(seed + number * GOLDEN) % 2**64, uses=uses))
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), use_of_all(uses) if uses else None
 
 
@@ -60,11 +58,8 @@ def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
     if _takes_turns(radar):
         starts = _starts(radar)
         ramps = np.searchsorted(np.sort(starts, axis=None), starts)  # (tx, chirp)
-        shape = (len(pairs), num_tx, num_rx, waveform.num_chirps, waveform.num_samples)
-        turns = np.empty(shape, cube.dtype)  # in the order that the receiver takes
-        for tx in range(num_tx):
-            turns[:, tx] = pairs[:, tx][:, :, ramps[tx]]
-        return turns.reshape(-1, *shape[3:])
+        turns = np.stack([np.take(pairs[:, tx], ramps[tx], axis=2) for tx in range(num_tx)], axis=1)
+        return turns.reshape(-1, *turns.shape[3:])
     if radar.schedule is None or not radar.schedule.is_sum:
         return cube
     weights = radar.schedule.tx_weights(radar.tx, waveform.wavelength, waveform.num_chirps).conj().astype(cube.dtype)
