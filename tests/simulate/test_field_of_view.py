@@ -68,10 +68,6 @@ def test_gaussian_beam_is_seen_to_where_both_ways_are_20_db_down() -> None:
     assert (got <= expected + 2.0).all()
 
 
-def test_isotropic_antennas_see_150_degrees() -> None:
-    assert ISOTROPIC.field_of_view_deg == (150.0, 150.0)
-
-
 def test_narrow_beam_is_not_lost_between_samples() -> None:
     pattern = rc.GaussianPattern(40.0, 0.3, 0.6)
     horizontal, vertical = rc.Radar(WAVEFORM, pattern=pattern).field_of_view_deg
@@ -117,14 +113,9 @@ def test_default_is_what_the_antennas_see_in_whole_tiles_and_is_told() -> None:
     assert recorded["field_of_view_deg"] == list(sim.view_deg)
     # The same angles and cells, given, are the same simulation.
     again = dataclasses.replace(sim, field_of_view_deg=recorded["field_of_view_deg"])
-    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
-    again = dataclasses.replace(again, resolution=tuple(recorded["resolution"]))
-    np.testing.assert_array_equal(again.frame().cube, sim.frame().cube)
-
-
-def test_another_radar_has_another_default() -> None:
-    sim = simulator([], BGT60).with_radar(ISOTROPIC)
-    assert sim.view_deg == (150.0, 150.0)
+    for same in (again, dataclasses.replace(again, resolution=tuple(recorded["resolution"]))):
+        np.testing.assert_array_equal(same.frame().cube, sim.frame().cube)
+    assert sim.with_radar(ISOTROPIC).view_deg == (150.0, 150.0)
 
 
 def test_within_60_degrees_cells_are_those_of_a_field_of_60_degrees() -> None:
@@ -135,19 +126,6 @@ def test_within_60_degrees_cells_are_those_of_a_field_of_60_degrees() -> None:
     wide, narrow = simulator(bodies), simulator(bodies, field_of_view_deg=(60.0, 60.0))
     assert wide.frame().stats["rays_cast"] == narrow.frame().stats["rays_cast"]
     np.testing.assert_allclose(echo(wide), echo(narrow), rtol=1e-6)
-
-
-@pytest.mark.parametrize("azimuth_deg", [35.0, -35.0, 60.0])
-def test_sphere_is_seen_by_default_as_a_point_target_is(azimuth_deg: float) -> None:
-    radius, distance = 0.1, 3.0
-    radar = rc.Radar(WAVEFORM, tx=BGT60.tx, rx=BGT60.rx, pattern=BEAM)
-    ball = conductor(rc.shapes.sphere(radius), rc.Pose(towards(azimuth_deg, 0.0, distance)))
-    # Geometrical optics of a sphere: the echo of its nearest point, spread as from its focus.
-    nearest = distance - radius
-    point = rc.PointTarget(towards(azimuth_deg, 0.0, nearest), rcs=np.pi * radius**2 * (nearest / distance) ** 2)
-    ratio = echo(simulator([ball], radar)) / -echo(simulator([point], radar))
-    assert np.abs(db(ratio)).max() <= 1.0  # of single spheres; 0.6 over the band
-    assert np.abs(np.angle(ratio)).max() <= 0.15
 
 
 def test_scene_file_without_angles_has_the_default(tmp_path: Path) -> None:
@@ -193,16 +171,13 @@ def echo_ahead(mesh: rc.Mesh, sampling: str) -> complex:
 
 
 # Each direction in cells with one of the two bodies; millions of pixels see one direction of a kind.
-PIXELS_ASIDE = [(70.0, 0.0), (0.0, -70.0), (60.0, 40.0), (0.0, 45.3), (-45.3, 10.0), (65.0, 42.2)]
-BALLS_ASIDE, PLATES_ASIDE = (
-    [("tiles", *d) for d in SIDES + SEAMS] + [("pixels", *d) for d in PIXELS_ASIDE[first::2]] for first in (0, 1)
-)
+BALLS_ASIDE = [*(("tiles", *d) for d in SIDES + SEAMS), ("pixels", 70.0, 0.0), ("pixels", -45.3, 10.0)]
+PLATES_ASIDE = [*(("tiles", *d) for d in SIDES + SEAMS), ("pixels", 0.0, -70.0), ("pixels", 65.0, 42.2)]
 
 
 @pytest.mark.parametrize(("sampling", "azimuth_deg", "elevation_deg"), BALLS_ASIDE)
 def test_sphere_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: float, elevation_deg: float) -> None:
-    place = rc.Pose(towards(azimuth_deg, elevation_deg, 2.0))
-    aside = simulator([conductor(SPHERE, place)], **SAMPLINGS[sampling])
+    aside = simulator([conductor(SPHERE, rc.Pose(towards(azimuth_deg, elevation_deg, 2.0)))], **SAMPLINGS[sampling])
     frame = aside.frame()
     # The sample in the middle of a ramp is the conjugate of the phasor, turned by 8 mrad as well ahead as aside.
     ratio = np.conj(frame.cube[0, 0, 64]) / echo_ahead(SPHERE, sampling)
@@ -223,29 +198,21 @@ def test_plate_aside_and_on_seams_echoes_as_ahead(sampling: str, azimuth_deg: fl
     assert abs(np.angle(ratio)) <= 0.02
 
 
-@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(70.0, 0.0), (45.3, 0.0), (0.0, -70.0)])
-def test_corner_aside_and_on_a_seam_echoes_as_ahead(azimuth_deg: float, elevation_deg: float) -> None:
-    options: dict[str, Any] = {"max_bounces": 2, "resolution": 800}
-    mesh = rc.shapes.dihedral(0.1)
-    echoes = []
-    for angles in ((0.0, 0.0), (azimuth_deg, elevation_deg)):
-        sim = simulator([conductor(mesh, looking_back(*angles, 2.0))], **options)
-        stats = sim.frame().stats
-        assert stats["bounce_paths"] > 0
-        echoes.append(echo(sim).item())
-    assert abs(db(echoes[1] / echoes[0])) <= 0.5  # cells at the sides are twice as wide
-
-
-@pytest.mark.parametrize(("polarization", "angles"), [("vertical", (70.0, 0.0)), ("horizontal", (0.0, 70.0))])
-def test_polarisation_turns_with_the_sector(polarization: str, angles: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("polarization", "angles"), [(None, (45.3, 0.0)), ("vertical", (70.0, 0.0)), ("horizontal", (0.0, -70.0))]
+)
+def test_corner_aside_and_on_a_seam_echoes_as_ahead_to_every_polarisation(
+    polarization: str | None, angles: tuple[float, float]
+) -> None:
     radar = rc.Radar(WAVEFORM, polarization=polarization, rx=[[0.0, 0.0, 0.0]])
-    glass = rc.Material.dielectric(4.0)
     echoes = []
     for direction in ((0.0, 0.0), angles):
         # Two reflections by a corner of glass, where both polarisations differ.
-        corner = rc.Body(rc.shapes.dihedral(0.1), material=glass, motion=looking_back(*direction, 2.0))
+        corner = rc.Body(
+            rc.shapes.dihedral(0.1), material=rc.Material.dielectric(4.0), motion=looking_back(*direction, 2.0)
+        )
         echoes.append(echo(simulator([corner], radar, max_bounces=2, resolution=800)).item())
-    assert abs(db(echoes[1] / echoes[0])) <= 0.5
+    assert abs(db(echoes[1] / echoes[0])) <= 0.5  # cells at the sides are twice as wide
 
 
 def test_matt_points_on_a_seam_count_once() -> None:
@@ -291,10 +258,6 @@ def test_budget_is_that_of_all_sectors() -> None:
         frame = sim.frame()
     assert frame.stats["cells_not_split"] > 0
     assert frame.stats["rays_cast"] <= 2 * most  # with those of the cells that were tried
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # at the finest cells
-        unlimited = dataclasses.replace(sim, ray_budget=np.inf).frame()
-    assert unlimited.stats["rays_cast"] > most
     # The corners of the grid are in no plane.
     rows, columns = sim.num_cells
     with pytest.raises(ValueError, match=r"ray_budget: expected at least the (\d+) rays") as refused:
@@ -331,13 +294,6 @@ def test_body_in_the_beam_outside_of_the_chosen_field_of_view_is_warned_of_once(
     assert len(frames) == 4
     assert len(found) == 1
     assert found[0].filename == __file__
-
-
-def test_recording_warns_of_a_body_that_leaves_the_field_of_view() -> None:
-    walker = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[0.0, 4.0, 0.0]))
-    sim = simulator([walker], BGT60, field_of_view_deg=(60.0, 60.0))
-    with pytest.warns(UserWarning, match="lies in the beam"):
-        sim.record(0.0, 0.5, 10.0, progress=False)
 
 
 @pytest.mark.parametrize(

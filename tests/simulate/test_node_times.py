@@ -75,15 +75,6 @@ def test_motion_too_fast_for_the_first_times_is_placed_at_more(cycles: float) ->
     assert np.linalg.norm(frame.cube[0] - ratio * expected) < 1e-6 * np.linalg.norm(frame.cube[0])
 
 
-def test_motion_that_no_number_of_times_follows_warns_once() -> None:
-    sim = simulator([ball(vibrating(40.0, 3.0))])
-    with pytest.warns(UserWarning, match=r"phases .* are interpolated within a frame with an error of") as told:
-        frames = [sim.frame(time) for time in (0.0, 0.1)]
-    assert len(told) == 1
-    assert "fast motion of 'body 0'" in str(told[0].message)
-    assert frames[0].stats["series_residual"] > TOLERANCE
-
-
 def test_body_that_needs_many_times_has_them_alone() -> None:
     # A disc swings by 2 rad of phase beside one that moves on: the one of few times has as many as alone.
     def disc(side: float, motion: Any) -> rc.Body:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -167,38 +165,6 @@ def simulator(bodies: list[Any], radar_motion: Any = None, **options: Any) -> rc
     )
 
 
-def busy_scene(wrapped: Callable[[Motion], Motion]) -> tuple[list[Any], Motion]:
-    """A person, an arm with the sensor on it, and bodies that move or not."""
-    line = JointTrajectory([0.0, 2.0], np.deg2rad([[0, -112, 134, -22, 90, 0], [10, -100, 120, -22, 90, 0]]))
-    arm = RobotArm.ur10().moving(line, rc.Pose([0.0, 0.0, 0.7]))
-    plate = rc.shapes.plate(0.3, 0.3)
-    bodies = [
-        *Human(path=[[4.0, 0.5], [1.0, 0.0]]).bodies(subdivisions=2),
-        *arm.bodies(),
-        rc.Body(plate, motion=rc.Pose([2.5, 0.3, 1.0])),
-        rc.Body(plate, motion=rc.Linear(rc.Pose([2.0, -0.4, 1.0]), [-0.5, 0.0, 0.0], [0.0, 0.3, 0.0])),
-        rc.Body(plate, motion=lambda time: rc.Pose([2.2 + 0.1 * np.sin(3.0 * time), -0.1, 1.2])),
-    ]
-    bodies = [rc.Body(b.mesh, material=b.material, motion=wrapped(b.motion), name=b.name) for b in bodies]
-    sensor = rc.Attached(arm.link_motion("tool0"), rc.Pose([0.0, 0.0, 0.05]) @ RADAR_AT_TOOL0)
-    return [*bodies, rc.PointTarget([3.0, 0.0, 1.0], velocity=[1.0, 0.0, 0.0])], wrapped(sensor)
-
-
-def test_frames_are_those_of_motions_that_are_taken_time_by_time() -> None:
-    frames = []
-    for wrapped in (lambda motion: motion, lambda motion: motion if isinstance(motion, rc.Pose) else OneByOne(motion)):
-        bodies, sensor = busy_scene(wrapped)
-        frames.append(simulator(bodies, sensor, tolerance=1e-10).frame(0.8))
-    together, one_by_one = frames
-    assert together.stats["delay_nodes"] == one_by_one.stats["delay_nodes"] > 4
-    scale = np.abs(one_by_one.cube).max()
-    assert scale > 0.0
-    np.testing.assert_allclose(together.cube, one_by_one.cube, rtol=0.0, atol=1e-9 * scale)
-    np.testing.assert_allclose(together.truth.range, one_by_one.truth.range, atol=ROUNDING)
-    np.testing.assert_allclose(together.truth.velocity, one_by_one.truth.velocity, atol=1e-9)
-    assert np.isfinite(together.truth.range).sum() > 12  # most of what there is is seen
-
-
 def test_no_function_is_asked_twice_for_a_time_of_a_frame() -> None:
     asked: list[tuple[str, float]] = []
 
@@ -245,32 +211,6 @@ def test_what_functions_of_time_depend_on_may_change_from_frame_to_frame() -> No
         assert np.nanmin(sim.depth_image(0.5 * sim.radar.waveform.duration).distance) == pytest.approx(
             distance, rel=1e-3
         )
-
-
-def test_another_simulator_has_its_radar_elsewhere() -> None:
-    plate = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose([3.0, 0.0, 0.0]))
-    sim, nearer = simulator([plate]), rc.Pose([1.0, 0.0, 0.0])
-    before = sim.frame().cube
-    moved = dataclasses.replace(sim, radar_motion=nearer)
-    assert moved.radar_motion is nearer
-    np.testing.assert_array_equal(moved.frame().cube, simulator([plate], nearer).frame().cube)
-    assert not np.array_equal(moved.frame().cube, before)
-    np.testing.assert_array_equal(sim.frame().cube, before)
-
-
-def test_people_and_arms_travel_to_other_processes() -> None:
-    bodies, sensor = busy_scene(lambda motion: motion)
-    sim = simulator([body for body in bodies if not isinstance(getattr(body, "motion", None), FunctionMotion)], sensor)
-    cube = sim.frame(0.8).cube
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(sim)).frame(0.8).cube, cube)
-
-
-def test_points_without_an_echo_do_not_reach_beyond_the_largest_range() -> None:
-    far = 2.0 * radar().max_unambiguous_range
-    silent = rc.PointTarget([far, 0.0, 0.0], rcs=0.0)
-    simulator([rc.PointTarget([1.0, 0.0, 0.0]), silent]).frame()  # warnings are errors here
-    with pytest.warns(UserWarning, match="beyond max_unambiguous_range"):
-        simulator([rc.PointTarget([1.0, 0.0, 0.0]), rc.PointTarget([far, 0.0, 0.0])]).frame()
 
 
 def test_nearest_point_is_the_first_ray_of_the_shortest_distance() -> None:

@@ -42,11 +42,6 @@ def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) 
     )
 
 
-def instant() -> rc.Radar:
-    """A radar whose frame is over at once: its rays are cast at the time of `paths`, one antenna at the origin."""
-    return rc.Radar(waveform(num_samples=1, num_chirps=1))
-
-
 def tumbling_box() -> rc.Body:
     """A box that moves in every way, half mirror, half matt: every ray on it comes back."""
     motion = rc.Linear(
@@ -99,29 +94,6 @@ def test_delay_rate_is_the_derivative_of_delay(radar_motion: Any) -> None:
     # In m/s: delays of 10 ns are known to 1e-24 s (1e-11 m/s); h^2 / 6 times a third derivative of at most 100 m/s^3
     # is 1e-8.
     np.testing.assert_allclose(0.5 * C * now.delay_rate, 0.5 * C * difference, rtol=0, atol=2e-8)
-
-
-@pytest.mark.parametrize("radar_motion", SENSOR_MOTIONS, ids=["fixed sensor", "moving sensor"])
-def test_every_point_of_a_tumbling_body_has_its_rigid_body_velocity(radar_motion: Any) -> None:
-    # Point mode: every hit is a path, in any order.
-    sim = simulator([tumbling_box()], instant(), radar_motion=radar_motion, sampling="point")
-    time, motion = 0.03, tumbling_box().motion
-    assert isinstance(motion, rc.Linear)
-    sensor = radar_motion.at(time)
-    points = sensor.apply(sim.depth_image(time).points)  # in the world
-    velocity = motion.velocity + np.cross(motion.angular_velocity, points - motion.at(time).position)
-    sight = points - sensor.position
-    distance = np.linalg.norm(sight, axis=1)
-    # The sensor turns about its own origin, where the antenna is: only its velocity counts.
-    sensor_velocity = radar_motion.velocity if isinstance(radar_motion, rc.Linear) else np.zeros(3)
-    expected = np.sum((velocity - sensor_velocity) * sight, axis=1) / distance
-
-    paths = sim.paths(time)
-    assert len(points) > 100
-    assert np.ptp(expected) > 0.5
-    order, of_paths = np.argsort(distance), np.argsort(paths.delay[0])
-    np.testing.assert_allclose(paths.delay[0, of_paths], 2.0 * distance[order] / C, rtol=1e-12)
-    np.testing.assert_allclose(0.5 * C * paths.delay_rate[0, of_paths], expected[order], rtol=0, atol=1e-12)
 
 
 def test_paths_name_the_body_of_the_scene() -> None:
@@ -203,30 +175,21 @@ def test_truth_of_a_mesh_is_its_nearest_visible_point() -> None:
         assert np.isnan(getattr(truth, name)[0])
 
 
-def test_truth_and_samples_agree_about_a_moving_sphere() -> None:
-    sphere = rc.Body(
-        rc.shapes.sphere(0.1), material=CONDUCTOR, motion=rc.Linear(rc.Pose([1.3, 0, 0]), velocity=[-0.6, 0, 0])
-    )
-    wf = waveform(num_samples=128, num_chirps=32)
-    frame = simulator([sphere], rc.Radar(wf), resolution=129, field_of_view_deg=(12.0, 12.0)).frame()
-    peak = rc.strongest_peak(frame.cube, wf)
-    assert frame.truth is not None
-    # Half a bin would do to tell signs and factors of two; single targets are found to far less.
-    assert peak.range == pytest.approx(frame.truth.range[0], abs=0.05 * wf.range_resolution)
-    assert peak.velocity == pytest.approx(frame.truth.velocity[0], abs=0.003 * wf.velocity_resolution)
-
-
 @pytest.mark.parametrize("sampling", ["footprint", "adaptive"])
-def test_moving_sphere_leaves_no_false_doppler(sampling: str) -> None:
+def test_moving_sphere_has_its_true_range_and_doppler_and_no_other(sampling: str) -> None:
     wf = waveform(num_samples=64, num_chirps=128, chirp_interval=200e-6)
     velocity = 10.37 * wf.velocity_resolution  # between two bins, where windows leak most
     motion = rc.Linear(rc.Pose([1.0, 0.05, 0.02]), velocity=[velocity, 0.0, 0.0])
     sphere = rc.Body(rc.shapes.sphere(0.1), material=CONDUCTOR, motion=motion)
     options: dict[str, Any] = {"resolution": 200} if sampling == "footprint" else {"resolution": None}
     frame = simulator([sphere], rc.Radar(wf), sampling=sampling, field_of_view_deg=(16.0, 16.0), **options).frame()
+    peak = rc.strongest_peak(frame.cube, wf)
+    assert frame.truth is not None
+    # Half a bin would do to tell signs and factors of two; single targets are found to far less.
+    assert peak.range == pytest.approx(frame.truth.range[0], abs=0.05 * wf.range_resolution)
+    assert peak.velocity == pytest.approx(frame.truth.velocity[0], abs=0.02 * wf.velocity_resolution)
     power = np.abs(rc.range_doppler(frame.cube, wf)[0]) ** 2  # (doppler, range)
     row, column = np.unravel_index(power.argmax(), power.shape)
-    assert abs(wf.velocity_axis()[row] - velocity) <= 0.5 * wf.velocity_resolution  # the nearest bin
     # The window itself: the spectrum of Hann falls as 1 / (pi n^3), below -70 dB from n = 10 bins on.
     is_far = np.abs(np.arange(len(power)) - row) >= 10
     assert 10 * np.log10(power[is_far, column].max() / power[row, column]) <= -65.0
@@ -240,9 +203,6 @@ def test_two_equal_calls_give_equal_bits_for_any_number_of_threads() -> None:
         sim = simulator(bodies, radar, threads=threads)
         for _ in range(2):
             np.testing.assert_array_equal(sim.frame(0.1).cube, first.cube)
-        np.testing.assert_array_equal(
-            sim.paths(0.1).amplitude, simulator(bodies, radar, threads=1).paths(0.1).amplitude
-        )
 
 
 def test_seed_changes_noise_and_speckle_and_nothing_else() -> None:
@@ -278,41 +238,6 @@ def test_stats_count_rays_and_paths() -> None:
     assert simulator([tumbling_box()]).frame().stats["delay_nodes"] > 1
 
 
-def test_empty_scene_is_silent() -> None:
-    frame = simulator([]).frame()
-    assert frame.cube.shape == (2, 8, 32)
-    assert frame.cube.dtype == np.complex64
-    assert not frame.cube.any()
-    assert frame.truth is not None
-    assert frame.truth.names == ()
-    assert simulator([]).paths().delay.shape == (2, 0)
-
-
-@pytest.mark.filterwarnings("ignore:no body is seen")
-def test_scene_behind_the_sensor_or_of_no_reflection_is_silent() -> None:
-    behind = rc.Body(rc.shapes.sphere(0.2), motion=rc.Pose([-1.5, 0.0, 0.0]))
-    black = rc.Body(rc.shapes.sphere(0.2), material=rc.Material(0.0), motion=rc.Pose([1.5, 0.0, 0.0]))
-    for body in (behind, black):
-        assert not simulator([body]).frame().cube.any()
-
-
-@pytest.mark.parametrize(
-    ("receiver", "factor"), [(rc.Receiver(output="real"), 1), (rc.Receiver(output="iq"), 2), (None, 2)]
-)
-def test_scene_beyond_the_largest_range_warns_with_both_numbers(receiver: Any, factor: int) -> None:
-    radar = rc.Radar(waveform(), receiver=receiver)
-    largest = factor * C * 2e6 / (4 * 2e13)
-    beyond, within = largest + 0.5, largest - 0.01
-    with pytest.warns(
-        UserWarning, match=rf"reaches to {beyond:.2f} m, beyond max_unambiguous_range {largest:.2f} m"
-    ) as caught:
-        simulator([rc.PointTarget([beyond, 0.0, 0.0])], radar).frame()
-    assert caught[0].filename == __file__, "the warning points at the caller"
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        simulator([rc.PointTarget([within, 0.0, 0.0])], radar).frame()
-
-
 # --- recordings ----------------------------------------------------------------------------------------------------
 
 
@@ -336,10 +261,7 @@ def test_recording_holds_the_frames_that_start_before_its_end(
     start: float, stop: float, rate: float, count: int
 ) -> None:
     recording = small().record(start, stop, rate, progress=False)
-    assert len(recording) == count
     np.testing.assert_allclose(recording.time, start + np.arange(count) / rate, rtol=0, atol=1e-15)
-    assert recording.truth is not None
-    assert recording.truth.range.shape == (count, 1)
 
 
 @pytest.mark.parametrize(
@@ -375,6 +297,7 @@ def test_recorded_frames_are_the_frames(tmp_path: Path) -> None:
             assert recorded.truth is not None
             assert frame.truth is not None
             np.testing.assert_array_equal(recorded.truth.range, frame.truth.range)
+    assert len(sim.record(0.2, 0.25, 40.0, progress=False, path=tmp_path / "rec", overwrite=True)) == 2
 
 
 def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -410,30 +333,11 @@ def test_unwritable_place_fails_before_any_frame_is_simulated(tmp_path: Path, mo
         small().record(0.0, 1.0, progress=False, path=tmp_path / "rec.npz")
 
 
-def test_recording_is_only_replaced_on_request(tmp_path: Path) -> None:
-    path = tmp_path / "rec"
-    small().record(0.0, 0.1, progress=False, path=path)
-    with pytest.raises(FileExistsError):
-        small().record(0.0, 0.05, progress=False, path=path)
-    assert len(rc.Recording.load(path)) == 4
-    assert len(small().record(0.0, 0.05, progress=False, path=path, overwrite=True)) == 2
-
-
-# --- silly input ---------------------------------------------------------------------------------------------------
-
-
 # --- matt surfaces, processes ---------------------------------------------------------------------------------------
 
 
 def matt(size: float, position: tuple[float, float, float]) -> rc.Body:
     return rc.Body(rc.shapes.plate(size, size), material=rc.Material.lambertian(0.8), motion=rc.Pose(position))
-
-
-def test_a_body_out_of_sight_changes_nothing_of_a_matt_one() -> None:
-    wall, behind = matt(0.3, (1.5, 0.1, 0.0)), rc.Body(rc.shapes.box(0.2), motion=rc.Pose([-1.0, 0.0, 0.0]))
-    alone = simulator([wall], resolution=64).frame()
-    together = simulator([behind, wall], resolution=64).frame()
-    np.testing.assert_array_equal(alone.cube, together.cube)
 
 
 def test_matt_scene_seen_from_a_moved_and_turned_place_is_the_same() -> None:
@@ -473,12 +377,6 @@ def test_a_forked_child_simulates_too() -> None:
     with os.fdopen(read, "rb") as pipe:
         assert pipe.read() == b"same"
     os.waitpid(child, 0)
-
-
-def test_frames_longer_than_their_interval_are_warned_of() -> None:
-    sim = simulator([], rc.Radar(waveform(num_chirps=64, chirp_interval=400e-6)), resolution=8)
-    with pytest.warns(UserWarning, match=r"frames of 25\.2\d ms overlap at 40 frames per second"):
-        sim.record(0.0, 0.05, 40.0, progress=False)
 
 
 def test_rays_start_at_the_centre_of_the_array() -> None:

@@ -197,7 +197,7 @@ def simulation(
             found.simulator()
             frame_times(run.start, run.stop, run.rate)
         with located("sensor: "):
-            poses = Placement(found.scene, motion, radar.waveform).poses_at(found.run.start)
+            poses = Placement(found.scene, motion, radar.waveform).poses_at([found.run.start])[0]
             check_antennas(found.scene, poses, radar, found.run.start, name="pose")
     return found
 

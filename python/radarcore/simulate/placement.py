@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core
 from radarcore.motion.group import Motions
@@ -37,7 +37,6 @@ class Placement:
     def __init__(self, scene: Scene, sensor_motion: Motion, waveform: Waveform) -> None:
         self._parts, self._waveform = scene.parts, waveform
         self.duration: float = waveform.duration
-        self._kept_offsets: dict[int, NDArray[np.float64]] = {}
         self._interfering = [interferer.motion for interferer in scene.interferers]
         # The sensor is the last of them.
         self._motions = Motions([*(body.motion for body in self._parts.meshed), sensor_motion])
@@ -57,30 +56,17 @@ class Placement:
 
     def frames(self, starts: Sequence[float], num_times: int) -> list[_core.Placement]:
         """Placements at `num_times` times of each frame that starts at `starts` [s]."""
-        times = np.array(starts)[:, None] + self._offsets(num_times)
+        times = np.array(starts)[:, None] + self._waveform.delay_times(num_times)
         poses = self._motions.poses_at(times.ravel()).reshape(len(starts), num_times, -1, 3, 4)
         placements = []
         for frame, start in enumerate(starts):
-            vertices: list[NDArray[np.float64]] = []
-            if self._parts.deforming:
-                vertices = self._vertices(start + self._offsets(_num_vertex_times(num_times)))
+            vertices = self._vertices(start + self._waveform.delay_times(_num_vertex_times(num_times)))
             placements.append(self._placed(poses[frame], self._points(times[frame]), vertices))
         return placements
 
-    def frame(self, start: float, num_times: int) -> _core.Placement:
-        """Placement at `num_times` times of a frame that starts at `start` [s]."""
-        return self.frames([start], num_times)[0]
-
-    def poses_in_the_middle(self, starts: Sequence[float]) -> NDArray[np.float64]:
-        """Poses, as of `poses_at`, in the middle of frames that start at `starts` [s], (frame, body + 1, 3, 4)."""
-        middles = np.array(starts) + 0.5 * self.duration
-        poses: NDArray[np.float64] = self._motions.poses_at(middles)
-        return poses
-
-    def poses_at(self, time: float) -> NDArray[np.float64]:
-        """Poses of the bodies with meshes and, last, of the sensor, at one time [s], (body + 1, 3, 4), to the world."""
-        poses: NDArray[np.float64] = self._motions.poses_at(np.array([time]))[0]
-        return poses
+    def poses_at(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Poses to the world at times [s], (time, body + 1, 3, 4): of the bodies with meshes, then of the sensor."""
+        return self._motions.poses_at(np.asarray(times))
 
     def at(self, time: float) -> _core.Placement:
         """Placement at one time [s]."""
@@ -89,14 +75,9 @@ class Placement:
 
     def rates_at(self, time: float) -> _core.Placement:
         """Time derivatives of the placement at one time [s]."""
-        rates = self._motions.rates_at(np.array([time]))
-        return self._placed(rates, self._parts.velocities[None], self._vertex_rates(time))
-
-    def _offsets(self, num_times: int) -> NDArray[np.float64]:
-        """Chebyshev times from the start of a frame [s]."""
-        if num_times not in self._kept_offsets:
-            self._kept_offsets[num_times] = self._waveform.delay_times(num_times)
-        return self._kept_offsets[num_times]
+        rates, parts = self._motions.rates_at(np.array([time])), self._parts
+        vertices = [parts.vertex_rates_at(mesh, time)[None] for mesh in parts.deforming]
+        return self._placed(rates, parts.velocities[None], vertices)
 
     @staticmethod
     def _placed(
@@ -111,9 +92,6 @@ class Placement:
     def _vertices(self, times: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         parts = self._parts
         return [np.array([parts.vertices_at(mesh, at) for at in times.tolist()]) for mesh in parts.deforming]
-
-    def _vertex_rates(self, time: float) -> list[NDArray[np.float64]]:
-        return [self._parts.vertex_rates_at(mesh, time)[None] for mesh in self._parts.deforming]
 
 
 def _num_vertex_times(num_times: int) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check, notice
+from radarcore.direction import unit_vectors
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.radar.radar import Radar
@@ -31,7 +32,7 @@ from radarcore.simulate.placement import Placement
 from radarcore.simulate.schedule import at_receivers, frame_times, ramps_of, received
 from radarcore.simulate.settings import Settings, changed_settings
 from radarcore.simulate.side_by_side import Ask, directly, in_order
-from radarcore.simulate.view import Angles, is_beyond, whole_tiles
+from radarcore.simulate.view import Angles, is_outside, whole_tiles
 from radarcore.simulate.warnings import Warnings
 from radarcore.units import html_table
 
@@ -158,8 +159,7 @@ class Simulator(Settings):
         check.instance("scene", self.scene, Scene)
         check.instance("radar", self.radar, Radar)
         super().__post_init__()
-        motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
-        self.radar_motion = motion
+        self.radar_motion = Pose() if self.radar_motion is None else as_motion("radar_motion", self.radar_motion)
 
     def __repr__(self) -> str:
         changed = "".join(f", {name}={value!r}" for name, value in changed_settings(self).items())
@@ -320,10 +320,9 @@ class Simulator(Settings):
         (3, 1) 10.01 ns
         """
         start = self._start(time)
-        self._warnings.unknown_materials()
-        self._warnings.refuse_place(self._placement, start)
+        self._warnings.before_first_frame(self._placement, start)
         place = self._placement
-        placed = place.frame(start, NUM_TIMES), place.at(start), place.rates_at(start)
+        placed = place.frames([start], NUM_TIMES)[0], place.at(start), place.rates_at(start)
         delay, rate, amplitude, body, order = self._engines[0].paths(*placed)
         # With phase noise the core has more rows, see `responses`.
         own = slice(len(self.radar.tx) * len(self.radar.rx))
@@ -352,14 +351,13 @@ class Simulator(Settings):
         """
         at = self._start(time)
         self._warnings.unknown_materials()
-        parts = self.scene.parts
         distance, cos_incidence, body, surface_distance, normals = self._engines[0].image(self._placement.at(at))
         # The core numbers bodies with meshes alone.
-        numbers = np.append(parts.mesh_numbers, np.int32(-1))
+        numbers = np.append(self.scene.parts.mesh_numbers, np.int32(-1))
         return DepthImage(
             distance=distance,
             cos_incidence=cos_incidence,
-            body=numbers[body] if len(parts.point_numbers) else body,
+            body=numbers[body],
             surface_distance=surface_distance,
             normals=normals,
             field_of_view_deg=self.image_view_deg,
@@ -420,7 +418,10 @@ class Simulator(Settings):
         arriving: list[NDArray[Any]] = []
         counts: list[Counts] = []
         for number, (engine, radar) in enumerate(zip(engines, self._sequences, strict=True)):
-            ideal = self._ideal(engine, placed.motions[number], self._placements[number], placed.start, ask)
+            placement = self._placements[number]
+            place = partial(_frame_by, ask, placement, placed.start)
+            rates = None if placement.duration > 0.0 else ask(partial(placement.rates_at, placed.start))
+            ideal = ideal_frame(engine, placed.motions[number], place, rates)
             samples = at_receivers(ideal.cube, radar)
             if self.scene.interferers:
                 counts.append(self._interferences[number].add_to(samples, engine, placed.start, ask))
@@ -428,19 +429,6 @@ class Simulator(Settings):
             arriving.append(samples)
         cube, use = received(arriving, self._sequences, placed.start, seed=self.seed)
         return Simulated(placed.start, ideals, cube, counted(counts) if counts else {}, use)
-
-    @staticmethod
-    def _ideal(
-        engine: _core.Simulator, motion: _core.Placement, placement: Placement, start: float, ask: Ask
-    ) -> _core.IdealFrame:
-        """Ideal frame of a sub-sequence that starts at `start` [s]."""
-
-        def place(num_times: int) -> _core.Placement:
-            again: _core.Placement = ask(partial(placement.frame, start, num_times))
-            return again
-
-        rates = None if placement.duration > 0.0 else ask(partial(placement.rates_at, start))
-        return ideal_frame(engine, motion, place, rates)
 
     def _deliver(self, simulated: Simulated) -> Frame:
         """Frame with its truth and counts, after warnings of what does not hold."""
@@ -466,12 +454,12 @@ class Simulator(Settings):
         numbers = self.scene.parts.point_numbers
         if len(numbers) == 0:
             return
-        azimuth, elevation = rows[2:, numbers]
-        if (lost := is_beyond(azimuth, elevation, self.view_deg)).any():
-            if self.field_of_view_deg is not None:
-                names = [self.scene.names[number] for number in numbers[lost]]
-                self._warnings.points_out_of_view(names, azimuth[lost], elevation[lost], self.field_of_view_deg)
-            rows[:, numbers[lost]] = np.nan
+        directions = unit_vectors(*rows[2:, numbers])
+        lost = is_outside(directions[:, None], self.view_deg)
+        if lost.any() and self.field_of_view_deg is not None:
+            names = [self.scene.names[number] for number in numbers[lost]]
+            self._warnings.points_out_of_view(names, directions[lost], self.field_of_view_deg)
+        rows[:, numbers[lost]] = np.nan
 
     def _recorded(self, times: list[float], progress: bool) -> Iterator[Frame]:
         """Frames of a recording: placed in blocks, simulated side by side, delivered in order.
@@ -493,17 +481,13 @@ class Simulator(Settings):
 
     def _side_by_side(self, num_frames: int) -> list[Engines]:
         """Engines for frames that are simulated side by side, at most `num_frames`."""
-        number = min(num_frames, self._num_threads, self._most_side_by_side)
+        threads = self.threads or _num_cores()
+        number = min(num_frames, threads, self._most_side_by_side)
         # What is live may be updated between frames.
         if number <= 1 or self._placement.newest is not None:
             return [self._engines]
         # Threads of their own: a thread that waits for others of its frame would begin another frame meanwhile.
-        own_threads = max(1, self._num_threads // number)
-        return [self._new_engines(own_threads) for _ in range(number)]
-
-    @property
-    def _num_threads(self) -> int:
-        return self.threads or _num_cores()
+        return [self._new_engines(own_threads=max(1, threads // number)) for _ in range(number)]
 
     @property
     def _most_side_by_side(self) -> int:
@@ -561,23 +545,19 @@ class Simulator(Settings):
         """Materials of the bodies with meshes at a frequency, the centre of a band [Hz]."""
         return [body.material._core_at(frequency) for body in self.scene.parts.meshed]
 
-    @cached_property
-    def _materials(self) -> list[_core.Material]:
-        """Materials of the bodies with meshes, at the centre of the first band."""
-        return self._materials_at(self.radar.waveform.center_frequency)
-
     def _reflectance(self, image: DepthImage) -> NDArray[np.float64]:
         """Power reflectance at the pixels of an image."""
-        parts = self.scene.parts
-        numbers = np.full(len(parts.mesh_numbers) + len(parts.point_numbers) + 1, -1, np.int32)
-        numbers[parts.mesh_numbers] = np.arange(len(parts.mesh_numbers))
+        # The core numbers bodies with meshes alone.
+        numbers = np.full(len(self.scene.bodies) + 1, -1, np.int32)
+        numbers[self.scene.parts.mesh_numbers] = np.arange(len(self.scene.parts.mesh_numbers))
+        frequency = self.radar.waveform.center_frequency
         return _core.reflectance(
-            self._materials,
+            self._materials_at(frequency),
             numbers[image.body],
             image.cos_incidence,
             image.normals,
             image.directions,
-            frequency=self.radar.waveform.center_frequency,
+            frequency=frequency,
             polarization=self.radar.polarization_vector,
             threads=self.threads,
         )
@@ -591,7 +571,7 @@ class Simulator(Settings):
         return source if receiver is None or receiver.unit is None else {**source, "cube_unit": receiver.unit}
 
     def __getstate__(self) -> dict[str, Any]:
-        made = ("_engines", "_placements", "_materials", "_interferences")
+        made = ("_engines", "_placements", "_interferences")
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
 
@@ -605,6 +585,11 @@ def sees_anything(frame: Frame) -> bool:
     if frame.stats.get("rays_hit", 0) > 0 or frame.stats.get("bounce_paths", 0) > 0:
         return True
     return frame.truth is not None and not np.isnan(frame.truth.range).all()
+
+
+def _frame_by(ask: Ask, placement: Placement, start: float, num_times: int) -> _core.Placement:
+    """Placement at `num_times` times of a frame that starts at `start` [s], by the thread that may call motions."""
+    return ask(partial(placement.frames, [start], num_times))[0]  # type: ignore[no-any-return]
 
 
 def _stop(engines: Engines) -> None:

@@ -115,10 +115,8 @@ class Sectors:
     ) -> Sectors:
         """Planes over two angles. `number`: rows and columns; see `Axis.of`."""
         rows, columns = (None, None) if number is None else number
-        horizontal, vertical = field_of_view_deg
-        return cls(
-            Axis.of(horizontal, columns, cells_at_60, narrowest), Axis.of(vertical, rows, cells_at_60, narrowest)
-        )
+        both = zip(field_of_view_deg, (columns, rows), strict=True)
+        return cls(*(Axis.of(angle, pixels, cells_at_60, narrowest) for angle, pixels in both))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -167,20 +165,6 @@ def is_outside(points: NDArray[np.float64], field_of_view_deg: Angles) -> NDArra
     ]
     outside: NDArray[np.bool_] = np.any([side.all(axis=-1) for side in beyond], axis=0)
     return outside
-
-
-def is_beyond(
-    azimuth: NDArray[np.float64], elevation: NDArray[np.float64], field_of_view_deg: Angles
-) -> NDArray[np.bool_]:
-    """True for directions [rad] in the sensor frame outside of a field of view."""
-    horizontal, vertical = 0.5 * np.deg2rad(field_of_view_deg)
-    along = np.cos(azimuth)
-    if horizontal > 0.5 * np.deg2rad(MOST_OF_A_PLANE):
-        along = np.maximum(along, np.abs(np.sin(azimuth)))
-    beyond: NDArray[np.bool_] = (np.abs(azimuth) > horizontal) | (
-        np.abs(np.sin(elevation)) * np.cos(vertical) > along * np.cos(elevation) * np.sin(vertical)
-    )
-    return beyond
 
 
 def one_plane(field_of_view_deg: Angles, rows: int, columns: int) -> Plane:
