@@ -221,8 +221,7 @@ def _phase_error_deg(step: float, waveform: Waveform, interval: float | None) ->
             f"distance: quantised in steps of {1e6 * step:.3g} um, {phase:.0f} degrees of phase (rms) at "
             f"{1e-9 * waveform.center_frequency:.1f} GHz: expect false echoes and useless Doppler"
         )
-    drift = 0.0 if interval is None else np.sqrt(2.0) * phase * waveform.duration / interval
-    if interval is not None and drift > _PHASE_WARNING_DEG:
+    if interval is not None and (drift := np.sqrt(2.0) * phase * waveform.duration / interval) > _PHASE_WARNING_DEG:
         notice.warn(
             f"previous: velocities from quantised depths have errors of {np.sqrt(2.0 / 12.0) * step / interval:.2g} "
             f"m/s (rms), {drift:.0f} degrees of phase within the frame"

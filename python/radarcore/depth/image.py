@@ -70,8 +70,9 @@ def bodies_of(
     body: ArrayLike | None, twists: ArrayLike | None, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int32], int]:
     """Body of every pixel, and number of bodies."""
+    num_moved = None if twists is None else len(np.atleast_1d(np.asarray(twists)))
     if body is None:
-        if twists is not None and len(np.atleast_1d(np.asarray(twists))) != 1:
+        if num_moved not in (None, 1):
             raise ValueError("body: expected the body of every pixel with the twists of several bodies, got none")
         return np.zeros(shape, np.int32), 1
     numbers = np.asarray(body)
@@ -80,14 +81,9 @@ def bodies_of(
     if numbers.shape != shape:
         raise ValueError(f"body: expected shape {shape}, got {numbers.shape}")
     num_bodies = int(numbers.max(initial=-1)) + 1
-    if twists is not None:
-        num_moved = len(np.atleast_1d(np.asarray(twists)))
-        if num_bodies > num_moved:
-            raise ValueError(f"body: expected numbers below {num_moved}, one per twist, got {num_bodies - 1}")
-        num_bodies = num_moved
-    if num_bodies > 2**20:
-        raise ValueError(f"body: expected numbers below {2**20}, got {num_bodies - 1}")
-    return np.maximum(numbers, -1).astype(np.int32), num_bodies
+    if num_moved is not None and num_bodies > num_moved:
+        raise ValueError(f"body: expected numbers below {num_moved}, one per twist, got {num_bodies - 1}")
+    return np.maximum(numbers, -1).astype(np.int32), num_bodies if num_moved is None else num_moved
 
 
 def fractions(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -97,9 +93,9 @@ def fractions(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np
     fraction = check.numbers(name, given) / largest
     if fraction.shape not in ((), shape):
         raise ValueError(f"{name}: expected one number or shape {shape}, got {fraction.shape}")
-    if not ((fraction >= 0.0) & (fraction <= 1.0 + 1e-9)).all():
-        bad = fraction[~((fraction >= 0.0) & (fraction <= 1.0 + 1e-9))].flat[0]
-        raise ValueError(f"{name}: expected numbers from 0 to 1, got {bad:g}")
+    is_wrong = ~((fraction >= 0.0) & (fraction <= 1.0 + 1e-9))
+    if is_wrong.any():
+        raise ValueError(f"{name}: expected numbers from 0 to 1, got {fraction[is_wrong].flat[0]:g}")
     return np.broadcast_to(fraction, shape)
 
 

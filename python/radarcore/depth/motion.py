@@ -54,11 +54,10 @@ class ImageMotion:
         rows, columns = image.distance.shape
         u, v = image.camera.plane(rows, columns)
         for number in range(num_bodies):
-            pixels = np.flatnonzero((image.body == number) & np.isfinite(image.distance))
-            if len(pixels) == 0:
+            distance = np.where(image.body == number, image.distance, np.inf)
+            row, column = divmod(int(distance.argmin()), columns)
+            if np.isinf(distance[row, column]):
                 continue
-            nearest = pixels[image.distance.flat[pixels].argmin()]
-            row, column = divmod(int(nearest), columns)
             direction = np.array([1.0, u[column], v[row]]) / np.sqrt(1.0 + u[column] ** 2 + v[row] ** 2)
             point = image.distance[row, column] * direction
             linear, angular = self.twists[number, :3], self.twists[number, 3:]

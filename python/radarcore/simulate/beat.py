@@ -91,7 +91,6 @@ def beat_signal(
     >>> samples.shape, round(rc.strongest_peak(samples, waveform).range, 2)
     ((1, 4, 64), 3.0)
     """
-    samples: NDArray[np.complex64] | NDArray[np.complex128]
     check.instance("waveform", waveform, Waveform)
     paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
     total = math.prod(paths[0].shape[-2:-1]) * waveform.num_chirps
@@ -126,42 +125,27 @@ def _paths(
     delay_acceleration: ArrayLike | None,
 ) -> _Paths:
     """Delays, amplitudes, rates and accelerations as the core takes them: of one shape, or amplitudes without nodes."""
-    delays = _numbers("delay", delay, np.float64)
-    amplitudes = _numbers("amplitude", amplitude, np.complex128)
+    delays = _with_axes("delay", check.numbers("delay", delay))
+    amplitudes = _with_axes("amplitude", check.complex_numbers("amplitude", amplitude))
     is_nodal = delays.ndim == 3
-    shape = delays.shape
-    if is_nodal:
-        shape = (*amplitudes.shape[:1], *shape[1:]) if amplitudes.ndim == 3 else shape[1:]
-    if amplitudes.shape != shape:
-        amplitudes = _like("amplitude", amplitudes, shape)
-    derivatives: list[NDArray[np.float64] | None] = []
-    for name, value in (("delay_rate", delay_rate), ("delay_acceleration", delay_acceleration)):
-        if value is None:
-            derivatives.append(None)
-            continue
-        if is_nodal:
+    # Amplitudes have no nodes, or some of their own.
+    shape = (*amplitudes.shape[:-2], *delays.shape[1:]) if is_nodal else delays.shape
+
+    def derivative(name: str, value: ArrayLike | None) -> _Reals | None:
+        if value is not None and is_nodal:
             raise ValueError(f"{name}: expected none together with delays at nodes {delays.shape}")
-        array = _numbers(name, value, np.float64)
-        derivatives.append(array if array.shape == delays.shape else _like(name, array, delays.shape))
-    rate, acceleration = derivatives
+        return None if value is None else _like(name, check.numbers(name, value), delays.shape)
+
+    rate, acceleration = derivative("delay_rate", delay_rate), derivative("delay_acceleration", delay_acceleration)
     if acceleration is not None and rate is None:
         rate = np.zeros_like(delays)
-    return delays, amplitudes, rate, acceleration
+    return delays, _like("amplitude", amplitudes, shape), rate, acceleration
 
 
-def _numbers(name: str, value: ArrayLike, dtype: type[Number]) -> NDArray[Number]:
-    if type(value) is np.ndarray and value.dtype == dtype and value.flags.c_contiguous and 1 <= value.ndim <= 3:
-        return value
-    kind = "complex numbers" if dtype is np.complex128 else "real numbers"
-    try:
-        array = np.asarray(value)
-    except ValueError as error:  # rows of different lengths
-        raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}: {error}") from None
-    if array.dtype.kind not in ("iufc" if dtype is np.complex128 else "iuf"):
-        raise TypeError(f"{name}: expected {kind}, got {array.dtype}")
+def _with_axes(name: str, array: NDArray[Number]) -> NDArray[Number]:
     if array.ndim > 3:
         raise ValueError(f"{name}: expected (path,), (channel, path) or (node, channel, path), got {array.shape}")
-    return np.ascontiguousarray(np.atleast_1d(array), dtype=dtype)
+    return np.ascontiguousarray(np.atleast_1d(array))
 
 
 def _like(name: str, array: NDArray[Number], shape: tuple[int, ...]) -> NDArray[Number]:

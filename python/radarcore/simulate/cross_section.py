@@ -108,9 +108,7 @@ def rcs(
         if len(units) not in (1, count):
             raise ValueError(f"{name}: expected shape ({count}, 3), got {units.shape}")
         both.append(np.ascontiguousarray(np.broadcast_to(units, (count, 3))))
-    fields = None
-    if polarization is not None:
-        fields = _fields(polarization, both[0]), _fields(polarization, both[1])
+    fields = None if polarization is None else (_fields(polarization, both[0]), _fields(polarization, both[1]))
     bodies, poses = _bodies(target, check.number("time", time, "s"))
     if not any(len(body.mesh.triangles) for body in bodies):
         notice.warn("target: expected a mesh with triangles, got none: its cross-section is 0")
@@ -146,13 +144,12 @@ def _directions(
     directions: ArrayLike | None, azimuth_deg: ArrayLike | None, elevation_deg: ArrayLike | None
 ) -> tuple[tuple[int, ...], NDArray[np.float64]]:
     """Shape of the directions, and unit vectors (direction, 3)."""
+    if (directions is None) == (azimuth_deg is None and elevation_deg is None):
+        got = "none" if directions is None else "both"
+        raise ValueError(f"directions: expected either unit vectors or azimuth_deg and elevation_deg, got {got}")
     if directions is not None:
-        if azimuth_deg is not None or elevation_deg is not None:
-            raise ValueError("directions: expected either directions or azimuth_deg and elevation_deg, got both")
         units = _units("directions", directions)
         return units.shape[:1], units
-    if azimuth_deg is None and elevation_deg is None:
-        raise ValueError("directions: expected unit vectors, or azimuth_deg and elevation_deg, got none")
     azimuth, elevation = _angles("azimuth_deg", azimuth_deg), _angles("elevation_deg", elevation_deg)
     try:
         azimuth, elevation = np.broadcast_arrays(np.deg2rad(azimuth), np.deg2rad(elevation))

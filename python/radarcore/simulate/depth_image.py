@@ -87,6 +87,3 @@ class DepthImage:
     def __getstate__(self) -> dict[str, Any]:
         # The materials are not pickled: keep the array.
         return {**self.__dict__, "reflectance": self.reflectance, "_reflectance": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)

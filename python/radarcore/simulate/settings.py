@@ -61,24 +61,21 @@ class Settings:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        checked = {
-            "resolution": None if self.resolution is None else _resolution(self.resolution),
-            "field_of_view_deg": None
-            if self.field_of_view_deg is None
-            else checked_field_of_view(self.field_of_view_deg),
-            "sampling": check.choice("sampling", self.sampling, SAMPLINGS),
-            "tolerance": check_tolerance(self.tolerance),
-            "method": check.choice("method", self.method, METHODS),
-            "rcs_floor": None if self.rcs_floor is None else check.positive("rcs_floor", self.rcs_floor, "m^2"),
-            "gain_floor_db": _positive_or_infinite("gain_floor_db", self.gain_floor_db, "dB"),
-            "max_bounces": check.count("max_bounces", self.max_bounces, maximum=MAX_BOUNCES),
-            "bounce_floor_db": _positive_or_infinite("bounce_floor_db", self.bounce_floor_db, "dB"),
-            "retrace_deg": _positive_or_infinite("retrace_deg", self.retrace_deg, "degrees"),
-            "seed": check_seed(self.seed),
-            "threads": check_threads(self.threads),
-        }
-        for name, value in checked.items():
-            setattr(self, name, value)
+        if self.resolution is not None:
+            self.resolution = _resolution(self.resolution)
+        if self.field_of_view_deg is not None:
+            self.field_of_view_deg = checked_field_of_view(self.field_of_view_deg)
+        check.choice("sampling", self.sampling, SAMPLINGS)
+        self.tolerance = check_tolerance(self.tolerance)
+        check.choice("method", self.method, METHODS)
+        if self.rcs_floor is not None:
+            self.rcs_floor = check.positive("rcs_floor", self.rcs_floor, "m^2")
+        self.max_bounces = check.count("max_bounces", self.max_bounces, maximum=MAX_BOUNCES)
+        for name, unit in (("gain_floor_db", "dB"), ("bounce_floor_db", "dB"), ("retrace_deg", "degrees")):
+            if (value := getattr(self, name)) != np.inf:
+                setattr(self, name, check.positive(name, value, unit))
+        self.seed = check.count("seed", self.seed, minimum=0, maximum=2**64 - 1)
+        self.threads = check_threads(self.threads)
         if self.ray_budget is not None:
             self.ray_budget = _ray_budget(self.ray_budget, self._cells)
 
@@ -191,18 +188,6 @@ def _as_json(value: Any) -> Any:
     if isinstance(value, tuple):
         return list(value)
     return None if value == np.inf else value
-
-
-def check_seed(value: int) -> int:
-    """Checked seed of 64 bits."""
-    seed = check.count("seed", value, minimum=0)
-    if seed >= 2**64:
-        raise ValueError(f"seed: expected less than 2**64, got {value}")
-    return seed
-
-
-def _positive_or_infinite(name: str, value: float, unit: str) -> float:
-    return np.inf if value == np.inf else check.positive(name, value, unit)
 
 
 def _ray_budget(value: float, cells: Sectors) -> float:
