@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -49,12 +48,9 @@ from radarcore import _core
     [
         # Shapes that hold as many numbers, but others.
         (lambda: beat(amplitude=np.ones((3, 2), complex)), r"amplitude: expected shape \[2, 3\], got \[3, 2\]"),
-        *(
-            (
-                lambda shape=shape: beat(np.ones((4, 2, 3)), np.ones(shape, complex)),
-                rf"amplitude: expected shape \[2, 3\], or those with nodes in front, got {re.escape(str(list(shape)))}",
-            )
-            for shape in ((3, 2), (3, 3, 2), (0, 2, 3), (4, 2), (1, 3, 2, 3))
+        (
+            lambda: beat(np.ones((4, 2, 3)), np.ones((3, 3, 2), complex)),
+            r"amplitude: expected shape \[2, 3\], or those with nodes in front, got \[3, 3, 2\]",
         ),
         (lambda: beat(DELAY, AMPLITUDE, DELAY[0]), r"delay_rate: expected shape \[2, 3\]"),
         (lambda: beat(DELAY, AMPLITUDE, DELAY, DELAY.T.copy()), r"delay_acceleration: expected shape \[2, 3\]"),
@@ -110,18 +106,6 @@ from radarcore import _core
             lambda: antennas(responses=np.ones((2, 3), complex), longest_path=1.0),
             "responses: expected none, or 1, one per transmit antenna, got 2",
         ),
-        (
-            lambda: antennas(responses=np.ones((1, 1), complex), longest_path=1.0),
-            "responses: expected at least two gains, got 1",
-        ),
-        (
-            lambda: antennas(responses=np.full((1, 2), complex(0.0, NAN)), longest_path=1.0),
-            "responses: expected finite gains, got",
-        ),
-        (
-            lambda: antennas(responses=np.ones((1, 2), complex)),
-            "longest_path: expected a positive length in m, got 0",
-        ),
         (lambda: table(gain_db=np.zeros((2, 3))), r"gain_db: expected shape \(2, 2\), got \(2, 3\)"),
         (lambda: table().gain(np.zeros(2), np.zeros(3)), r"elevation: expected shape \(2,\), got \(3,\)"),
         (lambda: deform(VERTICES[:5]), "vertices: expected 6 as the mesh has, got 5"),
@@ -134,17 +118,11 @@ from radarcore import _core
         (lambda: surfels(focal_length=(0.0, 1.0)), "field_of_view: expected angles"),
         (lambda: surfels(principal_point=(INF, 1.0)), "principal_point: expected finite numbers"),
         (lambda: table(np.array([1.0, 0.0])), "azimuth: expected increasing angles .*, got 1 and then 0"),
-        (lambda: table(np.array([0.0, 4.0])), "azimuth: expected angles from -3.141593 to 3.141593 .*, got 4"),
-        (lambda: table(elevation=np.array([NAN, 1.0])), "elevation: expected angles from -1.57.*, got NaN"),
-        (lambda: table(gain_db=np.full((2, 2), -INF)), "gain_db: expected -1000 to 1000 dB, got -inf"),
-        (lambda: table(np.zeros(1), gain_db=np.zeros((1, 2))), "azimuth: expected at least two angles, got 1"),
         (lambda: beat(np.full((2, 3), NAN)), "delay: expected finite numbers, got NaN at flat index 0"),
         (lambda: beat(amplitude=np.full((2, 3), INF + 0j)), "amplitude: expected finite numbers, got inf"),
         (lambda: beat(start_frequency=NAN), "waveform: expected finite numbers"),
         (lambda: beat(sample_rate=0.0), "waveform: expected samples, chirps and a positive sample rate"),
         (lambda: surface(VERTICES * NAN), "vertices: expected finite coordinates.*at row 0"),
-        (lambda: surface(VERTICES * 1e200), r"vertices: expected coordinates below 1e15 m.*at row 0"),
-        (lambda: surface(triangles=TRIANGLES + np.uint32(1)), "triangles: expected vertex numbers below 6.*at row 2"),
         (lambda: cast(rows=2**24), "resolution: expected at most 268435456 rays, got 16777216 x 30"),
         (lambda: cast(half_width=0.0), "field_of_view: expected angles between 0 and 180 degrees"),
     ],

@@ -13,7 +13,6 @@ from core_calls import (
     AMPLITUDE,
     DELAY,
     GLASS,
-    HITS,
     MATERIAL,
     POSES,
     SENSOR,
@@ -116,25 +115,3 @@ def test_interpreter_is_free_while_the_core_computes() -> None:
         assert any(runs_beside(call) for _ in range(100))
     # The measure itself: work that keeps the interpreter lets nobody in.
     assert not any(runs_beside(lambda: sum(range(1_000_000))) for _ in range(5))
-
-
-def test_calls_from_several_threads_give_what_one_gives() -> None:
-    expected_beat, expected_hits, expected_frame = beat(num_samples=200), HITS[0], frame().cube
-    shared = simulator()
-    failures: list[BaseException] = []
-
-    def work(threads: int | None) -> None:
-        try:
-            for _ in range(20):
-                np.testing.assert_array_equal(beat(num_samples=200, threads=threads), expected_beat)
-                np.testing.assert_array_equal(cast(threads=threads)[0], expected_hits)
-                np.testing.assert_array_equal(shared.frame(placement()).cube, expected_frame)
-        except BaseException as failure:  # a panic is a BaseException
-            failures.append(failure)
-
-    workers = [threading.Thread(target=work, args=(threads,)) for threads in (None, 1, 2, None)]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join()
-    assert not failures

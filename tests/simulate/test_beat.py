@@ -63,7 +63,7 @@ def random_paths(rng: np.random.Generator, shape: tuple[int, ...]) -> tuple[NDAr
     )
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_beat_signal_agrees_with_the_direct_sum_on_random_paths(seed: int) -> None:
     rng = np.random.default_rng(seed)
     num_chirps = int(rng.integers(1, 9))
@@ -89,22 +89,6 @@ def test_beat_signal_agrees_with_the_direct_sum_on_random_paths(seed: int) -> No
         assert abs(got - expected).max() <= rounding(wf, delay, amplitude), f"seed {seed}, {list(options)}"
 
 
-def test_exact_tone_is_reproduced_to_rounding_of_its_sample() -> None:
-    # Powers of two, so that every phase is exact in binary: f0 tau = n / 2^14, S tau t = n k / 2^25, ...
-    wf = rc.Waveform(
-        start_frequency=2.0**36, slope=2.0**45, sample_rate=2.0**21, num_samples=200, num_chirps=3,
-        chirp_interval=2.0**-13, adc_delay=2.0**-18,
-    )  # fmt: skip
-    for n in (1, 12_345_679, 35_184_371):  # to 31 ns, 4.7 m
-        tau = n * 2.0**-50
-        t = wf.sample_times
-        turns = (n % 2**14) / 2**14 + (2.0**45 * tau * t) - 2.0**44 * tau**2
-        got = rc.beat_signal([tau], [1.0], wf, **STRICT)[0]
-        # 2 pi eps for a phase within one turn, times its few hundred turns of S tau t, each rounded once.
-        bound = 2.0 * np.pi * EPS * (2.0 + 2.0**45 * tau * t[-1])
-        assert abs(got - np.exp(2j * np.pi * turns)).max() <= bound, n
-
-
 @pytest.mark.parametrize(
     ("distance", "frequency", "phase"),
     [(0.5, 333_564.095, 0.866456), (2.0, 1_334_256.381, 3.423879), (10.0, 6_671_281.904, 3.434467)],
@@ -120,51 +104,6 @@ def test_beat_frequency_and_phase_have_the_values_of_the_closed_form(
     np.testing.assert_allclose(abs(samples), 1.0, rtol=0, atol=4 * EPS)
 
 
-@pytest.mark.parametrize("velocity", [-2.0, 1.0])
-def test_receding_target_has_positive_slow_time_phase(velocity: float) -> None:
-    wf = waveform(slope=1e12, adc_delay=0.0, num_samples=4, chirp_interval=200e-6)
-    first = rc.beat_signal([2.0 / C], [1.0], wf, delay_rate=[2.0 * velocity / C], **STRICT)[0, :, 0]
-    doppler = np.angle(first[1:] / first[:-1]) / (2.0 * np.pi * 200e-6)
-    # +400.2769 Hz per m/s at 60 GHz; the residual video phase takes S tau / f0 = 1e-7 of it.
-    np.testing.assert_allclose(doppler, 400.2769 * velocity, rtol=3e-7)
-
-
-@pytest.mark.parametrize("slope", [50e12, -50e12])
-def test_range_is_at_positive_frequency_of_an_up_chirp_and_negative_of_a_down_chirp(slope: float) -> None:
-    wf = waveform(slope=slope, num_chirps=1)
-    samples = rc.beat_signal([2.0 * 1.5 / C], [1.0], wf, **STRICT)[0, 0]
-    frequency = np.angle(samples[1:] / samples[:-1]) * wf.sample_rate / (2.0 * np.pi)
-    np.testing.assert_allclose(frequency, slope * 2.0 * 1.5 / C, rtol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_paths_superpose(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    wf = waveform()
-    delay, rate, acceleration, amplitude = random_paths(rng, (2, 20))
-
-    def signal(part: slice, factor: complex = 1.0) -> Any:
-        return rc.beat_signal(
-            delay[:, part], factor * amplitude[:, part], wf,
-            delay_rate=rate[:, part], delay_acceleration=acceleration[:, part], **STRICT,
-        )  # fmt: skip
-
-    whole, halves = signal(slice(None)), signal(slice(7)) + signal(slice(7, None))
-    # The same numbers added in another order.
-    bound = 20 * EPS * abs(amplitude).sum()
-    assert abs(whole - halves).max() <= bound, f"seed {seed}"
-    # Mixed as tx conj(rx): a factor of the amplitudes comes out conjugated.
-    assert abs(signal(slice(None), 2.0 - 1.0j) - (2.0 + 1.0j) * whole).max() <= 3.0 * bound, f"seed {seed}"
-
-
-def test_channels_do_not_know_of_each_other() -> None:
-    delay, rate, _, amplitude = random_paths(np.random.default_rng(5), (3, 8))
-    together = rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, **STRICT)
-    for channel in range(3):
-        alone = rc.beat_signal(delay[channel], amplitude[channel], waveform(), delay_rate=rate[channel], **STRICT)
-        np.testing.assert_array_equal(together[channel], alone[0])
-
-
 @pytest.mark.parametrize("slope", [50e12, -50e12])
 @pytest.mark.parametrize("num_nodes", [3, 4, 7])
 def test_delays_at_nodes_reproduce_polynomial_motion(num_nodes: int, slope: float) -> None:
@@ -176,25 +115,6 @@ def test_delays_at_nodes_reproduce_polynomial_motion(num_nodes: int, slope: floa
     taylor = rc.beat_signal(delay, amplitude, wf, delay_rate=rate, delay_acceleration=acceleration, **STRICT)
     # Delays at nodes are rounded before they are interpolated: by less than n times (Lebesgue's constant is below 3).
     assert abs(nodal - taylor).max() <= 3.0 * rounding(wf, delay, amplitude)
-
-
-@pytest.mark.parametrize("num_nodes", [4, 6])
-def test_delays_and_amplitudes_at_nodes_reproduce_cubics(num_nodes: int) -> None:
-    wf, rng = waveform(), np.random.default_rng(num_nodes)
-    shapes = rng.uniform(-1.0, 1.0, (4, 3)) * np.array([[1e-9], [1e-9], [1e-10], [1e-10]])  # of x^k, x in [-1, 1]
-    shapes[0] += 10e-9
-    weights = rng.standard_normal((4, 3)) + 1j * rng.standard_normal((4, 3))
-
-    def at(coefficients: NDArray[Any], times: NDArray[np.float64]) -> NDArray[Any]:
-        return np.polynomial.polynomial.polyval(2.0 * times / wf.duration - 1.0, coefficients)  # (path, ...)
-
-    nodes = wf.delay_times(num_nodes)
-    got = rc.beat_signal(at(shapes, nodes).T[:, None], at(weights, nodes).T[:, None], wf, **STRICT)
-    delay, amplitude = at(shapes, all_times(wf)), at(weights, all_times(wf))
-    bound = 3.0 * rounding(wf, delay, abs(amplitude).max(axis=(1, 2)))
-    assert abs(got[0] - exact_signal(delay, amplitude, wf)).max() <= bound
-    constant = rc.beat_signal(at(shapes, nodes).T[:, None], weights[:1], wf, **STRICT)
-    assert abs(constant[0] - exact_signal(delay, weights[0][:, None, None], wf)).max() <= bound
 
 
 @pytest.mark.parametrize("num_nodes", [4, 8, 12])
@@ -244,18 +164,6 @@ def test_samples_are_single_unless_the_tolerance_is_below_a_millionth(tolerance:
     assert (error <= tolerance + single * size + own).all()
 
 
-@pytest.mark.parametrize("shape", [(0,), (1, 0), (3, 0), (4, 3, 0)])
-def test_no_paths_give_silence(shape: tuple[int, ...]) -> None:
-    silence = rc.beat_signal(np.zeros(shape), np.zeros(shape), waveform())
-    assert silence.shape == (shape[-2] if len(shape) > 1 else 1, 16, 40)
-    assert not silence.any()
-    assert rc.beat_signal([], [], waveform()).shape == (1, 16, 40)
-
-
-def test_no_channels_give_no_samples() -> None:
-    assert rc.beat_signal(np.zeros((0, 5)), np.zeros((0, 5)), waveform()).shape == (0, 16, 40)
-
-
 def test_path_without_amplitude_is_silent_and_without_delay_is_constant() -> None:
     assert not rc.beat_signal([1e-9, 2e-9], [0.0, 0.0], waveform()).any()
     np.testing.assert_array_equal(rc.beat_signal([0.0], [2.0 - 1.0j], waveform()), np.full((1, 16, 40), 2.0 + 1.0j))
@@ -279,12 +187,3 @@ def test_what_numpy_takes_for_numbers_is_accepted() -> None:
     same = rc.beat_signal(delay, np.ones((2, 6)), wf, delay_rate=np.full((2, 6), 1e-9))
     np.testing.assert_array_equal(rc.beat_signal(delay, 1.0, wf, delay_rate=1e-9), same)
     np.testing.assert_array_equal(rc.beat_signal(delay, np.ones(6), wf, delay_rate=[1e-9]), same)
-
-
-def test_arguments_are_left_alone() -> None:
-    arguments = random_paths(np.random.default_rng(6), (2, 6))
-    before = [values.copy() for values in arguments]
-    delay, rate, acceleration, amplitude = arguments
-    rc.beat_signal(delay, amplitude, waveform(), delay_rate=rate, delay_acceleration=acceleration)
-    for values, copy in zip(arguments, before, strict=True):
-        np.testing.assert_array_equal(values, copy)

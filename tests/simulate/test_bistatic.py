@@ -94,32 +94,13 @@ def plate_patches(width: float, height: float, pose: rc.Pose) -> tuple[Array, Ar
     return local @ pose.rotation.T + pose.position, normals, areas
 
 
-def sphere_by_rays(radius: float, middle: Any, frequency: float) -> Any:
-    """Geometrical optics of a sphere, per channel: divergence of the reflected wave (Kouyoumjian, Pathak 1974)."""
-    k, wavelength = 2.0 * np.pi * frequency / C, C / frequency
-    seen = []
-    for t, r in product(np.asarray(TX), np.asarray(RX)):
-        normal = 0.5 * (t + r) - middle
-        for _ in range(200):  # the mirror point: the normal halves the angle
-            normal /= np.linalg.norm(normal)
-            point = middle + radius * normal
-            to_t, to_r = t - point, r - point
-            normal = to_t / np.linalg.norm(to_t) + to_r / np.linalg.norm(to_r)
-        r_t, r_r = np.linalg.norm(to_t), np.linalg.norm(to_r)
-        cosine = (point - middle) @ to_t / (radius * r_t)
-        rho1, rho2 = 1.0 / (1.0 / r_t + 2.0 / (radius * cosine)), 1.0 / (1.0 / r_t + 2.0 * cosine / radius)
-        spread = np.sqrt(rho1 * rho2 / ((rho1 + r_r) * (rho2 + r_r))) / r_t
-        seen.append(-wavelength / (4.0 * np.pi) * spread * np.exp(-1j * k * (r_t + r_r)))
-    return np.array(seen)
-
-
 def assert_close(got: Any, expected: Any, db_bound: float, phase_bound: float) -> None:
     error_db, error_phase = 20.0 * np.log10(np.abs(got / expected)), np.angle(got / expected)
     assert (np.abs(error_db) <= db_bound).all(), f"{error_db} dB, {error_phase} rad"
     assert (np.abs(error_phase) <= phase_bound).all(), f"{error_db} dB, {error_phase} rad"
 
 
-def test_integral_is_that_of_one_antenna_and_of_rays_where_these_are_known_on_paper() -> None:
+def test_integral_for_one_antenna_has_the_values_on_paper() -> None:
     # Sphere of 10 cm at 1 m and squares from one place, of the validation table.
     here = [[0.0, 0.0, 0.0]]
     patches = sphere_patches(0.1, center() + np.array([1.0, 0.0, 0.0]))
@@ -127,12 +108,9 @@ def test_integral_is_that_of_one_antenna_and_of_rays_where_these_are_known_on_pa
     assert at_center[0] == pytest.approx(-1.364140741e-07 + 2.207852026e-05j, rel=1e-4)
     plate = integral(*plate_patches(0.1, 0.1, rc.Pose([1.0, 0.0, 0.0])), 60e9, here, here)
     assert plate[0] == pytest.approx(1.401928381e-04 + 2.806126868e-04j, rel=1e-8)
-    # Physical optics has amplitude and phase of the mirror point's ray to about 1 / (k radius), here 0.8 %.
-    middle = np.array([1.0, 0.0, 0.0])
-    assert_close(integral(*sphere_patches(0.1, middle), 60e9), sphere_by_rays(0.1, middle, 60e9), 0.1, 0.012)
 
 
-@pytest.mark.parametrize("frequency", [57e9, 60e9, 64e9])
+@pytest.mark.parametrize("frequency", [57e9, 64e9])
 @pytest.mark.parametrize(("radius", "place"), [(0.05, (0.6, 0.0, 0.0)), (0.1, (1.0, 0.05, -0.08))])
 def test_every_pair_sees_the_sphere_from_its_own_places(radius: float, place: Any, frequency: float) -> None:
     sim = simulator(sphere(radius), rc.Pose(place), frequency, field_of_view_deg=(30.0, 30.0))
@@ -150,12 +128,11 @@ PLATES = {
 
 
 @pytest.mark.parametrize("name", PLATES)
-@pytest.mark.parametrize("frequency", [57e9, 60e9, 64e9])
-def test_every_pair_sees_the_plate_from_its_own_places(name: str, frequency: float) -> None:
+def test_every_pair_sees_the_plate_from_its_own_places(name: str) -> None:
     pose, field_of_view_deg = PLATES[name]
     window = (field_of_view_deg, field_of_view_deg)
-    sim = simulator(rc.shapes.plate(0.1, 0.1), pose, frequency, field_of_view_deg=window)
-    expected = integral(*plate_patches(0.1, 0.1, pose), frequency)
+    sim = simulator(rc.shapes.plate(0.1, 0.1), pose, field_of_view_deg=window)
+    expected = integral(*plate_patches(0.1, 0.1, pose), 60e9)
     assert_close(transfer_functions(sim), expected, PLATE_DB, PLATE_PHASE)
 
 

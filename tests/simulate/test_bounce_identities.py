@@ -138,24 +138,6 @@ def test_matt_bodies_send_nothing_on() -> None:
     assert stats["bounces_stopped"] == stats["rays_hit"]
 
 
-def test_rays_weak_where_they_are_launched_end_as_well() -> None:
-    beam = rc.GaussianPattern(10.0, beamwidth_azimuth_deg=10.0, beamwidth_elevation_deg=10.0)
-    frames = [
-        simulator(room(), rc.Radar(tone(), pattern=pattern), resolution=64, bounce_floor_db=40.0).frame()
-        for pattern in (None, beam)
-    ]
-    assert frames[0].stats["bounces_stopped"] == 0
-    assert frames[1].stats["bounces_stopped"] > 100
-
-
-def test_recordings_and_other_radars_keep_the_settings() -> None:
-    sim = simulator([ball()], resolution=16, field_of_view_deg=(20.0, 20.0), max_bounces=2, bounce_floor_db=50.0)
-    source = sim.record(0.0, 0.01, progress=False).source
-    assert (source["max_bounces"], source["bounce_floor_db"]) == (2, 50.0)
-    other = sim.with_radar(CHANNELS)
-    assert (other.max_bounces, other.bounce_floor_db) == (2, 50.0)
-
-
 def test_adaptive_sampling_has_the_same_paths_of_several_reflections() -> None:
     target = body(rc.shapes.dihedral(0.1), [2.0, 0.0, 0.0])
     options: dict[str, Any] = {"field_of_view_deg": (5.0, 5.0), "max_bounces": 2}

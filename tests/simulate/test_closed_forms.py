@@ -30,7 +30,6 @@ def transfer_function(
     *,
     field_of_view_deg: float = 20.0,
     resolution: int = 512,
-    pattern: Any = None,
     **options: Any,
 ) -> complex:
     """H at one frequency: the conjugate of the one sample of a ramp without slope to speak of."""
@@ -38,11 +37,11 @@ def transfer_function(
     window = (field_of_view_deg, field_of_view_deg)
     sim = rc.Simulator(
         rc.Scene(bodies),
-        rc.Radar(wf, pattern=pattern),
+        rc.Radar(wf),
         resolution=resolution,
         field_of_view_deg=window,
         tolerance=1e-9,
-        **options,
+        **{"sampling": "footprint"} | options,
     )
     return complex(np.conj(sim.frame().cube[0, 0, 0]))
 
@@ -105,12 +104,6 @@ def test_plate_at_one_metre_has_its_closed_form(name: str) -> None:
     assert_close(transfer_function([body(mesh(), 1.0, yaw_deg=yaw_deg)]), expected, PLATE_DB, PLATE_PHASE)
 
 
-@pytest.mark.parametrize("frequency", FREQUENCIES)
-def test_disc_has_its_closed_form_over_the_band(frequency: float) -> None:
-    got = transfer_function([body(rc.shapes.disc(0.05), 1.0)], frequency)
-    assert_close(got, disc_on_axis(0.05, 1.0, frequency), PLATE_DB, PLATE_PHASE)
-
-
 def test_number_on_paper_of_disc_and_sphere_is_their_closed_form() -> None:
     assert disc_on_axis(0.05, 1.0, 60e9) == pytest.approx(6.656596809e-05 + 3.914973094e-04j, rel=1e-9)
     assert sphere(0.1, 1.0, 60e9) == pytest.approx(-1.364140741e-07 + 2.207852026e-05j, rel=1e-9)
@@ -123,19 +116,11 @@ def ball(radius: float) -> rc.Body:
     return body(rc.shapes.sphere(radius), 1.0)
 
 
-@pytest.mark.parametrize("frequency", FREQUENCIES)
+@pytest.mark.parametrize("frequency", FREQUENCIES[::2])
 @pytest.mark.parametrize("radius", [0.05, 0.1, 0.2])
 def test_smooth_sphere_has_its_closed_form_over_the_band(radius: float, frequency: float) -> None:
     got = transfer_function([ball(radius)], frequency, field_of_view_deg=15 + 50 * radius)
     assert_close(got, sphere(radius, 1.0, frequency), SPHERE_DB, SPHERE_PHASE)
-
-
-def test_coarse_sphere_needs_the_distance_of_the_curved_surface() -> None:
-    # 1280 facets, up to 0.46 mm inside the sphere: 1.2 rad there and back.
-    coarse, expected = rc.shapes.sphere(0.1, subdivisions=3), sphere(0.1, 1.0, 60e9)
-    assert_close(transfer_function([body(coarse, 1.0)]), expected, SPHERE_DB, SPHERE_PHASE)
-    flat = transfer_function([body(flat_shaded(coarse), 1.0)])
-    assert abs(flat / expected - 1.0) >= 0.6
 
 
 @pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
@@ -171,25 +156,6 @@ def test_echo_scales_with_the_reflection_coefficient() -> None:
         assert db(got / conductor) == pytest.approx(level_db, abs=0.03)
 
 
-def test_oblique_wall_does_not_echo_in_footprint_mode_and_drowns_the_scene_in_point_mode() -> None:
-    wall, distance = body(rc.shapes.plate(6.0, 6.0), 3.0, yaw_deg=50.0), 3.0
-    beamwidth = np.rad2deg(np.sqrt(4.0 * np.log(2.0) * 0.08))  # G = exp(-(az^2 + el^2) / 0.08)
-    pattern = rc.GaussianPattern(0.0, beamwidth, beamwidth)
-    level = {}
-    for sampling, resolution in (("footprint", 512), ("point", 256)):
-        # Relative to a mirror at the same distance, lambda / (8 pi d); rms over the band.
-        ratios = [
-            transfer_function(
-                [wall], f, field_of_view_deg=60.0, resolution=resolution, pattern=pattern, sampling=sampling
-            )
-            / (C / f / (8 * np.pi * distance))
-            for f in FREQUENCIES
-        ]
-        level[sampling] = db(np.sqrt(np.mean(np.abs(ratios) ** 2)))
-    assert level["footprint"] <= -50.0
-    assert level["point"] >= -20.0
-
-
 def lambertian_disc(radius: float, distance: float) -> float:
     """Mean power of a disc of albedo 1 on axis at 60 GHz [W]."""
     return (C / 60e9 / (4 * np.pi)) ** 2 * distance**2 / 2 * (distance**-4 - (distance**2 + radius**2) ** -2)
@@ -214,90 +180,35 @@ def test_number_on_paper_of_matt_bodies_is_their_closed_form() -> None:
     assert lambertian_sphere(0.3, 2.0) == pytest.approx(7.656712e-10, rel=1e-6)
 
 
-# Mesh, distance of its centre, mean power, field of view, pixels per side.
-LAMBERTIAN = {
-    "disc b=0.1 d=1": (lambda: rc.shapes.disc(0.1), 1.0, lambertian_disc(0.1, 1.0), 13.0, 32),
-    "disc b=0.3 d=2": (lambda: rc.shapes.disc(0.3), 2.0, lambertian_disc(0.3, 2.0), 19.0, 32),
-    "sphere a=0.15 D=1": (lambda: rc.shapes.sphere(0.15, subdivisions=5), 1.0, lambertian_sphere(0.15, 1.0), 18.0, 32),
-    "fine disc b=0.01 d=1": (lambda: rc.shapes.disc(0.01), 1.0, lambertian_disc(0.01, 1.0), 1.25, 64),
-    "finest disc b=0.003 d=1": (lambda: rc.shapes.disc(0.003), 1.0, lambertian_disc(0.003, 1.0), 0.36, 60),
-}
-# Depth images have the pixels they are given; scenes take as many points as matt bodies need, whatever the sampling.
-FINENESS: dict[str, dict[str, Any]] = {
-    "half": {"times": 0.5},
-    "whole": {"times": 1.0},
-    "double": {"times": 2.0},
-    "adaptive": {"sampling": "adaptive", "resolution": 32},
-}
-
-
 TONE = rc.Radar(rc.Waveform(start_frequency=60e9, slope=1.0, sample_rate=1e6, num_samples=1))
 
 
-@cache
-def lambertian_scene(name: str) -> rc.Scene:
-    """The matt body, made once for all seeds."""
-    mesh, x, *_ = LAMBERTIAN[name]
-    return rc.Scene([body(mesh(), x, material=rc.Material.lambertian(1.0))])
-
-
-@cache
-def lambertian_image(name: str, times: float) -> rc.DepthImage:
-    """Depth image of the matt body, made once for all seeds."""
-    *_, field_of_view_deg, resolution = LAMBERTIAN[name]
-    options: dict[str, Any] = {"field_of_view_deg": (field_of_view_deg,) * 2, "resolution": round(times * resolution)}
-    return rc.Simulator(lambertian_scene(name), TONE, **options).depth_image()
-
-
-def lambertian_field(name: str, fineness: str, seed: int) -> complex:
-    """Field of a matt body over the root of its mean power on paper."""
-    *_, expected, field_of_view_deg, _ = LAMBERTIAN[name]
-    options = dict(FINENESS[fineness])
-    window = (field_of_view_deg, field_of_view_deg)
-    if "times" in options:
-        image = lambertian_image(name, options["times"])
-        surface = {"normals": image.normals, "body": image.body, "albedo": 1.0}
-        frame = rc.frame_from_depth(image.surface_distance, 0.0, TONE, camera=window, seed=seed, **surface)
-        return complex(np.conj(frame.cube[0, 0, 0]) / np.sqrt(expected))
-    paths = rc.Simulator(lambertian_scene(name), TONE, field_of_view_deg=window, seed=seed, **options).paths()
-    field = (paths.amplitude[0] * np.exp(-2j * np.pi * 60e9 * paths.delay[0])).sum()
-    return complex(field / np.sqrt(expected))
-
-
-def some_pairs() -> list[tuple[str, str]]:
-    """Every body in two kinds of pixels, every kind of pixels with two bodies or more."""
-    return [
-        ("disc b=0.1 d=1", "half"),
-        ("disc b=0.1 d=1", "adaptive"),
-        ("disc b=0.3 d=2", "whole"),
-        ("disc b=0.3 d=2", "adaptive"),
-        ("sphere a=0.15 D=1", "double"),
-        ("sphere a=0.15 D=1", "adaptive"),
-        ("fine disc b=0.01 d=1", "half"),
-        ("fine disc b=0.01 d=1", "whole"),
-        ("finest disc b=0.003 d=1", "double"),
-        ("finest disc b=0.003 d=1", "adaptive"),
-    ]
-
-
 @pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees", "ignore:distance. quantised")
-@pytest.mark.parametrize(("name", "fineness"), some_pairs())
-def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(name: str, fineness: str) -> None:
-    num_seeds = 100
-    powers = [abs(lambertian_field(name, fineness, seed)) ** 2 for seed in range(num_seeds)]
+@pytest.mark.parametrize(
+    ("mesh", "x", "expected", "field_of_view_deg", "pixels"),
+    [
+        (rc.shapes.disc(0.1), 1.0, lambertian_disc(0.1, 1.0), 13.0, 16),
+        (rc.shapes.disc(0.3), 2.0, lambertian_disc(0.3, 2.0), 19.0, 32),
+        (rc.shapes.sphere(0.15, subdivisions=5), 1.0, lambertian_sphere(0.15, 1.0), 18.0, 64),
+        (rc.shapes.disc(0.01), 1.0, lambertian_disc(0.01, 1.0), 1.25, 32),
+        (rc.shapes.disc(0.003), 1.0, lambertian_disc(0.003, 1.0), 0.36, 120),
+    ],
+)
+def test_mean_power_of_a_matt_body_is_lamberts_however_fine_the_pixels(
+    mesh: rc.Mesh, x: float, expected: float, field_of_view_deg: float, pixels: int
+) -> None:
+    """Scenes take as many points as matt bodies need, see test_speckle.py; depth images have the given pixels."""
+    window = (field_of_view_deg, field_of_view_deg)
+    scene = rc.Scene([body(mesh, x, material=rc.Material.lambertian(1.0))])
+    image = rc.Simulator(scene, TONE, field_of_view_deg=window, resolution=pixels).depth_image()
+    surface = {"camera": window, "normals": image.normals, "body": image.body, "albedo": 1.0}
+    num_seeds = 60
+    frames = [rc.frame_from_depth(image.surface_distance, 0.0, TONE, seed=k, **surface) for k in range(num_seeds)]
+    powers = [abs(frame.cube[0, 0, 0]) ** 2 / expected for frame in frames]
     # Speckle: powers are exponential with mean and deviation 1, so the mean of n of them deviates by 1 / sqrt(n).
     # Their deviation has one of sqrt(8 / n) (fourth central moment 9), halved by the root.
     assert np.mean(powers) == pytest.approx(1.0, abs=4.0 / np.sqrt(num_seeds))
     assert np.std(powers) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / num_seeds))
-
-
-@pytest.mark.filterwarnings("ignore:field_of_view_deg. expected degrees", "ignore:distance. quantised")
-@pytest.mark.parametrize("name", LAMBERTIAN)
-def test_speckle_is_another_for_pixels_of_another_size(name: str) -> None:
-    # Or the test above would look at the same samples again and again.
-    fields = [lambertian_field(name, fineness, seed=0) for fineness in FINENESS]
-    for number, field in enumerate(fields):
-        assert all(abs(field - other) > 0.05 for other in fields[:number])
 
 
 def test_power_of_a_matt_body_scales_with_its_albedo_and_speckle_stays() -> None:
@@ -305,31 +216,6 @@ def test_power_of_a_matt_body_scales_with_its_albedo_and_speckle_stays() -> None
     white = transfer_function([body(mesh, 1.0, material=rc.Material.lambertian(1.0))], **options)
     grey = transfer_function([body(mesh, 1.0, material=rc.Material.lambertian(0.25))], **options)
     assert grey == pytest.approx(0.5 * white, rel=1e-12)
-
-
-def test_mirror_like_part_is_the_same_for_every_seed() -> None:
-    mesh, options = rc.shapes.disc(0.05), {"field_of_view_deg": 7.0, "resolution": 64}
-    first, second = (transfer_function([body(mesh, 1.0)], seed=seed, **options) for seed in (0, 1))
-    assert first == second
-
-
-@pytest.mark.parametrize(
-    ("mesh", "distance", "expected", "db_bound", "phase_bound"),
-    [
-        # Values of the validation table at 60 GHz; in a 60 degree image pixels are 2.3 mm at 1 m.
-        (rc.shapes.disc(0.05), 1.0, 6.656596809e-05 + 3.914973094e-04j, 0.6, 0.1),
-        (rc.shapes.plate(0.1, 0.1), 1.0, 1.401928381e-04 + 2.806126868e-04j, 0.6, 0.1),
-        (rc.shapes.plate(0.2, 0.2), 1.0, -1.042389726e-05 + 1.567952559e-04j, 0.6, 0.1),
-        (rc.shapes.sphere(0.1), 1.0, -1.364140741e-07 + 2.207852026e-05j, 0.25, 0.05),
-        (rc.shapes.sphere(0.2), 1.0, -8.913847473e-06 + 4.891186567e-05j, 0.25, 0.05),
-    ],
-    ids=["disc 5 cm", "square 10 cm", "square 20 cm", "sphere 10 cm", "sphere 20 cm"],
-)
-def test_bounds_hold_in_an_image_of_60_degrees_too(
-    mesh: rc.Mesh, distance: float, expected: complex, db_bound: float, phase_bound: float
-) -> None:
-    got = transfer_function([body(mesh, distance)], field_of_view_deg=60.0)
-    assert_close(got, expected, db_bound, phase_bound)
 
 
 # Largest errors of level [dB] and phase [rad] at any of 64 frequencies and six turns by parts of a cell: 1.2 to 1.5

@@ -32,12 +32,12 @@ def corner_error_db(leg: float, place: list[float]) -> float:
 def test_corners_in_the_default_view_have_the_echo_of_their_cross_section(leg: float) -> None:
     # Of any size in pixels: 5 cm at 30 m are a third of one. Far fields begin at 2 D^2 / lambda.
     wavelength = 299_792_458.0 / rc.bgt60tr13c().waveform.center_frequency
-    for distance in (2.0, 5.0, 10.0, 20.0, 30.0):
+    for distance in (2.0, 10.0, 30.0):
         if distance >= 4.0 * leg**2 / wavelength:
             assert corner_error_db(leg, [distance, 0.02, 0.01]) == pytest.approx(0.0, abs=0.3), distance
 
 
 def test_small_far_corner_has_its_echo_wherever_it_lies_in_a_pixel() -> None:
-    # 0.11 dB rms; 0.27 with four times the default floor.
-    errors = [corner_error_db(0.05, [30.0, 0.02 + 0.078 * step, 0.01 + 0.042 * step]) for step in range(8)]
+    # 0.11 dB rms of eight places; 0.27 with four times the default floor.
+    errors = [corner_error_db(0.05, [30.0, 0.02 + 0.078 * step, 0.01 + 0.042 * step]) for step in range(4)]
     assert np.sqrt(np.mean(np.square(errors))) < 0.18

@@ -74,30 +74,6 @@ def test_dielectric_plate_reflects_by_the_angle_of_incidence() -> None:
         assert_exact(plate, plate.field(WAVENUMBERS, reflection=fresnel), radar, material=material)
 
 
-def test_flash_of_a_plate_that_swings_is_physical_optics_chirp_by_chirp() -> None:
-    waveform = rc.Waveform.from_sweep(
-        start_frequency=60e9, stop_frequency=61e9, sample_rate=2e6, num_samples=64, num_chirps=64, chirp_interval=400e-6
-    )
-
-    # 40 degrees to either side: it faces the radar in the middle of the frame.
-    def swing(time: float) -> rc.Pose:
-        angle = np.deg2rad(40.0) * (1.0 - np.cos(np.pi * (time / waveform.duration - 0.5)))
-        return rc.Pose.from_rpy([2.0, 0.0, 0.0], [0.0, 0.0, angle])
-
-    edges = np.array([0.0, 0.1, 0.1])
-    plate = rc.Body(rc.shapes.plate(*edges[1:]), material=rc.materials["perfect_conductor"], motion=swing)
-    got = rc.Simulator(rc.Scene([plate]), rc.Radar(waveform), field_of_view_deg=(12.0, 12.0), retrace_deg=1.0).frame()
-    assert got.stats["casts"] >= 33  # although its angular velocity is 0 in the middle of the frame
-    # Levels at the middle of every chirp.
-    k = 2.0 * np.pi * np.array([waveform.center_frequency]) / SPEED_OF_LIGHT
-    times = waveform.chirp_times + waveform.sample_times[waveform.num_samples // 2]
-    expected = np.abs([Cuboid(edges, swing(time)).field(k)[0, 0] for time in times])
-    level = np.abs(got.cube[0]).mean(axis=-1)
-    # While the foot passes an edge, the plate is left to cells.
-    assert np.linalg.norm(level - expected) < 0.03 * np.linalg.norm(expected)
-    assert np.abs(level - expected).max() < 0.04 * expected.max()
-
-
 @pytest.mark.parametrize("name", [name for name in TARGETS if name.startswith("partly hidden")])
 def test_partly_hidden_plate_keeps_the_bound_of_the_page(name: str) -> None:
     results = list(flat_results(replace(FULL, placements=2), [name]))
@@ -122,17 +98,6 @@ def test_a_sheet_with_both_sides_returns_as_much_as_one() -> None:
     distance = 1.0
     assert float(section(np.array([one - two]), distance, WAVENUMBERS)) <= 1e-3
     assert abs(20.0 * np.log10(abs(two / one))) < 3.0
-
-
-def test_a_plate_of_many_triangles_has_the_points_of_one_of_two() -> None:
-    y, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.1, 0.1, 21), np.linspace(-0.075, 0.075, 16)))
-    first = np.array([21 * row + column for row in range(15) for column in range(20)])
-    squares = [[first, first + 1, first + 22], [first, first + 22, first + 21]]
-    triangles = np.concatenate([np.stack(corners, axis=1) for corners in squares])
-    fine = plate_paths(rc.Mesh(np.stack([0.0 * y, y, z], axis=1), triangles))
-    coarse = plate_paths(rc.shapes.plate(0.2, 0.15))
-    assert fine.delay.shape == coarse.delay.shape
-    assert abs(field_of(fine) / field_of(coarse) - 1.0) < 1e-9
 
 
 @pytest.mark.parametrize(

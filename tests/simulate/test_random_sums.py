@@ -1,21 +1,20 @@
-"""Four hundred random sums over paths are within their tolerance, against the sum of every sample of every path."""
+"""Two hundred random sums over paths are within their tolerance, against the sum of every sample of every path."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from fast_sums import METHODS, check
+from fast_sums import METHODS
 from path_scenes import C, Paths, allowance, random_phases, relative_error, sweep_waveform
 
-ARRANGEMENTS = {"independent": 160, "together": 40, "plate": 80, "aligned": 80, "strong": 40}
+ARRANGEMENTS = {"independent": 80, "together": 20, "plate": 40, "aligned": 40, "strong": 20}
 """Number of sums by the way in which paths add up."""
-PER_TEST = 40
+PER_TEST = 20
 BLOCKS = [(kind, first) for kind, number in ARRANGEMENTS.items() for first in range(0, number, PER_TEST)]
 MOST_WORK, MOST_STRONG_WORK = 300_000, 1_000_000
 """Paths x samples of a sum, so that all take some seconds."""
@@ -108,13 +107,7 @@ def strong(rng: np.random.Generator, wf: rc.Waveform, n: int) -> tuple[Real, NDA
     return delays(wf, np.full(n, 5.0), velocity, acceleration), amplitude
 
 
-ARRANGE = {
-    "independent": independent,
-    "together": together,
-    "plate": plate,
-    "aligned": aligned,
-    "strong": strong,
-}
+ARRANGE = {make.__name__: make for make in (independent, together, plate, aligned, strong)}
 
 
 def delays(wf: rc.Waveform, distance: Real, velocity: Real, acceleration: Real) -> Real:
@@ -183,37 +176,3 @@ def test_random_sums_are_within_the_tolerance(kind: str, first: int) -> None:
                 shape = (*paths.delay.shape, wf.num_chirps, wf.num_samples)
                 failed.append(f"seed {seed}, {method}: {ratio:.2f} times the bound at {tolerance:.1e}, {shape}")
     assert not failed, "\n".join(failed)
-
-
-STRONG: dict[str, tuple[Any, ...]] = {  # number of paths, amplitude, acceleration, velocity, tolerance, sizes, ...
-    "fine, 16 chirps": (2748, 6675.8, 1.33, -28.35, 1.3766e-5, 64, 16, 2.0, 0.5, "auto"),
-    "fine, all digits": (
-        *(2748, 6675.78553506738, 1.3301694110817674, -28.349679076268373, 1.3765526546349248e-05),
-        *(64, 16, 2.0, 0.5, "auto"),
-    ),
-    "64 chirps": (2472, 3227.3, 5.273, -10.41, 2.164e-3, 32, 64, 0.5, 0.77, "grid"),
-    "64 chirps, all digits": (
-        *(2472, 3227.34267724777, 5.273216042928093, -10.407140656464001, 0.0021642771044502592),
-        *(32, 64, 0.5, 0.77, "grid"),
-    ),
-    "64 chirps, 1e-3": (2472, 3227.3, 5.273, -10.41, 1e-3, 32, 64, 0.5, 0.77, "grid"),
-    "16 chirps": (2647, 1823.0, 9.78, -22.64, 7.5e-4, 32, 16, 2.0, 0.25, "grid"),
-    "16 chirps, 1e-3": (2647, 1823.0, 9.78, -22.64, 1e-3, 32, 16, 2.0, 0.25, "grid"),
-}
-
-
-@pytest.mark.parametrize("case", STRONG)
-def test_one_strong_accelerating_path_among_weak_ones_is_within_the_tolerance(case: str) -> None:
-    n, amplitude, acceleration, velocity, tolerance, num_samples, num_chirps, span, at, method = STRONG[case]
-    wf = sweep_waveform(num_chirps, num_samples, slope=1e9 * 2e6 / num_samples, chirp_interval=1e-4)
-    velocities, accelerations, amplitudes = span * ((np.arange(n) + 0.5) / n - 0.5), np.zeros(n), np.ones(n, complex)
-    one = int(at * n)
-    velocities[one], accelerations[one], amplitudes[one] = velocity, acceleration, amplitude
-    middle = 0.5 * wf.duration
-    paths = Paths(
-        2.0 / C * (5.0 - velocities * middle + 0.5 * accelerations * middle**2),
-        amplitudes,
-        2.0 / C * (velocities - accelerations * middle),
-        2.0 / C * accelerations,
-    )
-    check(paths, wf, tolerance, method=method)

@@ -9,14 +9,13 @@ import signal
 import threading
 import time
 import warnings
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
 import radarcore as rc
-from interrupts import hears_interrupts, time_of, time_to_hear
+from interrupts import hears_interrupts, time_to_hear
 from radarcore.simulate.side_by_side import in_order
 
 __all__ = ["hears_interrupts"]
@@ -26,6 +25,7 @@ WAVEFORM = rc.Waveform(
 )
 RADAR = rc.Radar(WAVEFORM, rx=[[0.0, 0.0, 0.0], [0.0, 0.0025, 0.0]])
 MATT = rc.Material(-0.5, 0.5)
+WALL = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
 
 
 def moving_bodies() -> list[Any]:
@@ -66,17 +66,11 @@ def test_replaced_settings_make_another_simulator() -> None:
         dataclasses.replace(sim, tolerance=-1.0)
 
 
-@cache
-def one_by_one(sampling: str) -> list[rc.Frame]:
-    sim = simulator(sampling=sampling)
-    return [sim.frame(at) for at in 0.2 + np.arange(20) / 40.0]
-
-
-@pytest.mark.parametrize(("sampling", "threads"), [("adaptive", 1), ("adaptive", 3), ("footprint", 2)])
+@pytest.mark.parametrize(("sampling", "threads"), [("adaptive", 3), ("footprint", 2)])
 def test_frames_side_by_side_are_those_one_by_one(sampling: str, threads: int) -> None:
     recording = simulator(sampling=sampling, threads=threads).record(0.2, 0.7, 40.0, progress=False)
     assert len(recording) == 20  # more than are placed together
-    for frame, expected in zip(recording.frames(), one_by_one(sampling), strict=True):
+    for frame, expected in zip(recording.frames(), simulator(sampling=sampling).frames(0.2, 0.7, 40.0), strict=True):
         assert frame.time == expected.time
         np.testing.assert_array_equal(frame.cube, expected.cube)
         assert frame.truth is not None
@@ -92,7 +86,7 @@ def test_larger_budgets_of_rays_let_fewer_frames_share_the_memory() -> None:
 
 
 def test_two_threads_that_share_a_simulator_get_the_frames_of_one() -> None:
-    times = [0.05 * k for k in range(8)]
+    times = [0.05 * k for k in range(6)]
     expected = [simulator().frame(at).cube for at in times]
     shared = simulator()
     got: dict[tuple[int, float], Any] = {}
@@ -117,21 +111,7 @@ def test_used_simulator_travels_with_equal_bits() -> None:
     used = [sim.frame(at).cube for at in (0.0, 0.1)]
     sim.depth_image(0.1)
     again = pickle.loads(pickle.dumps(sim))
-    for at, cube in zip((0.0, 0.1), used, strict=True):
-        np.testing.assert_array_equal(again.frame(at).cube, cube)
-
-
-@pytest.mark.usefixtures("hears_interrupts")
-def test_interrupt_ends_a_long_frame_soon() -> None:
-    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
-
-    def with_chirps(num_chirps: int) -> rc.Simulator:
-        radar = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=num_chirps))
-        return simulator([wall], radar, resolution=256, sampling="footprint", method="direct")
-
-    # A frame of half a second, to tell how busy the machine is, and one of a minute.
-    half_second = time_of(lambda: with_chirps(8).frame())
-    assert time_to_hear(lambda: with_chirps(1024).frame(), after=0.5) < half_second
+    np.testing.assert_array_equal([again.frame(at).cube for at in (0.0, 0.1)], used)
 
 
 def test_results_come_in_order_and_what_nobody_wants_is_stopped() -> None:
@@ -220,9 +200,7 @@ def test_functions_of_users_are_called_by_the_thread_that_records(beside: str) -
 @pytest.mark.usefixtures("hears_interrupts")
 def test_interrupt_ends_frames_side_by_side() -> None:
     long = rc.Radar(WAVEFORM.replace(num_samples=256, num_chirps=256))
-    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
-    options: dict[str, Any] = {"sampling": "footprint", "method": "direct", "threads": 2}
-    sim = simulator([wall], long, resolution=512, **options)
+    sim = simulator([WALL], long, resolution=512, sampling="footprint", method="direct", threads=2)
     # Of half a minute for each of ten frames.
     assert time_to_hear(lambda: sim.record(0.0, 1.0, 10.0, progress=False), after=0.3) < 4.0
 
@@ -230,10 +208,9 @@ def test_interrupt_ends_frames_side_by_side() -> None:
 @pytest.mark.usefixtures("hears_interrupts")
 def test_interrupted_simulator_gives_the_bits_of_a_fresh_one() -> None:
     radar = rc.Radar(WAVEFORM.replace(num_samples=64, num_chirps=64))
-    wall = rc.Body(rc.shapes.plate(4.0, 4.0), motion=rc.Linear(rc.Pose([2.0, 0.0, 0.0]), velocity=[1.0, 0.0, 0.0]))
     options: dict[str, Any] = {"sampling": "footprint", "method": "direct", "resolution": 128}
-    expected = simulator([wall], radar, **options).frame().cube
-    sim = simulator([wall], radar, **options)
+    expected = simulator([WALL], radar, **options).frame().cube
+    sim = simulator([WALL], radar, **options)
     threading.Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         list(sim.frames(0.0, 100.0))

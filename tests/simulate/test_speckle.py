@@ -82,20 +82,6 @@ def test_intensity_is_exponentially_distributed_over_seeds(sampling: str) -> Non
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_intensity_is_exponentially_distributed_over_frequencies(sampling: str) -> None:
-    # Echoes of a plate that reaches 1 m into the depth are others after c / (2 x 1 m) = 150 MHz.
-    plate = matt(rc.shapes.plate(2.0, 0.1), rc.Pose.from_rpy([3.0, 0.0, 0.0], [0.0, 0.0, np.pi / 6.0]))
-    frequency = np.arange(57.0, 72.0, 0.25) * 1e9
-    intensity = []
-    for seed in range(8):
-        options: dict[str, Any] = SAMPLINGS[sampling] | {"field_of_view_deg": (50.0, 4.0)}
-        paths = simulator([plate], seed=seed, **options).paths()
-        fields = np.exp(-2j * np.pi * frequency[:, None] * paths.delay[0]) @ paths.amplitude[0]
-        intensity.append(np.abs(fields) ** 2 / (np.abs(paths.amplitude[0]) ** 2).sum())
-    assert kstest(np.ravel(intensity), "expon").statistic < 1.95 / np.sqrt(np.size(intensity))
-
-
-@pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_matt_plate_that_recedes_is_one_line_of_doppler(sampling: str) -> None:
     velocity = 8.37 * WAVEFORM.velocity_resolution  # 1.08 m/s, between two bins
     assert velocity == pytest.approx(1.0, abs=0.1)

@@ -85,11 +85,9 @@ print(run(delay, amplitude, *[rate] * {num_rates}), 1024 * (kilobytes("VmHWM") -
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read from Linux's /proc")
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("num_rates", [1, 2], ids=["steady", "bending"])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
+@pytest.mark.parametrize(("tolerance", "num_rates", "threads"), [(1e-3, 1, 2), (1e-8, 2, 1)])
 def test_a_sum_takes_no_more_memory_than_its_report_says(tolerance: float, num_rates: int, threads: int) -> None:
-    num_paths = 2_000_000
+    num_paths = 1_000_000
     code = PEAK_OF_A_SUM.format(num_paths=num_paths, tolerance=tolerance, num_rates=num_rates, threads=threads)
     # The samples, a flag per path, and some tables; a tenth for records in lists that grow.
     beside = 16 * 64 * 64 + num_paths + 1e6
@@ -154,7 +152,7 @@ def exact_frame(output: str) -> tuple[NDArray[np.complex128], NDArray[np.float64
 
 
 @pytest.mark.parametrize("output", ["iq", "real"])
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-6, 1e-8])
 def test_methods_of_the_simulator_agree(tolerance: float, output: str) -> None:
     receiver = rc.Receiver(output=output)
     exact, norm = exact_frame(output)
@@ -176,8 +174,3 @@ def test_stats_hold_the_report_of_the_sum(method: str) -> None:
     assert ("direct" if method == "direct" else CHIRP) in stats["plan"]
     assert " static)" in stats["plan"]
     assert not any(name.startswith("velocity_rows") for name in stats)
-
-
-def test_stats_of_nothing() -> None:
-    stats = frame("auto", scene=rc.Scene([])).stats
-    assert (stats["plan"], stats["still_paths"]) == ("no paths", 0)
