@@ -121,11 +121,9 @@ def test_references_that_are_kept_are_those_of_the_views_of_the_page() -> None:
 
 
 @needs_robots
-@pytest.mark.parametrize(
-    ("name", "pitch"), [("arm at 1.2 m, posture 4", 1.4 * PITCH), ("human at 2.5 m, heading 90°", PITCH)]
-)
-def test_reference_that_is_kept_is_the_dense_integration(name: str, pitch: float) -> None:
-    reference, again = stored(name), real_meshes.integrated(views()[name], pitch, SHIFTS)
+def test_reference_that_is_kept_is_the_dense_integration() -> None:
+    name = "arm at 1.2 m, posture 4"
+    reference, again = stored(name), real_meshes.integrated(views()[name], 1.4 * PITCH, SHIFTS)
     errors = profile_errors(again.transfer_function, reference.transfer_function, again.nearest, again.farthest)
     assert errors.relative < 0.04
     assert abs(errors.strongest) < 0.05

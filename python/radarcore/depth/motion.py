@@ -51,11 +51,10 @@ class ImageMotion:
     def truth(self, image: Image, num_bodies: int) -> Truth:
         """Truth: the nearest visible point of every body."""
         values = np.full((4, num_bodies), np.nan)
-        rows, columns = image.distance.shape
-        u, v = image.camera.plane(rows, columns)
+        u, v = image.camera.plane(*image.distance.shape)
         for number in range(num_bodies):
             distance = np.where(image.body == number, image.distance, np.inf)
-            row, column = divmod(int(distance.argmin()), columns)
+            row, column = np.unravel_index(distance.argmin(), distance.shape)
             if np.isinf(distance[row, column]):
                 continue
             direction = np.array([1.0, u[column], v[row]]) / np.sqrt(1.0 + u[column] ** 2 + v[row] ** 2)

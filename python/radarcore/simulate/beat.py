@@ -91,6 +91,7 @@ def beat_signal(
     >>> samples.shape, round(rc.strongest_peak(samples, waveform).range, 2)
     ((1, 4, 64), 3.0)
     """
+    samples: NDArray[np.complex64] | NDArray[np.complex128]
     check.instance("waveform", waveform, Waveform)
     paths = _paths(delay, amplitude, delay_rate, delay_acceleration)
     total = math.prod(paths[0].shape[-2:-1]) * waveform.num_chirps
