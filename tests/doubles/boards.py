@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from doubles.usb_bus import EmulatedBus, cdc_device, vendor_device
@@ -18,6 +19,7 @@ from radarcore.radar.radar import Radar
 from radarcore.sensor import Sensor, open_sensor
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.strata.packets import Request, Response
 
 TRANSPORTS = ("cdc", "vendor", "pty")
 
@@ -73,6 +75,12 @@ def number_of(codes: NDArray[np.uint16]) -> int:
     number = int(codes.flat[0]) * pow(_STEP, -1, 4096) % 4096
     assert np.array_equal(codes, numbered(codes.shape, number)), f"codes of no frame; the first are of number {number}"
     return number
+
+
+def change_answers(monkeypatch: pytest.MonkeyPatch, change: Callable[[Request, Response], Response]) -> None:
+    """Let emulated boards answer with what a function makes of requests and their answers."""
+    handle = Controller.handle
+    monkeypatch.setattr(Controller, "handle", lambda self, request: change(request, handle(self, request)))
 
 
 @contextmanager

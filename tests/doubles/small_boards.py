@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 from doubles.usb_bus import Stall
@@ -112,6 +113,12 @@ class Call:
         return self.value
 
 
+def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
+    """Data cut at places, modulo their number."""
+    cuts = sorted({0, len(data), *(place % (len(data) + 1) for place in places)})
+    return [data[a:b] for a, b in pairwise(cuts)]
+
+
 def read_all(stream: Any, size: int) -> bytes:
     """`size` bytes of a stream, or what has come when nothing more comes."""
     data = b""
@@ -120,4 +127,4 @@ def read_all(stream: Any, size: int) -> bytes:
     return data
 
 
-__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "read_all"]
+__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "pieces", "read_all"]

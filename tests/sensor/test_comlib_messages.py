@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from doubles.small_boards import pieces
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.codes import Base, Direction, EndpointType, status_text
 from radarcore.sensor.errors import ProtocolError
@@ -94,16 +92,6 @@ def test_frames_of_every_order_are_decoded(is_interleaved):
     assert frame.encode() == payload
 
 
-@given(st.integers(1, 16), st.lists(st.integers(0, 65535), max_size=20))
-@fuzz
-def test_codes_of_any_resolution_are_packed_without_gaps(resolution, numbers):
-    codes = np.array(numbers, np.uint16) & np.uint16((1 << resolution) - 1)
-    data = comlib.pack_bits(codes, resolution)
-    assert len(data) == -(-len(numbers) * resolution // 8)
-    assert int.from_bytes(data, "little") == sum(int(code) << resolution * i for i, code in enumerate(codes))
-    np.testing.assert_array_equal(comlib.unpack_bits(data, len(codes), resolution), codes)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -130,11 +118,6 @@ items = st.builds(comlib.Message, st.integers(0, 255), st.binary(max_size=300)) 
 )
 requests = st.builds(comlib.Message, st.integers(0, 3), st.binary(min_size=1, max_size=300))
 cuts = st.lists(st.integers(0, 2000))
-
-
-def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
-    places = sorted({0, len(data), *(place % (len(data) + 1) for place in places)})
-    return [data[a:b] for a, b in itertools.pairwise(places)]
 
 
 @fuzz

@@ -7,7 +7,7 @@ import pytest
 
 import radarcore as rc
 from chip_settings import power_up
-from doubles.boards import Numbered, opened
+from doubles.boards import Numbered, change_answers, opened
 from doubles.small_boards import is_soon
 from radarcore.sensor import ProtocolError, RequestError, SensorDisconnectedError, SensorTimeoutError
 from radarcore.sensor.bgt60.registers import FIFO_RESET, FSM_RESET, FSTAT, MAIN, start_words, write_word
@@ -62,10 +62,8 @@ def told(request):
 
 def test_conversation_is_that_of_the_vendors_host(monkeypatch):
     """But for the order of the questions, the resets before a start, and what is not asked at all."""
-    heard, handle = [], Controller.handle
-    monkeypatch.setattr(
-        Controller, "handle", lambda self, request: heard.append(told(request)) or handle(self, request)
-    )
+    heard = []
+    change_answers(monkeypatch, lambda request, answer: heard.append(told(request)) or answer)
 
     def new():
         lines, heard[:] = list(heard), []
@@ -213,12 +211,10 @@ def test_refusal_is_not_asked_again_but_damage_on_the_way_is(link, monkeypatch):
         link.ask(Request.read(Code.BOARD_INFO, 0x77, 0, 4))
     assert caught.value.status == 0x89
     assert link._stream.num_written == 1
-    handle, statuses = Controller.handle, [0x84, 0x80]
-
-    def damaged(self, request):
-        return packets.Response(Kind.WRITE, statuses.pop(), b"") if statuses else handle(self, request)
-
-    monkeypatch.setattr(Controller, "handle", damaged)
+    statuses = [0x84, 0x80]
+    change_answers(
+        monkeypatch, lambda _, answer: packets.Response(Kind.WRITE, statuses.pop(), b"") if statuses else answer
+    )
     assert len(link.ask(VERSION)) == 16
     assert link._stream.num_written == 4
 
@@ -266,20 +262,18 @@ def is_register(request):
     ],
 )
 def test_answers_of_another_length_or_kind_are_no_answers(changes, message, monkeypatch, link):
-    handle = Controller.handle
     with monkeypatch.context() as patch:
-        patch.setattr(Controller, "handle", lambda self, request: changes(request, handle(self, request)))
+        change_answers(patch, changes)
         with pytest.raises(ProtocolError, match=message):
             StrataBoard(link)
 
 
 def test_function_that_only_tells_of_an_overflow_is_asked_again(link, monkeypatch):
     """Also with firmware that reports it for EXECUTE."""
-    board, handle, left = StrataBoard(link), Controller.handle, [1]
+    board, left = StrataBoard(link), [1]
 
-    def complaining(self, request):
-        response = handle(self, request)
-        return packets.Response(request.kind, 0x05) if request.index == AT_CHIP[2] and left and left.pop() else response
+    def complaining(request, answer):
+        return packets.Response(request.kind, 0x05) if request.index == AT_CHIP[2] and left and left.pop() else answer
 
-    monkeypatch.setattr(Controller, "handle", complaining)
+    change_answers(monkeypatch, complaining)
     assert board.temperature() == pytest.approx(25.0, abs=0.3)

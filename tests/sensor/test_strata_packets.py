@@ -6,13 +6,13 @@ import random
 import struct
 import tracemalloc
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from doubles.small_boards import pieces
 from radarcore.sensor.errors import RequestError
 from radarcore.sensor.interface import Damage
 from radarcore.sensor.strata import packets as strata
@@ -61,11 +61,6 @@ ANSWERS = {
 
 def encode(answer: Response | DataPacket) -> bytes:
     return strata.encode_data(answer) if isinstance(answer, DataPacket) else strata.encode_response(answer)
-
-
-def pieces(data: bytes, cuts: Sequence[int]) -> list[bytes]:
-    places = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
-    return [data[a:b] for a, b in pairwise(places)]
 
 
 def feed_all(parser: Any, parts: Sequence[bytes]) -> list[Any]:

@@ -12,7 +12,7 @@ import pytest
 
 import radarcore as rc
 from doubles import comlib_boards
-from doubles.boards import LARGE, SMALL, TRANSPORTS, Numbered, number_of, opened
+from doubles.boards import LARGE, SMALL, TRANSPORTS, Numbered, change_answers, number_of, opened
 from doubles.usb_bus import bus_with, cdc_device, vendor_device
 from doubles.vendor_board import VendorBoard
 from radarcore.sensor import Sensor, SensorTimeoutError, device, open_sensor
@@ -316,16 +316,12 @@ def test_start_that_is_never_answered_is_given_up_after_a_stop(monkeypatch: pyte
 
 def test_start_that_tells_of_an_overflow_is_stopped_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The chip may have executed the words all the same."""
-    handle, left = Controller.handle, [1]
+    left = [1]
 
-    def complaining(self: Controller, request: Request) -> packets.Response:
-        response = handle(self, request)
-        if is_trigger(request) and left:
-            left.pop()
-            return packets.Response(request.kind, 0x05)
-        return response
+    def complaining(request: Request, answer: packets.Response) -> packets.Response:
+        return packets.Response(request.kind, 0x05) if is_trigger(request) and left and left.pop() else answer
 
-    monkeypatch.setattr(Controller, "handle", complaining)
+    change_answers(monkeypatch, complaining)
     with losing_board(monkeypatch, lambda request: False) as (board, sensor):
         assert [number_of(frame.raw) for frame in sensor.frames(2)] == [0, 1]
         assert board.told == ["start", "trigger", "stop", "start", "trigger", "stop"]
