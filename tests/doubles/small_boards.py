@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -78,6 +80,19 @@ class Requests:
         return self.values[request, value, index][:length]
 
 
+@contextmanager
+def other_user() -> Iterator[None]:
+    """Be somebody else for a time, if root, who may open everything."""
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if is_root:
+            os.seteuid(0)
+
+
 def is_soon(condition: Callable[[], Any]) -> bool:
     """True once a condition is met, False if it is not for long."""
     deadline = time.monotonic() + HANG
@@ -127,4 +142,4 @@ def read_all(stream: Any, size: int) -> bytes:
     return data
 
 
-__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "pieces", "read_all"]
+__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "other_user", "pieces", "read_all"]

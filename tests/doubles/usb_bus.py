@@ -36,18 +36,6 @@ _SLICE = 0.02
 _LARGEST_PACKET = 129 * 512
 """Bytes of a vendor board's transfer at most: more than any that the boards send."""
 
-_ERROR_CODES = {  # of libusb
-    errno.EIO: -1,
-    errno.EINVAL: -2,
-    errno.EACCES: -3,
-    errno.ENODEV: -4,
-    errno.ENOENT: -5,
-    errno.EBUSY: -6,
-    errno.ETIMEDOUT: -7,
-    errno.EOVERFLOW: -8,
-    errno.EPIPE: -9,
-}
-
 
 class Stall(Exception):  # noqa: N818  # the USB term: the answer "no" of an endpoint
     """The board refuses a control transfer."""
@@ -453,7 +441,7 @@ def _fail(number: int) -> NoReturn:
     """Raise the error of pyusb that libusb's backend raises for an error number."""
     core = require_pyusb().core
     kind = core.USBTimeoutError if number == errno.ETIMEDOUT else core.USBError
-    raise kind(errno.errorcode[number], _ERROR_CODES[number], number)
+    raise kind(errno.errorcode[number], errno=number)
 
 
 class _Descriptor(SimpleNamespace):

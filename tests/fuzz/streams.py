@@ -237,24 +237,14 @@ def capture_seeds() -> list[Case]:
 
 
 def make_capture(random: Random) -> Case:
-    """A conversation with damaged answers, or with lines that are damaged, lost, doubled or exchanged."""
+    """A conversation with damaged answers, or with lines that are damaged, lost or doubled."""
     lines = [json.loads(line) for line in random.choice(capture_seeds())["capture.jsonl"].splitlines()]
-    for _ in range(random.choice((1, 1, 2, 5))):
-        at = random.randrange(len(lines))
-        match random.randrange(6):
-            case 0 | 1 | 2:
-                reads = [line for line in lines if isinstance(line, dict) and line.get("direction") == "read"]
-                if reads and isinstance(line := random.choice(reads), dict) and isinstance(line.get("bytes"), str):
-                    with suppress(ValueError):
-                        data = bytes.fromhex(line["bytes"])
-                        line["bytes"] = _resealed(damaged(data, random, [data]), random).hex()
-            case 3:
-                lines[at] = damaged_tree(lines[at], random)
-            case 4:
-                del lines[at]
-            case _:
-                lines.insert(random.randrange(len(lines) + 1), lines[at])
-        lines = lines or [{}]
+    answers = [line for line in lines if line.get("direction") == "read"]
+    for line in random.sample(answers, random.choice((0, 1, 1, 3))):
+        data = bytes.fromhex(line["bytes"])
+        line["bytes"] = _resealed(damaged(data, random, [data]), random).hex()
+    for at in random.sample(range(len(lines)), random.choice((0, 0, 1, 2))):
+        lines[at] = random.choice(({}, damaged_tree(lines[at], random), random.choice(lines)))
     return {"capture.jsonl": b"".join(json_bytes(line) + b"\n" for line in lines)}
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from doubles.boards import SMALL, Numbered, number_of, opened, plugged
-from doubles.small_boards import Loopback
+from doubles.small_boards import Loopback, other_user
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor import (
     RequestError,
@@ -258,20 +258,12 @@ def test_reason_of_the_only_board_is_that_of_opening_any(monkeypatch: pytest.Mon
 
 
 @needs_pty
-@pytest.mark.parametrize("user", ["same", "another"])
-def test_second_client_of_a_port_is_told_so(user: str) -> None:
-    if user == "another" and os.geteuid() != 0:
-        pytest.skip("only root can be another user")
+@pytest.mark.parametrize("user", [nullcontext, other_user])
+def test_second_client_of_a_port_is_told_so(user: Any) -> None:
     with PtyPort(CdcBoard(Controller(Noise()))) as port, open_sensor(port.path, protocol="strata") as sensor:
-        if user == "another":
-            Path(port.path).chmod(0o666)
-            os.seteuid(65534)
-        try:
-            with pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
-                open_sensor(port.path)
-        finally:
-            if user == "another":
-                os.seteuid(0)
+        Path(port.path).chmod(0o666)
+        with user(), pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
+            open_sensor(port.path)
         assert sensor.temperature() == pytest.approx(25.0, abs=0.3), "the first one goes on"
 
 

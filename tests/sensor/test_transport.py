@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from doubles.small_boards import HANG, Call, Loopback, Unplugged, read_all
+from doubles.small_boards import HANG, Call, Loopback, Unplugged, other_user, read_all
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.errors import (
@@ -186,15 +186,8 @@ def test_what_is_no_serial_port_is_refused(tmp_path: Path) -> None:
 def test_missing_permission_names_the_group(tmp_path: Path) -> None:
     file = tmp_path / "ttyACM0"
     file.touch(mode=0o000)
-    is_root = os.geteuid() == 0
-    if is_root:  # who may open everything
-        os.seteuid(65534)
-    try:
-        with pytest.raises(SensorError, match="no permission") as raised:
-            open_stream(str(file))
-    finally:
-        if is_root:
-            os.seteuid(0)
+    with other_user(), pytest.raises(SensorError, match="no permission") as raised:
+        open_stream(str(file))
     if sys.platform == "linux":
         assert "add yourself to the group dialout" in str(raised.value)
 
