@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
+import pytest
+
 from doubles.usb_bus import Stall
 from radarcore.sensor.emulator.pty import Unplugged
 
@@ -80,6 +82,18 @@ class Requests:
         return self.values[request, value, index][:length]
 
 
+def list_serial_ports(monkeypatch: pytest.MonkeyPatch, *paths: str, ids: tuple[int, int] | None = None) -> list[Any]:
+    """Let the system list serial ports, all with the same USB ids or none; their descriptions."""
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    ports = [ListPortInfo(path) for path in paths]
+    for port in ports:
+        port.vid, port.pid = ids or (None, None)
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    return ports
+
+
 @contextmanager
 def other_user() -> Iterator[None]:
     """Be somebody else for a time, if root, who may open everything."""
@@ -142,4 +156,16 @@ def read_all(stream: Any, size: int) -> bytes:
     return data
 
 
-__all__ = ["HANG", "Call", "Loopback", "Requests", "Stall", "Unplugged", "is_soon", "other_user", "pieces", "read_all"]
+__all__ = [
+    "HANG",
+    "Call",
+    "Loopback",
+    "Requests",
+    "Stall",
+    "Unplugged",
+    "is_soon",
+    "list_serial_ports",
+    "other_user",
+    "pieces",
+    "read_all",
+]

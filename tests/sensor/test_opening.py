@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from doubles.boards import SMALL, Numbered, number_of, opened, plugged
-from doubles.small_boards import Loopback, other_user
+from doubles.small_boards import Loopback, list_serial_ports, other_user
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor import (
     RequestError,
@@ -29,6 +29,7 @@ from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import CdcBoard, Controller, Identity
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Code, Data, Info, Kind, Request, Version
+from radarcore.sensor.transport import ports
 from short_requests import shorten_requests
 
 OLD = Identity(version=Version(2, 0, 0, protocol_major=3))
@@ -58,14 +59,8 @@ class Silent(Loopback):
 @contextmanager
 def named_port(monkeypatch: pytest.MonkeyPatch, board: Any, ids: tuple[int, int] | None) -> Iterator[PtyPort]:
     """A pty that the system lists as the port of a USB device with these ids."""
-    from serial.tools import list_ports
-    from serial.tools.list_ports_common import ListPortInfo
-
     with PtyPort(board) as port:
-        info = ListPortInfo(port.path)
-        if ids is not None:
-            info.vid, info.pid = ids
-        monkeypatch.setattr(list_ports, "comports", lambda: [info])
+        list_serial_ports(monkeypatch, port.path, ids=ids)
         yield port
 
 
@@ -157,14 +152,7 @@ def test_xmc_board_at_a_named_port_hears_comlib_alone(monkeypatch: pytest.Monkey
 
 
 def test_windows_names_of_a_port_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    from serial.tools import list_ports
-    from serial.tools.list_ports_common import ListPortInfo
-
-    from radarcore.sensor.transport import ports
-
-    info = ListPortInfo("COM12")
-    info.vid, info.pid = 0x058B, 0x0251
-    monkeypatch.setattr(list_ports, "comports", lambda: [info])
+    list_serial_ports(monkeypatch, "COM12", ids=(0x058B, 0x0251))
     monkeypatch.setattr(ports.sys, "platform", "win32")
     for name in ("COM12", "com12", r"\\.\COM12"):
         port = ports.serial_port(name)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from doubles.small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, read_all
+from doubles.small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, list_serial_ports, read_all
 from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, stream_to, vendor_device, vendor_port_to
 from radarcore.sensor.errors import (
     ProtocolError,
@@ -38,16 +38,6 @@ def echoes(stream: UsbStream) -> bool:
 
 
 # Finding
-
-
-def list_serial_ports(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[Any]:
-    """Let the system list serial ports; their descriptions."""
-    from serial.tools import list_ports
-    from serial.tools.list_ports_common import ListPortInfo
-
-    ports = [ListPortInfo(f"/dev/{name}") for name in names]
-    monkeypatch.setattr(list_ports, "comports", lambda: ports)
-    return ports
 
 
 def test_boards_are_found_by_their_ids() -> None:
@@ -81,7 +71,7 @@ def test_boards_are_found_by_their_ids() -> None:
 def test_board_that_is_a_tty_is_listed_once(
     monkeypatch: pytest.MonkeyPatch, location: str | None, serial_number: str, paths: list[str]
 ) -> None:
-    _, other, tty = list_serial_ports(monkeypatch, "ttyS0", "ttyUSB0", "ttyACM0")
+    _, other, tty = list_serial_ports(monkeypatch, "/dev/ttyS0", "/dev/ttyUSB0", "/dev/ttyACM0")
     other.vid, other.pid = 0x0403, 0x6001  # somebody else's
     tty.vid, tty.pid, tty.location, tty.serial_number = 0x058B, 0x0251, location, serial_number
     bus = bus_with(cdc_device(Loopback(), serial_number="A"))
@@ -89,7 +79,8 @@ def test_board_that_is_a_tty_is_listed_once(
 
 
 def test_tty_with_unknown_ids_may_be_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
-    list_serial_ports(monkeypatch, "ttyUSB1", "ttyS0", "ttyACM10", "ttyACM9", "rfcomm0")
+    names = ("ttyUSB1", "ttyS0", "ttyACM10", "ttyACM9", "rfcomm0")
+    list_serial_ports(monkeypatch, *(f"/dev/{name}" for name in names))
     found = find_ports(usb_backend=EmulatedBus())
     assert [port.path for port in found] == ["/dev/ttyACM9", "/dev/ttyACM10", "/dev/ttyUSB1"]
     assert {(port.kind, port.vendor_id) for port in found} == {("serial", None)}
