@@ -58,11 +58,10 @@ def frames_of_noise(num_frames: int) -> None:
     print("detect: detections of noise per cell over the setting")
     rng = np.random.default_rng(2)
     for rate, number in ((1e-3, num_frames), (1e-4, 4 * num_frames)):
-        for method in ("ca", "os"):
-            cubes = (rng.standard_normal(SHAPE, dtype=np.float32) for _ in range(number))
-            found = sum(len(rc.detect(cube, RADAR, false_alarm_rate=rate, method=method)) for cube in cubes)
-            expected = rate * number * 64 * (65 - FIRST_BINS)
-            print(f"  {method} {rate:g}: {found / expected:.3f} +- {1.0 / np.sqrt(expected):.3f}")
+        cubes = (rng.standard_normal(SHAPE, dtype=np.float32) for _ in range(number))
+        found = sum(len(rc.detect(cube, RADAR, false_alarm_rate=rate)) for cube in cubes)
+        expected = rate * number * 64 * (65 - FIRST_BINS)
+        print(f"  {rate:g}: {found / expected:.3f} +- {1.0 / np.sqrt(expected):.3f}")
     cubes = (rng.standard_normal(SHAPE, dtype=np.float32) for _ in range(5 * num_frames))
     found = sum(len(rc.detect(cube, RADAR, false_alarm_rate=1e-9)) for cube in cubes)
     print(f"  1e-9: {found} detections in {5 * num_frames} frames")
@@ -103,16 +102,12 @@ def times(num_frames: int) -> None:
     for number in (0, 1, 4):
         echoes = sum((0.1 * echo(1.5 + 1.6 * i, 0.7 * i - 1.0) for i in range(number)), np.zeros(SHAPE[1:]))
         cube = (echoes + 0.3 * rng.standard_normal(SHAPE)).astype(np.float32)
-        for method in ("ca", "os"):
-            rc.detect(cube, RADAR, method=method)
-            taken = []
-            for _ in range(num_frames):
-                start = time.process_time()
-                found = rc.detect(cube, RADAR, method=method)
-                taken.append(time.process_time() - start)
-            print(
-                f"detect: {number} echoes, {method}: {1e3 * np.median(taken):.2f} ms a frame, {len(found)} detections"
-            )
+        found, taken = rc.detect(cube, RADAR), []
+        for _ in range(num_frames):
+            start = time.process_time()
+            found = rc.detect(cube, RADAR)
+            taken.append(time.process_time() - start)
+        print(f"detect: {number} echoes: {1e3 * np.median(taken):.2f} ms a frame, {len(found)} detections")
 
 
 def picture(path: Path) -> None:

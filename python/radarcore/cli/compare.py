@@ -16,7 +16,7 @@ from radarcore.adapters.ros.frames import FRAME_TYPE
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.cli.options import File, Flag, Json, Method, Metres, OutputFile, Overwrite, Seconds
+from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Seconds
 from radarcore.cli.sources import load_recording, only_radar, path_and_topic
 from radarcore.cli.terminal import show
 from radarcore.comparison import report
@@ -53,7 +53,6 @@ def run(
     offset: Annotated[str | None, Parameter(metavar="S", allow_leading_hyphen=True)] = None,
     max_offset: Seconds = None,
     targets: Annotated[str | None, Parameter(metavar="NAME,...")] = None,
-    method: Method = None,
     names: Annotated[str | None, Parameter(metavar="NAME,NAME")] = None,
     min_range: Metres = None,
     max_range: Metres = None,
@@ -97,7 +96,7 @@ def run(
     """
     _check_output(output, overwrite)
     sources = [text for text in (a, b) if text is not None]
-    wishes = {"method": method, "min_range": min_range, "max_range": max_range}
+    wishes = {"min_range": min_range, "max_range": max_range}
     chosen: dict[str, Any] = {name: value for name, value in wishes.items() if value is not None}
     recordings = [load_recording(Path(text)) for text in sources]
     compared = compare(

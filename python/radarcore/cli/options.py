@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Group, Parameter, Token, validators
 
@@ -41,10 +41,6 @@ OutputFolder = Annotated[Path | None, Parameter(alias="-o", metavar="DIR")]
 Overwrite = Annotated[bool, Parameter(show_default=False, help="replace an existing file")]
 
 Json = Annotated[bool, Parameter(name="--json", show_default=False, help="print as JSON")]
-
-Method = Annotated[
-    Literal["ca", "os"] | None, Parameter(help="detection by cell averaging or ordered statistic (default: ca)")
-]
 
 SubtractMean = Annotated[
     bool | None,

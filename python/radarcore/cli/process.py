@@ -19,7 +19,7 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
-from radarcore.cli.options import Flag, Json, Method, Metres, OutputFolder, Source, SubtractMean, whole_number
+from radarcore.cli.options import Flag, Json, Metres, OutputFolder, Source, SubtractMean, whole_number
 from radarcore.cli.sources import (
     NOT_BARE,
     AnyReader,
@@ -75,7 +75,6 @@ def run(
     overwrite: Flag = False,
     sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
     false_alarm_rate: Annotated[float | None, Parameter(metavar="P")] = None,
-    method: Method = None,
     min_range: Metres = None,
     max_range: Metres = None,
     subtract_mean: SubtractMean = None,
@@ -110,7 +109,6 @@ def run(
     """
     wishes = {
         "false_alarm_rate": false_alarm_rate,
-        "method": method,
         "min_range": min_range,
         "max_range": max_range,
     }

@@ -217,7 +217,6 @@ class Stream:
             moving,
             self.radar,
             false_alarm_rate=_FALSE_ALARM_RATE,
-            method="os",
             dynamic_range_db=_DYNAMIC_RANGE_DB,
         )
         found = found[(found.snr_db >= self._threshold_db) & (found.range <= self.ranges[-1])]

@@ -16,6 +16,7 @@ from radarcore.processing.detection.map import (
     MAIN_LOBE,
     DetectionSettings,
     Layout,
+    Search,
     cells_per_side,
     prepared,
     sidelobes,
@@ -42,7 +43,6 @@ def detect(
     radar: Radar | None = None,
     *,
     false_alarm_rate: float = 1e-6,
-    method: str = "ca",
     guard: int | Sequence[int] = MAIN_LOBE,
     training: int | Sequence[int] | None = None,
     subtract_mean: bool = False,
@@ -55,13 +55,14 @@ def detect(
     """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
 
     The powers of the channels are added in a map of range and velocity, on the grid of the transforms without padding.
-    A detection is a local maximum that passes `cfar`'s test. It must also pass after subtraction of the largest
-    amplitude that the sidelobes of stronger echoes can have added, as their phase is unknown. The sidelobes are the
-    window's own, widened by the distance that a fast target crosses in a frame. The same rule removes maxima on the
-    main lobe of a stronger echo.
+    A detection is a local maximum above the mean of its training cells by the factor of `cfar`. A training cell counts
+    for at most five times the level of its range, so that a wall hides no person near it. The maximum must also pass
+    after subtraction of the largest amplitude that the sidelobes of stronger echoes can have added, as their phase is
+    unknown. The sidelobes are the window's own, widened by the distance that a fast target crosses in a frame. The same
+    rule removes maxima on the main lobe of a stronger echo.
 
     Noise in neighbouring cells of a windowed transform is correlated, so training cells count for fewer. The threshold
-    is at most 0.3 dB higher than necessary for `false_alarm_rate` (0.6 dB for "os" in a profile): detections of noise
+    is at most 0.3 dB higher than necessary for `false_alarm_rate`: detections of noise
     are as frequent as set, or a little rarer, because neighbours of a local maximum are no detections of their own.
 
     Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
@@ -83,8 +84,6 @@ def detect(
     false_alarm_rate : float
         Detections per cell of noise, above 0, up to 0.01. Cells are ``num_chirps`` times the range bins
         (``num_samples // 2 + 1`` from real samples), without those of `min_range`.
-    method : "ca" or "os"
-        As in `cfar`: over the mean of the training cells, or over three quarters of them.
     guard, training : int or (int, int), optional
         Cells on each side, for velocity and range. The guard cells must cover the main lobe. Default of `training`: 8,
         in a profile without velocities 16.
@@ -135,7 +134,6 @@ def detect(
     # Check all arguments before any work.
     settings = DetectionSettings(
         false_alarm_rate=false_alarm_rate,
-        method=method,
         guard=cells_per_side("guard", guard),
         training=None if training is None else cells_per_side("training", training),
         subtract_mean=subtract_mean,
@@ -175,9 +173,10 @@ def detect(
     # Without sidelobes, and without what rounding of the samples may be.
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
     least = np.maximum(least, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
-    offset, height = _core.between_cells(doubles, peaks, is_cyclic=layout.is_iq)
-    least = np.maximum(least, height.max() * 10.0 ** (-0.1 * dynamic_range_db))
-    kept = _above_sidelobes((peaks + offset).T, height, doubles[*peaks.T], least, layout)
+    sources = np.ascontiguousarray(np.concatenate([peaks, _unsearched_maxima(doubles, search)]))
+    offset, height = _core.between_cells(doubles, sources, is_cyclic=layout.is_iq)
+    least = np.maximum(least, height[: len(peaks)].max() * 10.0 ** (-0.1 * dynamic_range_db))
+    kept = _above_sidelobes((sources + offset).T, height, doubles[*peaks.T], least, layout)
     if len(kept) == 0:
         return _none(time)
     peaks, offset = peaks[kept], offset[kept]
@@ -265,42 +264,54 @@ def _with_noise(power: NDArray[Any]) -> NDArray[Any]:
     return filled
 
 
+def _unsearched_maxima(power: NDArray[np.float64], search: Search) -> NDArray[np.int64]:
+    """Largest local maximum of each column that is not searched, such as leakage: (cell, row and column)."""
+    beside = np.delete(np.arange(search.layout.num_columns), slice(search.first, search.last))
+    cells = np.ascontiguousarray(np.array([power[:, beside].argmax(axis=0), beside], dtype=np.int64).T)
+    return np.asarray(cells[_core.local_maxima(power, cells, is_cyclic=search.layout.is_iq)])
+
+
 def _above_sidelobes(
     peaks: NDArray[np.float64],
     height: NDArray[np.float64],
-    cell: NDArray[Any],
-    threshold: NDArray[Any],
+    cell: NDArray[np.float64],
+    threshold: NDArray[np.float64],
     layout: Layout,
 ) -> NDArray[np.intp]:
     """Maxima above their thresholds after subtraction of the sidelobes of all stronger ones, the strongest first.
 
-    `peaks` are the rows and columns of the maxima (axis, peak), `height` their powers, and `cell` the powers of their
-    cells.
+    `peaks` are the rows and columns of the maxima (axis, peak) and `height` their powers. `cell` and `threshold` are
+    powers of the cells that are tested: the first maxima, while all others only have sidelobes.
     """
-    margin = np.sqrt(cell) - np.sqrt(threshold)
+    margin = np.full(len(height), np.inf)
+    margin[: len(cell)] = np.sqrt(cell) - np.sqrt(threshold)
     order = (-height).argsort(kind="stable")
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
 
     # Distances of cells from stronger maxima (maximum, cell). The distance that a target crosses in a frame widens its
     # lobes along both axes alike.
-    rows, columns = np.abs(np.rint(peaks)[:, None] - peaks[:, :, None])
+    cell_rows, cell_columns = np.rint(peaks)
+    rows, columns = np.abs(cell_rows - peaks[0][:, None]), np.abs(cell_columns - peaks[1][:, None])
     rows = np.minimum(rows, layout.num_rows - rows)
     if layout.is_iq:
         columns = np.minimum(columns, layout.num_columns - columns)
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
     widened = (_OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed))[:, None]
-    lobes = np.sqrt(height[order])[:, None]
-    for distance, envelope in zip((rows, columns), layout.envelopes, strict=True):
-        lobes = lobes * sidelobes(envelope, np.maximum(distance - widened, 0.0))
+    rows, columns = np.maximum(rows - widened, 0.0), np.maximum(columns - widened, 0.0)
+    lobes = sidelobes(layout.envelopes[0], rows)
+    in_mean = layout.mean_gain[cell_rows.astype(np.intp) % layout.num_rows]
+    if in_mean.any():
+        lobes = np.maximum(lobes, in_mean * sidelobes(layout.mean_envelope, rows))
+    lobes *= np.sqrt(height[order])[:, None] * sidelobes(layout.envelopes[1], columns)
 
     leaked = np.zeros(len(order))
     kept = []
     for index, leakage in enumerate(lobes):
         if leaked[index] < margin[index]:
-            kept.append(index)
+            kept.append(order[index])
             leaked += leakage
-    return np.asarray(order[kept])
+    return np.array([index for index in kept if index < len(cell)], dtype=np.intp)
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:

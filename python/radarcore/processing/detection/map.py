@@ -12,15 +12,10 @@ from numpy.typing import NDArray
 
 from radarcore import _core, check
 from radarcore.processing.detection.cfar import (
-    DEFAULT_RANK,
-    METHODS,
     averaging_factor,
     checked_rate,
-    ordered_factor,
     per_axis,
     require_training,
-    scaled_ranks,
-    tabulated,
     training_counts,
     training_means,
 )
@@ -50,6 +45,10 @@ _TRAINING_2D, _TRAINING_1D = 8, 16
 """Training cells on each side: several hundred of a map, so that the threshold hardly scatters, and of a profile the
 near ones."""
 
+_CLIPPED_ABOVE = 5.0
+"""Most that one training cell counts for, over the level of its range: less than one of noise in a hundred has more, so
+that the threshold falls by 0.03 dB at most, but no strong echo near a weak one raises it by more than its few cells."""
+
 _HIGHEST_RATE = 0.01
 """Largest false-alarm rate: about one in ten cells of noise is a local maximum."""
 
@@ -60,7 +59,6 @@ class DetectionSettings:
     """Settings of `detect`, checked."""
 
     false_alarm_rate: float
-    method: str
     guard: tuple[int, int]
     training: tuple[int, int] | None
     subtract_mean: bool
@@ -76,7 +74,6 @@ class DetectionSettings:
             raise ValueError(
                 f"false_alarm_rate: expected at most {_HIGHEST_RATE:g} per cell, got {self.false_alarm_rate:g}"
             )
-        check.choice("method", self.method, METHODS)
         if self.training is not None and not any(self.training):
             raise ValueError(f"training: expected at least one cell on a side, got {self.training!r}")
         self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
@@ -131,6 +128,19 @@ class Layout:
     def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Envelopes of the sidelobes along rows and columns, as `sidelobes` takes them."""
         return envelope(self.slow), envelope(self.fast if self.has_range else np.ones(1))
+
+    @cached_property
+    def mean_gain(self) -> NDArray[np.float64]:
+        """Gain of the mean of the chirps in every row, if it is subtracted: it has a part of all echoes, (row,)."""
+        if not (self.row_gain < 1.0).any():
+            return np.zeros(self.num_rows)
+        spectrum = np.abs(np.fft.fftshift(np.fft.fft(self.slow))) / self.slow.sum()
+        return np.asarray(np.where(spectrum > 1e-9, spectrum, 0.0) / np.sqrt(np.maximum(self.row_gain, LEAST_GAIN)))
+
+    @cached_property
+    def mean_envelope(self) -> NDArray[np.float64]:
+        """Envelope of the part that echoes have in the mean of the chirps, by their distance from zero velocity."""
+        return envelope(np.ones(self.num_rows))
 
     @cached_property
     def axes(self) -> Axes:
@@ -287,8 +297,6 @@ class Search:
     """Training cells, (row, column from `first` on)."""
     factor: NDArray[np.float64]
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
-    ranks: NDArray[np.intp] | None
-    """Of the ordered statistic, (row, column from `first` on); None for averages."""
 
     @cached_property
     def cells(self) -> NDArray[np.int64]:
@@ -299,18 +307,9 @@ class Search:
     def thresholds(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Thresholds of some cells (cell, 2) of a map of the searched columns."""
         rows, columns = cells.T - [[0], [self.first]]
-        if self.ranks is None:
-            background = training_means(power, self.guards, self.trainings, self.counts)[rows, columns]
-        else:
-            # All cells in the window of each; without the guard cells, and none beyond the edges.
-            reach = np.add(self.guards, self.trainings)
-            padded = np.pad(power, reach[:, None], constant_values=np.inf)
-            windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)[rows, columns]
-            top, left = self.trainings
-            windows[:, top : top + 2 * self.guards[0] + 1, left : left + 2 * self.guards[1] + 1] = np.inf
-            ordered = np.sort(windows.reshape(len(rows), np.prod(2 * reach + 1)), axis=1)
-            background = ordered[np.arange(len(rows)), self.ranks[rows, columns] - 1]
-        return np.asarray(self.factor[rows, columns] * background)
+        limited = np.minimum(power, _CLIPPED_ABOVE * _levels(power, self.guards[1] + self.trainings[1]))
+        background = training_means(limited, self.guards, self.trainings, self.counts)
+        return np.asarray(self.factor[rows, columns] * background[rows, columns])
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Medians of the training cells of some cells, likewise."""
@@ -335,19 +334,20 @@ def prepared(radar: Radar, is_iq: bool, settings: DetectionSettings) -> Search:
 
     # Training cells count as the smaller number of independent cells, see `independent_share`.
     share = independent_share(layout.slow) * (independent_share(layout.fast) if layout.has_range else 1.0)
-    rate, looks = settings.false_alarm_rate, layout.num_looks
-    if settings.method == "ca":
-        factor = averaging_factor(np.maximum(share * counts, np.minimum(counts, 1)), rate, looks)
-        return Search(layout, first, last, guards, trainings, counts, factor, None)
+    independent = np.maximum(share * counts, np.minimum(counts, 1))
+    factor = averaging_factor(independent, settings.false_alarm_rate, layout.num_looks)
+    return Search(layout, first, last, guards, trainings, counts, factor)
 
-    def ordered(count: float) -> float:
-        """Factor at the same quantile of the independent cells."""
-        independent = max(1.0, share * count)
-        rank = float(scaled_ranks(np.array([count]), DEFAULT_RANK)[0])
-        return ordered_factor(independent, rank * (independent + 1.0) / (count + 1.0), rate, looks)
 
-    ranks = scaled_ranks(counts, DEFAULT_RANK).astype(np.intp)
-    return Search(layout, first, last, guards, trainings, counts, tabulated(counts, ordered), ranks)
+def _levels(power: NDArray[Any], reach: int) -> NDArray[Any]:
+    """Level of the noise at every range: the median of all velocities, then of the ranges within `reach`, (column,).
+
+    Clutter that fills all velocities of a range, or most ranges of a profile, belongs to the level there.
+    """
+    from scipy.ndimage import median_filter  # here: importing radarcore imports numpy and nothing heavier
+
+    middle = np.sort(power, axis=0)[len(power) // 2]
+    return np.asarray(median_filter(middle, 2 * reach + 1, mode="mirror"))
 
 
 _PER_CELL = 16
@@ -355,9 +355,18 @@ _PER_CELL = 16
 
 
 def envelope(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest amplitude of a window's transform at a distance from the peak or farther, 16 points per cell."""
+    """Largest amplitude of a window's transform at a distance from the peak or farther, 16 points per cell.
+
+    It is relative to the least height that a parabola through the log power of three cells can find of the peak.
+    """
     spectrum = np.abs(np.fft.rfft(weights, _PER_CELL * len(weights))) / weights.sum()
-    return np.maximum.accumulate(spectrum[::-1])[::-1]
+    lobes = np.maximum.accumulate(spectrum[::-1])[::-1]
+    if len(weights) < 3:
+        return lobes
+    cells = np.abs(np.arange(_PER_CELL // 2 + 1) + _PER_CELL * np.array([[-1], [0], [1]]))
+    left, middle, right = np.log(np.maximum(spectrum[cells], 1e-12))
+    found = middle - 0.125 * (right - left) ** 2 / (left - 2.0 * middle + right)
+    return np.asarray(lobes / np.exp(found).min())
 
 
 def sidelobes(envelope: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
