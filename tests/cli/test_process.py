@@ -76,7 +76,9 @@ def test_options_choose_what_is_detected(recording: Path, capsys: pytest.Capture
     assert number("--max-range", "3") == number("--min-range", "3") == 12
     # Over a third of a second the point that recedes hardly stands still; the other does.
     assert number("--subtract-mean", "--min-range", "3") == 0
-    assert number("--subtract-mean") == number("--range-only", "--max-range", "3") == 12
+    # The mean of so short a recording has a little of it, which stands still in all frames then.
+    assert 12 <= number("--subtract-mean", "--max-range", "3") < 24
+    assert number("--range-only", "--max-range", "3") == 12
     assert number("--false-alarm-rate", "1e-3") > 24
 
 
