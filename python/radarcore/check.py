@@ -135,7 +135,7 @@ def flag(name: str, value: object) -> bool:
 def instance(name: str, value: object, *kinds: type[_Kind]) -> _Kind:
     """An object of one of some classes, or a TypeError that names them."""
     if not isinstance(value, kinds):
-        expected = listing(kind.__name__ for kind in kinds)
+        expected = listing(kind.__name__.replace("NoneType", "None") for kind in kinds)
         raise TypeError(f"{name}: expected {expected}, got {type(value).__name__}")
     return value
 
@@ -187,12 +187,12 @@ def _numbers(
         kind = "numbers" + ("" if shape is None else f" of shape {shape_text(shape)}")
         try:
             given = np.asarray(value)
-            if given.dtype.kind == "O" and not any(isinstance(each, str | bytes) for each in given.flat):
+            if given.dtype.kind == "O" and not any(isinstance(each, str | bytes | None) for each in given.flat):
                 given = given.astype(dtype)
         except (TypeError, ValueError) as error:  # no numbers, or rows of different lengths
             raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}") from error
         if given.dtype.kind not in ("biuf" if dtype is np.float64 else "biufc"):
-            of = "" if isinstance(value, str | bytes) else f" of {given.dtype}"
+            of = "" if isinstance(value, str | bytes | None) else f" of {given.dtype}"
             raise TypeError(f"{name}: expected {kind}, got {type(value).__name__}{of}")
         value = given.astype(dtype, copy=False)
     return value if shape is None else shaped(name, value, shape)

@@ -121,14 +121,9 @@ class Radar:
         pattern = IsotropicPattern() if pattern is None else pattern
         for i, each in enumerate((waveform, *more_waveforms)):
             check.instance(f"waveform[{i}]" if more_waveforms else "waveform", each, Waveform)
-        for name, value, kind in (
-            ("pattern", pattern, Pattern),
-            ("receiver", receiver, Receiver | None),
-            ("schedule", schedule, Schedule | None),
-        ):
-            if not isinstance(value, kind):
-                expected = " or ".join(each.__name__ for each in get_args(kind))
-                raise TypeError(f"{name}: expected {expected.replace('NoneType', 'None')}, got {type(value).__name__}")
+        check.instance("pattern", pattern, *get_args(Pattern))
+        check.instance("receiver", receiver, Receiver, type(None))
+        check.instance("schedule", schedule, Schedule, type(None))
         self.waveform = waveform
         self.tx = _positions("tx", tx)
         self.rx = _positions("rx", rx)
@@ -272,11 +267,8 @@ class Radar:
     def channel_phases(self) -> NDArray[np.float64]:
         """Phases that the receivers add to echoes, (channel,) [rad]; an estimator of angles takes them off."""
         phases = None if self.receiver is None else self.receiver.rx_phase_deg
-        return (
-            np.zeros(self.num_channels)
-            if phases is None
-            else np.tile(np.deg2rad(phases), self.num_channels // len(self.rx))
-        )
+        of_receivers = np.zeros(len(self.rx)) if phases is None else np.deg2rad(phases)
+        return np.tile(of_receivers, self.num_channels // len(self.rx))
 
     @property
     def tx_power(self) -> float:

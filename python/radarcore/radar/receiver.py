@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
-from operator import attrgetter
 from typing import Any
 
 from radarcore import check, notice
@@ -15,9 +14,6 @@ from radarcore.units import BOLTZMANN, NOISE_TEMPERATURE, power_from_db
 
 PerReceiver = float | tuple[float, ...]
 """One number for all receivers, or one of each."""
-
-PER_RECEIVER = ("level_db", "phase_deg", "echo_db", "echo_phase_deg", "step_db", "step_phase_deg")
-"""Fields of `Leakage` that may have one number per receiver."""
 
 
 @sealed
@@ -104,10 +100,10 @@ def per_receiver(
     return one(name, value, unit)
 
 
-def check_per_receiver(name: str, value: PerReceiver | None, num_rx: int) -> None:
-    """Refuse another number of numbers than of receivers."""
-    if isinstance(value, tuple) and len(value) != num_rx:
-        raise ValueError(f"{name}: expected one number, or {num_rx}, one per receiver, got {len(value)}")
+def _one_each(settings: Receiver | Leakage | AdcErrors | None) -> dict[str, tuple[float, ...]]:
+    """Settings that have one number per receiver."""
+    given = {} if settings is None else vars(settings)
+    return {name: value for name, value in given.items() if isinstance(value, tuple) and name != "phase_noise"}
 
 
 MAX_ORDER = 16
@@ -267,8 +263,7 @@ class Receiver:
 
     def __post_init__(self) -> None:
         check.choice("output", self.output, ("iq", "real"))
-        if self.noise_figure_db is not None:
-            check.non_negative("noise_figure_db", self.noise_figure_db, "dB")
+        _check_given(self, ("noise_figure_db",), check.non_negative, "dB")
         _check_given(self, ("noise_figure_db", "iq_gain_db", "gain_db"), check.level, "dB")
         _check_given(self, ("high_pass", "low_pass"), check.positive, "Hz")
         _check_given(self, ("full_scale",), check.positive, "V")
@@ -287,8 +282,7 @@ class Receiver:
             check.degrees("rx_phase_deg", phases)
             self.rx_phase_deg = phases
         for name, kind in (("leakage", Leakage), ("adc_errors", AdcErrors)):
-            if not isinstance(value := getattr(self, name), kind | None):
-                raise TypeError(f"{name}: expected {kind.__name__} or None, got {type(value).__name__}")
+            check.instance(name, getattr(self, name), kind, type(None))
         self._check_together()
 
     def _check_together(self) -> None:
@@ -310,17 +304,12 @@ class Receiver:
     def of_receivers(self, indices: Sequence[int]) -> Receiver:
         """Settings of some of the receivers, by their numbers from 0: settings with one number each keep theirs."""
 
-        def chosen(settings: Any, names: Sequence[str]) -> Any:
-            values = {name: getattr(settings, name) for name in names}
-            of_some = {name: tuple(v[i] for i in indices) for name, v in values.items() if isinstance(v, tuple)}
-            return replace(settings, **of_some)
+        def chosen(settings: Any) -> Any:
+            rows = {name: tuple(values[i] for i in indices) for name, values in _one_each(settings).items()}
+            return None if settings is None else replace(settings, **rows)
 
-        receiver: Receiver = chosen(self, ("rx_phase_deg", "dc_offset"))
-        return replace(
-            receiver,
-            leakage=None if self.leakage is None else chosen(self.leakage, PER_RECEIVER),
-            adc_errors=None if self.adc_errors is None else chosen(self.adc_errors, ("chirp_offset_lsb",)),
-        )
+        receiver: Receiver = chosen(self)
+        return replace(receiver, leakage=chosen(self.leakage), adc_errors=chosen(self.adc_errors))
 
     @property
     def has_codes(self) -> bool:
@@ -345,7 +334,7 @@ class Receiver:
         """Output, noise figure and all settings that are not the default, for JSON."""
         always = ("output", "noise_figure_db")
         return {
-            name: _plain(value)
+            name: value
             for name, value in asdict(self).items()
             if name in always or getattr(self, name) != _DEFAULTS[name]
         }
@@ -362,20 +351,18 @@ class Receiver:
 
 def is_plain(receiver: Receiver) -> bool:
     """True if nothing happens but thermal noise and taking the real part."""
-    is_without: bool = _effects_of(receiver) == _NO_EFFECTS
-    return is_without
+    return all(getattr(receiver, name) is None for name in _EFFECTS)
 
 
 def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Waveform]) -> None:
     """Refuse settings that do not fit the receivers or ramps, and warn of filters beyond half the sample rate."""
-    check_per_receiver("receiver.rx_phase_deg", receiver.rx_phase_deg, num_rx)
-    check_per_receiver("receiver.dc_offset", receiver.dc_offset, num_rx)
-    if receiver.adc_errors is not None:
-        offset = receiver.adc_errors.chirp_offset_lsb
-        check_per_receiver("receiver.adc_errors.chirp_offset_lsb", offset, num_rx)
+    parts = {"": receiver, "leakage.": receiver.leakage, "adc_errors.": receiver.adc_errors}
+    for part, settings in parts.items():
+        for name, values in _one_each(settings).items():
+            if len(values) != num_rx:
+                expected = f"one number, or {num_rx}, one per receiver"
+                raise ValueError(f"receiver.{part}{name}: expected {expected}, got {len(values)}")
     if receiver.leakage is not None:
-        for name in PER_RECEIVER:
-            check_per_receiver(f"receiver.leakage.{name}", getattr(receiver.leakage, name), num_rx)
         shortest = min(wf.adc_delay + wf.num_samples / wf.sample_rate for wf in waveforms)
         for name in ("delay", "echo_delay"):
             if (delay := getattr(receiver.leakage, name)) > shortest:
@@ -393,19 +380,8 @@ def check_receivers(receiver: Receiver, num_rx: int, waveforms: Sequence[Wavefor
 
 _DEFAULTS = {field.name: field.default for field in fields(Receiver)}
 
-_EFFECTS = tuple(
-    name for name in _DEFAULTS if name not in ("output", "noise_figure_db", "high_pass_order", "low_pass_order")
-)
-"""Settings that do more than add noise and take the real part; orders of filters do not without filters."""
-
-_effects_of, _NO_EFFECTS = attrgetter(*_EFFECTS), tuple(_DEFAULTS[name] for name in _EFFECTS)
-
-
-def _plain(value: Any) -> Any:
-    """Tuples as lists, inner ones too."""
-    if isinstance(value, dict):
-        return {name: _plain(entry) for name, entry in value.items()}
-    return [_plain(entry) for entry in value] if isinstance(value, tuple) else value
+_EFFECTS = tuple(name for name, default in _DEFAULTS.items() if default is None and name != "noise_figure_db")
+"""Settings that do more than add noise and take the real part."""
 
 
 def _check_given(settings: Any, names: Sequence[str], checked: Callable[[str, object, str], Any], unit: str) -> None:

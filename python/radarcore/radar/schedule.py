@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,21 +67,13 @@ class Schedule:
 
     def __post_init__(self) -> None:
         check.choice("kind", self.kind, KINDS)
-        for name, kind in _KIND_OF.items():
-            if getattr(self, name) is not None and kind != self.kind:
-                raise ValueError(f"{name}: expected none in a schedule of kind {self.kind!r}, as it is for {kind!r}")
-        if self.interval is not None:
-            self.interval = check.positive("interval", self.interval, "s")
-        if self.order is not None:
-            self.order = _order(self.order)
-        if self.turns is not None:
-            self.turns = _turns(self.turns)
-        if self.weights is not None:
-            self.weights = _weights(self.weights)
-        for name in ("azimuth", "elevation"):
-            if (angles := getattr(self, name)) is not None:
-                shape: tuple[int | None, ...] = (None,) if np.ndim(angles) else ()
-                setattr(self, name, check.frozen(check.radians(name, check.array(name, angles, shape))))
+        for name, (kind, checked) in _SETTINGS.items():
+            if (value := getattr(self, name)) is not None:
+                if kind != self.kind:
+                    raise ValueError(
+                        f"{name}: expected none in a schedule of kind {self.kind!r}, as it is for {kind!r}"
+                    )
+                setattr(self, name, checked(name, value))
         if self.kind == "steered":
             has_angles = self.azimuth is not None or self.elevation is not None
             if (self.weights is not None) == has_angles:
@@ -221,15 +213,10 @@ class Schedule:
 
     def to_dict(self) -> dict[str, Any]:
         """Schedule as plain numbers and lists, for JSON; complex numbers as pairs."""
-        values: dict[str, Any] = {"kind": self.kind}
-        for name in _KIND_OF:
-            value = getattr(self, name)
-            if value is None:
-                continue
-            if name == "weights":
-                value = np.stack([value.real, value.imag], axis=-1)
-            values[name] = value.tolist() if isinstance(value, np.ndarray) else value
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+        values = {name: getattr(self, name) for name in _SETTINGS if getattr(self, name) is not None}
+        if self.weights is not None:
+            values["weights"] = np.stack([self.weights.real, self.weights.imag], axis=-1)
+        return {"kind": self.kind} | {name: np.asarray(value).tolist() for name, value in values.items()}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Schedule:
@@ -251,55 +238,62 @@ class Schedule:
 
 def require_fit(schedule: Schedule, num_tx: int, num_chirps: int) -> None:
     """Refuse a number of transmitters or of chirps that the schedule does not fit."""
-    if schedule.order is not None and len(schedule.order) != num_tx:
-        raise ValueError(f"schedule: expected an order of {num_tx} transmitters, got {list(schedule.order)}")
-    if schedule.turns is not None and len(schedule.turns) != num_tx:
-        raise ValueError(f"schedule: expected turns of {num_tx} transmitters, got {schedule.turns.tolist()}")
-    if schedule.weights is not None and schedule.weights.shape not in ((num_tx,), (num_chirps, num_tx)):
-        expected = f"({num_tx},) or ({num_chirps}, {num_tx})"
-        raise ValueError(f"schedule: expected weights of shape {expected}, got {schedule.weights.shape}")
-    for name in ("azimuth", "elevation"):
-        if (angles := getattr(schedule, name)) is not None and angles.shape not in ((), (num_chirps,)):
-            raise ValueError(f"schedule: expected one {name} or {num_chirps} of them, got {len(angles)}")
+    shapes_of: dict[str, tuple[tuple[int, ...], ...]] = {
+        "order": ((num_tx,),),
+        "turns": ((num_tx,),),
+        "weights": ((num_tx,), (num_chirps, num_tx)),
+        "azimuth": ((), (num_chirps,)),
+        "elevation": ((), (num_chirps,)),
+    }
+    for name, shapes in shapes_of.items():
+        value = getattr(schedule, name)
+        if value is not None and np.shape(value) not in shapes:
+            expected = " or ".join(map(str, shapes))
+            raise ValueError(f"schedule: expected {name} of shape {expected}, got {np.shape(value)}")
 
 
-_KIND_OF = {
-    "interval": "tdm",
-    "order": "tdm",
-    "turns": "ddm",
-    "weights": "steered",
-    "azimuth": "steered",
-    "elevation": "steered",
-}
-"""Kind of schedule that has each setting."""
+def _interval(name: str, value: object) -> float:
+    return check.positive(name, value, "s")
 
 
-def _order(value: Sequence[int]) -> tuple[int, ...]:
+def _order(name: str, value: Any) -> tuple[int, ...]:
     if not np.iterable(value):
-        raise TypeError(f"order: expected numbers of transmitters, got {value!r}")
-    order = tuple(check.count(f"order[{i}]", number, 0) for i, number in enumerate(value))
+        raise TypeError(f"{name}: expected numbers of transmitters, got {value!r}")
+    order = tuple(check.count(f"{name}[{i}]", number, 0) for i, number in enumerate(value))
     if sorted(order) != list(range(len(order))):
-        raise ValueError(f"order: expected every number from 0 to {len(order) - 1} once, got {list(order)}")
+        raise ValueError(f"{name}: expected every number from 0 to {len(order) - 1} once, got {list(order)}")
     return order
 
 
-def _turns(value: ArrayLike) -> NDArray[np.float64]:
-    turns = check.array("turns", value, (None,))
+def _turns(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    turns = check.array(name, value, (None,))
     if len(turns) > 1 and np.diff(np.sort(turns % 1.0)).min() < 1e-9:
-        raise ValueError(f"turns: expected another part of a turn for every transmitter, got {turns.tolist()}")
+        raise ValueError(f"{name}: expected another part of a turn for every transmitter, got {turns.tolist()}")
     return check.frozen(turns)
 
 
-def _weights(value: ArrayLike) -> NDArray[np.complex128]:
-    weights = np.array(check.complex_numbers("weights", value))
+def _weights(name: str, value: ArrayLike) -> NDArray[np.complex128]:
+    weights = check.finite(name, np.array(check.complex_numbers(name, value)))
     if weights.ndim not in (1, 2) or weights.size == 0:
-        raise ValueError(f"weights: expected shape (tx,) or (chirp, tx), got {weights.shape}")
-    if not np.isfinite(weights).all():
-        raise ValueError("weights: expected finite numbers, got some that are not")
+        raise ValueError(f"{name}: expected shape (tx,) or (chirp, tx), got {weights.shape}")
     if (largest := float(np.abs(weights).max())) > _LARGEST_WEIGHT:
-        raise ValueError(f"weights: expected magnitudes up to 1 (tx_power_dbm sets the power), got {largest:g}")
-    weights.flags.writeable = False
-    return weights
+        raise ValueError(f"{name}: expected magnitudes up to 1 (tx_power_dbm sets the power), got {largest:g}")
+    return check.frozen(weights)
+
+
+def _angles(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    return check.frozen(check.radians(name, check.array(name, value, (None,) if np.ndim(value) else ())))
+
+
+_SETTINGS: dict[str, tuple[str, Callable[[str, Any], Any]]] = {
+    "interval": ("tdm", _interval),
+    "order": ("tdm", _order),
+    "turns": ("ddm", _turns),
+    "weights": ("steered", _weights),
+    "azimuth": ("steered", _angles),
+    "elevation": ("steered", _angles),
+}
+"""Kind of schedule that has each setting, and the check that returns it as it is kept."""
 
 
 _ROUNDING = 1e-9
