@@ -205,7 +205,7 @@ def test_radar_of_a_scene_keeps_its_waveform_and_phases(tmp_path: Path) -> None:
         ),
         ("--max-velocity 100", "max_velocity: expected at most 31.08 m/s with max_range = 10 m at 4 MHz, got 100"),
         ("--rate 1000 --chirps 64", "rate: expected at most 390 Hz with num_chirps = 64 and max_range = 10 m at"),
-        ("--samples 5000", "num_samples: expected at most 3266 at 2 MHz, got 5000"),
+        ("--samples 5000", "num_samples: expected at most 3266, got 5000"),
         ("--bandwidth 4", "bandwidth: expected a frequency with its unit, as 1.5GHz or 500MHz, got '4'"),
         ("--rx 1,1", "rx: expected some of 1,2,3"),
     ],

@@ -131,7 +131,7 @@ def test_what_an_error_says_can_be_had_can_be_had() -> None:
         "rate": (1.0, 5000.0),
     }
     num_refused = 0
-    for _ in range(300):
+    for _ in range(100):
         names = [name for name in scales if rng.random() < 0.6]
         wishes = {name: float(np.exp(rng.uniform(*np.log(scales[name])))) for name in names}
         for _ in range(8):
@@ -147,4 +147,4 @@ def test_what_an_error_says_can_be_had_can_be_had() -> None:
             num_refused += 1
         else:
             raise AssertionError(wishes)
-    assert num_refused > 50
+    assert num_refused > 20

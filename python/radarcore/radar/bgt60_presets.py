@@ -26,6 +26,9 @@ _CHIRP_INTERVAL, _FRAME_INTERVAL = 300e-6, 25e-3
 _SAMPLE_RATES = (2e6, 4e6)
 """Sample rates that are tried where none was asked for [Hz]: the lower has less noise, the higher faster chirps."""
 
+_PATTERN = GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0)
+"""Typical values of the data sheet."""
+
 
 def bgt60tr13c(
     *,
@@ -102,56 +105,44 @@ def bgt60tr13c(
         waveform,
         ["stop_frequency", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
     )
-    chain = (receiver, if_gain_db, high_pass)
     values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
     wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
-    if wishes:
-        others = waveform if stop_frequency is None else waveform | {"stop_frequency": stop_frequency}
-        return _radar(_wished(wishes, others), tx_power_dbm, *chain)
+    if stop_frequency is not None:
+        waveform["stop_frequency"] = stop_frequency
+    shape = _wished(wishes, waveform) if wishes else _chosen(**waveform)
+    spacing = 2.5e-3
+    return Radar(
+        shape,
+        tx=[[0.0, -spacing, 0.0]],
+        rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
+        pattern=_PATTERN,
+        tx_power_dbm=tx_power_dbm,
+        receiver=receiver_of(receiver, if_gain_db, high_pass, bandwidth=shape.bandwidth),
+    )
+
+
+def _chosen(stop_frequency: float | None = None, **waveform: Any) -> Waveform:
+    """Waveform of keywords, with defaults for others."""
     settings: dict[str, Any] = {
         "sample_rate": 2e6,
         "num_samples": 128,
         "num_chirps": 64,
         "adc_delay": bgt60_chip.FIRST_SAMPLE / bgt60_chip.CLOCK,
     } | waveform
+    if stop_frequency is not None and "slope" in settings:
+        raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
     lowest, highest = _BGT60_BAND
-    if "start_frequency" not in settings:
-        # A stop alone has the width of the default before it.
-        stop = _START + _WIDTH if stop_frequency is None else _check_band("stop_frequency", stop_frequency)
-        settings["start_frequency"] = max(lowest, stop - _WIDTH)
-    start = _check_band("start_frequency", settings["start_frequency"])
-    if "slope" not in settings:
-        stop = _check_band("stop_frequency", min(start + _WIDTH, highest) if stop_frequency is None else stop_frequency)
+    stop = None if stop_frequency is None else _check_band("stop_frequency", stop_frequency)
+    settings.setdefault("start_frequency", _START if stop is None else max(lowest, stop - _WIDTH))
+    start, sweep = _check_band("start_frequency", settings["start_frequency"]), _sweep(settings)
+    if "slope" in settings:
+        _check_band("slope, end of the ramp", start + check.number("slope", settings["slope"], "Hz/s") * sweep)
+    else:
+        stop = min(start + _WIDTH, highest) if stop is None else stop
         if start == stop:
             raise ValueError(f"stop_frequency: expected another frequency than start_frequency, got {stop:g} Hz")
-        settings["slope"] = (stop - start) / _sweep(settings)
-    elif stop_frequency is not None:
-        raise ValueError("stop_frequency: expected either stop_frequency or slope, got both")
-    else:
-        _check_band(
-            "slope, end of the ramp", start + check.number("slope", settings["slope"], "Hz/s") * _sweep(settings)
-        )
-    if "chirp_times" not in settings:
-        settings.setdefault("chirp_interval", max(_CHIRP_INTERVAL, _shortest(settings)))
-    if "frame_interval" not in settings:
-        shortest = Waveform(**settings).frame_interval
-        settings["frame_interval"] = max(_FRAME_INTERVAL, shortest)
-    return _radar(Waveform(**settings), tx_power_dbm, *chain)
-
-
-def _radar(
-    waveform: Waveform, tx_power_dbm: float, receiver: str | Receiver, if_gain_db: int | None, high_pass: float | None
-) -> Radar:
-    """The radar with a waveform."""
-    spacing = 2.5e-3
-    return Radar(
-        waveform,
-        tx=[[0.0, -spacing, 0.0]],
-        rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
-        pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
-        tx_power_dbm=tx_power_dbm,
-        receiver=receiver_of(receiver, if_gain_db, high_pass, bandwidth=waveform.bandwidth),
-    )
+        settings["slope"] = (stop - start) / sweep
+    return _waveform(settings, max(_CHIRP_INTERVAL, sweep + bgt60_chip.IDLE_TIME))
 
 
 def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
@@ -175,12 +166,11 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
     slow, fast = map(bgt60_chip.divider_of, _SAMPLE_RATES)
     try:
         return _designed(slow, wishes, others)
-    except design.WishError as error:
-        at_slow = error
-    try:
-        return _designed(fast, wishes, others)
-    except design.WishError as at_fast:
-        raise (at_slow if at_slow.is_better_than(at_fast) else at_fast) from None
+    except design.WishError as at_slow:
+        try:
+            return _designed(fast, wishes, others)
+        except design.WishError as at_fast:
+            raise (at_slow if at_slow.is_better_than(at_fast) else at_fast) from None
 
 
 def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
@@ -189,13 +179,12 @@ def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) ->
     given: dict[str, Any] = wishes | {
         name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
     }
-    keywords = design.keywords_for(
-        limits,
-        **given,
-        default_start=_START,
-        default_bandwidth=_WIDTH,
-        default_interval=_CHIRP_INTERVAL,
-    )
+    defaults: dict[str, Any] = {
+        "default_start": _START,
+        "default_bandwidth": _WIDTH,
+        "default_interval": _CHIRP_INTERVAL,
+    }
+    keywords = design.keywords_for(limits, **given, **defaults)
     times = {name: others[name] for name in ("chirp_interval", "frame_interval") if name in others}
     keywords |= {name: check.positive(name, value, "s") for name, value in times.items()}
     if keywords["frame_interval"] is None:
@@ -204,9 +193,13 @@ def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) ->
     return Waveform(**keywords)
 
 
-def _shortest(settings: dict[str, Any]) -> float:
-    """Shortest time from chirp to chirp that leaves the chip its time after the samples [s]."""
-    return _sweep(settings) + bgt60_chip.IDLE_TIME
+def _waveform(settings: dict[str, Any], chirp_interval: float) -> Waveform:
+    """Waveform with default intervals where there are none."""
+    if "chirp_times" not in settings:
+        settings = {"chirp_interval": chirp_interval} | settings
+    if "frame_interval" not in settings:
+        settings = settings | {"frame_interval": max(_FRAME_INTERVAL, Waveform(**settings).frame_interval)}
+    return Waveform(**settings)
 
 
 def _sweep(settings: dict[str, Any]) -> float:
@@ -284,11 +277,7 @@ def bgt60tr24(
     } | waveform
     names = [field.name for field in fields(Waveform)]
     check.keywords("bgt60tr24", waveform, ["tx_power_dbm", "receiver", "if_gain_db", "high_pass", "schedule", *names])
-    if "chirp_times" not in settings:
-        settings.setdefault("chirp_interval", 591.125e-6)
-    if "frame_interval" not in settings:
-        settings["frame_interval"] = max(25e-3, Waveform(**settings).frame_interval)
-    shape = Waveform(**settings)
+    shape = _waveform(settings, 591.125e-6)
     chain = receiver_of(receiver, if_gain_db, high_pass, bandwidth=shape.bandwidth)
     if receiver == "measured":
         chain = replace(chain.of_receivers([0, 1, 2, 2]), rx_phase_deg=None)
@@ -297,7 +286,7 @@ def bgt60tr24(
         shape,
         tx=[[0.0, -_PITCH, 3.0 * _PITCH], [0.0, _PITCH, 3.0 * _PITCH]],
         rx=[[0.0, -half, half], [0.0, half, half], [0.0, -half, -half], [0.0, half, -half]],
-        pattern=GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_deg=40.0),
+        pattern=_PATTERN,
         tx_power_dbm=tx_power_dbm,
         receiver=chain,
         schedule=schedule,

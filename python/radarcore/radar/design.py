@@ -10,9 +10,6 @@ from typing import Any
 from radarcore import check
 from radarcore.units import SPEED_OF_LIGHT
 
-WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
-"""Names of the wishes."""
-
 _NUM_SAMPLES, _NUM_CHIRPS = 128, 64
 """Numbers of samples and chirps that nobody asked for."""
 
@@ -26,7 +23,10 @@ _UNITS = {
     "velocity_resolution": "m/s",
     "rate": "Hz",
 }
+"""Units of the wishes."""
 
+WISHES = tuple(_UNITS)
+"""Names of the wishes."""
 
 _LEAST = ("range_resolution", "velocity_resolution")
 """Wishes that can be had down to a number; the others can be had up to one."""
@@ -115,11 +115,6 @@ class Limits:
 def keywords_for(
     limits: Limits,
     *,
-    max_range: float | None = None,
-    max_velocity: float | None = None,
-    range_resolution: float | None = None,
-    velocity_resolution: float | None = None,
-    rate: float | None = None,
     start_frequency: float | None = None,
     default_start: float = 60e9,
     num_samples: int | None = None,
@@ -127,29 +122,22 @@ def keywords_for(
     default_bandwidth: float | None = None,
     default_interval: float | None = None,
     num_tx: int = 1,
+    **given: float | None,
 ) -> dict[str, Any]:
     """Keywords of a waveform that meets all wishes, see `Waveform.design`; a WishError names one that cannot be had.
 
-    `default_start`, `default_bandwidth` and `default_interval`: first frequency [Hz], sampled band [Hz] and time from
-    chirp to chirp [s] where wishes leave them free.
+    `given` are the wishes. `default_start`, `default_bandwidth` and `default_interval`: first frequency [Hz], sampled
+    band [Hz] and time from chirp to chirp [s] where wishes leave them free.
     """
     wishes = {
-        name: check.positive(name, value, _UNITS[name])
-        for name, value in (
-            ("max_range", max_range),
-            ("max_velocity", max_velocity),
-            ("range_resolution", range_resolution),
-            ("velocity_resolution", velocity_resolution),
-            ("rate", rate),
-        )
-        if value is not None
+        name: check.positive(name, given[name], unit) for name, unit in _UNITS.items() if given.get(name) is not None
     }
-    asked = {
-        "num_samples": None if num_samples is None else check.count("num_samples", num_samples),
-        "num_chirps": None if num_chirps is None else check.count("num_chirps", num_chirps),
-    }
-    chirp = _chirp(limits, wishes, asked["num_samples"], start_frequency, default_start, default_bandwidth)
-    times = _times(limits, wishes, asked["num_chirps"], chirp, default_interval, check.count("num_tx", num_tx))
+    if num_samples is not None:
+        num_samples = check.count("num_samples", num_samples, maximum=limits.max_samples)
+    if num_chirps is not None:
+        num_chirps = check.count("num_chirps", num_chirps, maximum=limits.max_chirps)
+    chirp = _chirp(limits, wishes, num_samples, start_frequency, default_start, default_bandwidth)
+    times = _times(limits, wishes, num_chirps, chirp, default_interval, check.count("num_tx", num_tx))
     return {"sample_rate": limits.sample_rate, "adc_delay": limits.adc_delay, **chirp, **times}
 
 
@@ -166,51 +154,38 @@ def _chirp(
     widest = highest - (lowest if start_frequency is None else start_frequency)
     max_range, resolution = wishes.get("max_range"), wishes.get("range_resolution")
     shared = _with(wishes, ("max_range",), limits)
-
-    if num_samples is not None and num_samples > limits.max_samples:
-        text = f"expected at most {limits.max_samples} at {_hertz(rate)}, got {num_samples}"
-        raise ValueError(f"num_samples: {text}")
+    most = limits.max_samples if num_samples is None else num_samples
+    usual = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
 
     # The slope: as steep as the range allows, which makes the shortest chirps.
-    most = limits.max_samples if num_samples is None else num_samples
-    samples = min(_NUM_SAMPLES, most) if num_samples is None else num_samples
     if max_range is not None:
         slope = _stepped(limits, min(SPEED_OF_LIGHT * rate / (4.0 * max_range), limits.max_slope), math.floor)
         if slope <= 0.0:
             farthest = SPEED_OF_LIGHT * rate / (4.0 * limits.slope_step)
             raise WishError("max_range", farthest, f" at {_hertz(rate)}", max_range)
     elif resolution is not None:
-        slope = _resolving(limits, resolution, samples)
-        # The more samples, the less of the band is lost before the first.
-        while (
-            num_samples is None
-            and samples < most
-            and _needed(limits, resolution, slope) > _fitting(limits, slope, widest)
-        ):
-            samples = min(most, samples + samples // 8 + 1)
-            slope = _resolving(limits, resolution, samples)
+        # The more samples, the less of the band is lost before the first. Steps of slopes take up to 0.1 %.
+        band = SPEED_OF_LIGHT / (2.0 * resolution)
+        spare = 0.999 * widest - band
+        fewest = limits.adc_delay * rate * band / spare if spare > 0.0 else math.inf
+        slope = _resolving(limits, resolution, math.ceil(max(usual, min(fewest, most))))
     elif default_bandwidth is not None:
-        slope = _stepped(limits, default_bandwidth * rate / samples, math.floor)
+        slope = _stepped(limits, default_bandwidth * rate / usual, math.floor)
     else:
         raise ValueError("range_resolution: expected it or max_range, got neither")
 
     # The samples: as many as the resolution asks for, or fewer than usual where the band is too narrow for these.
     fitting = min(most, _fitting(limits, slope, widest))
-    if resolution is not None:
-        needed = _needed(limits, resolution, slope)
-        if needed > fitting:
-            if max_range is None:
-                slope = _stepped(limits, min(widest / (limits.adc_delay + most / rate), limits.max_slope), math.floor)
-                fitting = min(most, _fitting(limits, slope, widest))
-            finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
-            raise WishError("range_resolution", finest, shared, resolution)
-        needed = max(needed, num_samples or 1)
-    else:
-        needed = min(samples, fitting) if num_samples is None else num_samples
-        if not 1 <= needed <= fitting:
-            text = f"expected at most {fitting} in a band of {widest:g} Hz{shared}, got {max(needed, 1)}"
-            raise ValueError(f"num_samples: {text}")
-
+    needed = min(usual, fitting) if resolution is None else _needed(limits, resolution, slope)
+    if resolution is not None and needed > fitting:
+        if max_range is None:
+            slope = _stepped(limits, min(widest / (limits.adc_delay + most / rate), limits.max_slope), math.floor)
+            fitting = min(most, _fitting(limits, slope, widest))
+        finest = SPEED_OF_LIGHT * rate / (2.0 * slope * fitting) if fitting * slope > 0.0 else math.inf
+        raise WishError("range_resolution", finest, shared, resolution)
+    needed = max(needed, num_samples or 1)
+    if needed > fitting:
+        raise ValueError(f"num_samples: expected at most {fitting} in a band of {widest:g} Hz{shared}, got {needed}")
     sweep = slope * (limits.adc_delay + needed / rate)
     start = min(default_start, highest - sweep) if start_frequency is None else start_frequency
     return {"start_frequency": start, "slope": slope, "num_samples": needed}
@@ -249,15 +224,15 @@ def _times(
     shortest = num_tx * (limits.adc_delay + sampled + limits.idle_time)
     speed, resolution, rate = (wishes.get(name) for name in ("max_velocity", "velocity_resolution", "rate"))
     frame = math.inf if rate is None else 1.0 / rate
-    turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
+    beside = _with(wishes, ("range_resolution", "max_range"), limits)
 
     # From chirp to chirp.
     usual = _NUM_CHIRPS if num_chirps is None else num_chirps
     if speed is not None:
         longest = wavelength / (4.0 * speed)
         if longest < shortest * (1.0 - _ROUNDING):
-            shared = _with(wishes, ("range_resolution", "max_range"), limits)
-            raise WishError("max_velocity", wavelength / (4.0 * shortest), shared + turns, speed)
+            turns = "" if num_tx == 1 else f" and {num_tx} transmitters in turn"
+            raise WishError("max_velocity", wavelength / (4.0 * shortest), beside + turns, speed)
         interval = limits.shortened(longest)
     elif resolution is not None:
         interval = limits.longest(wavelength / (2.0 * resolution * usual))
@@ -272,9 +247,8 @@ def _times(
     if rate is not None:
         most = min(most, math.floor(frame / limits.longest(interval) * (1.0 + _ROUNDING)))
         if most < least:
-            shared = _with(wishes, ("range_resolution", "max_range"), limits)
             chirps = "a single chirp" if least == 1 else "two chirps"
-            raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{shared}", rate)
+            raise WishError("rate", 1.0 / (least * limits.longest(interval)), f" for {chirps}{beside}", rate)
     needed = min(_NUM_CHIRPS, most)
     if resolution is not None:
         shortened = limits.shortened(interval)
@@ -286,8 +260,6 @@ def _times(
             finest = wavelength / (2.0 * allowed * shortened)
             raise WishError("velocity_resolution", finest, shared + chirps, resolution)
     if num_chirps is not None:
-        if num_chirps > limits.max_chirps:
-            raise ValueError(f"num_chirps: expected at most {limits.max_chirps}, got {num_chirps}")
         needed = num_chirps
     if rate is not None and needed > most:
         highest = 1.0 / (needed * limits.longest(interval))

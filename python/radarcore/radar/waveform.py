@@ -30,9 +30,6 @@ _USUAL_RATE = 40.0
 _LONGEST_INTERVAL = 2.0
 """Longer chirp intervals are implausible, such as microseconds in place of seconds [s]; a BGT60 has up to 1 s."""
 
-_LONGEST_TIME = 1e9
-"""Longest time of a waveform [s]: products of longer ones overflow."""
-
 
 @sealed
 @dataclass(kw_only=True, eq=False)
@@ -106,22 +103,12 @@ class Waveform(Twinned):
         self.num_samples = check.count("num_samples", self.num_samples, maximum=_MAX_COUNT)
         self.num_chirps = check.count("num_chirps", self.num_chirps, maximum=_MAX_COUNT)
         self.adc_delay = check.non_negative("adc_delay", self.adc_delay, "s")
-        if self.num_samples > _LONGEST_TIME * self.sample_rate:
-            raise ValueError(
-                f"sample_rate: expected {self.num_samples} samples within {_LONGEST_TIME:g} s, got "
-                f"{self.sample_rate:g} Hz"
-            )
-        sweep = _time("adc_delay", self.adc_delay) + self.num_samples / self.sample_rate
+        sweep = check.time("adc_delay + num_samples / sample_rate", self._sweep)
         stop = self.start_frequency + self.slope * sweep
-        if stop > check.HIGHEST_FREQUENCY:
+        if not 0.0 < stop <= check.HIGHEST_FREQUENCY:
             raise ValueError(
-                f"slope: expected a ramp below {check.HIGHEST_FREQUENCY:g} Hz for {sweep:g} s (adc_delay + samples), "
-                f"got {stop:g} Hz after that at {self.slope:g} Hz/s"
-            )
-        if stop <= 0.0:
-            raise ValueError(
-                f"slope: expected a ramp above 0 Hz for {sweep:g} s (adc_delay + samples), got {stop:g} Hz after "
-                f"that at {self.slope:g} Hz/s"
+                f"slope: expected a ramp above 0 and up to {check.HIGHEST_FREQUENCY:g} Hz for {sweep:g} s (adc_delay + "
+                f"samples), got {stop:g} Hz after that at {self.slope:g} Hz/s"
             )
 
         self.chirp_times = self._starts(sweep)
@@ -132,19 +119,13 @@ class Waveform(Twinned):
             )
         if self.frame_interval is None:
             self.frame_interval = self._default_frame_interval
-        self.frame_interval = _time("frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
-        self._warn_of_ramp(sweep)
-
-    def _warn_of_ramp(self, sweep: float) -> None:
-        """Warn of a ramp that is hardly meant; `sweep`: its duration [s]."""
-        if self.is_cw:
-            return
+        self.frame_interval = check.time("frame_interval", check.positive("frame_interval", self.frame_interval, "s"))
         if self.bandwidth > _WIDEST_BAND * self.center_frequency:
             notice.warn(
                 f"slope: expected a sampled band of at most {100.0 * _WIDEST_BAND:g} % of its centre frequency "
                 f"{self.center_frequency:.4g} Hz, got {self.bandwidth:.4g} Hz (slopes are in Hz/s: 20 MHz/us is 2e13)"
             )
-        if sweep > _LONGEST_CHIRP:
+        if sweep > _LONGEST_CHIRP and not self.is_cw:
             notice.warn(
                 f"sample_rate: expected ramps of at most {_LONGEST_CHIRP:g} s, got {sweep:.4g} s for "
                 f"{self.num_samples} samples at {self.sample_rate:g} Hz (2 MHz is 2e6)"
@@ -155,20 +136,15 @@ class Waveform(Twinned):
         if self.chirp_times is None:
             name = "chirp_interval"
             interval = sweep if self.chirp_interval is None else self.chirp_interval
-            self.chirp_interval = _time("chirp_interval", check.positive("chirp_interval", interval, "s"))
+            self.chirp_interval = check.time("chirp_interval", check.positive("chirp_interval", interval, "s"))
             starts = self.chirp_interval * np.arange(self.num_chirps)
         else:
             name = "chirp_times"
             starts = check.array("chirp_times", self.chirp_times, (self.num_chirps,))
-            _time("chirp_times", float(starts.max()))
+            check.time("chirp_times", starts.max())
             if starts[0] < 0.0:
                 raise ValueError(f"chirp_times: expected times from 0 on [s], got {starts[0]:g}")
-            if (np.diff(starts) <= 0.0).any():
-                i = int(np.argmax(np.diff(starts) <= 0.0))
-                raise ValueError(
-                    f"chirp_times: expected increasing times [s], got {starts[i]:g} and {starts[i + 1]:g} "
-                    f"at index {i} and {i + 1}"
-                )
+            check.in_order("chirp_times", starts)
             spacing = (starts[-1] - starts[0]) / (self.num_chirps - 1) if self.num_chirps > 1 else sweep
             self.chirp_interval = float(spacing)
         sampled = self.adc_delay + (self.num_samples - 1) / self.sample_rate
@@ -506,13 +482,6 @@ def require_range(waveform: Waveform) -> None:
     """Refuse a CW radar with a ValueError: its samples say nothing of range."""
     if waveform.is_cw:
         raise ValueError("waveform: expected a ramp, as a CW radar (slope = 0 Hz/s) measures no range")
-
-
-def _time(name: str, seconds: float) -> float:
-    """A time that a waveform can last [s]."""
-    if seconds > _LONGEST_TIME:
-        raise ValueError(f"{name}: expected at most {_LONGEST_TIME:g} s, got {seconds:g}")
-    return seconds
 
 
 def frame_rate(waveform: Waveform) -> float:
