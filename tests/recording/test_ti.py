@@ -13,8 +13,10 @@ import radarcore as rc
 from dca1000_files import Scene, commands, setup, studio
 from radarcore.processing.detection.detect import detect
 from radarcore.recording.ti.capture import parts_of
+from recordings import refused
 
 SCENE = Scene()
+WORDS = SCENE.numbers("lanes2", q_first=True)
 
 
 def assert_target(recording: rc.Recording, scene: Scene, *, angles: bool = True) -> None:
@@ -41,7 +43,7 @@ def write(path: Path, words: np.ndarray[Any, Any], config: str) -> tuple[Path, P
 
 @pytest.mark.parametrize(
     ("order", "output", "swap"),
-    [("lanes2", 1, 1), ("lanes2", 2, 0), ("lanes2", 0, 0), ("lanes4", 1, 0), ("lanes4", 0, 0), ("lanes4", 2, 1)],
+    [("lanes2", 2, 0), ("lanes2", 0, 0), ("lanes4", 1, 0), ("lanes4", 0, 0), ("lanes4", 2, 1)],
 )
 def test_target_of_a_capture_is_where_it_was(tmp_path: Path, order: str, output: int, swap: int) -> None:
     words = SCENE.numbers(order, real=output == 0, q_first=swap == 1)
@@ -57,7 +59,7 @@ def test_target_of_a_capture_is_where_it_was(tmp_path: Path, order: str, output:
 
 def test_every_number_comes_to_its_place(tmp_path: Path) -> None:
     """Two lanes of 18xx: the sample of a transmitter, receiver, loop and time is the closed form's, rounded."""
-    data, config = write(tmp_path, SCENE.numbers("lanes2", q_first=True), commands(SCENE))
+    data, config = write(tmp_path, WORDS, commands(SCENE))
     recording = rc.Recording.load(data, config=config)
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -100,15 +102,6 @@ def test_transmitters_in_any_order_come_to_their_channels(tmp_path: Path) -> Non
     )  # of two rows, likewise
 
 
-def test_one_transmitter_has_all_chirps(tmp_path: Path) -> None:
-    scene = Scene(masks=(1, 1), num_loops=8)
-    data, config = write(tmp_path, scene.numbers("lanes2", q_first=True), commands(scene))
-    recording = rc.Recording.load(data, config=config)
-    assert recording.radar.schedule is None
-    assert recording.cube.shape == (2, 4, 16, 64)
-    assert_target(recording, scene)
-
-
 def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -> None:
     """A frame lies in two files; the paths in the setup are those of somebody's Windows."""
     words = SCENE.numbers("lanes2")
@@ -131,15 +124,13 @@ def test_setup_of_mmwave_studio_loads_its_files_as_one_capture(tmp_path: Path) -
 
 
 def test_frame_that_is_not_whole_is_left_out_with_a_warning(tmp_path: Path) -> None:
-    words = SCENE.numbers("lanes2", q_first=True)
-    data, config = write(tmp_path, words[:-7], commands(SCENE))
-    size = words.nbytes // 2
+    data, config = write(tmp_path, WORDS[:-7], commands(SCENE))
+    size = WORDS.nbytes // 2
     with pytest.warns(UserWarning, match=rf"adc_data\.bin: 1 frames, the last {size - 14} bytes are no whole frame"):
         recording = rc.Recording.load(data, config=config)
     assert len(recording) == 1
     data.write_bytes(b"\0" * 100)
-    with pytest.raises(ValueError, match=rf"expected frames of {size} bytes by the configuration, got 100 bytes"):
-        rc.Recording.load(data, config=config)
+    refused(rf"expected frames of {size} bytes by the configuration, got 100 bytes", data, config=config)
 
 
 def test_errors_of_the_board_are_compensated(tmp_path: Path) -> None:
@@ -193,8 +184,9 @@ def test_zeros_in_place_of_lost_packets_are_counted(tmp_path: Path) -> None:
     assert recording.time == pytest.approx([0.0, 0.05, 0.15])
     assert recording.cube[2, 0, 0, 0] == scene.chirp(0.15, 1)[0, 0]
     # A lost packet is detected wherever it begins.
+    whole = scene.numbers("lanes2", q_first=True)
     for start in (0, 1, 363, 364, 365, 5000):
-        words = scene.numbers("lanes2", q_first=True)
+        words = whole.copy()
         words[start : start + 728] = 0
         data, config = write(tmp_path, words, commands(scene))
         with pytest.warns(UserWarning, match=r"zeros in place of about 1 lost packets, in frame 0"):
@@ -205,20 +197,18 @@ def test_zeros_in_place_of_lost_packets_are_counted(tmp_path: Path) -> None:
 
 
 def test_lost_packets_and_counters_are_named(tmp_path: Path) -> None:
-    words = SCENE.numbers("lanes2", q_first=True)
-    data, config = write(tmp_path, np.delete(words, slice(5 * 728, 6 * 728)), commands(SCENE))
+    data, config = write(tmp_path, np.delete(WORDS, slice(5 * 728, 6 * 728)), commands(SCENE))
     with pytest.warns(UserWarning, match="no whole frame; 1456 bytes are missing, 1 of the DCA1000's packets, and all"):
         rc.Recording.load(data, config=config)
     # User's Guide 5.2: the packet's number from 1 in 32 bits, the bytes before it in 48, both with the lowest first.
-    sent = words.tobytes()
+    sent = WORDS.tobytes()
     packets = [
         (start // 1456 + 1).to_bytes(4, "little") + start.to_bytes(6, "little") + sent[start : start + 1456]
         for start in range(0, len(sent), 1456)
     ]
     for first in (0, 7):  # from the start, and of a recorder that came later
         data.write_bytes(b"".join(packets[first:]))
-        with pytest.raises(ValueError, match="expected samples alone, got packets of the DCA1000 with their counters"):
-            rc.Recording.load(data, config=config)
+        refused("expected samples alone, got packets of the DCA1000 with their counters", data, config=config)
 
 
 def test_unknown_board_is_a_row_with_a_warning(tmp_path: Path) -> None:
@@ -236,9 +226,16 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
     scene = Scene(masks=(1,), num_loops=2, num_frames=1)
     words = scene.numbers("lanes2", real=True) & 0x0FFF
     data, config = write(tmp_path, words, commands(scene, output=0, swap=0, adcCfg="adcCfg 0 0"))
-    cube = rc.Recording.load(data, config=config).cube
+    recording = rc.Recording.load(data, config=config)
+    assert recording.radar.schedule is None
+    cube = recording.cube
     assert cube[0, 0, 0, 5] == scene.chirp(0.0, 1)[0, 5].real
     assert cube.min() < -900.0
+
+
+def profile(idle: float, ramp_end: float) -> dict[str, str]:
+    """A profile with other times [us]."""
+    return {"profileCfg": f"profileCfg 0 77 {idle} 6 {ramp_end} 0 0 60 1 64 6000 0 0 30"}
 
 
 @pytest.mark.parametrize(
@@ -255,18 +252,9 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
         ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
         ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
         ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
-        (
-            {"profileCfg": "profileCfg 0 77 -5 6 17 0 0 60 1 64 6000 0 0 30"},
-            "between the ramps of transmitters in turn",
-        ),
-        (
-            {"profileCfg": "profileCfg 0 77 7 6 12 0 0 60 1 64 6000 0 0 30"},
-            r"ends after the last sample, 16\.6667 us after its start \(6 us and 64 .*, got a ramp of 12 us",
-        ),
-        (
-            {"profileCfg": "profileCfg 0 77 7 6 80 0 0 60 1 64 6000 0 0 30"},
-            r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60",
-        ),
+        (profile(-5, 17), "between the ramps of transmitters in turn"),
+        (profile(7, 12), r"last sample, 16\.6667 us after its start \(6 us and 64 .*, got a ramp of 12 us"),
+        (profile(7, 80), r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
         ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),
@@ -310,11 +298,9 @@ def test_settings_of_mmwave_studio_are_refused_by_name(
 
 def test_setup_without_its_files_says_so(tmp_path: Path) -> None:
     path = setup(tmp_path, studio(SCENE), ["adc_data.bin"])
-    with pytest.raises(ValueError, match=r"expected captured files beside it, got no adc_data\.bin"):
-        rc.Recording.load(path)
+    refused(r"expected captured files beside it, got no adc_data\.bin", path)
     (tmp_path / "18xx.mmwave.json").unlink()
-    with pytest.raises(ValueError, match=r"expected 18xx\.mmwave\.json beside it"):
-        rc.Recording.load(path)
+    refused(r"expected 18xx\.mmwave\.json beside it", path)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -325,7 +311,7 @@ def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
     outcomes, messages = set(), []
     for name, text in texts.items():
         rng = np.random.default_rng(len(name))
-        for _ in range(200):
+        for _ in range(100):
             data = bytearray(text.encode())
             at, length = int(rng.integers(len(data))), int(rng.choice([0, 1, 20]))
             data[at : at + length] = pieces[int(rng.integers(len(pieces)))]
@@ -335,5 +321,5 @@ def test_damage_anywhere_is_a_value_error_or_a_radar(tmp_path: Path) -> None:
             except ValueError as error:
                 messages.append(str(error))
     assert outcomes == {rc.Radar}
-    assert len(messages) > 20
+    assert len(messages) > 10
     assert all(message.startswith(str(tmp_path / "a.")) for message in messages)

@@ -46,9 +46,6 @@ _COUNTER = (slice(0, 4), slice(4, 10))
 _ZERO_WORDS = _PACKET_BYTES // _WORD.itemsize // 2
 """Numbers per group in the search for zeros: half a packet, so that a lost packet covers a whole group."""
 
-_SCANNED_BYTES = 1 << 24
-"""Bytes per block of the search."""
-
 _MOST_NAMED = 5
 """Largest number of frames in a message."""
 
@@ -261,12 +258,8 @@ class _Words:
         """Share of each frame (frame,) in zeros of at least half a packet."""
         length = min(_ZERO_WORDS, self._num_words)
         num_groups = self._num_words // length
-        shares = np.zeros(len(self))
-        step = max(1, _SCANNED_BYTES // self.num_frame_bytes)
-        for first in range(0, len(self), step):
-            words = self[first : first + step][:, : num_groups * length]
-            shares[first : first + step] = 1.0 - words.reshape(-1, num_groups, length).any(axis=-1).mean(axis=-1)
-        return shares
+        frames = (self[index : index + 1][0, : num_groups * length] for index in range(len(self)))
+        return np.array([1.0 - words.reshape(-1, length).any(axis=-1).mean() for words in frames])
 
     def _pieces(self, frame: int) -> list[NDArray[np.int16]]:
         """Numbers of a frame, file by file."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check
-from radarcore.recording.ti.configuration import NUM_RX, ChirpEntry, Profile, Settings, chirps_of_frame, sample_format
+from radarcore.recording.ti.configuration import NUM_RX, Profile, Settings, chirps_of_frame
 
 _PLATFORM = re.compile(r"%\s*Platform\s*:\s*(\S+)", re.IGNORECASE)
 """Comment in which TI's visualizer says what a file is for."""
@@ -56,15 +56,14 @@ def settings(text: str, where: str) -> Settings:
     if (output == 0) != bool(is_real):
         got = f"adcCfg {bits} {output} and {'real' if is_real else 'complex'} samples by adcbufCfg"
         raise ValueError(f"{where}: expected adcCfg of the samples that adcbufCfg has, got {got}")
-    num_bits, kind = sample_format(bits, output, where)
     return Settings(
         profile=_profile(commands, number, where),
         tx_masks=masks,
         num_loops=int(num_loops),
         frame_interval=1e-3 * frame_interval,
         rx_mask=int(rx_mask),
-        output=kind,
-        bits=num_bits,
+        output=output,
+        bits=bits,
         num_lanes=2 if is_apart else 4,
         has_q_first=bool(swap),
         is_interleaved=not is_apart,
@@ -116,7 +115,7 @@ def _check_stream(commands: _Commands, where: str) -> None:
 def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tuple[int, ...], int]:
     """Masks of the transmitters of the chirps of a loop, and the number of their profile."""
     entries = [
-        ChirpEntry("changes" if any(changes) else "", int(start), int(stop), int(profile), int(mask))
+        ("changes" if any(changes) else "", int(start), int(stop), int(profile), int(mask))
         for start, stop, profile, *changes, mask in commands.get("chirpCfg", [])
     ]
     return chirps_of_frame(entries, first, last, "chirpCfg", where)
@@ -139,4 +138,4 @@ def _profile(commands: _Commands, number: int, where: str) -> Profile:
     if number not in lines:
         raise ValueError(f"{where}: expected profileCfg {number}, which chirps have, got {sorted(lines) or 'none'}")
     _, start, idle, adc_start, ramp_end, _, _, slope, _, num_samples, rate, *_ = lines[number]
-    return Profile.of_ti(start, slope, idle, adc_start, ramp_end, num_samples, rate)
+    return Profile(start, slope, idle, adc_start, ramp_end, num_samples, rate)

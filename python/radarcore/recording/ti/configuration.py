@@ -20,20 +20,20 @@ from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.ti.capture import Capture
 
-OUTPUTS = ("real", "complex 1x", "complex 2x")
+_OUTPUTS = ("real", "complex 1x", "complex 2x")
 """Formats of samples by the number that TI gives them: real, I/Q, and I/Q with the band of the images."""
 
-BITS = (12, 14, 16)
+_BITS = (12, 14, 16)
 """Bits of a sample by the number that TI gives them."""
 
 NUM_RX, _NUM_TX = 4, 4
 """Most receivers and transmitters of a chip."""
 
-_BANDS = ((57e9, 64e9), (76e9, 81e9))
-"""Frequencies of the chips [Hz] (TI, data sheets of xWR1xxx, xWR2xxx and xWR6xxx)."""
+_BANDS = ((57.0, 64.0), (76.0, 81.0))
+"""Frequencies of the chips [GHz] (TI, data sheets of xWR1xxx, xWR2xxx and xWR6xxx)."""
 
-_MAX_SLOPE = 266e12
-"""Steepest ramp of any chip (AWR2243) [Hz/s]; 60 GHz chips reach 250 MHz/us."""
+_MAX_SLOPE = 266.0
+"""Steepest ramp of any chip (AWR2243) [MHz/us]; 60 GHz chips reach 250 MHz/us."""
 
 _NUM_CHIRPS = 512
 """Chirps that a chip has at most, from 0 on."""
@@ -54,45 +54,19 @@ _OTHER_ARRAYS = ("AOP", "ODS")
 """Boards of these families with other antennas."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Profile:
-    """Profile of chirps, in SI units.
+class Profile(NamedTuple):
+    """Profile of chirps in the units of TI: GHz, MHz/us, us, and kHz of samples.
 
-    Parameters
-    ----------
-    start_frequency : float
-        [Hz].
-    slope : float
-        [Hz/s].
-    idle_time, adc_start_time, ramp_end_time : float
-        Before the ramp; from its start to the first sample, and to its end [s].
-    num_samples : int
-    sample_rate : float
-        [Hz].
+    Times are those before the ramp, and from its start to the first sample and to its end.
     """
 
-    start_frequency: float
+    start: float
     slope: float
-    idle_time: float
-    adc_start_time: float
-    ramp_end_time: float
-    num_samples: int
-    sample_rate: float
-
-    @classmethod
-    def of_ti(
-        cls, start: float, slope: float, idle: float, adc_start: float, ramp_end: float, num_samples: float, rate: float
-    ) -> Profile:
-        """Profile of numbers in the units of TI: GHz, MHz/us, us, kHz."""
-        return cls(
-            start_frequency=1e9 * start,
-            slope=1e12 * slope,
-            idle_time=1e-6 * idle,
-            adc_start_time=1e-6 * adc_start,
-            ramp_end_time=1e-6 * ramp_end,
-            num_samples=int(num_samples),
-            sample_rate=1e3 * rate,
-        )
+    idle: float
+    adc_start: float
+    ramp_end: float
+    num_samples: float
+    rate: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,10 +84,9 @@ class Settings:
         [s].
     rx_mask : int
         Receivers, bit 0 the first one.
-    output : str
-        One of `OUTPUTS`.
-    bits : int
-        One of `BITS`.
+    output, bits : int
+        Format and bits of samples by TI's numbers: places in ``("real", "complex 1x", "complex 2x")`` and
+        ``(12, 14, 16)``.
     num_lanes : int
     has_q_first : bool
     is_interleaved : bool
@@ -131,7 +104,7 @@ class Settings:
     num_loops: int
     frame_interval: float
     rx_mask: int
-    output: str
+    output: int
     bits: int
     num_lanes: int
     has_q_first: bool
@@ -147,29 +120,33 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
     Warns where several transmitters send and the board, which places them, is not known.
     """
     profile, receivers = settings.profile, _bits(settings.rx_mask, NUM_RX, "receivers", where)
+    if not (0 <= settings.bits < len(_BITS) and 0 <= settings.output < len(_OUTPUTS)):
+        got = f"{settings.bits} and {settings.output}"
+        raise ValueError(f"{where}: expected bits and format of samples of 0 to 2, got {got}")
+    is_real = settings.output == 0
     _check_lanes(settings, len(receivers), where)
     _check_ramp(profile, where)
     numbers, repetitions = _turns(settings.tx_masks, where)
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
-    ramp_interval = profile.idle_time + profile.ramp_end_time
+    ramp_interval = 1e-6 * (profile.idle + profile.ramp_end)
     with check.located(where):
         waveform = Waveform(
-            start_frequency=profile.start_frequency,
-            slope=profile.slope,
-            sample_rate=profile.sample_rate,
-            num_samples=profile.num_samples,
+            start_frequency=1e9 * profile.start,
+            slope=1e12 * profile.slope,
+            sample_rate=1e3 * profile.rate,
+            num_samples=int(profile.num_samples),
             num_chirps=settings.num_loops * repetitions,
             chirp_interval=ramp_interval * len(turns),
             frame_interval=settings.frame_interval,
-            adc_delay=profile.adc_start_time,
+            adc_delay=1e-6 * profile.adc_start,
         )
         tx, rx, antennas = _antennas(settings.device, used, receivers, waveform.wavelength)
         radar = Radar(
             waveform,
             tx=tx,
             rx=rx,
-            receiver=Receiver(output="real") if settings.output == "real" else None,
+            receiver=Receiver(output="real") if is_real else None,
             schedule=Schedule.tdm(ramp_interval, turns) if len(turns) > 1 else None,
         )
     if antennas == _ROW and len(used) > 1:
@@ -180,12 +157,11 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
     facts = {
         "device": settings.device or "unknown",
         "lanes": settings.num_lanes,
-        "output": settings.output,
+        "output": _OUTPUTS[settings.output],
         "transmitters": [number + 1 for number in used],
         "receivers": [number + 1 for number in receivers],
         "antennas": antennas,
     }
-    is_real = settings.output == "real"
     compensation = _compensation(settings, used, receivers, where)
     if compensation:
         listed = [[factor.real, factor.imag] for factor in compensation["coefficients"]]
@@ -194,7 +170,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         num_lanes=settings.num_lanes,
         is_real=is_real,
         has_q_first=settings.has_q_first and not is_real,
-        bits=settings.bits,
+        bits=_BITS[settings.bits],
         turns=turns,
         facts=facts,
         **compensation,
@@ -204,20 +180,20 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
 
 def _check_ramp(profile: Profile, where: str) -> None:
     """Refuse ramps that no chip can make, and ramps that end before the last sample."""
-    last = profile.adc_start_time + profile.num_samples / profile.sample_rate if profile.sample_rate > 0 else 0.0
-    if last > profile.ramp_end_time * (1.0 + 1e-9):
+    last = profile.adc_start + 1e3 * profile.num_samples / profile.rate if profile.rate > 0 else 0.0
+    if last > profile.ramp_end * (1.0 + 1e-9):
         raise ValueError(
-            f"{where}: expected a ramp that ends after the last sample, {1e6 * last:.6g} us after its start "
-            f"({1e6 * profile.adc_start_time:g} us and {profile.num_samples} samples at "
-            f"{1e-3 * profile.sample_rate:g} kHz), got a ramp of {1e6 * profile.ramp_end_time:g} us"
+            f"{where}: expected a ramp that ends after the last sample, {last:.6g} us after its start "
+            f"({profile.adc_start:g} us and {profile.num_samples:g} samples at {profile.rate:g} kHz), got a ramp of "
+            f"{profile.ramp_end:g} us"
         )
-    ends = sorted((profile.start_frequency, profile.start_frequency + profile.slope * profile.ramp_end_time))
+    ends = sorted((profile.start, profile.start + 1e-3 * profile.slope * profile.ramp_end))
     is_in_band = any(low <= ends[0] and ends[1] <= high for low, high in _BANDS)
     if abs(profile.slope) > _MAX_SLOPE or not is_in_band:
-        bands = " or ".join(f"{1e-9 * low:g} to {1e-9 * high:g} GHz" for low, high in _BANDS)
+        bands = " or ".join(f"{low:g} to {high:g} GHz" for low, high in _BANDS)
         raise ValueError(
-            f"{where}: expected a ramp that a chip can make, within {bands} and up to {1e-12 * _MAX_SLOPE:g} MHz/us, "
-            f"got {1e-9 * ends[0]:.6g} to {1e-9 * ends[1]:.6g} GHz at {1e-12 * profile.slope:g} MHz/us"
+            f"{where}: expected a ramp that a chip can make, within {bands} and up to {_MAX_SLOPE:g} MHz/us, "
+            f"got {ends[0]:.6g} to {ends[1]:.6g} GHz at {profile.slope:g} MHz/us"
         )
 
 
@@ -235,7 +211,7 @@ def _compensation(settings: Settings, used: list[int], receivers: list[int], whe
         raise ValueError(f"{where}: expected compRangeBiasAndRxChanPhase without zeros, got one for a channel in use")
     if settings.range_bias == 0.0 and (factors == 1.0).all():
         return {}
-    if settings.output == "real" and (settings.range_bias or factors.imag.any()):
+    if settings.output == 0 and (settings.range_bias or factors.imag.any()):
         notice.warn(f"{where}: real samples have no phase, so compRangeBiasAndRxChanPhase is left out")
         return {}
     return {"range_bias": settings.range_bias, "coefficients": tuple(factors.tolist())}
@@ -252,8 +228,8 @@ def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:
         raise ValueError(f"{where}: expected {expected} on {settings.num_lanes} LVDS lanes, got the other order")
     if settings.num_lanes == 4 and num_rx != NUM_RX:
         raise ValueError(f"{where}: expected all four receivers on four LVDS lanes, got the mask {settings.rx_mask:#x}")
-    if settings.num_lanes == 2 and settings.output != "real" and settings.profile.num_samples % 2:
-        raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples}")
+    if settings.num_lanes == 2 and settings.output != 0 and settings.profile.num_samples % 2:
+        raise ValueError(f"{where}: expected an even number of I/Q samples, got {settings.profile.num_samples:g}")
 
 
 def _turns(masks: tuple[int, ...], where: str) -> tuple[list[int], int]:
@@ -311,42 +287,26 @@ def _bits(mask: int, most: int, what: str, where: str) -> list[int]:
     return [number for number in range(most) if mask >> number & 1]
 
 
-def sample_format(bits: int, output: int, where: str) -> tuple[int, str]:
-    """Bits and format of samples by TI's numbers of them."""
-    if not 0 <= bits < len(BITS) or not 0 <= output < len(OUTPUTS):
-        raise ValueError(f"{where}: expected bits and format of samples of 0 to 2, got {bits} and {output}")
-    return BITS[bits], OUTPUTS[output]
-
-
-class ChirpEntry(NamedTuple):
-    """Chirps of a list, by their first and last index; `change`: a deviation from their profile, nothing for none."""
-
-    change: str
-    first: int
-    last: int
-    profile: int
-    tx_mask: int
-
-
 def chirps_of_frame(
-    entries: Iterable[ChirpEntry], first: int, last: int, listed: str, where: str
+    entries: Iterable[tuple[str, int, int, int, int]], first: int, last: int, listed: str, where: str
 ) -> tuple[tuple[int, ...], int]:
     """Masks of the transmitters of the chirps of a loop, and the number of their profile.
 
-    `listed` is the name of the list of entries in the files.
+    Entries have a deviation from the profile (nothing for none), first and last index, profile and mask. `listed` is
+    the name of their list in the files.
     """
-    chirps: dict[int, ChirpEntry] = {}
-    for entry in entries:
-        chirps |= dict.fromkeys(_indices(entry.first, entry.last, where), entry)
+    chirps: dict[int, tuple[str, int, int]] = {}
+    for change, start, stop, profile, mask in entries:
+        chirps |= dict.fromkeys(_indices(start, stop, where), (change, profile, mask))
     used = _indices(first, last, where)
     if missing := [index for index in used if index not in chirps]:
         raise ValueError(f"{where}: expected chirp {missing[0]}, which the frame has, in {listed}, got none")
-    for index in used:
-        if change := chirps[index].change:
-            raise ValueError(f"{where}: expected chirps as their profile has them, got {change} of chirp {index}")
-    if len(numbers := sorted({chirps[index].profile for index in used})) != 1:
+    if changed := [index for index in used if chirps[index][0]]:
+        got = f"{chirps[changed[0]][0]} of chirp {changed[0]}"
+        raise ValueError(f"{where}: expected chirps as their profile has them, got {got}")
+    if len(numbers := sorted({chirps[index][1] for index in used})) != 1:
         raise ValueError(f"{where}: expected chirps of one profile, got those of {numbers or 'none'}")
-    return tuple(chirps[index].tx_mask for index in used), numbers[0]
+    return tuple(chirps[index][2] for index in used), numbers[0]
 
 
 def _indices(first: int, last: int, where: str) -> range:

@@ -9,7 +9,7 @@ from typing import Any
 
 from radarcore import check
 from radarcore.recording.native import parsed_json
-from radarcore.recording.ti.configuration import ChirpEntry, Profile, Settings, chirps_of_frame, sample_format
+from radarcore.recording.ti.configuration import Profile, Settings, chirps_of_frame
 
 SETUP_SUFFIX = ".setup.json"
 _MMWAVE_SUFFIX = ".mmwave.json"
@@ -21,7 +21,7 @@ _CHANGES = ("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "ad
 """Deviations of a chirp from its profile."""
 
 _CHIRP = ("chirpStartIdx", "chirpEndIdx", "profileId", "txEnable")
-"""Keys of a chirp in the order of `ChirpEntry`, after its change."""
+"""Keys of a chirp: first and last index, profile, mask."""
 
 _PROFILE = (
     "startFreqConst_GHz",
@@ -32,7 +32,7 @@ _PROFILE = (
     "numAdcSamples",
     "digOutSampleRate",
 )
-"""Keys of a profile in the order of `Profile.of_ti`."""
+"""Keys of a profile in the order of `Profile`."""
 
 
 class _Table:
@@ -122,7 +122,6 @@ def settings(path: Path, device: str) -> Settings:
     frame = rf.table("rlFrameCfg_t")
     masks, number = _chirps(rf, frame, where)
     form = rf.table("rlAdcOutCfg_t").table("fmt")
-    bits, output = sample_format(form.whole("b2AdcBits"), form.whole("b2AdcOutFmt"), where)
     order = data.table("rlDevDataFmtCfg_t")
     content = data.table("rlDevDataPathCfg_t").whole("transferFmtPkt0") if data.has("rlDevDataPathCfg_t") else 1
     if content != 1:
@@ -134,8 +133,8 @@ def settings(path: Path, device: str) -> Settings:
         num_loops=frame.whole("numLoops"),
         frame_interval=1e-3 * frame.number("framePeriodicity_msec"),
         rx_mask=rf.table("rlChanCfg_t").whole("rxChannelEn"),
-        output=output,
-        bits=bits,
+        output=form.whole("b2AdcOutFmt"),
+        bits=form.whole("b2AdcBits"),
         num_lanes=abs(lanes).bit_count(),
         has_q_first=bool(order.whole("iqSwapSel")),
         is_interleaved=not order.whole("chInterleave"),
@@ -149,7 +148,8 @@ def _chirps(rf: _Table, frame: _Table, where: str) -> tuple[tuple[int, ...], int
     entries = []
     for entry in rf.entries("rlChirps", "rlChirpCfg_t"):
         changed = [name for name in _CHANGES if entry.has(name) and entry.number(name) != 0.0]
-        entries.append(ChirpEntry(changed[0] if changed else "", *map(entry.whole, _CHIRP)))
+        start, stop, profile, mask = map(entry.whole, _CHIRP)
+        entries.append((changed[0] if changed else "", start, stop, profile, mask))
     for entry in rf.entries("rlBpmChirps", "rlBpmChirpCfg_t"):
         is_used = entry.whole("chirpStartIdx") <= last and entry.whole("chirpEndIdx") >= first
         if is_used and entry.whole("constBpmVal") != 0:
@@ -161,7 +161,7 @@ def _profile(rf: _Table, number: int, where: str) -> Profile:
     profiles = {entry.whole("profileId"): entry for entry in rf.entries("rlProfiles", "rlProfileCfg_t")}
     if number not in profiles:
         raise ValueError(f"{where}: expected profile {number}, which chirps have, got {sorted(profiles) or 'none'}")
-    return Profile.of_ti(*map(profiles[number].number, _PROFILE))
+    return Profile(*map(profiles[number].number, _PROFILE))
 
 
 def _beside(path: Path, name: str) -> Path:
