@@ -27,18 +27,6 @@ def test_virtual_array_has_the_phases_of_far_echoes() -> None:
     assert (radar.channel_offsets == np.zeros(6)).all()
 
 
-def test_channel_is_tx_times_num_rx_plus_rx() -> None:
-    radar = rc.Radar(WAVEFORM, tx=TX, rx=RX)
-    assert radar.num_channels == 6
-    target = np.array([2.0, 0.7, -0.4])
-    delay = rc.Simulator(rc.Scene([rc.PointTarget(target)]), radar, resolution=2).paths().delay
-    for i, tx in enumerate(TX):
-        for j, rx in enumerate(RX):
-            expected = (np.linalg.norm(target - tx) + np.linalg.norm(target - rx)) / C
-            # Every delay differs from the others by picoseconds; rounding is 1e-24 s.
-            assert delay[3 * i + j, 0] == pytest.approx(expected, rel=1e-15)
-
-
 def test_default_radar_is_one_isotropic_watt_into_an_ideal_receiver() -> None:
     radar = rc.Radar(WAVEFORM)
     assert (radar.num_channels, radar.tx_power, radar.receiver, radar.is_real) == (1, 1.0, None, False)
@@ -66,18 +54,6 @@ def test_gain_takes_arrays_that_broadcast() -> None:
         assert gain.shape == (3, 5)
         assert gain[1, 2] == gain.max() == pytest.approx(10.0 ** (pattern.gain_db / 10.0), rel=1e-14)
         assert gain[2, 0] == pattern.gain(-1.0, 0.5)
-
-
-@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(30.0, 0.0), (-30.0, 0.0), (0.0, 20.0), (0.0, -20.0)])
-def test_point_at_half_power_returns_a_quarter_of_the_power(azimuth_deg: float, elevation_deg: float) -> None:
-    radar = rc.Radar(WAVEFORM, pattern=rc.GaussianPattern(6.0, 60.0, 40.0), tx_power_dbm=10.0)
-    az, el = np.deg2rad([azimuth_deg, elevation_deg])
-    position = 2.0 * np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
-    amplitude = rc.Simulator(rc.Scene([rc.PointTarget(position, rcs=0.5)]), radar, resolution=2).paths().amplitude
-    # Radar equation: P Gt Gr lambda^2 sigma / ((4 pi)^3 R^4), both gains halved.
-    power = 1e-2 * (10.0**0.6 / 2.0) ** 2 * WAVEFORM.wavelength**2 * 0.5 / ((4.0 * np.pi) ** 3 * 2.0**4)
-    assert abs(amplitude[0, 0]) ** 2 == pytest.approx(power, rel=1e-12)
-    assert amplitude[0, 0].imag == 0.0
 
 
 def test_bgt60tr13c_sees_ten_metres_at_40_hz() -> None:
@@ -162,6 +138,7 @@ def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
     assert rc.bgt60tr13c(tx_power_dbm=0.0).tx_power == pytest.approx(1e-3, rel=1e-15)
     staggered = rc.bgt60tr13c(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]).waveform
     assert staggered.chirp_times.tolist() == [0.0, 1e-3, 3e-3]
+    assert rc.bgt60tr13c(num_chirps=512).waveform.frame_interval >= 512 * 300e-6
 
 
 RADARS = [
