@@ -327,9 +327,8 @@ def to_samples(codes: ArrayLike) -> NDArray[np.float32]:
     samples : float32, the shape of `codes`
         Parts of the ADC's full scale, `FULL_SCALE_VOLT`.
     """
-    samples: NDArray[np.float32] = np.multiply(checked_codes(codes), 2, dtype=np.float32)
-    samples /= np.float32(NUM_CODES - 1)
-    samples -= np.float32(1.0)
+    doubled = np.multiply(checked_codes(codes), 2, dtype=np.float32)
+    samples: NDArray[np.float32] = doubled / np.float32(NUM_CODES - 1) - np.float32(1.0)
     return samples
 
 
@@ -353,13 +352,9 @@ def to_codes(samples: ArrayLike) -> NDArray[np.uint16]:
     given = np.asarray(samples)
     if given.dtype.kind not in "fiu":
         raise TypeError(f"samples: expected real numbers, got {given.dtype}")
-    values = given.astype(np.float64)
-    if np.isnan(values).any():
+    if np.isnan(given).any():
         raise ValueError("samples: expected numbers, got NaN")
-    half = (NUM_CODES - 1) / 2.0
-    np.clip(values, -1.0, 1.0, out=values)
-    values += 1.0
-    values *= half
+    values = (np.clip(given.astype(np.float64), -1.0, 1.0) + 1.0) * ((NUM_CODES - 1) / 2.0)
     codes: NDArray[np.uint16] = np.rint(values).astype(np.uint16)
     return codes
 

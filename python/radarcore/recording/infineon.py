@@ -14,7 +14,6 @@ Its texts are kept as they are in ``source["infineon"]``, and written again as l
 
 from __future__ import annotations
 
-import json
 import platform
 import re
 from collections.abc import Iterator
@@ -33,7 +32,7 @@ from radarcore.output import Lock, make_folder, new_file, replaces
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import FULL_SCALE, NUM_CODES, frame_shape, to_codes, to_samples
-from radarcore.recording.native import UNITS, Stored, parsed_json, warn_of_missing
+from radarcore.recording.native import UNITS, Stored, json_text, parsed_json, warn_of_missing
 from radarcore.recording.npy import ArrayFile, Converted
 
 _FOLDER = re.compile(r"RadarIfxAvian_\d+")
@@ -134,7 +133,7 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
 
     # Everything is written beside its place before anything is put there.
     is_new = [place for place in (path / folder, path) if not place.exists()]
-    files = {path / name: _encoded(text) for name, text in texts.items()}
+    files = {path / name: text.encode("utf-8", "surrogateescape") for name, text in texts.items()}
     try:
         make_folder(path / folder)
         with Lock(path / folder), ExitStack() as stack:
@@ -368,17 +367,7 @@ def _whole(value: float) -> float | int:
 
 
 def _json(values: dict[str, Any]) -> str:
-    try:
-        return json.dumps(values, indent=4, sort_keys=True, allow_nan=False) + "\n"
-    except (TypeError, ValueError) as error:
-        raise type(error)(f'source["infineon"]: expected what JSON can hold ({error})') from error
-
-
-def _encoded(text: str) -> bytes:
-    try:
-        return text.encode("utf-8", "surrogateescape")
-    except UnicodeEncodeError as error:
-        raise ValueError(f'source["infineon"]: expected texts of UTF-8 ({error})') from error
+    return json_text(values, 'source["infineon"]', indent=4, sort_keys=True)
 
 
 def _array_bytes(cube: NDArray[Any]) -> Iterator[bytes]:

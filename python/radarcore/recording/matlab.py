@@ -86,7 +86,8 @@ class MatFile:
             if stop > len(self._bytes):
                 raise ValueError(f"an array of {size} bytes in the last {len(self._bytes) - start}")
             data = self._bytes[start : min(stop, start + _START_BYTES)].tobytes()
-            if code == _COMPRESSED:
+            is_compressed = code == _COMPRESSED
+            if is_compressed:
                 data = zlib.decompressobj().decompress(data, _START_BYTES)
                 code, data = self._tag(data)[0], data[8:]
             if code == _MATRIX and len(data) > 0:
@@ -95,9 +96,7 @@ class MatFile:
                     lengths = tuple(int(length) for length in shape)
                     if not lengths or min(lengths) < 0:
                         raise ValueError(f"an array of shape {lengths}")
-                    is_compressed = self._tag(self._bytes[place : place + 8].tobytes())[0] == _COMPRESSED
-                    variable = Variable(lengths, start, stop, is_compressed)
-                    yield name.tobytes().decode("latin-1"), variable
+                    yield name.tobytes().decode("latin-1"), Variable(lengths, start, stop, is_compressed)
             place = stop
 
     def _tag(self, data: bytes) -> tuple[int, int]:
@@ -136,20 +135,13 @@ def array(path: Path, variable: str | None) -> NDArray[Any]:
     """The named array of a file, or the only one of three axes or more."""
     with path.open("rb") as file:
         start = file.read(_USER_BLOCK_BYTES + len(_HDF5))
-    return (
-        _of_hdf5(path, variable)
-        if _HDF5 in (start[: len(_HDF5)], start[_USER_BLOCK_BYTES:])
-        else _of_old(path, variable)
-    )
-
-
-def _of_old(path: Path, variable: str | None) -> NDArray[Any]:
-    """Array of a file of version 5 to 7.2."""
+    if _HDF5 in (start[: len(_HDF5)], start[_USER_BLOCK_BYTES:]):
+        return _of_hdf5(path, variable)
     with readable(path, "a MAT file"):
-        file = MatFile(path)
-    name = chosen(path, {name: found.shape for name, found in file.variables.items()}, variable)
+        found = MatFile(path)
+    name = chosen(path, {name: entry.shape for name, entry in found.variables.items()}, variable)
     with readable(path, "a MAT file"):
-        return file.read(name)
+        return found.read(name)
 
 
 def _of_hdf5(path: Path, variable: str | None) -> NDArray[Any]:

@@ -212,7 +212,12 @@ def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind
         "num_frames": num_frames,
         "truth": None if kind is None or kind[1] is None else list(kind[1]),
     }
+    return json_text(values, "source", indent=2)
+
+
+def json_text(values: dict[str, Any], name: str, **layout: Any) -> str:
+    """JSON text of values, or an error that names those that JSON cannot hold."""
     try:
-        return json.dumps(values, indent=2, allow_nan=False) + "\n"
+        return json.dumps(values, allow_nan=False, **layout) + "\n"
     except (TypeError, ValueError) as error:
-        raise type(error)(f"source: expected what JSON can hold, got {source!r} ({error})") from error
+        raise type(error)(f"{name}: expected what JSON can hold ({error})") from error
