@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.pattern import GaussianPattern
@@ -56,6 +59,24 @@ def assert_same(given: Recording, expected: Recording, num_frames: int | None = 
         assert given.truth.names == expected.truth.names
         for name in ("range", "velocity", "azimuth", "elevation"):
             np.testing.assert_array_equal(getattr(given.truth, name), getattr(expected.truth, name)[:n])
+
+
+def refused(message: str, path: Path, error: type[Exception] = ValueError, **description: Any) -> None:
+    """Check the error of loading something."""
+    with pytest.raises(error, match=message):
+        Recording.load(path, **description)
+
+
+@contextmanager
+def small_disk(num_bytes: int) -> Iterator[None]:
+    """Files of this process end at a size, as on a full disk."""
+    resource = pytest.importorskip("resource", reason="needs limits of the system")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def cut(path: Path, num_bytes: int) -> None:

@@ -13,7 +13,7 @@ from scipy.io import savemat
 
 import radarcore as rc
 from infineon_folders import config, some_codes
-from recordings import CODES, RADAR, SENSOR, recording
+from recordings import CODES, RADAR, SENSOR, recording, refused
 
 SLOW = replace(RADAR.waveform, chirp_interval=20e-6, chirp_times=None, frame_interval=1e-3)
 TDM = rc.Radar(SLOW, tx=[[0, 0, 0], [0, 0.01, 0]], rx=RADAR.rx, schedule=rc.Schedule.tdm(10e-6, [0, 1]))
@@ -81,10 +81,9 @@ def test_real_samples_get_a_real_receiver(tmp_path: Path) -> None:
     loaded = rc.Recording.load(path, radar=plain)
     assert loaded.radar.is_real
     assert loaded.radar.max_unambiguous_range == plain.max_unambiguous_range / 2.0
-    with pytest.raises(ValueError, match=r"a\.npy: expected I/Q samples of the radar's receiver, got real samples"):
-        rc.Recording.load(path, radar=RADAR)
-    with pytest.raises(ValueError, match=r"b\.npy: expected real samples of the radar's receiver, got I/Q samples"):
-        rc.Recording.load(saved(tmp_path, CODES.astype(np.complex64), "b.npy"), radar=SENSOR)
+    refused(r"a\.npy: expected I/Q samples of the radar's receiver, got real samples", path, radar=RADAR)
+    other = saved(tmp_path, CODES.astype(np.complex64), "b.npy")
+    refused(r"b\.npy: expected real samples of the radar's receiver, got I/Q samples", other, radar=SENSOR)
 
 
 def test_codes_of_infineons_recorder_are_those_of_its_folder(tmp_path: Path) -> None:
@@ -163,7 +162,7 @@ def test_mat_file_of_another_byte_order_with_short_numbers_is_loaded(tmp_path: P
 def test_damaged_mat_file_is_a_value_error_or_a_recording(tmp_path: Path, is_packed: bool) -> None:
     savemat(tmp_path / "good.mat", {"adc": CUBE, "fs": 2e6}, do_compression=is_packed)
     good, rng, messages = (tmp_path / "good.mat").read_bytes(), np.random.default_rng(5), []
-    for _ in range(150):
+    for _ in range(60):
         data = bytearray(good)
         for at in rng.integers(0, 400, 3):
             data[int(at)] = int(rng.integers(256))
@@ -172,18 +171,17 @@ def test_damaged_mat_file_is_a_value_error_or_a_recording(tmp_path: Path, is_pac
             rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
         except ValueError as error:
             messages.append(str(error))
-    assert len(messages) > 20
+    assert len(messages) > 10
     assert all(message.startswith(str(tmp_path / "a.mat")) for message in messages)
 
 
 def test_several_variables_of_a_mat_file_are_named(tmp_path: Path) -> None:
-    savemat(tmp_path / "a.mat", {"one": CUBE, "two": 2.0 * CUBE, "fs": 2e6})
+    path = tmp_path / "a.mat"
+    savemat(path, {"one": CUBE, "two": 2.0 * CUBE, "fs": 2e6})
     every = r"got one \(3, 2, 4, 16\), two \(3, 2, 4, 16\), fs \(1, 1\)"
-    with pytest.raises(ValueError, match=rf"a\.mat: expected one array of samples, {every}; pass variable=..., --var"):
-        rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
-    with pytest.raises(ValueError, match=rf"a\.mat: expected the variable 'three', {every}"):
-        rc.Recording.load(tmp_path / "a.mat", radar=RADAR, variable="three")
-    loaded = rc.Recording.load(tmp_path / "a.mat", radar=RADAR, variable="two")
+    refused(rf"a\.mat: expected one array of samples, {every}; pass variable=..., --var", path, radar=RADAR)
+    refused(rf"a\.mat: expected the variable 'three', {every}", path, radar=RADAR, variable="three")
+    loaded = rc.Recording.load(path, radar=RADAR, variable="two")
     np.testing.assert_array_equal(loaded.cube, 2.0 * CUBE)
 
 
@@ -191,27 +189,19 @@ def test_several_variables_of_a_mat_file_are_named(tmp_path: Path) -> None:
 def test_variables_of_an_npz_file_are_loaded_and_named(tmp_path: Path, save: Any) -> None:
     path = tmp_path / "a.npz"
     save(path, adc=CUBE, fs=2e6)
-    for given in ({}, {"variable": "adc"}):
-        np.testing.assert_array_equal(rc.Recording.load(path, radar=RADAR, **given).cube, CUBE)
+    np.testing.assert_array_equal(rc.Recording.load(path, radar=RADAR).cube, CUBE)
     save(path, one=CUBE.transpose(0, 2, 1, 3), two=CUBE, fs=2e6)
     loaded = rc.Recording.load(path, radar=RADAR, shape="frame,chirp,rx,sample", variable="one")
     np.testing.assert_array_equal(loaded.cube, CUBE)
     every = r"got one \(3, 4, 2, 16\), two \(3, 2, 4, 16\), fs \(\)"
-    with pytest.raises(ValueError, match=rf"a\.npz: expected one array of samples, {every}; pass variable=..., --var"):
-        rc.Recording.load(path, radar=RADAR)
-    with pytest.raises(ValueError, match=rf"a\.npz: expected the variable 'three', {every}"):
-        rc.Recording.load(path, radar=RADAR, variable="three")
-    with pytest.raises(
-        ValueError, match=r"without cube; for other arrays pass config=... or radar=..., .*-variable NAME"
-    ):
-        rc.Recording.load(path)
+    refused(rf"a\.npz: expected one array of samples, {every}; pass variable=..., --var", path, radar=RADAR)
+    refused(rf"a\.npz: expected the variable 'three', {every}", path, radar=RADAR, variable="three")
+    refused(r"without cube; for other arrays pass config=\.\.\. .*-variable NAME", path)
     path.write_bytes(path.read_bytes()[:-30])
-    with pytest.raises(ValueError, match=r"a\.npz: "):
-        rc.Recording.load(path, radar=RADAR, variable="two")
+    refused(r"a\.npz: ", path, radar=RADAR, variable="two")
     # A recording has its radar.
-    recording(3).save(tmp_path / "own.npz")
-    with pytest.raises(TypeError, match=r"variable: expected none, as .*own\.npz is no bare file, got 'cube'"):
-        rc.Recording.load(tmp_path / "own.npz", variable="cube")
+    recording(3).save(path, overwrite=True)
+    refused(r"variable: expected none, as .*a\.npz is no bare file, got 'cube'", path, TypeError, variable="cube")
 
 
 def test_npy_file_that_is_an_archive_is_refused(tmp_path: Path) -> None:
@@ -219,8 +209,7 @@ def test_npy_file_that_is_an_archive_is_refused(tmp_path: Path) -> None:
     np.savez(packed := tmp_path / "a.npz", x=np.ones(3))
     for content in (packed.read_bytes(), b"PK\x03\x04"):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match=r"renamed\.npy: damaged or not an NPY file"):
-            rc.Recording.load(path, radar=rc.bgt60tr13c())
+        refused(r"renamed\.npy: damaged or not an NPY file", path, radar=rc.bgt60tr13c())
 
 
 def test_mat_file_that_is_none_is_refused(tmp_path: Path) -> None:
@@ -228,15 +217,14 @@ def test_mat_file_that_is_none_is_refused(tmp_path: Path) -> None:
     good = (tmp_path / "good.mat").read_bytes()
     for data in (b"", b"nonsense" * 100, good[:-500], good[:200] + b"?" * 100 + good[300:]):
         (tmp_path / "a.mat").write_bytes(data)
-        with pytest.raises(ValueError, match=r"a\.mat: damaged or not a MAT file"):
-            rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
+        refused(r"a\.mat: damaged or not a MAT file", tmp_path / "a.mat", radar=RADAR)
 
 
 def test_mat_file_of_version_73_needs_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(ImportError, match=r"a\.mat: MAT files of version 7\.3 need h5py: pip install radarcore\[mat\]"):
-        rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
+    refused(r"a\.mat: .* 7\.3 need h5py: pip install radarcore\[mat\]", path, ImportError, radar=RADAR)
 
 
 @pytest.mark.parametrize("dtype", ["complex64", "complex128"])
@@ -259,19 +247,14 @@ def test_mat_file_of_version_73_has_its_axes_in_matlabs_order(tmp_path: Path, dt
 def test_what_is_missing_is_asked_for_by_name(tmp_path: Path) -> None:
     path = saved(tmp_path, CODES)
     without = r"a\.npy: expected the radar's settings, got an array \(4, 3, 4, 16\) of uint16 without any; pass config="
-    with pytest.raises(ValueError, match=without):
-        rc.Recording.load(path)
+    refused(without, path)
     (tmp_path / "a.bin").write_bytes(CODES.tobytes())
-    with pytest.raises(ValueError, match=r"a\.bin: expected the radar's settings, got 1536 bytes without any"):
-        rc.Recording.load(tmp_path / "a.bin")
-    with pytest.raises(ValueError, match=r"a\.bin: expected the type of its numbers, got 1536 bytes; pass dtype="):
-        rc.Recording.load(tmp_path / "a.bin", radar=SENSOR)
+    refused(r"a\.bin: expected the radar's settings, got 1536 bytes without any", tmp_path / "a.bin")
+    refused(r"a\.bin: expected the type of its numbers, got 1536 bytes; pass dtype=", tmp_path / "a.bin", radar=SENSOR)
     turned = saved(tmp_path, np.concatenate([CODES, CODES[:1]]).transpose(0, 2, 3, 1), "turned.npy")
-    with pytest.raises(ValueError, match=r"got \(5, 4, 16, 3\); shape='frame,chirp,sample,channel' \(--shape\) would"):
-        rc.Recording.load(turned, radar=SENSOR)
+    refused(r"got \(5, 4, 16, 3\); shape='frame,chirp,sample,channel' \(--shape\) would", turned, radar=SENSOR)
     square = saved(tmp_path, np.zeros((16, 16, 3, 9)), "square.npy")
-    with pytest.raises(ValueError, match=r"got \(16, 16, 3, 9\); say the order of its axes"):
-        rc.Recording.load(square, radar=SENSOR)
+    refused(r"got \(16, 16, 3, 9\); say the order of its axes", square, radar=SENSOR)
 
 
 @pytest.mark.parametrize(
@@ -290,12 +273,10 @@ def test_what_is_missing_is_asked_for_by_name(tmp_path: Path) -> None:
 def test_wrong_descriptions_are_refused(
     tmp_path: Path, given: dict[str, Any], error: type[Exception], message: str
 ) -> None:
-    with pytest.raises(error, match=message):
-        rc.Recording.load(saved(tmp_path, CODES), radar=SENSOR, **given)
+    refused(message, saved(tmp_path, CODES), error, radar=SENSOR, **given)
 
 
-@pytest.mark.parametrize(("dtype", "message"), [("number", "name of a type"), ("U2", "expected integers, real or")])
-def test_wrong_types_of_numbers_are_refused(tmp_path: Path, dtype: str, message: str) -> None:
+def test_wrong_types_of_numbers_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(CODES.tobytes())
-    with pytest.raises(ValueError, match=message):
-        rc.Recording.load(tmp_path / "a.bin", radar=SENSOR, dtype=dtype)
+    for dtype, message in (("number", "name of a type"), ("U2", "expected integers, real or")):
+        refused(message, tmp_path / "a.bin", radar=SENSOR, dtype=dtype)

@@ -6,9 +6,7 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
-import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Truth, to_codes, to_samples
 from radarcore.recording.recording import Recording
+from recordings import small_disk
 
 FULL_SCALE = {"cube_unit": "full scale"}
 
@@ -64,29 +63,25 @@ def test_folder_of_the_sensor_is_the_recording_too(tmp_path: Path, monkeypatch: 
     assert "something else" not in str(alone.source)
 
 
-@pytest.mark.parametrize(("numbers", "rows"), [([1, 3], [0, 2]), ([2], [1]), ([3, 1], [0, 2])])
-def test_some_receivers_have_their_places(tmp_path: Path, numbers: list[int], rows: list[int]) -> None:
-    codes = some_codes(2, (len(numbers), 4, 16))
-    path = folder(tmp_path / "rec", config_json=config(rx_antennas=numbers), radar_npy=array(codes))
+@pytest.mark.parametrize(
+    ("settings", "rows"),
+    [
+        (config(rx_antennas=[1, 3]), [0, 2]),
+        (config(rx_antennas=[2]), [1]),
+        (config(rx_antennas=[3, 1]), [0, 2]),
+        (text(OLD_NAMES), [0, 2]),
+    ],
+)
+def test_some_receivers_have_their_places(tmp_path: Path, settings: bytes, rows: list[int]) -> None:
+    codes = some_codes(2, (len(rows), 4, 16))
+    path = folder(tmp_path / "rec", config_json=settings, radar_npy=array(codes))
     np.testing.assert_array_equal(Recording.load(path).radar.rx, bgt60tr13c().rx[rows])
-
-
-@pytest.mark.parametrize("values", [OLD_NAMES, {"device_config": OLD_NAMES}])
-def test_names_of_older_tools_are_read_and_kept(tmp_path: Path, values: Any) -> None:
-    path = folder(tmp_path / "rec", config_json=text(values), radar_npy=array(some_codes(2, (2, 4, 16))))
-    rec = Recording.load(path)
-    np.testing.assert_array_equal(rec.radar.rx, bgt60tr13c().rx[[0, 2]])
-    one = Radar(rec.radar.waveform, tx=rec.radar.tx, rx=rec.radar.rx[1:], receiver=rec.radar.receiver)
-    Recording(rec.cube[:, 1:], rec.time, one, None, rec.source).save(tmp_path / "one", "infineon")
-    again = json.loads((tmp_path / "one" / FOLDER / "config.json").read_text())
-    shape = again["device_config"]["fmcw_single_shape"]
-    assert shape == {k: v for k, v in SHAPE.items() if k != "tx_antennas"} | {"rx_antennas": [3], "tx_mask": 1}
 
 
 def test_recorder_that_was_killed_leaves_its_whole_frames(tmp_path: Path) -> None:
     whole = array(some_codes())
     frame = 3 * 4 * 16 * 2
-    for num_bytes, num_frames in ((1024 + 4 * frame + 7, 4), (1024 + frame, 1), (1024 + 1, 0), (1024, 0)):
+    for num_bytes, num_frames in ((1024 + 4 * frame + 7, 4), (1024 + 1, 0)):
         path = folder(tmp_path / str(num_bytes), radar_npy=whole[:num_bytes])
         with pytest.warns(UserWarning, match=f"{num_bytes}: {num_frames} of 5 planned frames, its writer") as caught:
             rec = Recording.load(path)
@@ -121,35 +116,20 @@ def without(key: str) -> bytes:
         ({"config_json": b"{\n  'a'"}, r"config\.json: .*: line 2 "),
         ({"config_json": b"[" * 100_000}, r"config\.json: "),
         ({"config_json": b"{}"}, "expected a device_config of 'fmcw_single_shape', got none"),
-        (
-            {"config_json": scene_config("fmcw_scene")},
-            "expected a device_config of 'fmcw_single_shape', got 'fmcw_scene'",
-        ),
-        (
-            {"config_json": without("start_frequency_Hz")},
-            r"config\.json: expected the key 'start_frequency_Hz', got none",
-        ),
-        (
-            {"config_json": config(sample_rate_Hz="fast")},
-            r"config\.json: sample_rate_Hz: expected a number, got 'fast'",
-        ),
+        ({"config_json": scene_config("fmcw_scene")}, "of 'fmcw_single_shape', got 'fmcw_scene'"),
+        ({"config_json": without("start_frequency_Hz")}, "expected the key 'start_frequency_Hz', got none"),
+        ({"config_json": config(sample_rate_Hz="fast")}, r"config\.json: sample_rate_Hz: .*, got 'fast'"),
         ({"config_json": config(sample_rate_Hz=10**400)}, r"config\.json: "),
         ({"config_json": config(rx_antennas=[1, 4])}, r"rx_antennas: .*got \[1, 4\]"),
         ({"config_json": config(mimo_mode="tdm")}, "mimo_mode: expected 'off', got 'tdm'"),
-        (
-            {"config_json": config(num_chirps_per_frame=64)},
-            r"\(n, 3, 64, 16\) by its config\.json, got \(5, 3, 4, 16\)",
-        ),
+        ({"config_json": config(num_chirps_per_frame=64)}, r"\(n, 3, 64, 16\) by its config\.json, got"),
         ({"meta_json": b"{"}, rf"{FOLDER}/meta\.json: .*: line 1"),
         ({"meta_json": text({"adc_resolution": 10})}, "expected an adc_resolution of 12 bits, got 10"),
         ({"format_version": b"2.0.0\n"}, r"format\.version: expected version 1, got '2.0.0'"),
         ({"radar_npy": array(some_codes())[:500]}, r"radar\.npy: damaged or not an NPY file"),
         ({"radar_npy": saved(to_samples(some_codes()))}, r"radar\.npy: expected uint16, got float32"),
         ({"radar_npy": saved(np.asfortranarray(some_codes()))}, "in Fortran order"),
-        (
-            {"radar_npy": array(some_codes() | 4096)},
-            r"radar\.npy, from frame 0: codes: expected 0 to 4095, got 8180",
-        ),
+        ({"radar_npy": array(some_codes() | 4096)}, "from frame 0: codes: expected 0 to 4095, got 8180"),
     ],
 )
 def test_what_is_damaged_is_refused_by_name(tmp_path: Path, files: Any, message: str) -> None:
@@ -157,27 +137,6 @@ def test_what_is_damaged_is_refused_by_name(tmp_path: Path, files: Any, message:
     with pytest.raises(ValueError, match=message) as error:
         Recording.load(path).cube  # noqa: B018  # codes are read when they are used
     assert str(path) in str(error.value)
-
-
-def test_damage_anywhere_is_a_value_error_or_a_recording(tmp_path: Path) -> None:
-    rng = np.random.default_rng(7)
-    whole = folder(tmp_path / "rec")
-    for trial in range(300):
-        file = whole / FOLDER / ("config.json", "radar.npy")[trial % 2]
-        data = bytearray(original := file.read_bytes())
-        reach = min(len(data), 128)  # of an array's file, the header
-        for _ in range(rng.integers(1, 4)):
-            data[rng.integers(reach)] = rng.integers(256)
-        file.write_bytes(data)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                assert Recording.load(whole).cube.ndim == 4
-            except ValueError:
-                pass
-            except Exception as error:
-                pytest.fail(f"trial {trial}: {error!r} from {bytes(data[:reach])!r}")
-        file.write_bytes(original)
 
 
 # Writing what was read.
@@ -232,7 +191,7 @@ def test_number_of_the_folder_is_kept(tmp_path: Path) -> None:
 def test_fewer_frames_get_a_header_that_fits(tmp_path: Path) -> None:
     path = folder(tmp_path / "rec", radar_npy=saved(some_codes()))
     rec = Recording.load(path)
-    Recording(rec.cube[1:3], rec.time[1:3], rec.radar, None, rec.source).save(tmp_path / "some", format="infineon")
+    rec[1:3].save(tmp_path / "some", format="infineon")
     assert (tmp_path / "some" / FOLDER / "radar.npy").read_bytes() == array(some_codes()[1:3])
     assert (tmp_path / "some" / FOLDER / "config.json").read_bytes() == config()
 
@@ -240,12 +199,8 @@ def test_fewer_frames_get_a_header_that_fits(tmp_path: Path) -> None:
 def test_settings_that_do_not_fit_a_changed_radar_are_made_anew(tmp_path: Path) -> None:
     given = config(num_chirps_per_frame=4, vendor_key="stays")
     rec = Recording.load(folder(tmp_path / "rec", config_json=given))
-    slower = Radar(
-        rec.radar.waveform.replace(num_chirps=2, frame_interval=0.2, chirp_interval=1e-3),
-        tx=rec.radar.tx,
-        rx=rec.radar.rx[:2],
-        receiver=rec.radar.receiver,
-    )
+    waveform = rec.radar.waveform.replace(num_chirps=2, frame_interval=0.2, chirp_interval=1e-3)
+    slower = Radar(waveform, tx=rec.radar.tx, rx=rec.radar.rx[:2], receiver=rec.radar.receiver)
     changed = Recording(rec.cube[:, :2, :2], 0.2 * np.arange(5), slower, None, rec.source)
     changed.save(tmp_path / "new", format="infineon")
     times = {"chirp_repetition_time_s": 1e-3, "frame_repetition_time_s": 0.2}
@@ -261,8 +216,8 @@ def test_settings_that_do_not_fit_a_changed_radar_are_made_anew(tmp_path: Path) 
 def test_positions_from_a_calibration_leave_the_texts_as_they_are(tmp_path: Path) -> None:
     path = folder(tmp_path / "rec")
     rec = Recording.load(path)
-    moved = Radar(rec.radar.waveform, rx=rec.radar.rx + 1e-4, receiver=rec.radar.receiver)
-    Recording(rec.cube, rec.time, moved, None, rec.source).save(tmp_path / "again", format="infineon")
+    moved = replace(rec.radar, rx=rec.radar.rx + 1e-4)
+    replace(rec, radar=moved).save(tmp_path / "again", format="infineon")
     assert contents(tmp_path / "again") == contents(path)
 
 
@@ -276,15 +231,14 @@ def test_source_that_was_tampered_with_writes_nowhere_else(tmp_path: Path) -> No
         {"texts": "none"},
     ):
         place = tmp_path / "place" / "again"
-        source = rec.source | {"infineon": kept | changes}
-        Recording(rec.cube, rec.time, rec.radar, None, source).save(place, format="infineon")
+        replace(rec, source=rec.source | {"infineon": kept | changes}).save(place, format="infineon")
         np.testing.assert_array_equal(Recording.load(place).raw, some_codes())
         assert [file.name for file in place.parent.iterdir()] == ["again"]
         shutil.rmtree(place)
-    Recording(rec.cube, rec.time, rec.radar, None, rec.source | {"infineon": []}).save(tmp_path / "x", "infineon")
+    replace(rec, source=rec.source | {"infineon": []}).save(tmp_path / "x", "infineon")
     damaged = rec.source | {"infineon": kept | {"texts": {f"{FOLDER}/config.json": "{"}}}
     with pytest.raises(ValueError, match=r"source, config\.json: .*: line 1"):
-        Recording(rec.cube, rec.time, rec.radar, None, damaged).save(tmp_path / "y", "infineon")
+        replace(rec, source=damaged).save(tmp_path / "y", "infineon")
 
 
 # Writing what comes from elsewhere.
@@ -334,12 +288,10 @@ def test_achieved_rate_and_down_chirp_come_back(tmp_path: Path) -> None:
 
 def test_simulated_samples_in_watts_are_refused_with_what_is_missing(tmp_path: Path) -> None:
     rec = full_scale()
-    simulated = Recording(rec.cube, rec.time, rec.radar, None, {})
     with pytest.raises(ValueError, match=r"expected real samples in full scale.*got float32 in sqrt\(W\).*an ADC"):
-        simulated.save(tmp_path / "rec", format="infineon")
-    complex_cube = Recording(rec.cube.astype(np.complex64), rec.time, rec.radar, None, FULL_SCALE)
+        replace(rec, source={}).save(tmp_path / "rec", format="infineon")
     with pytest.raises(ValueError, match="got complex64 in full scale"):
-        complex_cube.save(tmp_path / "rec", format="infineon")
+        replace(rec, cube=rec.cube.astype(np.complex64)).save(tmp_path / "rec", format="infineon")
     assert not (tmp_path / "rec").exists()
 
 
@@ -381,12 +333,11 @@ def test_samples_that_have_no_code_are_refused_and_leave_nothing(tmp_path: Path,
 def test_what_the_layout_has_no_place_for_is_warned_of(tmp_path: Path) -> None:
     rec = full_scale()
     truth = Truth(("arm",), *np.zeros((4, 3, 1)))
-    lossy = Recording(rec.cube, np.array([5.0, 5.1, 9.0]), rec.radar, truth, rec.source, lost=np.array([0, 0, 40]))
+    lossy = replace(rec, time=np.array([5.0, 5.1, 9.0]), truth=truth, lost=np.array([0, 0, 40]))
     with pytest.warns(UserWarning, match="has no truth, no lost frames, no times of frames") as caught:
         lossy.save(tmp_path / "rec", format="infineon")
     assert caught[0].filename == __file__
-    later = Recording(rec.cube, rec.time + 1.7e9, rec.radar, None, rec.source, lost=np.array([0, 0, 0]))
-    later.save(tmp_path / "later", format="infineon")
+    replace(rec, time=rec.time + 1.7e9, lost=np.array([0, 0, 0])).save(tmp_path / "later", format="infineon")
 
 
 @pytest.mark.parametrize(
@@ -421,27 +372,16 @@ def test_recording_is_replaced_only_when_asked_and_other_files_stay(tmp_path: Pa
         full_scale().save(path, overwrite=True)
 
 
-SAVE_ON_SMALL_DISK = """
-import resource, sys
-from radarcore import Recording
-
-rec = Recording.load(sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))  # room for texts and the header
-rec.save(sys.argv[2], format="infineon", overwrite=True)
-"""
-
-
 @pytest.mark.parametrize("is_there", [True, False])
 def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None:
-    path, place = folder(tmp_path / "rec"), tmp_path / "place"
+    rec, place = Recording.load(folder(tmp_path / "rec")), tmp_path / "place"
     place.mkdir()
     if is_there:
         folder(place / "again", config_json=config(if_gain_dB=60))
     before = contents(place)
-    command = [sys.executable, "-c", SAVE_ON_SMALL_DISK, str(path), str(place / "again")]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.stderr.splitlines()[-1].startswith("OSError: [Errno 27]")
-    assert result.stderr.splitlines()[-1].endswith(f"{FOLDER}/radar.npy'")
+    # Room for texts and the header.
+    with pytest.raises(OSError, match=rf"Errno 27.*{FOLDER}/radar\.npy'"), small_disk(1500):
+        rec.save(place / "again", format="infineon", overwrite=True)
     assert contents(place) == before
     assert (place / "again").exists() == is_there
 

@@ -15,7 +15,7 @@ from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from recordings import FRAME_TIMES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame
+from recordings import FRAME_TIMES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame, small_disk
 
 
 def test_recording_is_readable_after_every_frame(tmp_path: Path) -> None:
@@ -59,8 +59,8 @@ with RecordingWriter(sys.argv[1], radar, num_frames=10**6) as writer:
 """
 
 
-@pytest.mark.parametrize("num_seen", [0, 1, 2, 5, 11])
-def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path, num_seen: int) -> None:
+def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path) -> None:
+    num_seen = 5
     path = tmp_path / "rec"
     command = [sys.executable, "-c", APPEND_UNTIL_KILLED, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -79,28 +79,12 @@ def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path, num_s
         assert one.truth.elevation == [index]
 
 
-FILL_UP = """
-import resource, sys
-import numpy as np
-from radarcore import Frame, Radar, RecordingWriter, Waveform
-
-radar = Radar(Waveform(start_frequency=60e9, slope=1e14, sample_rate=2e7, num_samples=256, num_chirps=64))
-resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))  # room for 3.8 frames of 131072 bytes
-with RecordingWriter(sys.argv[1], radar) as writer:
-    for index in range(10):
-        writer.append(Frame(np.full((1, 64, 256), index, np.complex64), float(index), radar))
-"""
-
-
 def test_full_disk_keeps_the_whole_frames_and_names_the_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", FILL_UP, str(tmp_path / "rec")]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.returncode == 1
-    assert result.stderr.splitlines()[-1].startswith("OSError: [Errno 27]")
-    assert result.stderr.splitlines()[-1].endswith("rec/cube.npy'")
-    rec = Recording.load(tmp_path / "rec")
-    assert rec.time.tolist() == [0.0, 1.0, 2.0]
-    assert (rec.cube == np.arange(3)[:, None, None, None]).all()
+    # Room for 3.8 frames of 1024 bytes.
+    with pytest.raises(OSError, match=r"Errno 27.*rec/cube\.npy'"), small_disk(4000):
+        recording(10, names=None).save(tmp_path / "rec")
+    with pytest.warns(UserWarning, match="3 of 10 planned frames"):
+        assert_same(Recording.load(tmp_path / "rec"), recording(10, names=None), 3)
     assert len(np.load(tmp_path / "rec/cube.npy")) == 3
 
 
@@ -155,19 +139,19 @@ from radarcore.recording.frame import to_samples
 
 warnings.simplefilter("ignore")
 radar = bgt60tr13c(num_samples=64, num_chirps=16)
-codes = [np.full((3, 16, 64), index % 4096, np.uint16) for index in range(4096)]
+codes = [np.full((3, 16, 64), index, np.uint16) for index in range(1024)]
 frames = [Frame(to_samples(c), float(i), radar, stats={"lost_before": i} if i > 2 else {}, raw=c)
           for i, c in enumerate(codes)]
 signal.signal(signal.SIGALRM, signal.default_int_handler)  # raises KeyboardInterrupt, as Ctrl-C does
 total = 0
-for trial in range(60):
+for trial in range(30):
     path = f"{sys.argv[1]}/{trial}"
     try:
         with RecordingWriter(path, radar) as writer:
             if trial % 2:  # else it may come before there is any frame
                 writer.append(frames[0])
-            signal.setitimer(signal.ITIMER_REAL, 1e-4 * 1.06**trial)
-            for frame in (frames * 10)[trial % 2 :]:
+            signal.setitimer(signal.ITIMER_REAL, 1e-4 * 1.12**trial)
+            for frame in frames[trial % 2 :]:
                 writer.append(frame)
     except KeyboardInterrupt:
         pass
@@ -185,4 +169,4 @@ def test_interrupt_at_any_moment_leaves_the_whole_frames(tmp_path: Path) -> None
     command = [sys.executable, "-c", INTERRUPT_AT_ANY_MOMENT, str(tmp_path)]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.stderr == ""
-    assert int(result.stdout) >= 30
+    assert int(result.stdout) >= 15
