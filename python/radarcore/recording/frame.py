@@ -327,8 +327,9 @@ def to_samples(codes: ArrayLike) -> NDArray[np.float32]:
     samples : float32, the shape of `codes`
         Parts of the ADC's full scale, `FULL_SCALE_VOLT`.
     """
-    doubled = np.multiply(checked_codes(codes), 2, dtype=np.float32)
-    samples: NDArray[np.float32] = doubled / np.float32(NUM_CODES - 1) - np.float32(1.0)
+    samples: NDArray[np.float32] = np.multiply(checked_codes(codes), 2, dtype=np.float32)
+    samples /= np.float32(NUM_CODES - 1)
+    samples -= np.float32(1.0)
     return samples
 
 
