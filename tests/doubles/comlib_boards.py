@@ -51,10 +51,6 @@ class Pipe:
         except Unplugged:
             raise SensorDisconnectedError(f"{self.name}: gone") from None
 
-    def discard(self) -> None:
-        while self.read(65536, 0.0):
-            pass
-
     def close(self) -> None:
         self.is_closed = True
 

@@ -254,13 +254,6 @@ def test_board_that_always_fails_is_given_up_and_one_that_gives_frames_is_not():
         given.read(error)
 
 
-def test_error_after_the_end_starts_nothing():
-    given = Measuring(SMALL)
-    given.board.stop()
-    assert lost_of(given.read(DataPacket(b"", 0, error=0x07))) == [1]
-    assert given.link.num_starts == 1
-
-
 def test_other_bits_of_the_temperature_register_are_no_temperature(monkeypatch):
     given = Measuring(SMALL)
     read = Chip.read

@@ -253,18 +253,3 @@ def test_second_client_of_a_port_is_told_so(user: Any) -> None:
         with user(), pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
             open_sensor(port.path)
         assert sensor.temperature() == pytest.approx(25.0, abs=0.3), "the first one goes on"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells whether a port is exclusive")
-def test_port_that_another_program_has_exclusive_is_refused_to_root_too() -> None:
-    import fcntl
-    import termios
-
-    with PtyPort(CdcBoard(Controller(Noise()))) as port:
-        other = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
-        fcntl.ioctl(other, termios.TIOCEXCL)
-        with pytest.raises(SensorError, match=f"{port.path}: the port is in use by another program"):
-            open_sensor(port.path)
-        fcntl.ioctl(other, termios.TIOCNXCL)
-        os.close(other)
-        open_sensor(port.path, protocol="strata").close()

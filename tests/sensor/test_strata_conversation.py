@@ -253,7 +253,7 @@ def is_register(request):
         (lambda request, answer: packets.Response(Kind.WRITE, 0, b""), "expected an answer of kind 0xC0, got 0x40"),
         (
             lambda request, answer: replace(answer, payload=answer.payload * (2 if is_register(request) else 1)),
-            "expected one register, got 2",
+            "expected 1 registers, got 2",
         ),
         (
             lambda request, answer: replace(answer, payload=answer.payload[:3]) if is_register(request) else answer,

@@ -86,22 +86,6 @@ def test_read_gives_at_most_what_is_asked() -> None:
         assert read_all(stream, 3) == b"cde"
         assert read_all(stream, 1) == b"f"
         assert stream.read(1, 0.02) == b""
-        with pytest.raises(ValueError, match="size: expected at least 1, got 0"):
-            stream.read(0, 1.0)
-        with pytest.raises(ValueError, match="timeout: expected zero or a positive number"):
-            stream.write(b"x", -1.0)
-        stream.close()
-
-
-def test_what_has_come_is_discarded() -> None:
-    peripheral = Loopback()
-    with PtyPort(peripheral) as port:
-        stream = SerialStream(port.path)
-        peripheral.queue(b"old" * 1000)
-        assert stream.read(1, HANG) == b"o"
-        stream.discard()
-        stream.write(b"new", HANG)
-        assert read_all(stream, 3) == b"new"
         stream.close()
 
 
@@ -113,7 +97,7 @@ def test_board_that_takes_nothing_is_a_timeout() -> None:
     listens = threading.Event()
     with PtyPort(Deaf()) as port:
         stream = SerialStream(port.path)
-        with pytest.raises(SensorTimeoutError, match=r"the board took \d+ of 1000000 bytes in 0\.2 s"):
+        with pytest.raises(SensorTimeoutError, match="the board did not take all bytes in time"):
             stream.write(bytes(1_000_000), 0.2)
         listens.set()
         stream.close()
@@ -149,24 +133,22 @@ def test_port_is_opened_once() -> None:
         SerialStream(port.path).close()
 
 
-@pytest.mark.parametrize("end", ["closed", "unplugged", "port closed"])
+@pytest.mark.parametrize("end", ["unplugged", "port closed"])
 def test_end_of_a_port_ends_a_read_that_waits_and_all_later_calls(end: str) -> None:
     peripheral = Loopback()
     with PtyPort(peripheral) as port:
         stream = SerialStream(port.path)
         call = Call(lambda: stream.read(1, 10 * HANG))
         time.sleep(0.02)
-        if end == "closed":
-            Call(stream.close).result()
-        elif end == "unplugged":
+        if end == "unplugged":
             peripheral.queue(Unplugged)
         else:
             port.close()
-        message = "the port has been closed" if end == "closed" else f"{port.path}: the board is gone"
-        for ended in (call.result, lambda: stream.read(1, 1.0), lambda: stream.write(b"x", 1.0), stream.discard):
-            with pytest.raises(SensorDisconnectedError, match=message):
+        for ended in (call.result, lambda: stream.read(1, 1.0), lambda: stream.write(b"x", 1.0)):
+            with pytest.raises(SensorDisconnectedError, match=f"{port.path}: the board is gone"):
                 ended()
-        stream.close()  # does nothing the second time
+        stream.close()
+        stream.close()  # does nothing
     port.close()
 
 
@@ -249,15 +231,11 @@ def test_idle_pty_asks_its_board_seldom() -> None:
 
 
 def conversation(stream: Any) -> list[bytes]:
-    """A few requests and answers, with something thrown away in between."""
+    """A few requests and answers."""
     answers = []
-    for request in (b"one", b"two", b"three"):
+    for request in (b"one", b"two", b"three", b"four"):
         stream.write(request, HANG)
         answers.append(read_all(stream, len(request)))
-    stream.write(b"thrown away", HANG)
-    stream.discard()
-    stream.write(b"four", HANG)
-    answers.append(read_all(stream, 4))
     return answers
 
 
@@ -272,10 +250,6 @@ def capture(tmp_path: Path) -> Path:
     assert conversation(stream) == [b"one", b"two", b"three", b"four"]
     stream.close()
     stream.close()
-    with pytest.raises(SensorDisconnectedError):
-        stream.write(b"x", 1.0)
-    with pytest.raises(SensorDisconnectedError):
-        stream.read(1, 1.0)
     return path
 
 
@@ -283,22 +257,17 @@ def test_capture_has_every_byte(capture: Path) -> None:
     header, *events = map(json.loads, capture.read_text().splitlines())
     assert (header["format"], header["version"], header["stream"]) == ("radarcore capture", 1, "usb:1-1")
     assert abs(header["started"] - time.time()) < 600.0
-    data = {"write": b"", "read": b"", "discard": b""}
+    data = {"write": b"", "read": b""}
     for event in events:
         data[event["direction"]] += bytes.fromhex(event["bytes"])
-    assert data == {
-        "write": b"onetwothreethrown awayfour",
-        "read": b"onetwothreefour",
-        "discard": b"thrown away",
-    }
+    assert data == {"write": b"onetwothreefour", "read": b"onetwothreefour"}
     times = [event["time"] for event in events]
     assert times == sorted(times)
     assert times[0] >= 0.0
 
 
-@pytest.mark.parametrize("checks_writes", [True, False])
-def test_capture_plays_as_the_board_did(capture: Path, checks_writes: bool) -> None:
-    stream = Replay(capture, checks_writes=checks_writes)
+def test_capture_plays_as_the_board_did(capture: Path) -> None:
+    stream = Replay(capture)
     assert conversation(stream) == [b"one", b"two", b"three", b"four"]
     with pytest.raises(SensorDisconnectedError, match="the capture ends here"):
         stream.read(1, HANG)
@@ -306,13 +275,6 @@ def test_capture_plays_as_the_board_did(capture: Path, checks_writes: bool) -> N
     for ended in (lambda: stream.read(10, 10 * HANG), lambda: stream.write(b"ask", HANG)):
         with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
             ended()
-
-
-def test_unchecked_write_stands_for_the_recorded_one(tmp_path: Path) -> None:
-    stream = Replay(write_capture(tmp_path / "c", ("write", b"ask"), ("read", b"answer")), checks_writes=False)
-    stream.write(b"other", HANG)
-    assert stream.read(10, HANG) == b"answer"
-    stream.write(b"more", HANG)  # nothing is left to stand for
 
 
 def write_capture(path: Path, *events: tuple[str, bytes]) -> Path:
@@ -328,12 +290,10 @@ def test_answers_wait_for_their_questions(tmp_path: Path) -> None:
     assert stream.read(2, 0.0) == b"he"
     assert stream.read(10, 0.0) == b"llo"
     assert stream.read(10, 0.01) == b""
-    call = Call(lambda: stream.read(10, 10 * HANG))
     stream.write(b"as", HANG)
-    time.sleep(0.02)
-    assert call.is_running  # the question is not complete
+    assert stream.read(10, 0.01) == b""  # the question is not complete
     stream.write(b"kb", HANG)  # a write may come before what was read before it
-    assert [call.result(), stream.read(10, 0.0)] == [b"answer", b"2"]
+    assert [stream.read(10, 0.0), stream.read(10, 0.0)] == [b"answer", b"2"]
 
 
 def test_other_write_is_refused_with_both(tmp_path: Path) -> None:
@@ -343,20 +303,6 @@ def test_other_write_is_refused_with_both(tmp_path: Path) -> None:
     stream.write(b"\x01\x02\x03", HANG)
     with pytest.raises(ProtocolError, match=r"expected no further write, got 01 01 .* \.\.\. \(33 bytes\)"):
         stream.write(b"\x01" * 33, HANG)
-
-
-def test_discard_throws_away_what_was_thrown_away(tmp_path: Path) -> None:
-    events = [("read", b"1"), ("discard", b"2"), ("read", b"3"), ("write", b"w"), ("read", b"4"), ("read", b"5")]
-    path = write_capture(tmp_path / "c", *events)
-    stream = Replay(path)
-    stream.discard()
-    assert stream.read(10, 0.0) == b"3"
-    stream.write(b"w", HANG)
-    stream.discard()
-    with pytest.raises(SensorDisconnectedError):
-        stream.read(10, 0.0)
-    stream = Replay(path)
-    assert [stream.read(10, 0.0) for _ in range(2)] == [b"1", b"3"]  # 2 never came to anybody
 
 
 HEADER = b'{"format": "radarcore capture", "version": 1, "stream": "x", "started": 0}\n'

@@ -274,42 +274,12 @@ def test_stream_is_the_same_however_it_is_cut(seed: int) -> None:
     stream.close()
 
 
-def test_partial_writes_are_continued() -> None:
-    peripheral = Loopback()
-    stream, _, device = stream_to(peripheral)
-    device.max_write = 100
-    data = bytes(range(250))
-    stream.write(data, HANG)
-    assert peripheral.received == data
-    stream.close()
-
-
-def test_discard_ends_although_the_board_goes_on() -> None:
-    class Endless(Loopback):
-        def send(self, size: int, timeout: float) -> bytes:
-            time.sleep(0.001)
-            return b"x" * size
-
-    stream, _, _ = stream_to(Endless())
-    Call(stream.discard).result()
-    assert stream.read(1, HANG) == b"x"
-    stream.close()
-
-
 def test_halted_endpoint_is_cleared_once() -> None:
     stream, _, _ = stream_to(Loopback(Stall, b"abc", Stall, Stall, b"def"))
     assert stream.read(10, HANG) == b"abc"
     with pytest.raises(Stalled, match="usb:1-1: the board refused the transfer"):
         stream.read(10, HANG)
     assert stream.read(10, HANG) == b"def"
-    stream.close()
-
-
-def test_reads_and_writes_do_not_hold_each_other_up() -> None:
-    stream, _, _ = stream_to(Loopback())
-    call = Call(lambda: stream.read(3, 10 * HANG))
-    Call(lambda: stream.write(b"abc", HANG)).result()
-    assert call.result() == b"abc"
     stream.close()
 
 
@@ -337,30 +307,6 @@ def test_board_plugged_in_anew_has_a_new_address_and_opens() -> None:
     assert again.name == "usb:1-2"
     assert echoes(again)
     again.close()
-
-
-@pytest.mark.parametrize("kind", ["read", "write", "packet"])
-def test_closing_ends_a_call_that_waits_and_all_later_ones(kind: str) -> None:
-    if kind == "packet":
-        port, _, device = vendor_port_to(Requests())
-        calls = [
-            lambda: port.read_packet(512, 10 * HANG),
-            lambda: port.control_read(0xC0, 1, 2, 3, 4, 1.0),
-            lambda: port.control_write(0x40, 1, 2, 3, b"", 1.0),
-        ]
-    else:
-        port, _, device = stream_to(Loopback())
-        device.max_write = 0
-        calls = [lambda: port.read(1, 10 * HANG), lambda: port.write(b"abc", 10 * HANG), lambda: port.discard()]
-    call = Call(calls[kind == "write"])
-    time.sleep(0.02)
-    assert call.is_running
-    Call(port.close).result()
-    for ended in (call.result, *calls):
-        with pytest.raises(SensorDisconnectedError, match="the port has been closed"):
-            ended()
-    port.close()
-    assert device.claimed_interfaces == set()  # nothing was opened again
 
 
 # Vendor-class boards

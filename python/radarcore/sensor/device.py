@@ -75,9 +75,10 @@ class Sensor:
         self.num_lost: int = 0
         self._is_open = True
         self._closing = threading.RLock()
+        self._board_lock = _BoardLock()
         self._reader: _Reader | None = None
         # A forgotten sensor gives its port back too, at the latest when the program ends.
-        self._forgotten = weakref.finalize(self, _close_forgotten, board)
+        self._forgotten = weakref.finalize(self, _close_forgotten, board, self._board_lock)
 
     def __repr__(self) -> str:
         return f"<Sensor {self.info.chip} on {self.info.port}, firmware {self.info.firmware}>"
@@ -127,7 +128,8 @@ class Sensor:
         check.instance("radar", radar, Radar)
         check_options(options, self._board.configure, self.info.chip)
         self.stop()
-        self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
+        with self._board_lock.waiting, self._board_lock.used:
+            self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
         return self.radar
 
     def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Generator[Frame, None, None]:
@@ -175,8 +177,9 @@ class Sensor:
         num_given = 0
         reader: _Reader | None = None
         try:
-            self._board.start()
-            reader = self._reader = _Reader(self._board, self._queue_size)
+            with self._board_lock.waiting, self._board_lock.used:
+                self._board.start()
+            reader = self._reader = _Reader(self._board, self._board_lock, self._queue_size)
             reader.start()
             self._check_open()  # another thread may have closed it meanwhile
             while wanted is None or num_given < wanted:
@@ -230,7 +233,8 @@ class Sensor:
             if reader is not None:
                 reader.close()
         finally:
-            self._board.stop(is_silent=is_silent)
+            with self._board_lock.waiting, self._board_lock.used:
+                self._board.stop(is_silent=is_silent)
 
     def record(
         self,
@@ -330,7 +334,8 @@ class Sensor:
         True
         """
         self._check_open()
-        return self._board.temperature()
+        with self._board_lock.waiting, self._board_lock.used:
+            return self._board.temperature()
 
     def selftest(self, groups: Collection[str] = GROUPS, *, duration: float = 2.5) -> Iterator[Check]:
         """Check the board, one thing after the other; ends what is being measured.
@@ -391,7 +396,8 @@ class Sensor:
                 if reader is not None:
                     reader.close()
             finally:
-                self._board.close()
+                with self._board_lock.waiting, self._board_lock.used:
+                    self._board.close()
             self._forgotten.detach()
 
     def _configured(self, method: str) -> Radar:
@@ -406,13 +412,29 @@ class Sensor:
             raise SensorError(f"{self.info.port}: expected an open sensor, got one that is closed")
 
 
-def _close_forgotten(board: Board) -> None:
+class _BoardLock:
+    """Locks of a board, which one thread uses at a time: `waiting`, then `used`.
+
+    The thread that takes frames holds `used` nearly all the time. It lets go first who holds `waiting`.
+    """
+
+    def __init__(self) -> None:
+        self.waiting = threading.Lock()
+        self.used = threading.Lock()
+
+
+def _close_forgotten(board: Board, lock: _BoardLock) -> None:
     """Close the board of a sensor without references."""
+
+    def close() -> None:
+        with lock.waiting, lock.used:
+            board.close()
+
     if threading.current_thread() is threading.main_thread():
-        board.close()
+        close()
     else:
         # The collector may run in a thread of the board itself, which cannot wait for its own end.
-        threading.Thread(target=board.close, name="radarcore-close").start()
+        threading.Thread(target=close, name="radarcore-close").start()
 
 
 class _FrameTimes:
@@ -443,8 +465,9 @@ class _FrameTimes:
 class _Reader:
     """Takes frames from the board in a thread of its own, so that a slow consumer loses whole frames and no bytes."""
 
-    def __init__(self, board: Board, size: int) -> None:
+    def __init__(self, board: Board, board_lock: _BoardLock, size: int) -> None:
         self._board = board
+        self._board_lock = board_lock
         self._size = size
         # Lock, queues and thread are those that are not written in Python: in the others Ctrl-C may be lost, or leave
         # them locked.
@@ -504,7 +527,11 @@ class _Reader:
             self._is_running = True
         try:
             while not self.is_over:
-                for item in self._board.read(_POLL):
+                with self._board_lock.waiting:
+                    pass
+                with self._board_lock.used:
+                    items = self._board.read(_POLL)
+                for item in items:
                     with self._lock:
                         self._put(item)
                     self._tell()

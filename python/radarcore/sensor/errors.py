@@ -78,10 +78,6 @@ class SensorDisconnectedError(SensorError, ConnectionError):
     """
 
 
-class CaptureError(SensorError):
-    """The capture file cannot be written any further; the conversation goes on."""
-
-
 class ProtocolError(SensorError):
     """The board's answer is not what the protocol allows.
 

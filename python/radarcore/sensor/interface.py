@@ -106,7 +106,7 @@ class Damage:
 
 
 class Board(Protocol):
-    """A board with its connection. `read` belongs to one thread, the rest to any one other."""
+    """A board with its connection. One thread uses it at a time: `Sensor` sees to that."""
 
     info: BoardInfo
 

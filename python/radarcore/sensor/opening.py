@@ -92,7 +92,7 @@ def open_sensor(
     queue_size : int
         Frames kept for a slow consumer. Beyond that the oldest are dropped, and counted.
     capture : path, optional
-        New file for every byte to and from the board, at a port with a byte stream. A full disk ends it with one error;
+        New file for every byte to and from the board, at a port with a byte stream. A full disk ends it with a warning;
         the conversation goes on.
     usb_backend : object, optional
         Backend of pyusb; default: the system's.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,9 +32,9 @@ from radarcore.sensor.comlib.messages import (
     FmcwSettings,
     Format,
     Frame,
-    HostParser,
     Info,
     Message,
+    Parser,
     StatusMessage,
     Temperature,
     decode_endpoints,
@@ -109,12 +108,11 @@ class ComLibBoard:
         self._stream = stream
         self._timeout = check.positive("timeout", timeout, "s")
         self._board_timeout = check.non_negative("board_timeout", board_timeout, "s")
-        self._parser = HostParser()
+        self._parser = Parser()
         self._messages: list[Message] = []
-        # A thread that reads all the time waits for `_asking`, and so lets those go first who ask.
-        self._asking = threading.Lock()
-        self._reading = threading.Lock()
-        self._is_out_of_step = self._is_board_confused = self._is_silent = False
+        # Bytes of an earlier conversation may be on their way.
+        self._is_out_of_step = True
+        self._is_board_confused = False
         self._is_measuring = self._is_frame_due = False
         self._ready: list[RawFrame | Lost] = []
         self._last_number: int | None = None
@@ -123,7 +121,6 @@ class ComLibBoard:
         self._shape = (0, 0, 0)
         self._closed = False
 
-        stream.discard()
         endpoints = self._probe()
         with answering("comlib"):
             self.info = self._identify(endpoints)
@@ -145,7 +142,7 @@ class ComLibBoard:
         self._fmcw = types.index(EndpointType.RFMC) + 1
         self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
 
-        self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+        self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
         firmware = self._decoded(Firmware.decode, self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
         self._limits = self._decoded(Info.decode, self._ask(self._base, Base.GET_INFO, Base.INFO))
         chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
@@ -199,23 +196,22 @@ class ComLibBoard:
                 f"got {wave.start_frequency:g}"
             )
 
-        with self._asking, self._reading:
-            self._stop()
-            self._interval_us = 0
-            # The order of the vendor's host: frames off, frequencies, rate, format.
-            self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
-            power = self._fmcw_settings().tx_power if tx_power is None else tx_power
-            self._set_ramp(wave, power, wave.adc_delay + wave.num_samples / wave.sample_rate)
-            if self._adc is not None:
-                settings = replace(self._adc_settings(self._adc), sample_rate=round(wave.sample_rate))
-                self._set(self._adc, settings.encode())
-            self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
-            sample_rate = self._sample_rate(wave, rx_mask)
-            # The ramp lasts as long as the chirp, which follows from rate and format.
-            duration = self._chirp_duration(sample_rate)
-            ramp = self._set_ramp(wave, power, duration)
-            slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
-            shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
+        self._stop()
+        self._interval_us = 0
+        # The order of the vendor's host: frames off, frequencies, rate, format.
+        self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
+        power = self._fmcw_settings().tx_power if tx_power is None else tx_power
+        self._set_ramp(wave, power, wave.adc_delay + wave.num_samples / wave.sample_rate)
+        if self._adc is not None:
+            settings = replace(self._adc_settings(self._adc), sample_rate=round(wave.sample_rate))
+            self._exchange(self._adc, settings.encode())
+        self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
+        sample_rate = self._sample_rate(wave, rx_mask)
+        # The ramp lasts as long as the chirp, which follows from rate and format.
+        duration = self._chirp_duration(sample_rate)
+        ramp = self._set_ramp(wave, power, duration)
+        slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
+        shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
 
         # Settings of the board.
         self._interval_us = max(1, shortest, min(round(wave.frame_interval * 1e6), 0xFFFFFFFF))
@@ -238,18 +234,17 @@ class ComLibBoard:
 
     def present_radar(self) -> Radar:
         """The radar that the board is set to: `configure` finds nothing to change. Its antennas stand in one place."""
-        with self._asking, self._reading:
-            self._stop()
-            ramp = self._fmcw_settings()
-            form = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
-            # Real samples are what is wanted, whatever the board was set to.
-            self._set_format(replace(form, signal_part=SignalPart.I))
-            if self._adc is not None:
-                sample_rate = float(self._adc_settings(self._adc).sample_rate)
-            else:
-                sample_rate = self._measured_rate(form.num_samples, form.num_chirps, form.rx_mask)
-            duration = self._chirp_duration(sample_rate)
-            shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL) / 1e6
+        self._stop()
+        ramp = self._fmcw_settings()
+        form = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
+        # Real samples are what is wanted, whatever the board was set to.
+        self._set_format(replace(form, signal_part=SignalPart.I))
+        if self._adc is not None:
+            sample_rate = float(self._adc_settings(self._adc).sample_rate)
+        else:
+            sample_rate = self._measured_rate(form.num_samples, form.num_chirps, form.rx_mask)
+        duration = self._chirp_duration(sample_rate)
+        shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL) / 1e6
         slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
         interval = max(shortest, form.num_chirps * duration)
         waveform = _waveform_of(ramp, slope, form, sample_rate, duration, interval)
@@ -259,40 +254,35 @@ class ComLibBoard:
         """Begin to measure; frames count from 0."""
         if not self._interval_us:
             raise SensorError(f"{self.info.port}: not configured; call configure first")
-        with self._asking, self._reading:
-            self._stop()
-            self._last_number = None
-            self._is_measuring = True
-            try:
-                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
-            except SensorTimeoutError:
-                # The answer may have been lost, and the board measure: stop it, and start anew.
-                self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
-                self._set(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
+        self._stop()
+        self._last_number = None
+        self._is_measuring = True
+        try:
+            self._exchange(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
+        except SensorTimeoutError:
+            # The answer may have been lost, and the board measure: stop it, and start anew.
+            self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
+            self._exchange(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
 
     def read(self, timeout: float) -> list[RawFrame | Lost]:
         """Frames that have come since the last call, with what was lost between them, in order.
 
         Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
         """
-        with self._asking:
-            pass
-        with self._reading:
-            if not self._is_measuring:
-                raise SensorError(f"{self.info.port}: not measuring; call start first")
-            if not self._ready:
-                with contextlib.suppress(SensorTimeoutError):
-                    self._read_frame(check.non_negative("timeout", timeout, "s"))
-            ready, self._ready = self._ready, []
-            return ready
+        if not self._is_measuring:
+            raise SensorError(f"{self.info.port}: not measuring; call start first")
+        if not self._ready:
+            with contextlib.suppress(SensorTimeoutError):
+                self._read_frame(check.non_negative("timeout", timeout, "s"))
+        ready, self._ready = self._ready, []
+        return ready
 
     def stop(self, *, is_silent: bool = False) -> None:
         """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
-        with self._asking, self._reading:
-            if is_silent:
-                self._dismiss()
-            else:
-                self._stop()
+        if is_silent:
+            self._dismiss()
+        else:
+            self._stop()
 
     def damage(self) -> str:
         """Bytes of a frame that is not whole; empty for none. All other damage is an error at once."""
@@ -312,9 +302,8 @@ class ComLibBoard:
         """Temperature of the chip [degrees Celsius]."""
         if not self._limits.num_sensors:
             raise SensorError(f"{self.info.port}: {self.info.name} has no temperature sensor")
-        with self._asking, self._reading:
-            request = encode_byte(Base.GET_TEMPERATURE, 0)
-            return self._decoded(Temperature.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
+        request = encode_byte(Base.GET_TEMPERATURE, 0)
+        return self._decoded(Temperature.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
 
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
@@ -358,7 +347,7 @@ class ComLibBoard:
             raise ValueError(f"start_frequency: expected room for a ramp within {limits}, got {wave.start_frequency:g}")
         direction = Direction.UP if wave.slope > 0.0 else Direction.DOWN
         wanted = FmcwSettings(min(start, stop), max(start, stop), direction, power)
-        self._set(self._fmcw, wanted.encode())
+        self._exchange(self._fmcw, wanted.encode())
         settings = self._fmcw_settings()
         if settings.direction != direction or settings.lower_khz >= settings.upper_khz:
             raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {settings}")
@@ -366,7 +355,7 @@ class ComLibBoard:
 
     def _set_format(self, wanted: Format) -> None:
         try:
-            self._set(self._base, wanted.encode())
+            self._exchange(self._base, wanted.encode())
         except RequestError as error:
             if error.status == Status.SIGNAL_PART_NOT_AVAILABLE:
                 raise RequestError(
@@ -435,7 +424,7 @@ class ComLibBoard:
         if self._is_measuring:
             self._is_measuring = False
             self._ready.clear()
-            self._set(self._base, encode_number(Base.SET_INTERVAL, 0))
+            self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
             self._ready.clear()
 
     def _dismiss(self) -> None:
@@ -517,9 +506,6 @@ class ComLibBoard:
         except ProtocolError as error:
             raise ProtocolError(f"{self._stream.name}: {error}") from error
 
-    def _set(self, endpoint: int, payload: bytes) -> None:
-        self._exchange(endpoint, payload)
-
     def _exchange(self, endpoint: int, payload: bytes) -> list[Message]:
         """Messages that answer a request, once its status is OK."""
         if self._is_frame_due:
@@ -533,15 +519,10 @@ class ComLibBoard:
                 pass
         self._send(endpoint, payload)
         try:
-            messages = self._answer(endpoint, self._timeout)
+            return self._answer(endpoint, self._timeout)
         except SensorTimeoutError:
-            # An answer was lost. If it is not the first, the board has perhaps lost step, and what it said of that is
-            # lost too.
             self._is_out_of_step = True
-            self._is_board_confused, self._is_silent = self._is_silent, True
             raise
-        self._is_silent = False
-        return messages
 
     def _send(self, endpoint: int, payload: bytes) -> None:
         if self._is_out_of_step:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import struct
 from dataclasses import astuple, dataclass
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore.sensor.comlib.codes import Adc, Base, Fmcw, Protocol, ProtocolStatus, SignalPart
+from radarcore.sensor.comlib.codes import Adc, Base, Fmcw, Protocol, ProtocolStatus, SignalPart, status_text
 from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.interface import Damage
 
@@ -57,20 +57,30 @@ class StatusMessage:
         return pack("status", "<BBH", STATUS_START, self.endpoint, self.status)
 
 
-Found = TypeVar("Found")
+class Parser:
+    """Messages out of bytes that are cut anywhere.
 
+    A `Damage` has the status that a board reports. Everything behind it is discarded until `reset`: call it when the
+    line has been silent.
 
-class _Parser(Generic[Found]):
-    """Parser of messages in a byte stream; after an error everything is discarded up to a silence."""
+    Parameters
+    ----------
+    num_endpoints : int, optional
+        Endpoints 0 to `num_endpoints` of the board that gets the bytes; default: they come from a board.
+    max_payload : int
+        Largest payload [bytes].
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, num_endpoints: int | None = None, max_payload: int = MAX_PAYLOAD) -> None:
         self._buffer = bytearray()
-        self._is_confused = False
+        self._num_endpoints = num_endpoints
+        self._max_payload = max_payload
+        self._wrong: ProtocolStatus | None = None
 
     @property
     def is_idle(self) -> bool:
         """True when the next byte begins a message."""
-        return not (self._buffer or self._is_confused)
+        return not self._buffer and self._wrong is None
 
     @property
     def num_held(self) -> int:
@@ -80,123 +90,51 @@ class _Parser(Generic[Found]):
     def reset(self) -> None:
         """Expect a message with the next byte: the line has been silent."""
         self._buffer.clear()
-        self._is_confused = False
+        self._wrong = None
 
-    def feed(self, data: bytes) -> list[Found]:
-        """Messages and errors that these bytes complete, in order."""
+    def feed(self, data: bytes) -> list[Message | StatusMessage | Damage]:
+        """Messages and damage that these bytes complete, in order."""
         self._buffer += data
-        found: list[Found] = []
-        begin = 0
-        while not self._is_confused and begin < len(self._buffer):
-            size = self._next(begin, found)
-            if size == 0:
-                break
-            begin += size
-        if self._is_confused:
-            self._discard(len(self._buffer) - begin, found)
-            begin = len(self._buffer)
-        del self._buffer[:begin]
+        found: list[Message | StatusMessage | Damage] = []
+        status = 0
+        while self._buffer and self._wrong is None and (item := self._next()) is not None:
+            if isinstance(item, ProtocolStatus):
+                self._wrong = status = item
+            else:
+                found.append(item)
+        if self._wrong is not None and self._buffer:
+            found.append(Damage(len(self._buffer), status_text(0, self._wrong), status))
+            self._buffer.clear()
         return found
 
-    def _next(self, begin: int, found: list[Found]) -> int:
-        """Put the message that begins at a place of the buffer into `found`; its size, 0 where it is not whole.
-
-        Sets `_is_confused` where it is none.
-        """
-        raise NotImplementedError
-
-    def _discard(self, num_bytes: int, found: list[Found]) -> None:
-        """Discard bytes."""
-
-
-class HostParser(_Parser[Message | StatusMessage | Damage]):
-    """Messages out of the bytes from a board, cut anywhere.
-
-    After a `Damage` everything is thrown away until `reset`: call it when the line has been silent.
-    """
-
-    _reason = ""
-
-    def _next(self, begin: int, found: list[Message | StatusMessage | Damage]) -> int:
-        start = self._buffer[begin]
-        if start not in (MESSAGE_START, STATUS_START):
-            return self._confuse(f"byte 0x{start:02x} begins no message")
-        if len(self._buffer) < begin + 4:
-            return 0
+    def _next(self) -> Message | StatusMessage | ProtocolStatus | None:
+        """Take the message at the front of the buffer: itself, the error in it, or None where it is not whole."""
+        is_status = self._buffer[0] == STATUS_START and self._num_endpoints is None
+        if self._buffer[0] != MESSAGE_START and not is_status:
+            return ProtocolStatus.BAD_START
+        if len(self._buffer) < 4:
+            return None
         endpoint: int
         number: int
-        endpoint, number = struct.unpack_from("<xBH", self._buffer, begin)
-        if start == STATUS_START:
-            found.append(StatusMessage(endpoint, number))
-            return 4
-        end = begin + 4 + number
-        if len(self._buffer) < end + 2:
-            return 0
-        if self._buffer[end : end + 2] != END_MARKER:
-            return self._confuse(f"message of {number} bytes without its end marker")
-        found.append(Message(endpoint, bytes(self._buffer[begin + 4 : end])))
-        return number + 6
-
-    def _confuse(self, reason: str) -> int:
-        self._is_confused = True
-        self._reason = reason
-        return 0
-
-    def _discard(self, num_bytes: int, found: list[Message | StatusMessage | Damage]) -> None:
-        if num_bytes:
-            found.append(Damage(num_bytes, self._reason))
-
-
-class BoardParser(_Parser[Message | StatusMessage]):
-    """Requests out of the bytes from a host, cut anywhere, and what a board says at once to wrong ones.
-
-    Parameters
-    ----------
-    num_endpoints : int
-        Endpoints 0 to `num_endpoints` exist.
-    max_payload : int
-        Largest payload of a request [bytes].
-    """
-
-    def __init__(self, num_endpoints: int, max_payload: int = 512) -> None:
-        super().__init__()
-        self._num_endpoints = num_endpoints
-        self._max_payload = max_payload
-
-    def silence(self) -> list[StatusMessage]:
-        """Status that the board reports when no byte has come for its time-out; it then expects a message."""
-        if self.is_idle:
-            return []
-        self.reset()
-        return [StatusMessage(0, ProtocolStatus.SILENCE)]
-
-    def _next(self, begin: int, found: list[Message | StatusMessage]) -> int:
-        if self._buffer[begin] != MESSAGE_START:
-            return self._confuse(ProtocolStatus.BAD_START, found)
-        if len(self._buffer) < begin + 4:
-            return 0
-        endpoint: int
-        size: int
-        endpoint, size = struct.unpack_from("<xBH", self._buffer, begin)
-        if endpoint > self._num_endpoints:
-            return self._confuse(ProtocolStatus.NO_SUCH_ENDPOINT, found)
-        if size == 0:
-            return self._confuse(ProtocolStatus.EMPTY_PAYLOAD, found)
-        if size > self._max_payload:
-            return self._confuse(ProtocolStatus.PAYLOAD_TOO_LARGE, found)
-        end = begin + 4 + size
+        endpoint, number = struct.unpack_from("<xBH", self._buffer)
+        if is_status:
+            del self._buffer[:4]
+            return StatusMessage(endpoint, number)
+        if self._num_endpoints is not None and endpoint > self._num_endpoints:
+            return ProtocolStatus.NO_SUCH_ENDPOINT
+        if self._num_endpoints is not None and number == 0:
+            return ProtocolStatus.EMPTY_PAYLOAD
+        if number > self._max_payload:
+            return ProtocolStatus.PAYLOAD_TOO_LARGE
+        end = 4 + number
         # The first byte of the end marker may be wrong already.
         if not END_MARKER.startswith(bytes(self._buffer[end : end + 2])):
-            return self._confuse(ProtocolStatus.BAD_END_MARKER, found)
+            return ProtocolStatus.BAD_END_MARKER
         if len(self._buffer) < end + 2:
-            return 0
-        found.append(Message(endpoint, bytes(self._buffer[begin + 4 : end])))
-        return size + 6
-
-    def _confuse(self, status: ProtocolStatus, found: list[Message | StatusMessage]) -> int:
-        self._is_confused = True
-        found.append(StatusMessage(0, status))
-        return 0
+            return None
+        payload = bytes(self._buffer[4:end])
+        del self._buffer[: end + 2]
+        return Message(endpoint, payload)
 
 
 # Payloads

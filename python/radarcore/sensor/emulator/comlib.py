@@ -13,12 +13,11 @@ from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
-from radarcore.sensor.comlib.codes import Adc, Base, Direction, EndpointType, Fmcw, SignalPart, Status
+from radarcore.sensor.comlib.codes import Adc, Base, Direction, EndpointType, Fmcw, ProtocolStatus, SignalPart, Status
 from radarcore.sensor.comlib.codes import Protocol as ProtocolCode
 from radarcore.sensor.comlib.messages import (
     MAX_PAYLOAD,
     AdcSettings,
-    BoardParser,
     Endpoint,
     Firmware,
     FmcwSettings,
@@ -26,6 +25,7 @@ from radarcore.sensor.comlib.messages import (
     Frame,
     Info,
     Message,
+    Parser,
     StatusMessage,
     Temperature,
     TxPower,
@@ -36,6 +36,7 @@ from radarcore.sensor.comlib.messages import (
 )
 from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
+from radarcore.sensor.interface import Damage
 
 _BASE, _FMCW, _ADC = 1, 2, 3
 """Numbers of the endpoints."""
@@ -133,7 +134,7 @@ class ComLibEmulator:
         types = [EndpointType.RBAS, EndpointType.RFMC, EndpointType.RADX][: 3 if has_adc else 2]
         self._endpoints = [Endpoint(letters) for letters in types]
         self._handlers: list[Callable[[bytes], list[Message]]] = [self._protocol, self._base, self._fmcw, self._adc]
-        self._parser = BoardParser(len(types), check.count("buffer_size", buffer_size))
+        self._parser = Parser(len(types), check.count("buffer_size", buffer_size))
         self._changed = threading.Condition()
         self._is_unplugged = False
         self._last_byte = 0.0
@@ -181,7 +182,11 @@ class ComLibEmulator:
             self._check_plugged()
             self._give_up()
             self._last_byte = time.monotonic()
-            self._waiting += self._parser.feed(data)
+            for item in self._parser.feed(data):
+                if not isinstance(item, Damage):
+                    self._waiting.append(item)
+                elif item.status:
+                    self._waiting.append(StatusMessage(0, item.status))
             self._changed.notify_all()
 
     def send(self, size: int, timeout: float) -> bytes:
@@ -207,7 +212,8 @@ class ComLibEmulator:
     def _give_up(self) -> None:
         """Say that a message is incomplete, when the line has been silent for the time-out."""
         if self._silent_in == 0.0:
-            self._waiting += self._parser.silence()
+            self._parser.reset()
+            self._waiting.append(StatusMessage(0, ProtocolStatus.SILENCE))
 
     @property
     def _silent_in(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -82,8 +81,6 @@ class StrataBoard:
         self._assembler: SliceAssembler | None = None
         self._is_running = False
         self._damage = DamageCount()  # since the last frame
-        # Frames are read in one thread, which may have to start anew, while another asks for the temperature.
-        self._conversation = threading.RLock()
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
         self.info: BoardInfo = self._open(timeout)
 
@@ -147,12 +144,11 @@ class StrataBoard:
         """Tell the board how to read, then set all registers and begin."""
         if self._settings is None:
             raise SensorError(f"{self._link.name}: expected configure(radar) before measuring")
-        with self._conversation:
-            self.stop()
-            self._index = 0
-            self._num_restarts = 0
-            self._damage = DamageCount()
-            self._begin()
+        self.stop()
+        self._index = 0
+        self._num_restarts = 0
+        self._damage = DamageCount()
+        self._begin()
 
     def _begin(self) -> None:
         """Start; where an answer is lost, the board may measure all the same: stop it, and start anew."""
@@ -284,26 +280,22 @@ class StrataBoard:
 
     def _restart(self, reason: str) -> Lost:
         """Begin anew; the frames that would have been measured meanwhile are lost."""
-        with self._conversation:
-            if not self._is_running:  # ended meanwhile
-                return Lost(1, reason)
-            self._num_restarts += 1
-            if self._num_restarts > _MOST_RESTARTS:
-                raise SensorError(f"{self._link.name}: {reason}, again after {_MOST_RESTARTS} restarts")
-            began = self._arrived
-            self.stop()
-            self._begin()
+        self._num_restarts += 1
+        if self._num_restarts > _MOST_RESTARTS:
+            raise SensorError(f"{self._link.name}: {reason}, again after {_MOST_RESTARTS} restarts")
+        began = self._arrived
+        self.stop()
+        self._begin()
         lost = max(1, round((time.monotonic() - began) / self._running.frame_time))
         self._index += lost
         return Lost(lost, f"{reason}; measuring was started anew")
 
     def stop(self, *, is_silent: bool = False) -> None:
         """Stop the data, then the chip, and discard packets still on their way."""
-        with self._conversation:
-            if self._is_running and is_silent:
-                self._halt(_FAREWELL, retries=0)
-            elif self._is_running:
-                self._halt()
+        if self._is_running and is_silent:
+            self._halt(_FAREWELL, retries=0)
+        elif self._is_running:
+            self._halt()
 
     def _halt(self, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> None:
         self._stop_data(timeout, retries=retries)
@@ -337,14 +329,13 @@ class StrataBoard:
         ``usb_ids`` (vendor and product), ``name``, ``version`` (of firmware and protocol), ``extended_version``,
         ``uuid`` (text) and ``chip_id`` (the register).
         """
-        with self._conversation:
-            told = self._told(Request.transfer(Code.BOARD_INFO, Info.NAME, 0))
-            extended = self._told(Request.transfer(Code.BOARD_INFO, Info.EXTENDED_VERSION, 0))
-            uuid = self._told(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16))
-            version = self._link.ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16))
-            if not self._is_running:
-                self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
-            chip_id = self._read_register(CHIP_ID)
+        told = self._try(Request.transfer(Code.BOARD_INFO, Info.NAME, 0))
+        extended = self._try(Request.transfer(Code.BOARD_INFO, Info.EXTENDED_VERSION, 0))
+        uuid = self._try(Request.read(Code.BOARD_INFO, Info.UUID, 0, 16))
+        version = self._link.ask(Request.read(Code.BOARD_INFO, Info.VERSION, 0, 16))
+        if not self._is_running:
+            self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
+        chip_id = self._read_register(CHIP_ID)
         info = None if told is None else self._decoded(packets.decode_board_info, told)
         return {
             "usb_ids": None if info is None else info[:2],
@@ -355,22 +346,11 @@ class StrataBoard:
             "chip_id": chip_id,
         }
 
-    def _told(self, request: Request) -> bytes | None:
-        """The answer, or None where the board refuses one, for whatever reason."""
-        try:
-            return self._link.ask(request)
-        except ProtocolError:
-            return None
-
     def read_registers(self, addresses: Iterable[int]) -> dict[int, int]:
         """Values of registers of the chip, 24 bits each, by address."""
         wanted = list(addresses)
-        values: list[int] = []
-        with self._conversation:
-            for first in range(0, len(wanted), packets.MAX_WORDS):
-                some = wanted[first : first + packets.MAX_WORDS]
-                answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands(a << 25 for a in some)))
-                values += self._decoded(packets.decode_values, answer)
+        answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands(a << 25 for a in wanted)))
+        values = self._decoded(packets.decode_values, answer)
         if len(values) != len(wanted):
             raise ProtocolError(f"{self._link.name}: expected {len(wanted)} registers, got {len(values)}")
         return {address: value & 0xFFFFFF for address, value in zip(wanted, values, strict=True)}
@@ -381,17 +361,14 @@ class StrataBoard:
         The next `start` sets all that it needs anew, but for what `reset` alone undoes.
         """
         addresses = sorted(registers, key=lambda address: (address == MAIN, address))
-        with self._conversation:
-            self.stop()
-            for first in range(0, len(addresses), packets.MAX_WORDS):
-                self._execute(write_word(a, registers[a]) for a in addresses[first : first + packets.MAX_WORDS])
+        self.stop()
+        self._execute(write_word(address, registers[address]) for address in addresses)
 
     def reset(self) -> None:
         """Stop, and reset the chip by its pin: registers as after power-up, but SFCTL, so that they can be read."""
-        with self._conversation:
-            self.stop()
-            self._pins_reset()
-            self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
+        self.stop()
+        self._pins_reset()
+        self._execute([write_word(SFCTL, _SFCTL_AT_PROBE)])
 
     @property
     def slice_size(self) -> int:
@@ -405,12 +382,11 @@ class StrataBoard:
 
     def temperature(self) -> float:
         """Temperature of the chip [degrees Celsius]; at most 0.1 s old."""
-        with self._conversation:
-            when, value = self._temperature
-            if time.monotonic() - when >= _TEMPERATURE_AGE:
-                value = self._measure_temperature()
-                self._temperature = (time.monotonic(), value)
-            return value
+        when, value = self._temperature
+        if time.monotonic() - when >= _TEMPERATURE_AGE:
+            value = self._measure_temperature()
+            self._temperature = (time.monotonic(), value)
+        return value
 
     def _measure_temperature(self) -> float:
         if self._is_running:
@@ -451,11 +427,7 @@ class StrataBoard:
         return self._settings
 
     def _read_register(self, address: int) -> int:
-        answer = self._on_chip(Request.transfer(*_EXECUTE, packets.encode_commands([address << 25])))
-        values = self._decoded(packets.decode_values, answer)
-        if len(values) != 1:
-            raise ProtocolError(f"{self._link.name}: expected one register, got {len(values)}")
-        return values[0] & 0xFFFFFF
+        return self.read_registers([address])[address]
 
     def _decoded(self, decode: Callable[[bytes], _Decoded], payload: bytes) -> _Decoded:
         """Decoded answer, or a ProtocolError with the port."""
@@ -486,10 +458,10 @@ class StrataBoard:
             self._link.ask(Request.write(Code.DATA, Data.STOP, 0), timeout, retries=retries)
 
     def _try(self, request: Request) -> bytes | None:
-        """The answer, or None if the board refuses the request."""
+        """The answer, or None if the board refuses one, for whatever reason."""
         try:
             return self._link.ask(request)
-        except RequestError:
+        except ProtocolError:
             return None
 
 

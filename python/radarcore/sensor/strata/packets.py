@@ -31,9 +31,6 @@ MAX_DATA_PACKET = 6 + MAX_DATA_PAYLOAD + 2
 MAX_CONTROL_PAYLOAD = 4088
 """Largest payload of a control transfer of vendor USB."""
 
-MAX_WORDS = 255
-"""Largest number of SPI words in one request: the published firmware counts them in 8 bits."""
-
 _TIMESTAMP = struct.Struct("<Q")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-import threading
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
@@ -115,12 +114,15 @@ def _number(number: int, thing: str) -> str:
 class _Parser(Generic[Packet]):
     """Packets out of a byte stream that comes in pieces.
 
-    In step, a packet begins at the next byte. After damage, every byte that may begin a packet is tried: the first
-    packet that is whole and has a good CRC wins, also before incomplete ones in front of it, because a false header
-    may claim more bytes than ever come. So at most one largest packet is kept between calls.
+    In step, a packet begins at the next byte. After damage, the first whole packet with a good CRC is searched for, at
+    every byte that may begin one. A false header in front of it may claim more bytes than ever come, so it does not
+    wait for those.
     """
 
-    _first_byte: ClassVar[re.Pattern[bytes]]
+    _kinds: ClassVar[bytes]
+    """First bytes of packets."""
+    _header: ClassVar[re.Pattern[bytes]]
+    """Place where a packet may begin, after damage: it does not claim too much. An incomplete header may, too."""
     _starts_in_step: ClassVar[bool]
     _largest: ClassVar[int] = MAX_PACKET
 
@@ -132,8 +134,7 @@ class _Parser(Generic[Packet]):
         """Forget all bytes."""
         self._buffer.clear()
         self._is_in_step = self._starts_in_step
-        self._candidates: list[int] = []  # places of the buffer where an incomplete packet may begin
-        self._num_searched = 0
+        self._num_searched = 0  # packets that end within these bytes have been tried
         self._damage = Damage(0, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID)
 
     @property
@@ -160,7 +161,7 @@ class _Parser(Generic[Packet]):
 
     def _step(self, found: list[Packet | Damage]) -> bool:
         """Take the packet at the front of the buffer; False where it is incomplete."""
-        size = self._size(0) if self._first_byte.match(self._buffer) else 1
+        size = self._size(0) if self._buffer[0] in self._kinds else 1
         if size == 0 or len(self._buffer) < size <= self._largest:
             return False
         packet = self._packet(0, size)
@@ -178,27 +179,21 @@ class _Parser(Generic[Packet]):
 
     def _search(self, found: list[Packet | Damage]) -> bool:
         """Discard bytes up to the first packet with a good CRC and take it; False where there is none yet."""
-        begins = [match.start() for match in self._first_byte.finditer(self._buffer, self._num_searched)]
-        candidates, self._candidates = self._candidates + begins, []
-        incomplete = []
-        for begin in candidates:
-            size = self._size(begin)
-            if size and not self._may_begin(begin, size):
+        first_incomplete = len(self._buffer)
+        for begin in [match.start() for match in self._header.finditer(self._buffer)]:
+            if (size := self._size(begin)) > self._largest:
                 continue
             if size == 0 or begin + size > len(self._buffer):
-                incomplete.append(begin)
-                continue
-            packet = self._packet(begin, size)
-            if not isinstance(packet, Damage):
-                self._discard(begin, found)
-                found.append(packet)
-                del self._buffer[:size]
-                self._is_in_step = True
-                return True
-        # Keep what may still become a packet.
-        first = incomplete[0] if incomplete else len(self._buffer)
-        self._discard(first, found)
-        self._candidates = [begin - first for begin in incomplete]
+                first_incomplete = min(first_incomplete, begin)
+            elif begin + size > self._num_searched:  # else it was tried before
+                packet = self._packet(begin, size)
+                if not isinstance(packet, Damage):
+                    self._discard(begin, found)
+                    found.append(packet)
+                    del self._buffer[:size]
+                    self._is_in_step = True
+                    return True
+        self._discard(first_incomplete, found)
         self._num_searched = len(self._buffer)
         return False
 
@@ -210,7 +205,7 @@ class _Parser(Generic[Packet]):
 
     def _packet(self, begin: int, size: int) -> Packet | Damage:
         """Packet at a place of the buffer, or its damage."""
-        if not self._first_byte.match(self._buffer, begin):
+        if self._buffer[begin] not in self._kinds:
             reason = f"byte 0x{self._buffer[begin]:02x} begins no packet"
             return Damage(0, reason, Status.REQUEST_TYPE_INVALID)
         if size > self._largest:
@@ -226,13 +221,6 @@ class _Parser(Generic[Packet]):
     def _size(self, begin: int) -> int:
         """Bytes that a packet at a place of the buffer claims, with its CRC; 0: its header is incomplete."""
         raise NotImplementedError
-
-    def _may_begin(self, begin: int, size: int) -> bool:
-        """True where a packet of this size may begin, after damage.
-
-        Of large packets only data of this radar's channel, or of none: nearly all accidental headers claim to be large.
-        """
-        return size <= MAX_PACKET or (size <= self._largest and self._buffer[begin + 1] in (0x00, 0xFF))
 
     def _decode(self, packet: bytes) -> Packet:
         """Packet from its bytes without the CRC, which was good."""
@@ -251,7 +239,11 @@ class HostParser(_Parser[Response | DataPacket]):
     when they do not come, or `reset`.
     """
 
-    _first_byte = re.compile(rb"[\x40\x43\xc0\xd0-\xdf]")
+    _kinds = bytes([0x40, 0x43, 0xC0, *range(0xD0, 0xE0)])
+    # Of large packets only data of this radar's channel, or of none: nearly all accidental headers claim to be large.
+    _header = re.compile(
+        rb"(?=[\x40\x43\xc0](?:..[\x00-\x0f]|.{0,2}\Z)|[\xd0-\xdf](?:[\x00\xff]|.{4}[\x00-\x0f]|.{0,4}\Z))", re.DOTALL
+    )
     _starts_in_step = False
     _largest = MAX_DATA_PACKET
 
@@ -269,7 +261,8 @@ class HostParser(_Parser[Response | DataPacket]):
 class BoardParser(_Parser[Request]):
     """Requests out of the bytes from a host, cut anywhere; a `Damage` has the status to answer."""
 
-    _first_byte = re.compile(rb"[\x40\x43\xc0]")
+    _kinds = b"\x40\x43\xc0"
+    _header = re.compile(rb"(?=[\x40\x43](?:.{6}[\x00-\x0f]|.{0,6}\Z)|\xc0)", re.DOTALL)
     _starts_in_step = True
 
     def _size(self, begin: int) -> int:
@@ -308,18 +301,12 @@ class Link(Protocol):
 
 
 class StreamLink:
-    """Link over a byte stream, which responses and data packets share; whoever waits for either reads it.
-
-    One thread may take packets while others ask.
-    """
+    """Link over a byte stream, which responses and data packets share; whoever waits for either reads it."""
 
     def __init__(self, stream: Stream) -> None:
         self.name: str = stream.name
         self._stream = stream
         self._parser = HostParser()
-        # A thread that takes packets all the time waits for `_asking`, and so lets those go first who ask.
-        self._asking = threading.Lock()
-        self._reading = threading.Lock()
         self._packets: deque[DataPacket | Damage] = deque(maxlen=_MOST_PACKETS)
         self._responses: deque[Response] = deque()
         self._damage = DamageCount()  # since the last request was sent
@@ -334,45 +321,41 @@ class StreamLink:
 
     def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and wait for its answer."""
-        with self._asking, self._reading:
-            if self._is_silent:
-                timeout, retries = min(timeout, _SILENT_TIMEOUT), 0
-            total = timeout if retries == 0 else 2.0 * timeout
-            for tries_left in reversed(range(retries + 1)):
-                patience = timeout if tries_left == retries else timeout / retries
-                try:
-                    return _payload(self.name, request, self._response(request, patience, total))
-                except SensorTimeoutError:
-                    if tries_left == 0:
-                        # One answer alone may have been lost on its way.
-                        self._is_silent = retries > 0 or timeout <= _SILENT_TIMEOUT
-                        raise
-                except RequestError as error:
-                    if tries_left == 0 or error.status not in DAMAGED:
-                        raise
-            raise AssertionError("unreachable")
+        if self._is_silent:
+            timeout, retries = min(timeout, _SILENT_TIMEOUT), 0
+        total = timeout if retries == 0 else 2.0 * timeout
+        for tries_left in reversed(range(retries + 1)):
+            patience = timeout if tries_left == retries else timeout / retries
+            try:
+                return _payload(self.name, request, self._response(request, patience, total))
+            except SensorTimeoutError:
+                if tries_left == 0:
+                    # One answer alone may have been lost on its way.
+                    self._is_silent = retries > 0 or timeout <= _SILENT_TIMEOUT
+                    raise
+            except RequestError as error:
+                if tries_left == 0 or error.status not in DAMAGED:
+                    raise
+        raise AssertionError("unreachable")
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """Data packets since the last call, and damage among them."""
         deadline = monotonic() + timeout
-        with self._asking:
-            pass
-        with self._reading:
-            while not self._packets:
-                remaining = max(deadline - monotonic(), 0.0)
-                self._read(remaining)
-                if remaining == 0.0:
-                    break
-            taken = list(self._packets)
-            self._packets.clear()
-            return taken
+        while not self._packets:
+            remaining = max(deadline - monotonic(), 0.0)
+            self._read(remaining)
+            if remaining == 0.0:
+                break
+        taken = list(self._packets)
+        self._packets.clear()
+        return taken
 
     def discard(self) -> None:
         """Discard data packets until none come any more."""
         _discard(self, _STREAM_QUIET)
 
     def close(self) -> None:
-        """Close the port, which ends what others wait for."""
+        """Give the port back."""
         self._stream.close()
 
     def _response(self, request: Request, timeout: float, total: float) -> Response:
@@ -430,20 +413,18 @@ class VendorLink:
     def __init__(self, port: VendorPort) -> None:
         self.name: str = port.name
         self._port = port
-        self._asking = threading.Lock()
         self._is_silent = False
 
     def ask(self, request: Request, timeout: float = REQUEST_TIMEOUT, *, retries: int = RETRIES) -> bytes:
         """Send a request and fetch its answer; transfers of USB have retries of their own."""
         del retries
-        with self._asking:
-            try:
-                answer = self._answer(request, min(timeout, _SILENT_TIMEOUT) if self._is_silent else timeout)
-            except SensorTimeoutError:
-                self._is_silent = True
-                raise
-            self._is_silent = False
-            return answer
+        try:
+            answer = self._answer(request, min(timeout, _SILENT_TIMEOUT) if self._is_silent else timeout)
+        except SensorTimeoutError:
+            self._is_silent = True
+            raise
+        self._is_silent = False
+        return answer
 
     def packets(self, timeout: float) -> list[DataPacket | Damage]:
         """The next data packet, or its damage."""
@@ -461,7 +442,7 @@ class VendorLink:
         _discard(self, _VENDOR_QUIET)
 
     def close(self) -> None:
-        """Close the port, which ends what others wait for."""
+        """Give the port back."""
         self._port.close()
 
     def _answer(self, request: Request, timeout: float) -> bytes:

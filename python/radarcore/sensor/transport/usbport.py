@@ -6,14 +6,12 @@ import errno
 import math
 import struct
 import sys
-import threading
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from time import monotonic
 from typing import Any
 
-from radarcore import check
 from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,
@@ -21,7 +19,7 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.transport.stream import SLICE, ByteStream, Stalled
+from radarcore.sensor.transport.stream import Stalled
 
 UDEV_RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="058b", MODE="0660", TAG+="uaccess"'
 """Line of a udev rule that opens the boards to whoever sits at the machine (Strata, permissions)."""
@@ -36,7 +34,7 @@ _LARGEST_TRANSFER = 16384
 """Bytes that are asked of the bus at once; libusb cuts longer transfers into several requests to the kernel (Linux)."""
 
 _PACKET_SLICE = 0.2
-"""Longest wait for a packet of a vendor port [s], as the vendor's own host waits (Strata, vendor transport)."""
+"""Wait for the rest of a packet that a time-out has cut [s]."""
 
 
 def require_pyusb() -> Any:
@@ -114,7 +112,7 @@ def has_driver(device: Any, interface_number: int) -> bool | None:
         return None
 
 
-class UsbStream(ByteStream):
+class UsbStream:
     """A CDC board, with its interfaces taken from the kernel's driver until `close`.
 
     Parameters
@@ -134,7 +132,7 @@ class UsbStream(ByteStream):
 
     def __init__(self, path: str, *, usb_backend: Any = None) -> None:
         self._device = find_device(path, usb_backend)
-        super().__init__(device_path(self._device))
+        self.name: str = device_path(self._device)
         self._pending = b""
         self._claim = _Claim(self._device)
         with self._claim.released_on_error():
@@ -149,17 +147,22 @@ class UsbStream(ByteStream):
             for interface in comm:
                 self._claim.raise_lines(interface.bInterfaceNumber)
 
-    def _read_some(self, size: int, timeout: float) -> bytes:
+    def read(self, size: int, timeout: float) -> bytes:
+        """Received bytes, 1 to `size`; none if none came within `timeout` [s]."""
         if not self._pending:
             whole = _whole_packets(min(size, _LARGEST_TRANSFER), self._in)
-            self._pending = _bulk_read(self._device, self._in, whole, min(timeout, SLICE))
+            self._pending = _bulk_read(self._device, self._in, whole, timeout)
         data, self._pending = self._pending[:size], self._pending[size:]
         return data
 
-    def _write_some(self, data: bytes, timeout: float) -> int:
-        return _bulk_write(self._device, self._out, data, min(timeout, SLICE))
+    def write(self, data: bytes, timeout: float) -> None:
+        """Send all of `data`, or raise `SensorTimeoutError` when `timeout` [s] is over."""
+        num_sent = _transfer(self._device, self._out, self._device.write, data, timeout) or 0
+        if num_sent < len(data):
+            raise SensorTimeoutError(f"{self.name}: the board took {num_sent} of {len(data)} bytes in {timeout:g} s")
 
-    def _give_back(self) -> None:
+    def close(self) -> None:
+        """Give the port back; may be called twice."""
         self._claim.release()
 
 
@@ -183,9 +186,6 @@ class UsbVendorPort:
         with suppress(SensorError):  # what hinders us, the claim below will tell
             self.product = usb_strings(device, {device.iProduct}).get(device.iProduct, "")
         self._device = device
-        self._closed = threading.Event()
-        self._reading = threading.Lock()
-        self._controlling = threading.Lock()
         self._claim = _Claim(device)
         with self._claim.released_on_error():
             vendor = [i for i in _interfaces(device) if i.bInterfaceClass == _CLASS_VENDOR and _bulk_endpoint(i, 0x80)]
@@ -206,50 +206,34 @@ class UsbVendorPort:
         self, request_type: int, request: int, value: int, index: int, length: int, timeout: float
     ) -> bytes:
         """A control transfer from the board, at most `length` bytes, within `timeout` [s]."""
-        length = check.count("length", length, 0)
         return bytes(self._control(request_type, request, value, index, length, timeout))
 
     def read_packet(self, size: int, timeout: float) -> bytes:
         """Bulk transfer of at most `size` bytes; none when none came within `timeout` [s]."""
-        size = check.count("size", size)
-        deadline = monotonic() + check.non_negative("timeout", timeout, "s")
         room = _whole_packets(size, self._in)
-        packet = b""
-        with self._reading:
-            while True:
-                self._check_open()
-                begin = monotonic()
-                wait = min(max(deadline - begin, 0.0), _PACKET_SLICE)
-                part = _bulk_read(self._device, self._in, room - len(packet), wait)
-                packet += part
-                if len(packet) > size:
-                    raise ProtocolError(f"{self.name}: expected a packet of at most {size} bytes, got a longer one")
-                # Whole USB packets at the end of the wait may be the first ones of a transfer that the wait has cut.
-                # (Of short waits nothing can be said: a slow machine spends them on transfers that are complete.)
-                ends_whole = part != b"" and _whole_packets(len(part), self._in) == len(part)
-                if ends_whole and len(packet) < size and wait >= 0.01 and monotonic() - begin >= wait:
-                    deadline = max(deadline, monotonic() + _PACKET_SLICE)
-                elif packet or monotonic() >= deadline:
-                    return packet
+        packet, wait = b"", timeout
+        while True:
+            begin = monotonic()
+            part = _bulk_read(self._device, self._in, room - len(packet), wait)
+            packet += part
+            if len(packet) > size:
+                raise ProtocolError(f"{self.name}: expected a packet of at most {size} bytes, got a longer one")
+            # Whole USB packets at the end of the wait may be the first ones of a transfer that the wait has cut.
+            # (Of short waits nothing can be said: a slow machine spends them on transfers that are complete.)
+            ends_whole = part != b"" and _whole_packets(len(part), self._in) == len(part)
+            if not (ends_whole and len(packet) < size and wait >= 0.01 and monotonic() - begin >= wait):
+                return packet
+            wait = _PACKET_SLICE
 
     def close(self) -> None:
         """Give the device back; may be called twice."""
-        self._closed.set()
-        with self._reading, self._controlling:
-            self._claim.release()
+        self._claim.release()
 
     def _control(
         self, request_type: int, request: int, value: int, index: int, data: bytes | int, timeout: float
     ) -> Any:
-        timeout_ms = _milliseconds(check.non_negative("timeout", timeout, "s"))
-        with self._controlling:
-            self._check_open()
-            with errors_as_ours(self.name):
-                return self._device.ctrl_transfer(request_type, request, value, index, data, timeout_ms)
-
-    def _check_open(self) -> None:
-        if self._closed.is_set():
-            raise SensorDisconnectedError(f"{self.name}: the port has been closed")
+        with errors_as_ours(self.name):
+            return self._device.ctrl_transfer(request_type, request, value, index, data, _milliseconds(timeout))
 
 
 class _Claim:
@@ -343,29 +327,27 @@ def _whole_packets(size: int, endpoint: Any) -> int:
 
 
 def _bulk_read(device: Any, endpoint: Any, size: int, timeout: float) -> bytes:
-    """Bytes of one transfer; none when none came in time."""
+    """Bytes of one transfer that has any; none when none came in time."""
+    deadline = monotonic() + timeout
+    while True:
+        data = bytes(_transfer(device, endpoint, device.read, size, max(deadline - monotonic(), 0.0)) or b"")
+        if data or monotonic() >= deadline:
+            return data
+
+
+def _transfer(device: Any, endpoint: Any, transfer: Callable[..., Any], load: int | bytes, timeout: float) -> Any:
+    """Result of a bulk transfer; None where its time ran out. A halted endpoint is cleared and tried once more."""
     with errors_as_ours(device_path(device)):
-        return bytes(_unless_halted(device, endpoint, lambda: device.read(endpoint, size, _milliseconds(timeout)), b""))
-
-
-def _bulk_write(device: Any, endpoint: Any, data: bytes, timeout: float) -> int:
-    """Number of bytes of one transfer that the board took."""
-    with errors_as_ours(device_path(device)):
-        return int(_unless_halted(device, endpoint, lambda: device.write(endpoint, data, _milliseconds(timeout)), 0))
-
-
-def _unless_halted(device: Any, endpoint: Any, transfer: Callable[[], Any], nothing: Any) -> Any:
-    """Result of a transfer, `nothing` where its time ran out; a halted endpoint is cleared and tried once more."""
-    for is_last in (False, True):
-        try:
-            return transfer()
-        except OSError as error:
-            if error.errno == errno.ETIMEDOUT:
-                return nothing
-            if error.errno != errno.EPIPE or is_last:
-                raise
-        device.clear_halt(endpoint)
-    return nothing
+        for is_last in (False, True):
+            try:
+                return transfer(endpoint, load, _milliseconds(timeout))
+            except OSError as error:
+                if error.errno == errno.ETIMEDOUT:
+                    return None
+                if error.errno != errno.EPIPE or is_last:
+                    raise
+            device.clear_halt(endpoint)
+    return None
 
 
 def _milliseconds(seconds: float) -> int:
