@@ -125,17 +125,18 @@ NO_PAUSE = power_up(num_chirps=64, chirp_interval=500e-6, frame_interval=64 * 50
 @pytest.mark.parametrize(
     ("radar", "options", "sent", "frames", "lost"),
     [
-        # A counter that wraps.
+        # A counter that wraps, between frames and in a loss.
         *(
             (
                 SMALL,
                 {"stamps": stamps, "packets_per_slice": num},
-                [at(slice_, counter=65536 - 2 * num + num * slice_) for slice_ in (0, 1, 2, 3, 6, 7)],
+                [at(slice_, counter=65536 + num * (slice_ - before)) for slice_ in (0, 1, 2, 3, 6, 7)],
                 [0, 1, 2, 3, 6, 7],
                 [2],
             )
             for stamps in (True, False)
             for num in (1, 3)
+            for before in (2, 5)
         ),
         # Time stamps say what the counter does not: more packets than it counts, and a jump without a loss.
         (SMALL, {}, [at(0), at(70_000)], [0, 70_000], [69_999]),
