@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from chip_settings import power_up
 C = 299_792_458.0  # [m/s]
 
 WAVEFORM = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=64, num_chirps=4)
+SLOW = WAVEFORM.replace(chirp_interval=100e-6)
 TX = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]]
 RX = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.05], [0.02, 0.0, 0.0]]
 
@@ -153,6 +156,22 @@ RADARS = [
     rc.Radar(WAVEFORM, pattern=rc.TabulatedPattern([-1.0, 1.0], [-0.1, 0.1, 0.3], [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])),
     rc.Radar(WAVEFORM, tx=TX, tx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
     rc.Radar(WAVEFORM, tx=TX, rx=TX, rx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
+    rc.Radar([SLOW, SLOW.replace(slope=-50e12, start_frequency=62e9).delayed(4e-3)], tx=TX),
+    rc.Radar(SLOW.alternating(), tx=TX, schedule=rc.Schedule.tdm()),
+    *(
+        rc.Radar(SLOW, tx=TX, schedule=schedule)
+        for schedule in (
+            rc.Schedule.tdm(),
+            rc.Schedule.tdm(40e-6),
+            rc.Schedule.tdm(order=[1, 0]),
+            rc.Schedule.ddm(),
+            rc.Schedule.ddm([0.0, 1.0 / 3.0]),
+            rc.Schedule.steered([1.0, 0.1 + 0.2j]),
+            rc.Schedule.steered(np.exp(1j * np.arange(16.0)).reshape(4, 4)[:, :2]),
+            rc.Schedule.steered(azimuth=0.3),
+            rc.Schedule.steered(azimuth=np.linspace(-0.3, 0.3, 4), elevation=0.1),
+        )
+    ),
 ]
 
 
@@ -165,6 +184,10 @@ def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
     assert (back.pattern, back.receiver, back.tx_power_dbm) == (radar.pattern, radar.receiver, radar.tx_power_dbm)
     assert (back.tx_patterns, back.rx_patterns) == (radar.tx_patterns, radar.rx_patterns)
     assert back.polarization_vector == radar.polarization_vector
+    assert (back.schedule, back.waveforms) == (radar.schedule, radar.waveforms)
+    assert hash(back.schedule) == hash(radar.schedule)
+    assert pickle.loads(pickle.dumps(radar)) == radar
+    assert replace(radar, tx_power_dbm=1.0).waveforms == radar.waveforms
 
 
 def test_radar_of_a_file_from_before_polarization_and_patterns_of_elements_has_none() -> None:

@@ -343,8 +343,6 @@ def test_what_the_layout_has_no_place_for_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("prepare", "message"),
     [
-        (lambda path: path.write_text("precious"), "got a file, not a directory"),
-        (lambda path: (path / "thesis").mkdir(parents=True), "not empty and no recording of RadarIfxAvian_00"),
         (lambda path: full_scale().save(path), "not empty and no recording of RadarIfxAvian_00"),
         (lambda path: (path / "RadarIfxAvian_01").mkdir(parents=True), "no recording of RadarIfxAvian_00"),
     ],

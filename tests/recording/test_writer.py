@@ -95,12 +95,8 @@ def test_writer_refuses_frames_that_do_not_fit_and_keeps_those_that_do(tmp_path:
     other = Frame(np.zeros((3, 64, 128), np.float32), 0.0, sensor)
     with pytest.raises(ValueError, match="frame: expected a frame of the recording's radar"):
         writer.append(other)
-    with pytest.raises(ValueError, match=r"frame: expected complex64 with truth of .*got float32"):
-        writer.append(frame(1, dtype="float32"))
     with pytest.raises(ValueError, match=r"frame: expected .*'arm', 'wall'.*got complex64 with truth of None"):
         writer.append(frame(1, names=None))
-    with pytest.raises(TypeError, match="frame: expected Frame, got ndarray"):
-        writer.append(np.zeros((2, 4, 16)))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"frame.time: expected increasing times \[s\], got 0 and then 0 at index 1"):
         writer.append(frame(0))
     writer.append(frame(1))
