@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_mcap import CutMcap, most_unpacked, reason, unpacked
+from radarcore.adapters.ros.cut_mcap import MOST_UNPACKED, CutMcap, reason, unpacked
 from radarcore.adapters.ros.messages import DEFINITIONS
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -514,7 +514,7 @@ def _check_database(file: Path, *, is_part: bool) -> None:
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse topics without a name, and chunks that unpack to far more than their size."""
+    """Refuse topics without a name, and chunks that unpack to more than `MOST_UNPACKED`."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag1.reader import decompressors
 
@@ -528,8 +528,8 @@ def _check_reader(reader: Any) -> None:
     storage = getattr(reader, "storage", None)
     for file in (storage, *getattr(storage, "storages", ())):  # a folder has several files
         for chunk in getattr(file, "chunks", ()):
-            if chunk.uncompressed_size > most_unpacked(chunk.compressed_size):
-                raise ValueError(f"a chunk of {chunk.compressed_size} bytes says it has {chunk.uncompressed_size}")
+            if chunk.uncompressed_size > MOST_UNPACKED:
+                raise ValueError(f"a chunk of {chunk.compressed_size} bytes unpacks to more than {MOST_UNPACKED}")
 
 
 def _owner(connection: Any) -> int:

@@ -18,8 +18,8 @@ from radarcore import check
 _FORMATS = ("ros2msg", "ros2idl", "omgidl")
 """Encodings of the definitions of ROS messages."""
 
-_MOST_UNPACKED, _MOST_RATIO = 1 << 26, 1000
-"""Limits of unpacked data, in bytes and relative to their size: a few bytes may unpack to gigabytes of zeros."""
+MOST_UNPACKED = 1 << 27
+"""Limit of an unpacked chunk or message [bytes]; recorders make chunks of 1 to 5 MB, or of a single larger message."""
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
@@ -105,19 +105,13 @@ def _records(file: IO[bytes], size: int) -> Iterator[Any]:
             yield record
 
 
-def most_unpacked(size: int) -> int:
-    """Largest number of bytes to which data may unpack."""
-    return max(_MOST_UNPACKED, _MOST_RATIO * size)
-
-
 def unpacked(compression: str, data: bytes) -> bytes:
     """Content of a chunk or a message, of limited size."""
     if compression in ("", "none"):
         return data
-    most = most_unpacked(len(data))
-    content = bytes(_decompressor(compression).decompress(data, most + 1))
-    if len(content) > most:
-        raise ValueError(f"a chunk of {len(data)} bytes unpacks to more than {most}")
+    content: bytes = _decompressor(compression).decompress(data, MOST_UNPACKED + 1)
+    if len(content) > MOST_UNPACKED:
+        raise ValueError(f"a chunk of {len(data)} bytes unpacks to more than {MOST_UNPACKED}")
     return content
 
 
