@@ -135,7 +135,7 @@ COLOR = "/camera/color/image_raw"
             {"topic": "/camera/dept/image_raw"},
             r"topic: no topic '/camera/dept/image_raw' in .*; did you mean '/camera/d",
         ),
-        ({"topic": COLOR}, f"topic: expected depth images, 32FC1 or 16UC1, got mono8 of '{COLOR}'"),
+        ({"topic": COLOR}, f"topic: expected depth images, 32FC1 or 16UC1, in .*, got mono8 of '{COLOR}'"),
         (
             {"info_topic": COLOR},
             f"info_topic: expected sensor_msgs/msg/CameraInfo, got .*/Image of '{COLOR}'",
@@ -161,7 +161,7 @@ def test_a_bag_without_depth_says_what_it_has(tmp_path: Path) -> None:
     with BagWriter(bag, overwrite=True) as written:
         color = image_of(1, np.zeros((ROWS, COLUMNS), np.uint8), "mono8")
         written.write("/color", color, 1, type="sensor_msgs/msg/Image")
-    refused(bag, r"expected depth images, 32FC1 or 16UC1, in .*, got none; there are /color \(mono8\)")
+    refused(bag, "expected depth images, 32FC1 or 16UC1, in .*, got mono8 of '/color'")
     with BagWriter(bag, overwrite=True) as written:
         info = info_of(1) | {"width": 2 * COLUMNS}
         written.write("/depth/camera_info", info, 1, type="sensor_msgs/msg/CameraInfo")

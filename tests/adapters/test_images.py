@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import radarcore as rc
 import rosbags_types
 from radarcore.adapters import gazebo, images, ros
+from radarcore.adapters.ros.bags import typed
 
 ROWS, COLUMNS = 24, 40
 NEAR, FAR = 0.1, 10.0
@@ -40,7 +41,7 @@ def scene() -> NDArray[np.float64]:
 
 SCENE = scene()
 AT_FAR = np.where(np.isfinite(SCENE), SCENE, FAR)
-HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=12, nanosec=500_000_000), frame_id="camera_optical_frame")
+HEADER = SimpleNamespace(seq=3, stamp=SimpleNamespace(sec=12, nanosec=500_000_000), frame_id="camera_optical_frame")
 INFO = SimpleNamespace(k=[FOCAL, 0.0, (COLUMNS - 1) / 2, 0.0, FOCAL, (ROWS - 1) / 2, 0.0, 0.0, 1.0])
 
 
@@ -86,25 +87,18 @@ def gz_named() -> SimpleNamespace:
 
 def ros_message(world: str, *args: Any) -> Any:
     """A sensor_msgs/Image in rosbags' types, as it comes out of a bag."""
-    types = rosbags_types.typestore(world).types
-    image = ros_image(*args)
-    stamp = types["builtin_interfaces/msg/Time"](sec=12, nanosec=500_000_000)
-    seq = {"seq": 3} if world == "ROS 1" else {}
-    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="camera_optical_frame", **seq)
-    data = np.frombuffer(image.data, np.uint8)
-    message = types["sensor_msgs/msg/Image"](**(vars(image) | {"header": header, "data": data}))
+    message = typed(rosbags_types.typestore(world), "sensor_msgs/msg/Image", ros_image(*args))
     return rosbags_types.through_bytes(world, message)
 
 
 def ros_info(world: str) -> Any:
     """A sensor_msgs/CameraInfo in rosbags' types, whose matrix has a large letter in ROS 1."""
-    kind = rosbags_types.typestore(world).types["sensor_msgs/msg/CameraInfo"]
-    letters = {"d": np.zeros(5), "k": np.array(INFO.k), "r": np.eye(3).ravel(), "p": np.zeros(12)}
-    matrices = {name.upper() if world == "ROS 1" else name: values for name, values in letters.items()}
-    window = SimpleNamespace(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    letters = {"d": [0.0] * 5, "k": INFO.k, "r": [0.0] * 9, "p": [0.0] * 12}
+    window = dict.fromkeys(("x_offset", "y_offset", "height", "width", "do_rectify"), 0)
     sizes = {"height": ROWS, "width": COLUMNS, "binning_x": 0, "binning_y": 0}
-    header = ros_message(world, "32FC1").header
-    message = kind(header=header, distortion_model="plumb_bob", roi=window, **sizes, **matrices)
+    fields = {"header": HEADER, "distortion_model": "plumb_bob", "roi": window, **sizes, **letters}
+    fields |= {name.upper(): values for name, values in letters.items()}
+    message = typed(rosbags_types.typestore(world), "sensor_msgs/msg/CameraInfo", fields)
     return rosbags_types.through_bytes(world, message)
 
 

@@ -194,7 +194,7 @@ def test_files_of_spreadsheets_are_refused(tmp_path: Path, mark: str) -> None:
     path.write_text("\ufeff" + path.read_text())  # a mark of the encoding
     assert read_motive_csv(path).names == ("radar", "person")
     path.write_text(path.read_text().replace(",", mark).replace(".", ","))
-    with pytest.raises(ValueError, match="t1.csv: expected 'Format Version' in the first line and commas"):
+    with pytest.raises(ValueError, match=r"t1.csv: expected 'Format Version' in the first line and commas"):
         read_motive_csv(path)
 
 

@@ -11,6 +11,7 @@ import pytest
 import radarcore as rc
 import rosbags_types
 from radarcore.adapters import ros
+from radarcore.adapters.ros.bags import typed
 
 STAMP = 1_700_000_000_123_456_789
 HALF = float(np.sqrt(0.5))
@@ -18,7 +19,7 @@ HALF = float(np.sqrt(0.5))
 
 def header(time_ns: int, frame_id: str = "world") -> SimpleNamespace:
     stamp = SimpleNamespace(sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-    return SimpleNamespace(stamp=stamp, frame_id=frame_id)
+    return SimpleNamespace(seq=0, stamp=stamp, frame_id=frame_id)
 
 
 def pose_message(position: Any, quaternion: Any) -> SimpleNamespace:
@@ -84,27 +85,10 @@ def test_trajectory_of_a_series_counts_from_the_given_stamp() -> None:
     assert ros.pose_series([stamped(STAMP)]).trajectory(STAMP) == rc.Pose()
 
 
-def rigid_bodies(time_ns: int, bodies: dict[str, SimpleNamespace], types: Any = None) -> Any:
+def rigid_bodies(time_ns: int, bodies: dict[str, SimpleNamespace]) -> SimpleNamespace:
     """A mocap4r2_msgs/RigidBodies."""
-    if types is None:
-        each = [SimpleNamespace(rigid_body_name=name, markers=[], pose=pose) for name, pose in bodies.items()]
-        return SimpleNamespace(header=header(time_ns, "mocap"), frame_number=7, rigidbodies=each)
-    kinds = {name.rpartition("/")[2]: kind for name, kind in types.items()}
-    each = [
-        kinds["RigidBody"](
-            rigid_body_name=name,
-            markers=[],
-            pose=kinds["Pose"](
-                position=kinds["Point"](**vars(pose.position)),
-                orientation=kinds["Quaternion"](**vars(pose.orientation)),
-            ),
-        )
-        for name, pose in bodies.items()
-    ]
-    stamp = types["builtin_interfaces/msg/Time"](sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-    seq = {"seq": 0} if "seq" in kinds["Header"].__dataclass_fields__ else {}
-    head = kinds["Header"](stamp=stamp, frame_id="mocap", **seq)
-    return kinds["RigidBodies"](header=head, frame_number=7, rigidbodies=each)
+    each = [SimpleNamespace(rigid_body_name=name, markers=[], pose=pose) for name, pose in bodies.items()]
+    return SimpleNamespace(header=header(time_ns, "mocap"), frame_number=7, rigidbodies=each)
 
 
 @pytest.mark.parametrize("world", [None, *rosbags_types.WORLDS])
@@ -116,12 +100,10 @@ def test_rigid_bodies_are_series_by_name_with_gaps_where_they_were_not_seen(worl
     ]
     frames[2]["arm"].position.x = np.nan
     frames.append({"radar": frames[0]["radar"], "arm": pose_message((3, 0.0, 0.0), turned)})
-    if world is None:
-        messages = [rigid_bodies(STAMP + k, bodies) for k, bodies in enumerate(frames)]
-    else:
-        types = rosbags_types.typestore(world).types
-        sent = (rigid_bodies(STAMP + k, bodies, types) for k, bodies in enumerate(frames))
-        messages = [rosbags_types.through_bytes(world, message) for message in sent]
+    messages: list[Any] = [rigid_bodies(STAMP + k, bodies) for k, bodies in enumerate(frames)]
+    if world is not None:
+        store, name = rosbags_types.typestore(world), "mocap4r2_msgs/msg/RigidBodies"
+        messages = [rosbags_types.through_bytes(world, typed(store, name, message)) for message in messages]
     series = ros.rigid_body_series(messages)
     assert list(series) == ["radar", "arm"]
     assert [len(each) for each in series.values()] == [4, 2]

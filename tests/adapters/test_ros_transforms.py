@@ -177,15 +177,15 @@ LOOP = [tf(transform("a", "b", np.eye(4)), transform("b", "c", np.eye(4)), trans
     [
         (
             lambda: TREE.motion("lidr", "map"),
-            "frame: no frame 'lidr'; did you mean 'lidar'.*there is base_link, depth_optical_frame, lidar, lift,",
+            "frame: no frame 'lidr'; did you mean 'lidar'",
         ),
-        (lambda: TREE.motion("lidar", "earth"), "within: no frame 'earth'; there is base_link,"),
+        (lambda: TREE.motion("lidar", "earth"), "within: no frame 'earth'; known: base_link,"),
         (
             lambda: TREE.motion("lidar", "moon"),
             "within: .* connect with 'lidar', got 'moon': the one hangs on 'map', the other on 'sky'",
         ),
         (lambda: TREE.series("map"), "frame: expected one with a parent, got the root 'map'"),
-        (lambda: ros.TransformTree().motion("a", "b"), "frame: no frame 'a'; there is none"),
+        (lambda: ros.TransformTree().motion("a", "b"), "frame: no frame 'a'; known: none"),
         (
             lambda: ros.TransformTree(LOOP).motion("a", "b"),
             "messages: expected a tree of frames, got the circle a < b < c < a",

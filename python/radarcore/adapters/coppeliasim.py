@@ -108,7 +108,7 @@ def _connected(host: str, port: int, timeout: float) -> Any:
             self.context.destroy(linger=0)
 
         def __del__(self) -> None:
-            """Do nothing: the context closes its sockets, and the base class fails when Python ends."""
+            self.close()  # the base class would fail when Python ends
 
     try:
         remote = Remote(host, port)

@@ -137,8 +137,11 @@ def unpacked(name: str, data: Any, kind: DTypeLike, rows: int, columns: int, ste
     return np.ascontiguousarray(padded.reshape(rows, step)[:, : columns * size]).view(dtype)
 
 
-def centered(focal_length: float, shape: tuple[int, ...]) -> Camera:
-    """Camera with square pixels and its axis in the middle."""
+def centered(name: str, angle: float, pixels: int, shape: tuple[int, ...]) -> Camera:
+    """Camera with square pixels, so many over its angle [rad], and its axis in the middle."""
+    if check.positive(name, angle, "rad") >= np.pi:
+        raise ValueError(f"{name}: expected an angle below pi [rad], got {angle!r}; degrees? np.deg2rad")
+    focal_length = 0.5 * pixels / np.tan(0.5 * angle)
     return Camera(focal_length, focal_length, 0.5 * shape[1], 0.5 * shape[0])
 
 

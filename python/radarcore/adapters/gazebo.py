@@ -69,12 +69,7 @@ def from_gz_image(message: Any, *, horizontal_fov: float, start_ns: int = 0) -> 
         raise ValueError(f"pixel_format_type: expected R_FLOAT32 (13), got {name} ({kind})")
     rows, columns = check.count("height", message.height), check.count("width", message.width)
     metres = unpacked("data", message.data, "<f4", rows, columns, int(message.step))
-    width = check.positive("horizontal_fov", horizontal_fov, "rad")
-    if width >= np.pi:
-        raise ValueError(
-            f"horizontal_fov: expected an angle below pi [rad], got {horizontal_fov!r}; degrees? np.deg2rad"
-        )
-    camera = centered(0.5 * columns / np.tan(0.5 * width), metres.shape)
+    camera = centered("horizontal_fov", horizontal_fov, columns, metres.shape)
     time_ns = header_nanoseconds(message)
     time = None if time_ns is None else seconds(time_ns, start_ns)
     return decoded(metres, np.inf, camera, GZ_AXES, time, _frame_id(message))

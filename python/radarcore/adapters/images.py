@@ -74,7 +74,8 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
     2.0 1.0
     """
     metres = _image("depth", depth)
-    return decoded(metres, _far(far), _camera_by_height(fovy_deg, metres.shape, "fovy_deg"), OPENGL_AXES, time)
+    camera = _camera_by_height(fovy_deg, metres.shape, "fovy_deg")
+    return decoded(metres, check.positive("far", far, "m"), camera, OPENGL_AXES, time)
 
 
 def from_mujoco_pixels(
@@ -165,10 +166,7 @@ def from_coppeliasim(
     n, f = _near_and_far(near, far)
     values = unpacked("data", data, "<f4", rows, columns, 4 * columns)[::-1].astype(np.float64)
     metres = values if check.count("options", options, 0) & 1 else n + values * (f - n)
-    width = check.positive("angle", angle, "rad")
-    if width >= np.pi:
-        raise ValueError(f"angle: expected an angle below pi [rad], got {angle!r}; degrees? np.deg2rad")
-    camera = centered(0.5 * max(rows, columns) / np.tan(0.5 * width), metres.shape)
+    camera = centered("angle", angle, max(rows, columns), metres.shape)
     return decoded(metres, f, camera, COPPELIASIM_AXES, time)
 
 
@@ -194,15 +192,11 @@ def _camera_by_height(angle_deg: float, shape: tuple[int, ...], name: str) -> Ca
     if angle >= 180.0:
         raise ValueError(f"{name}: expected an angle below 180 degrees, got {angle_deg!r}")
     warn_of_radians(name, angle)
-    return centered(0.5 * shape[0] / np.tan(0.5 * np.deg2rad(angle)), shape)
-
-
-def _far(far: float) -> float:
-    return check.positive("far", far, "m")
+    return centered(name, np.deg2rad(angle), shape[0], shape)
 
 
 def _near_and_far(near: float, far: float) -> tuple[float, float]:
-    n, f = check.positive("near", near, "m"), _far(far)
+    n, f = check.positive("near", near, "m"), check.positive("far", far, "m")
     if f <= n:
         raise ValueError(f"far: expected more than near {n:g} m, got {f:g} m")
     return n, f

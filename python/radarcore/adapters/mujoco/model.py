@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import count
 from math import ceil
 from types import ModuleType
 from typing import Any, Protocol
@@ -435,10 +436,9 @@ def _geoms(model: Any, groups: tuple[int, ...], skip: Collection[str]) -> tuple[
 def is_transparent(model: Any) -> NDArray[np.bool_]:
     """True for geoms that are not drawn: by their own colour, or else that of their material, (geom,)."""
     unset = (model.geom_rgba == [0.5, 0.5, 0.5, 1.0]).all(axis=1) & (model.geom_matid >= 0)
-    of_material = np.zeros(len(model.geom_matid), dtype=np.bool_)
-    painted = np.flatnonzero(unset)
-    of_material[painted] = model.mat_rgba[model.geom_matid[painted], 3] == 0.0
-    transparent: NDArray[np.bool_] = np.where(unset, of_material, model.geom_rgba[:, 3] == 0.0)
+    alpha = model.geom_rgba[:, 3].copy()
+    alpha[unset] = model.mat_rgba[model.geom_matid[unset], 3]
+    transparent: NDArray[np.bool_] = alpha == 0.0
     return transparent
 
 
@@ -451,17 +451,12 @@ def _body_names(model: Any, geoms: tuple[int, ...]) -> list[str]:
         part = mesh_names[mesh] if mesh >= 0 and mesh_names[mesh] else kind_of(model, geom)
         return geom_names[geom] or (f"{body}/{part}" if body else part)
 
-    given = [name(geom) for geom in geoms]
-    taken, found = set(given), []
-    seen: set[str] = set()
+    given, found = [name(geom) for geom in geoms], dict[str, None]()
     for text in given:
-        number, other = 1, text
-        while other in seen or (number > 1 and other in taken):
-            number += 1
-            other = f"{text} {number}"
-        seen.add(other)
-        found.append(other)
-    return found
+        others = (f"{text} {number}" for number in count(2))
+        free = (other for other in others if other not in found and other not in given)
+        found[next(free) if text in found else text] = None
+    return list(found)
 
 
 _UPDATES_PER_FRAME = KEPT // 2

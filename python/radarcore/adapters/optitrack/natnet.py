@@ -218,18 +218,6 @@ class Kind(IntEnum):
     KEEP_ALIVE = 10
 
 
-class _Described(IntEnum):
-    """Kinds of things that a model describes."""
-
-    MARKER_SET = 0
-    RIGID_BODY = 1
-    SKELETON = 2
-    FORCE_PLATE = 3
-    DEVICE = 4
-    CAMERA = 5
-    ASSET = 6
-
-
 class NatNetError(ValueError):
     """A packet that is truncated or of another kind, or a version that is not supported.
 
@@ -322,9 +310,9 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
     >>> frame.timestamp, frame.bodies[0].position
     (12.5, (0.5, 1.25, -0.75))
     """
-    data = _Reader(packet, Kind.FRAME)
     is_sized = checked_version(version) >= SIZED
-    section = data.sized_section if is_sized else data.items
+    data = _Reader(packet, Kind.FRAME, is_sized=is_sized)
+    section = data.section
 
     def bodies() -> tuple[BodyState, ...]:
         return data.items(lambda: _body(data))
@@ -373,54 +361,50 @@ def decode_model(packet: bytes, version: Version) -> ModelNames:
     >>> rc.adapters.optitrack.decode_model(struct.pack("<HH", 5, len(packet)) + packet, (4, 1)).bodies
     {1: 'ball'}
     """
-    data = _Reader(packet, Kind.MODEL)
-    checked_version(version)
+    data = _Reader(packet, Kind.MODEL, is_sized=checked_version(version) >= SIZED)
     names = ModelNames()
+
+    def body() -> tuple[int, str]:
+        return _description(data, version)
+
     for _ in range(data.count()):
-        kind = data.number("i")
-        end = data.end_of_section() if version >= SIZED else None
-        if kind in set(_Described):
-            _describe(data, version, _Described(kind), names)
-        elif end is None:
-            raise NatNetError(f"packet: expected a description of kinds 0 to 6, got {kind}")
-        if end is not None:
-            data.go_to(end)
+        kind, end = data.number("i"), data.end_of_section()
+        match kind:
+            case 0:  # a set of markers
+                data.text(), data.items(data.text)
+            case 1:  # a rigid body
+                number, name = body()
+                names.bodies[number] = name
+            case 2:  # a skeleton
+                name, number = data.text(), data.number("i")
+                names.skeletons[number] = name, dict(data.items(body))
+            case 3:  # a force plate: sizes, origin, calibration (12 x 12), corners, kinds
+                data.number("i"), data.text(), data.take(4 * (2 + 3 + 144 + 12 + 2)), data.items(data.text)
+            case 4:  # a device
+                data.number("i"), data.text(), data.text(), data.take(8), data.items(data.text)
+            case 5:  # a camera
+                data.text(), data.take(28)
+            case 6:  # an asset
+                name, (_, number) = data.text(), data.numbers("ii")
+                names.assets[number] = name, dict(data.items(body))
+                data.items(lambda: (data.text(), data.take(4 + 12 + 4 + 2)))
+            case _ if end is None:
+                raise NatNetError(f"packet: expected a description of kinds 0 to 6, got {kind}")
+        data.finish(end)
     return names
 
 
-def _describe(data: _Reader, version: Version, kind: _Described, names: ModelNames) -> None:
-    """Read a description; names of things with poses are kept."""
-
-    def body() -> tuple[int, str]:
-        name = data.text()
-        number, _ = data.numbers("ii")  # itself and its parent
-        data.take(12 + (16 if version >= _TURNED else 0))
-        num_markers = data.count()
-        data.take(16 * num_markers)  # places and labels
-        if version >= (4, 0):
-            for _ in range(num_markers):
-                data.text()
-        return number, name
-
-    if kind == _Described.MARKER_SET:
-        data.text(), data.items(data.text)
-    elif kind == _Described.RIGID_BODY:
-        number, name = body()
-        names.bodies[number] = name
-    elif kind == _Described.SKELETON:
-        name, number = data.text(), data.number("i")
-        names.skeletons[number] = name, dict(data.items(body))
-    elif kind == _Described.ASSET:
-        name, (_, number) = data.text(), data.numbers("ii")
-        names.assets[number] = name, dict(data.items(body))
-        data.items(lambda: (data.text(), data.take(4 + 12 + 4 + 2)))
-    elif kind == _Described.CAMERA:
-        data.text(), data.take(28)
-    elif kind == _Described.FORCE_PLATE:
-        # Sizes, origin, calibration (12 x 12), corners, kinds.
-        data.number("i"), data.text(), data.take(4 * (2 + 3 + 144 + 12 + 2)), data.items(data.text)
-    else:
-        data.number("i"), data.text(), data.text(), data.take(8), data.items(data.text)
+def _description(data: _Reader, version: Version) -> tuple[int, str]:
+    """Identity and name of a rigid body or bone."""
+    name = data.text()
+    number, _ = data.numbers("ii")  # itself and its parent
+    data.take(12 + (16 if version >= _TURNED else 0))
+    num_markers = data.count()
+    data.take(16 * num_markers)  # places and labels
+    if version >= (4, 0):
+        for _ in range(num_markers):
+            data.text()
+    return number, name
 
 
 def _body(data: _Reader) -> BodyState:
@@ -446,11 +430,12 @@ def _marker(data: _Reader) -> MarkerState:
 class _Reader:
     """Payload of a packet, read from its begin; whatever goes beyond its end is a NatNetError."""
 
-    def __init__(self, packet: bytes, kind: Kind) -> None:
+    def __init__(self, packet: bytes, kind: Kind, *, is_sized: bool = False) -> None:
         if (got := packet_kind(packet)) != kind:
             raise NatNetError(f"packet: expected one of kind {int(kind)} ({kind.name}), got {got}")
         self._data = packet[4 : 4 + struct.unpack_from("<H", packet, 2)[0]]
         self._at = 0
+        self._is_sized = is_sized
 
     def take(self, size: int) -> bytes:
         """The next bytes."""
@@ -489,16 +474,21 @@ class _Reader:
         self.take(size * count)
         return count
 
-    def sized_section(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
-        """Count, size in bytes, and things."""
+    def section(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
+        """Count, size in bytes if the version has it, and things."""
         count, end = self.count(), self.end_of_section()
         found = tuple(read() for _ in range(count))
-        self.go_to(end)
+        self.finish(end)
         return found
 
-    def end_of_section(self) -> int:
-        """Size in bytes of what follows, as the place of its end."""
-        return int(self.number("i")) + self._at
+    def end_of_section(self) -> int | None:
+        """Place of the end of what follows, by its size in bytes; None in versions without sizes."""
+        return int(self.number("i")) + self._at if self._is_sized else None
+
+    def finish(self, end: int | None) -> None:
+        """Go forward to the end of a section."""
+        if end is not None:
+            self.go_to(end)
 
     def go_to(self, place: int) -> None:
         """Go forward to a place."""

@@ -5,10 +5,8 @@ Needs rosbags: ``pip install radarcore[ros]``; ROS itself is not needed.
 
 from __future__ import annotations
 
-import sqlite3
-import threading
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+import time as clock
+from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -29,7 +27,7 @@ _METADATA, _MARK = "metadata.yaml", "radarcore"
 """File that describes a ROS 2 folder, and the key in its ``custom_data`` that marks folders of radarcore."""
 
 _LONGEST_WAIT, _MOST_WAITING = 0.9, 1 << 25
-"""Messages are flushed after this time [s] or number of bytes, so that a killed process loses at most a second."""
+"""Messages are flushed after this time [s] or number of bytes."""
 
 
 class BagWriter:
@@ -37,7 +35,7 @@ class BagWriter:
 
     The bag gets its name when it is finished; until then it is ``NAME.part`` beside that, which `BagReader` reads as
     far as it got. Leaving a ``with`` block finishes it, by an exception or Ctrl-C too: what was written is readable.
-    A killed process loses at most its last second; its part stays, and no other writer replaces it.
+    A killed process loses at most the last second that it wrote; its part stays, and no other writer replaces it.
 
     Parameters
     ----------
@@ -98,9 +96,7 @@ class BagWriter:
         self._replaced()
         self._connections: dict[str, Any] = {}
         self._closed = False
-        self._writing = threading.RLock()  # the timer flushes in another thread
-        self._timer: threading.Timer | None = None
-        self._num_waiting = 0
+        self._num_waiting, self._flushed = 0, clock.monotonic()
         self._failure: Exception | None = None
         with ExitStack() as stack:
             self._part = stack.enter_context(PartFolder(self.path))
@@ -141,7 +137,9 @@ class BagWriter:
         if not str(topic).strip("/"):
             raise ValueError(f"topic: expected a name such as '/radar/scan', got {topic!r}")
         if type not in self.types.fielddefs:
-            raise ValueError(f"type: expected a known message, got {type!r}; {check.near_names(type, self._names())}")
+            raise ValueError(
+                f"type: expected a known message, got {type!r}; {check.near_names(type, self.types.fielddefs)}"
+            )
         if (known := self._connections.get(topic)) is not None:
             if known.msgtype != type:
                 raise ValueError(f"type: expected {known.msgtype}, that of the topic {topic!r}, got {type}")
@@ -149,8 +147,7 @@ class BagWriter:
         options: dict[str, Any] = {"typestore": self.types}
         if latched:
             options["offered_qos_profiles"] = [_transient_local()]
-        with self._writing:
-            self._connections[topic] = self._bag.add_connection(topic, type, **options)
+        self._connections[topic] = self._bag.add_connection(topic, type, **options)
 
     def write(self, topic: str, message: Any, time_ns: int, *, type: str | None = None) -> None:
         """Write a message.
@@ -198,17 +195,15 @@ class BagWriter:
         if not isinstance(message, self.types.types[name]):
             message = typed(self.types, name, message)
         data = self.types.serialize_cdr(message, name)
-        with self._writing:
-            self._check_whole()
-            with self._keeping_failure():
-                self._bag.write(self._connections[topic], time, data)
-                self._num_waiting += len(data)
-                if self._num_waiting > _MOST_WAITING:
-                    self._flush()
-            if self._timer is None:
-                self._timer = threading.Timer(_LONGEST_WAIT, self._flush_late)
-                self._timer.daemon = True
-                self._timer.start()
+        self._check_whole()
+        try:
+            self._bag.write(self._connections[topic], time, data)
+            self._num_waiting += len(data)
+            if self._num_waiting > _MOST_WAITING or clock.monotonic() > self._flushed + _LONGEST_WAIT:
+                self._flush()
+        except Exception as error:  # such as a full disk, after which the file may end within a record
+            self._failure = error
+            raise
 
     def close(self) -> None:
         """Finish the bag and give it its name.
@@ -226,10 +221,7 @@ class BagWriter:
         """
         if self._closed:
             return
-        with self._writing:
-            self._closed = True
-            if self._timer is not None:
-                self._timer.cancel()
+        self._closed = True
         try:
             try:
                 self._check_whole()
@@ -256,29 +248,9 @@ class BagWriter:
         bag.set_custom_data(_MARK, __version__)
         bag.open()
         if self.format == "sqlite3":
-            # The file is complete at any time: it changes only with a commit, which the timer may call.
-            bag.storage.conn.close()
-            bag.storage.conn = sqlite3.connect(bag.storage.path, check_same_thread=False)
+            # The file is complete at any time: it changes only with a commit.
             bag.storage.conn.execute("PRAGMA cache_spill = OFF")
-            bag.storage.cursor = bag.storage.conn.cursor()
         return bag
-
-    def _flush_late(self) -> None:
-        """Flush after `_LONGEST_WAIT`, whether or not more is written."""
-        with self._writing:
-            self._timer = None
-            if not self._closed and self._failure is None:
-                with suppress(Exception), self._keeping_failure():  # the next call raises it
-                    self._flush()
-
-    @contextmanager
-    def _keeping_failure(self) -> Iterator[None]:
-        """Keep an error, such as a full disk, after which the file may end within a record."""
-        try:
-            yield
-        except Exception as error:
-            self._failure = error
-            raise
 
     def _check_whole(self) -> None:
         """Raise the error of an earlier write, whose record may be incomplete."""
@@ -293,7 +265,7 @@ class BagWriter:
             if self._bag.storage.chunk.bio.tell():
                 self._bag.storage.close_chunk()
             self._bag.storage.bio.flush()
-        self._num_waiting = 0
+        self._num_waiting, self._flushed = 0, clock.monotonic()
 
     def _replaced(self) -> list[Path]:
         """Files of the folder that this bag replaces; an error unless it is a bag and `overwrite` is given."""
@@ -311,9 +283,6 @@ class BagWriter:
         if not self._overwrite:
             raise already_exists(path, "a bag; overwrite=True replaces it")
         return files
-
-    def _names(self) -> list[str]:
-        return list(self.types.fielddefs)
 
 
 def _own_files(folder: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from math import inf
 from typing import Any, NamedTuple
@@ -342,24 +343,18 @@ def _time(image: PlanarDepth) -> float:
 
 def _depth_topic(bag: BagReader, topic: str | None) -> str:
     """The topic of depth images: the given one, or the only one."""
-    if topic is not None:
-        found = bag.topic(topic, *IMAGES)
-        encoding = _encoding(bag, found.name)
-        if encoding not in _ENCODINGS:
-            raise ValueError(f"topic: expected depth images, {' or '.join(_ENCODINGS)}, got {encoding} of {topic!r}")
-        return found.name
-    encodings = {entry.name: _encoding(bag, entry.name) for entry in bag.topics.values() if entry.type in IMAGES}
+    if topic is None:
+        names = [entry.name for entry in bag.topics.values() if entry.type in IMAGES]
+    else:
+        names = [bag.topic(topic, *IMAGES).name]
+    encodings = {name: _encoding(bag, name) for name in names}
     depths = [name for name, encoding in encodings.items() if encoding in _ENCODINGS]
     if len(depths) > 1:
         raise ValueError(f"topic: expected one of {', '.join(depths)}, got none")
-    if depths:
-        return depths[0]
-    if encodings:
-        other = ", ".join(f"{name} ({encoding})" for name, encoding in encodings.items())
-        raise ValueError(
-            f"topic: expected depth images, {' or '.join(_ENCODINGS)}, in {bag.path}, got none; there are {other}"
-        )
-    return bag.only_topic(*IMAGES).name  # an error with the names of all topics
+    if not depths and names:
+        got = ", ".join(f"{encoding} of {name!r}" for name, encoding in encodings.items())
+        raise ValueError(f"topic: expected depth images, {' or '.join(_ENCODINGS)}, in {bag.path}, got {got}")
+    return depths[0] if depths else bag.only_topic(*IMAGES).name  # an error with the names of all topics
 
 
 def _encoding(bag: BagReader, topic: str) -> str:
@@ -370,12 +365,9 @@ def _encoding(bag: BagReader, topic: str) -> str:
 
 def _camera_of(bag: BagReader, topic: str, info_topic: str | None) -> Camera:
     beside = f"{topic.rpartition('/')[0]}/camera_info"
-    if info_topic is not None:
-        name = bag.topic(info_topic, _CAMERA_INFO, argument="info_topic").name
-    elif beside in bag.topics:
-        name = bag.topic(beside, _CAMERA_INFO, argument="info_topic").name
-    else:
-        name = bag.only_topic(_CAMERA_INFO, argument="info_topic").name
+    wanted = beside if info_topic is None and beside in bag.topics else info_topic
+    find = bag.only_topic if wanted is None else partial(bag.topic, wanted)
+    name = find(_CAMERA_INFO, argument="info_topic").name
     first: Any = next(bag.messages(name), None)
     if first is None:
         raise ValueError(f"info_topic: expected a message of {name!r}, got none")

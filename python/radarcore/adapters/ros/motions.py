@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
 from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.ros.bags import BagReader
 from radarcore.adapters.ros.message_times import LATEST_FIRST, unpacked, warn_of_gap
@@ -155,7 +154,7 @@ class TransformTree:
         >>> tree.motion("map", within="cart").at(0.2).position.round(3).tolist()
         [-0.2, 0.0, 0.0]
         """
-        up, down = self._line(self._known("frame", frame)), self._line(self._known("within", within))
+        up, down = self.line("frame", frame), self.line("within", within)
         common = next((name for name in up if name in down), None)
         if common is None:
             raise ValueError(
@@ -197,9 +196,9 @@ class TransformTree:
             product = _joined(own, product)
         return product
 
-    def _line(self, frame: str) -> list[str]:
-        """A frame, its parent, and so on up to a root."""
-        line = [frame]
+    def line(self, argument: str, frame: str) -> list[str]:
+        """A frame, its parent, and so on up to a root; errors name the argument."""
+        line = [self._known(argument, frame)]
         while (parent := self._parent(line[-1])) is not None:
             if parent in line:
                 raise ValueError(f"messages: expected a tree of frames, got the circle {' < '.join([*line, parent])}")
@@ -218,9 +217,7 @@ class TransformTree:
     def _known(self, argument: str, frame: str) -> str:
         name = frame_name(frame)
         if name not in (frames := self.frames):
-            near = check.near(name, frames)
-            meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-            raise ValueError(f"{argument}: no frame {name!r}; {meant}there is {', '.join(frames) or 'none'}")
+            raise ValueError(f"{argument}: no frame {name!r}; {near_names(name, frames)}")
         return name
 
 
@@ -383,9 +380,9 @@ class BagMotions:
         tree = self._tree(topic)
         if frame is None:
             raise ValueError(f"frame: expected one of {', '.join(tree.frames) or 'none'} for {topic!r}, got none")
-        line = _line(tree, frame)
+        line = tree.line("frame", frame)
         root = line[-1] if within is None else within
-        for name in {*line, *_line(tree, root)}:
+        for name in {*line, *tree.line("within", root)}:
             if tree.parent(name) is not None and isinstance(series := tree.series(name), PoseSeries):
                 self._note(series.times(self.start_ns), f"{topic}, {name}", options["max_gap"])
         return tree.motion(frame, root, start_ns=self.start_ns, **options)
@@ -446,11 +443,3 @@ def _stamp(message: Any) -> int:
         stamps = [nanoseconds(transform.header.stamp) for transform in message.transforms]
         return min((stamp for stamp in stamps if stamp > 0), default=0)
     return header_nanoseconds(message) or 0
-
-
-def _line(tree: TransformTree, frame: str) -> list[str]:
-    """A frame, its parent, and so on up to the root."""
-    line = [frame]
-    while (parent := tree.parent(line[-1])) is not None:
-        line.append(parent)
-    return line
