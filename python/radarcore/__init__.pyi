@@ -35,7 +35,7 @@ from radarcore.processing.detection.detect import detect as detect
 from radarcore.processing.detection.peaks import strongest_peak as strongest_peak
 from radarcore.processing.detection.point_cloud import Detections as Detections
 from radarcore.processing.estimation.velocity import doppler_velocity as doppler_velocity
-from radarcore.processing.spectra.mimo import demultiplex as demultiplex
+from radarcore.processing.spectra.spectra import demultiplex as demultiplex
 from radarcore.processing.spectra.spectra import range_doppler as range_doppler
 from radarcore.processing.spectra.spectra import range_profile as range_profile
 from radarcore.processing.spectra.time_frequency import range_time as range_time

@@ -43,7 +43,7 @@ def test_factors_for_several_looks_are_continuous_in_them_and_known_for_one_trai
 def test_false_alarms_are_as_rare_as_set_in_the_middle_and_at_the_edges(axes: int, method: str, num_looks: int) -> None:
     # Maps narrower than two windows: most cells have a cut window. Bounds: 5 standard deviations of the counts, which
     # with overlapping windows are taken as twice those of independent cells; below 10 % of the rate.
-    rate, shape = 1e-2, (1500, 24, 20)
+    rate, shape = 1e-2, (600, 24, 20)
     power = np.random.default_rng(axes + 2 * num_looks).gamma(num_looks, size=shape).astype(np.float32)
     guard, training = (1, 6) if axes == 1 else ((1, 2), (3, 3))
     mask = rc.cfar(

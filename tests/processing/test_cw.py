@@ -1,4 +1,4 @@
-"""A CW radar, of slope 0: samples by the direct sum, velocities, and no ranges."""
+"""A CW radar, of slope 0: samples by the direct sum, and velocities."""
 
 from __future__ import annotations
 
@@ -14,16 +14,9 @@ WAVEFORM = rc.Waveform(
 VELOCITY = 3.0
 
 
-@pytest.fixture(scope="module")
-def recording() -> rc.Recording:
-    point = rc.PointTarget([20.0, 0.0, 0.0], velocity=[VELOCITY, 0.0, 0.0])
-    return rc.Simulator(rc.Scene([point]), rc.Radar(WAVEFORM)).record(0.0, 0.2, 20.0, progress=False)
-
-
 @pytest.mark.parametrize("method", ["direct", "grid"])
-@pytest.mark.parametrize("num_paths", [1, 300])
-def test_samples_are_those_of_the_direct_sum(method: str, num_paths: int) -> None:
-    rng = np.random.default_rng(num_paths)
+def test_samples_are_those_of_the_direct_sum(method: str) -> None:
+    rng, num_paths = np.random.default_rng(1), 300
     delay, rate = rng.uniform(1e-8, 1e-7, num_paths), rng.normal(size=num_paths) * 3e-8
     amplitude = rng.normal(size=num_paths) + 1j * rng.normal(size=num_paths)
     cube = rc.beat_signal(delay, amplitude, WAVEFORM, delay_rate=rate, method=method)
@@ -31,16 +24,12 @@ def test_samples_are_those_of_the_direct_sum(method: str, num_paths: int) -> Non
     assert np.sqrt(np.mean(np.abs(cube - expected) ** 2)) <= 1e-3 * np.linalg.norm(amplitude)  # the tolerance
 
 
-def test_velocity_is_that_of_the_target(recording: rc.Recording) -> None:
+def test_velocity_is_that_of_the_target() -> None:
+    point = rc.PointTarget([20.0, 0.0, 0.0], velocity=[VELOCITY, 0.0, 0.0])
+    recording = rc.Simulator(rc.Scene([point]), rc.Radar(WAVEFORM)).record(0.0, 0.1, 20.0, progress=False)
     peak = rc.strongest_peak(recording[0].cube, WAVEFORM)
     assert abs(peak.velocity - VELOCITY) <= 0.02 * WAVEFORM.velocity_resolution  # as `strongest_peak` promises
     assert np.isnan(peak.range)
     spectrogram = rc.spectrogram(recording)
     found = spectrogram.velocity[spectrogram.power.argmax(axis=1)]
     assert (np.abs(found - VELOCITY) <= 0.5 * WAVEFORM.velocity_resolution).all()
-
-
-def test_nothing_of_it_is_a_range() -> None:
-    assert WAVEFORM.is_cw
-    assert WAVEFORM.bandwidth == 0.0
-    assert WAVEFORM.range_resolution == WAVEFORM.max_range == np.inf

@@ -57,7 +57,7 @@ def num_tested(of: rc.Radar) -> int:
 def test_noise_is_detected_as_often_as_set(num_channels: int, real: bool, subtract_mean: bool) -> None:
     of = radar(num_channels=num_channels, real=real)
     rng = np.random.default_rng(num_channels)
-    rate, num_frames = 3e-3, 100
+    rate, num_frames = 5e-3, 60
     options: dict[str, Any] = {"false_alarm_rate": rate, "subtract_mean": subtract_mean}
     found = sum(len(rc.detect(noise(of, rng), of, **options)) for _ in range(num_frames))
     expected = rate * num_frames * num_tested(of)
@@ -69,7 +69,7 @@ def test_noise_is_detected_as_often_as_set(num_channels: int, real: bool, subtra
 def test_noise_that_filters_left_is_detected_no_more_often_than_set(filtered: str) -> None:
     of = radar(num_chirps=64, num_samples=32)
     rng = np.random.default_rng(8)
-    rate, num_frames, found = 1e-3, 100, 0
+    rate, num_frames, found = 2e-3, 50, 0
     for _ in range(num_frames):
         frame = rc.Frame(noise(of, rng), 0.0, of)
         if filtered == "pulses":
@@ -88,17 +88,9 @@ def test_noise_that_filters_left_is_detected_no_more_often_than_set(filtered: st
 def test_noise_of_profiles_is_detected_as_often_as_set(changes: dict[str, Any]) -> None:
     of = radar(**({"num_chirps": 4, "num_samples": 128} | changes))
     rng = np.random.default_rng(4)
-    found = sum(len(rc.detect(noise(of, rng), of, false_alarm_rate=5e-3)) for _ in range(500))
-    expected = 5e-3 * 500 * (128 - 4)
+    found = sum(len(rc.detect(noise(of, rng), of, false_alarm_rate=5e-3)) for _ in range(300))
+    expected = 5e-3 * 300 * (128 - 4)
     assert 0.66 - 4.0 / np.sqrt(expected) <= found / expected <= 1.1 + 4.0 / np.sqrt(expected)
-
-
-@pytest.mark.parametrize("num_channels", [1, 3])
-def test_empty_noisy_scene_has_no_detections(num_channels: int) -> None:
-    of = radar(num_channels=num_channels, real=True, num_chirps=16)
-    rng = np.random.default_rng(5)
-    # 1e-9 for each of 480 cells: 5e-5 in 100 frames.
-    assert not any(len(rc.detect(noise(of, rng), of, false_alarm_rate=1e-9)) for _ in range(100))
 
 
 def least_variance(of: rc.Radar, snr: float) -> tuple[float, float]:
@@ -113,8 +105,7 @@ def least_variance(of: rc.Radar, snr: float) -> tuple[float, float]:
     return beat * wf.range_resolution**2 + doppler * coupling**2, doppler * wf.velocity_resolution**2
 
 
-@pytest.mark.parametrize(("direction", "real"), [(UP, True), (DOWN, False)])
-@pytest.mark.parametrize("snr_db", [20.0, 40.0])
+@pytest.mark.parametrize(("direction", "real", "snr_db"), [(UP, True, 20.0), (DOWN, False, 40.0)])
 def test_errors_are_near_the_bound_and_as_the_covariance_says(direction: float, real: bool, snr_db: float) -> None:
     of = radar(direction, num_channels=2, real=real)
     wf = of.waveform
@@ -152,13 +143,13 @@ def test_errors_of_all_four_coordinates_are_as_their_covariance_says() -> None:
     rng = np.random.default_rng(6)
     echo = target(of, 2.5, 0.7, 0.6)  # straight ahead: the same in all channels
     squares = []
-    for _ in range(300):
+    for _ in range(150):
         found = rc.detect(echo + noise(of, rng), of)
         best = found[int(np.argmax(found.snr_db))]
         error = [best.range[0] - 2.5, best.velocity[0] - 0.7, best.azimuth[0], best.elevation[0]]
         squares.append(error @ np.linalg.solve(best.covariance[0], error))
     # Chi-squared with 4 degrees of freedom: mean 4, variance 8; 2.5 % for the SNR, which is measured too.
-    assert np.mean(squares) == pytest.approx(4.0, abs=4.0 * np.sqrt(8.0 / 300) + 0.1)
+    assert np.mean(squares) == pytest.approx(4.0, abs=4.0 * np.sqrt(8.0 / 150) + 0.1)
 
 
 def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> None:
@@ -178,9 +169,9 @@ def test_bound_of_the_cells_is_that_of_all_samples_if_all_cells_are_used() -> No
 
 
 def test_training_cells_of_a_window_count_as_its_correlations_say() -> None:
-    hann = window_weights("window", "hann", 32)
     # Squared Hann weights are 3/8 - cos / 2 + cos 2 / 8: -2/3 and 1/6 of the mean beside it, nothing farther.
-    assert independent_share(hann) == pytest.approx(1.0 / (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)))
+    share = independent_share(window_weights("window", "hann", 32))
+    assert share == pytest.approx(1.0 / (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)))
 
 
 def test_slopes_of_the_coordinates_are_their_derivatives() -> None:
@@ -196,8 +187,7 @@ def test_slopes_of_the_coordinates_are_their_derivatives() -> None:
     np.testing.assert_allclose(np.transpose(differences), coordinates.slopes(), rtol=1e-4, atol=1e-9)
 
 
-@pytest.mark.parametrize("window", ["hann", None, "hamming"])
-@pytest.mark.parametrize("level_db", [30.0, 60.0, 110.0])
+@pytest.mark.parametrize(("window", "level_db"), [("hann", 30.0), ("hann", 110.0), (None, 60.0), ("hamming", 60.0)])
 def test_sidelobes_of_a_strong_echo_are_not_reported(window: Any, level_db: float) -> None:
     of = radar(num_channels=2)
     rng = np.random.default_rng(6)
@@ -277,8 +267,6 @@ def test_cw_radar_has_velocities_and_no_ranges() -> None:
     found = rc.detect(target(of, 20.0, 3.0) + 0.5 * noise(of, np.random.default_rng(10)), of)
     assert abs(found.velocity[0] - 3.0) <= 5.0 * np.sqrt(found.covariance[0, 1, 1])
     assert np.isnan([found.range[0], found.covariance[0, 0, 0], found.covariance[0, 0, 1]]).all()
-    with pytest.raises(ValueError, match=r"a CW radar .* measures no range"):
-        rc.detect(target(of, 20.0, 3.0), of, min_range=1.0)
 
 
 def test_simulated_point_is_found_with_its_direction_at_the_middle_of_the_frame() -> None:
@@ -313,8 +301,7 @@ def test_velocity_of_what_accelerates_is_that_of_the_middle_of_the_frame(delay: 
     assert [found.velocity[0], peak.velocity] == pytest.approx([velocity, velocity], abs=0.45e-3)
 
 
-@pytest.mark.parametrize("azimuth_deg", [0.0, 20.0, 40.0])
-@pytest.mark.parametrize("distance", [0.3, 0.5])
+@pytest.mark.parametrize(("distance", "azimuth_deg"), [(0.3, 20.0), (0.3, 40.0), (0.5, 0.0)])
 def test_bearing_and_range_of_near_targets_of_a_real_array_are_those_of_the_truth(
     distance: float, azimuth_deg: float
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.direction import unit_vectors
 from radarcore.units import SPEED_OF_LIGHT
 
 WAVEFORM = rc.Waveform(
@@ -41,15 +42,9 @@ ARRAYS = {
 }
 
 
-def unit(azimuth: Any, elevation: Any) -> NDArray[np.float64]:
-    across = np.cos(elevation)
-    parts = (across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation))
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
-
-
 def echoes(radar: rc.Radar, azimuth: Any, elevation: Any, velocity: Any = 0.0) -> NDArray[np.complex128]:
     """Cells (n, channel) of far targets, from their distances to every antenna."""
-    far = 1e5 * unit(azimuth, elevation)
+    far = 1e5 * unit_vectors(azimuth, elevation)
     lengths = [np.linalg.norm(far[:, None] - antennas, axis=-1) for antennas in (radar.tx, radar.rx)]
     total = (lengths[0][:, :, None] + lengths[1][:, None, :]).reshape(len(far), -1)
     total = total + 2.0 * np.multiply.outer(velocity * np.ones(len(far)), radar.channel_offsets)
@@ -129,7 +124,7 @@ def test_targets_nearby_have_their_directions_with_their_distances(name: str) ->
     radar = rc.Radar(WAVEFORM, tx=tx, rx=rx)
     size = np.ptp(np.concatenate([tx, rx]), axis=0).max() + WAVELENGTH
     distance = np.linspace(6.0, 60.0, 60) * size
-    places = distance[:, None] * unit(azimuth, elevation) + radar.array_center
+    places = distance[:, None] * unit_vectors(azimuth, elevation) + radar.array_center
     to_tx, to_rx = (np.linalg.norm(places[:, None] - antennas, axis=-1) for antennas in (radar.tx, radar.rx))
     both = (to_tx[:, :, None] + to_rx[:, None]).reshape(60, -1)
     cells = np.exp(2j * np.pi / WAVELENGTH * both) / (to_tx[:, :, None] * to_rx[:, None]).reshape(60, -1)

@@ -62,12 +62,10 @@ def still(**changes: Any) -> object:
 
 ONE_WAVEFORM = "radar: expected one waveform, got 2"
 NO_RANGE = r"a CW radar \(slope = 0 Hz/s\) measures no range"
-LATER = "detections: expected those of a later time"
 
 REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     # Cubes and their radars
     (lambda: rc.range_profile(CUBE[..., :63], WAVEFORM), ValueError, r"num_samples = 64, got \(1, 32, 63\)"),
-    (lambda: rc.range_doppler(CUBE[:, :31], WAVEFORM), ValueError, r"num_chirps = 32, num_samples = 64, got \(1, 31"),
     (lambda: rc.strongest_peak(CUBE[0], WAVEFORM), ValueError, r"\(channel, chirp, sample\) with .*got \(32, 64\)"),
     (lambda: rc.range_profile(CUBE.astype(np.int16), WAVEFORM), TypeError, r"got int16 \(raw ADC counts: scale them"),
     (lambda: rc.range_doppler(CUBE.astype(object), WAVEFORM), TypeError, "float32, float64, complex64 .*, got object"),
@@ -75,14 +73,11 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.detect(NAN_CUBE, RADAR), ValueError, r"frame: expected finite numbers, got nan at index \(0, 0, 0\)"),
     (lambda: rc.detect(CUBE, WAVEFORM), TypeError, "radar: expected Radar with a cube .*got Waveform"),
     (lambda: map_of(np.ones((7, 32, 64))), ValueError, r"cube: expected shape \(\.\.\., channel, chirp, sample\)"),
-    (lambda: map_of(radar=None), TypeError, "radar: expected Radar with a cube .*, got none"),
     (lambda: rc.range_profile(CUBE), TypeError, "waveform: expected Waveform or Radar with a cube .*, got none"),
     (lambda: rc.range_doppler(FRAME, WAVEFORM), TypeError, "waveform: expected none with a Frame, which has its radar"),
     (lambda: rc.detect(RECORDING), TypeError, "frame: expected a Frame .*, got a Recording; take its frames one by"),
-    (lambda: rc.strongest_peak(RECORDING), TypeError, "cube: expected a Frame .*, got a Recording; take its frames"),
     (lambda: rc.doppler_velocity(CUBE[0], WAVEFORM), ValueError, r"cube: expected shape \(\[frame,\] channel, chirp"),
     (lambda: rc.doppler_velocity(CUBE[:0], WAVEFORM), ValueError, "cube: expected at least one channel, got none"),
-    (lambda: rc.doppler_velocity(CUBE + np.nan, WAVEFORM), ValueError, "cube: expected finite numbers, got nan at"),
     # Radars that a function cannot serve
     *(
         (lambda function=function: function(CODED), ValueError, "radar: expected transmitters apart, .* kind 'ddm'")
@@ -95,7 +90,6 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
             *(rc.remove_mean, rc.cancel_pulses, rc.track, lambda of: rc.remove_static(of, [0.1, 0.0, 0.0])),
         )
     ),
-    (lambda: CW.range_axis(), ValueError, NO_RANGE),
     *(
         (
             lambda function=function, limits=limits: function(rc.Frame(CUBE, 0.0, rc.Radar(CW)), **limits),
@@ -111,50 +105,26 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: processing.doppler_bound(CW, 0.0), ValueError, NO_RANGE),
     (lambda: rc.remove_static(CW_FRAME, [0.0] * 3), ValueError, "I/Q samples of a CW radar"),
     (lambda: rc.spectrogram(rc.Recording(CUBE[None], [0.0], rc.Radar(STAGGERED))), ValueError, "chirps at equal inter"),
-    (lambda: rc.doppler_velocity(CUBE, STAGGERED), ValueError, "chirps at equal intervals"),
+    *(
+        (
+            lambda function=function: function(CUBE, STAGGERED),
+            ValueError,
+            "equal intervals, because .* 5e-05 to 0.00015 s",
+        )
+        for function in (rc.range_doppler, rc.strongest_peak, rc.doppler_velocity)
+    ),
     # Windows, bins and limits
     (lambda: rc.range_profile(CUBE, WAVEFORM, window="henn"), ValueError, "window: expected a window of scipy.*got 'h"),
-    (lambda: rc.range_profile(CUBE, WAVEFORM, window=""), ValueError, "window: expected a window"),
-    (lambda: rc.range_profile(CUBE, WAVEFORM, window="kaiser"), ValueError, "window: expected a window"),
     (lambda: rc.range_profile(CUBE, WAVEFORM, window=3), TypeError, "window: expected a window of scipy.*got 3"),
     (lambda: rc.detect(FRAME, window=np.ones(64)), TypeError, "^window: expected a window of scipy"),
-    (
-        lambda: rc.detect(FRAME, doppler_window=["kaiser", 5.0]),
-        TypeError,
-        "^doppler_window: expected a window of scipy",
-    ),
-    (lambda: rc.range_doppler(CUBE, WAVEFORM, doppler_window="x"), ValueError, "doppler_window: expected a window"),
-    (
-        lambda: rc.range_profile(CUBE, WAVEFORM, num_bins=63),
-        ValueError,
-        r"num_bins: expected at least 64 \(num",
-    ),
-    (
-        lambda: rc.range_doppler(CUBE, WAVEFORM, num_velocity_bins=31),
-        ValueError,
-        "num_velocity_bins: expected at",
-    ),
-    (
-        lambda: rc.strongest_peak(FRAME, max_range=-1.0),
-        ValueError,
-        "max_range: expected at least min_range = 0 m",
-    ),
+    (lambda: rc.detect(FRAME, doppler_window=["kaiser", 5.0]), TypeError, "^doppler_window: expected a window of scip"),
+    (lambda: rc.range_profile(CUBE, WAVEFORM, num_bins=63), ValueError, r"num_bins: expected at least 64 \(num"),
+    (lambda: rc.range_doppler(CUBE, WAVEFORM, num_velocity_bins=31), ValueError, "num_velocity_bins: expected at"),
+    (lambda: rc.strongest_peak(FRAME, max_range=-1.0), ValueError, "max_range: expected at least min_range = 0 m"),
     (lambda: rc.strongest_peak(FRAME, min_velocity=2, max_velocity=1), ValueError, "max_velocity: expected at least"),
-    (
-        lambda: rc.detect(FRAME, min_range=2.0, max_range=1.0),
-        ValueError,
-        "max_range: expected at least min_range",
-    ),
-    (
-        lambda: rc.spectrogram(RECORDING, min_range=9),
-        ValueError,
-        "min_range: expected at most .*, the last range",
-    ),
-    (
-        lambda: rc.spectrogram(RECORDING, min_range=1.51, max_range=1.52),
-        ValueError,
-        "max_range: expected a gate that",
-    ),
+    (lambda: rc.detect(FRAME, min_range=2.0, max_range=1.0), ValueError, "max_range: expected at least min_range"),
+    (lambda: rc.spectrogram(RECORDING, min_range=9), ValueError, "min_range: expected at most .*, the last range"),
+    (lambda: rc.spectrogram(RECORDING, min_range=1.51, max_range=1.52), ValueError, "max_range: expected a gate that"),
     (lambda: rc.spectrogram(RECORDING, window_length=33), ValueError, "window_length: expected at most 32, the most"),
     (lambda: rc.spectrogram(RECORDING, overlap=1), ValueError, "overlap: expected a part of the window, 0 to below 1"),
     (lambda: rc.range_time(RECORDING, channel=-2), ValueError, "channel: expected at least -1, got -2"),
@@ -166,17 +136,10 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.detect(CUBE[:, :1], rc.Radar(ONE), subtract_mean=True), ValueError, "expected at least two chirps"),
     (lambda: still(sensor_velocity=[1e8, 0.0, 0.0]), ValueError, "sensor_velocity: expected at most 299792 m/s"),
     (lambda: still(field_of_view_deg=(180.0, 20.0)), ValueError, "angles from 0 to below 180"),
-    (
-        lambda: still(sensor_velocity=[20.0, 0.0, 0.0]),
-        ValueError,
-        "frame: expected more than 32 chirps, as clutter",
-    ),
-    (lambda: rc.remove_static(rc.Frame(CUBE[:, :1], 0.0, rc.Radar(ONE)), [0.0] * 3), ValueError, "more than 1 chirps"),
+    (lambda: still(sensor_velocity=[20.0, 0.0, 0.0]), ValueError, "frame: expected more than 32 chirps, as clutter"),
     # Detection
     (lambda: processing.noise_level(-CUBE), ValueError, "power: expected 0 or above"),
     (lambda: cfar(POWER + 1j), TypeError, r"power: expected real numbers, got complex128 \(power of a spectrum"),
-    (lambda: cfar(-POWER), ValueError, r"power: expected 0 or above \(not dB\), got -1.0 at index \(0, 0\)"),
-    (lambda: cfar(np.where(np.eye(8), np.nan, 1.0)), ValueError, r"got nan at index \(0, 0\)"),
     (lambda: cfar(1.0), ValueError, "power: expected at least one axis"),
     (lambda: cfar(guard=(1, 2, 3)), ValueError, r"guard: expected one number, or one per axis \(2\)"),
     (lambda: cfar(training=0), ValueError, "training: expected at least one cell on a side, got 0"),
@@ -193,11 +156,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: map_of(azimuth=np.zeros((2, 2))), ValueError, "azimuth, elevation: expected angles that broadcast to one"),
     (lambda: map_of(azimuth=[0.0] * 3, elevation=[0.0] * 2), ValueError, "elevation: expected a shape that broadcasts"),
     (lambda: map_of(method="music", num_sources=6), ValueError, "num_sources: expected fewer than the 6 channels"),
-    (
-        lambda: rc.azimuth_elevation(CUBES, EIGHT, at_range=120.0),
-        ValueError,
-        "at_range: expected at most .* m, the",
-    ),
+    (lambda: rc.azimuth_elevation(CUBES, EIGHT, at_range=120.0), ValueError, "at_range: expected at most .* m, the"),
     (lambda: pattern(rx_weights=np.zeros(8)), ValueError, "rx_weights: expected finite numbers, not all of them zero"),
     (lambda: pattern(rx_window="taylor"), ValueError, "rx_window: expected elements at equal steps along a line, got"),
     (lambda: rc.directions(np.ones((3, 5)), EIGHT), ValueError, r"snapshots: expected shape \(n, 8\), got \(3, 5\)"),
@@ -209,17 +168,9 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: processing.doppler_bound(ONE, 0.0), ValueError, "waveform: expected at least 2 chirps, got 1"),
     (lambda: processing.chirp_rate_bound(ONE.replace(num_samples=2), 0.0), ValueError, "expected at least 3 samples"),
     (lambda: processing.up_down_bound(ONE, ONE, 0.0), ValueError, "down: expected a slope of the other sign than up's"),
-    (
-        lambda: processing.up_down_bound(ONE, DOWN.replace(num_samples=1), 0.0),
-        ValueError,
-        "expected at least 2 samples",
-    ),
+    (lambda: processing.up_down_bound(ONE, DOWN.replace(num_samples=1), 0.0), ValueError, "expected at least 2 sample"),
     (lambda: rc.doppler_velocity(CUBE[:, :1], ONE), ValueError, "waveform: expected at least 2 chirps, got 1"),
-    (
-        lambda: processing.up_down_velocity(CUBE, CUBE[None], WAVEFORM, DOWN),
-        ValueError,
-        "down: expected one frame",
-    ),
+    (lambda: processing.up_down_velocity(CUBE, CUBE[None], WAVEFORM, DOWN), ValueError, "down: expected one frame"),
     # Clusters and tracks
     (lambda: cluster(TWO, num_deviations=3.0), ValueError, "num_deviations: expected detections with positive varianc"),
     (lambda: rc.track([], gate=1.0), ValueError, "gate: expected a probability between 0 and 1, got 1"),
@@ -228,7 +179,6 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.track([], num_dimensions=4), ValueError, "num_dimensions: expected 1, 2 or 3, got 4"),
     (lambda: rc.track([], detector=4), TypeError, "detector: expected a function of a frame, got int"),  # type: ignore[arg-type]
     (lambda: rc.track(3.0), TypeError, "source: expected Recording or an iterable of Detections or Frame, got float"),  # type: ignore[arg-type]
-    (lambda: rc.track([TWO, TWO]), ValueError, LATER),
     (lambda: assign_to_truth(rc.track([]), rc.Truth((), *np.zeros((4, 0)))), ValueError, r"truth: expected arrays of"),
 ]
 

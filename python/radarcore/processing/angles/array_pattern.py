@@ -117,23 +117,15 @@ def array_pattern(
     az, el = checked_angles(azimuth, elevation)
     to = _steered_to(steer)
     wavelength = radar.waveform.wavelength
-    weights = [
-        _weights(name, given, positions) * _window(f"{name}_window", window, positions)
-        for name, given, window, positions in (
-            ("tx", tx_weights, tx_window, radar.tx),
-            ("rx", rx_weights, rx_window, radar.rx),
-        )
-    ]
-    steered = [
-        weight * steering_weights(positions, wavelength, *to)
-        for weight, positions in zip(weights, (radar.tx, radar.rx), strict=True)
-    ]
-    levels = [
-        _gain_db(positions, patterns, weight, wavelength, az, el)
-        for positions, patterns, weight in zip(
-            (radar.tx, radar.rx), (radar.tx_patterns, radar.rx_patterns), steered, strict=True
-        )
-    ]
+    sides = (
+        ("tx", radar.tx, radar.tx_patterns, tx_weights, tx_window),
+        ("rx", radar.rx, radar.rx_patterns, rx_weights, rx_window),
+    )
+    levels = []
+    for name, positions, patterns, given, window in sides:
+        weights = _weights(name, given, len(positions)) * _window(f"{name}_window", window, positions)
+        weights = weights * steering_weights(positions, wavelength, *to)
+        levels.append(_gain_db(positions, patterns, weights, wavelength, az, el))
     return ArrayPattern(az, el, *levels)
 
 
@@ -147,8 +139,7 @@ def _steered_to(steer: Steer) -> tuple[float, float]:
     return float(azimuth), float(elevation)
 
 
-def _weights(name: str, given: ArrayLike | None, positions: NDArray[np.float64]) -> NDArray[np.complex128]:
-    number = len(positions)
+def _weights(name: str, given: ArrayLike | None, number: int) -> NDArray[np.complex128]:
     if given is None:
         return np.ones(number, np.complex128)
     weights = check.complex_numbers(f"{name}_weights", given, (number,))

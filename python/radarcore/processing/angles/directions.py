@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,11 +22,11 @@ _CELLS_PER_LOBE = 4
 _FINER = 4
 """Times as many for an array with an extent along x, whose lobes are narrow in sines far from the front."""
 
-_NUM_STEPS = 4
-"""Newton steps from the grid, an eighth of a lobe off at most: errors of 1e-8 of a lobe and then of rounding."""
+_NUM_STEPS = 10
+"""Most steps of scoring from the grid, an eighth of a lobe off at most; four are usual."""
 
 _SMALL_STEP = 1e-8
-"""Steps below this [grid points] are the last: each about squares the error."""
+"""Steps below this [grid points] are the last."""
 
 _AMBIGUOUS = 0.99
 """Power of a grating lobe over that of the main lobe above which noise decides between them."""
@@ -169,27 +168,13 @@ def waves_of(
     channel_phase: ArrayLike | None = None,
 ) -> Directions:
     """`directions` of snapshots (detection, channel) without checks."""
-    number = len(values)
-    array, ambiguities, corrections = _array(radar)
-    if channel_phase is not None or (velocity is not None and radar.channel_offsets.any()):
-        corrections = channel_corrections(radar, velocity, channel_phase)
-
-    # Take off what is not direction; what has no direction stays NaN.
-    blank = np.full(6 * number, np.nan)
-    azimuth, elevation, covariance = (
-        blank[:number],
-        blank[number : 2 * number],
-        blank[2 * number :].reshape(number, 2, 2),
-    )
-    is_resolved = np.ones(number, dtype=bool)
+    number, array = len(values), _array(radar)
+    azimuth, elevation = np.full((2, number), np.nan)
+    covariance, is_resolved = np.full((number, 2, 2), np.nan), np.ones(number, dtype=bool)
     found = Directions(azimuth, elevation, covariance, is_resolved, array.ambiguous_beyond)
     size = np.abs(values).max(axis=1, initial=0.0)
-    known: Any = (size > 0.0) & (size < np.inf)
-    if known.all():
-        known = slice(None)
-    elif not known.any():
-        return found
-    if number == 0 or not any(array.observable):
+    known = np.flatnonzero((size > 0.0) & (size < np.inf))
+    if len(known) == 0 or not any(array.observable):
         return found
     if array.ambiguous_beyond < array.half_view:
         spacing, limit = (0.5 / np.sin(angle) for angle in (array.ambiguous_beyond, array.half_view))
@@ -198,17 +183,20 @@ def waves_of(
             f"{np.rad2deg(array.half_view):.0f} deg to each side, got {spacing:.3g}: directions are ambiguous beyond "
             f"{np.rad2deg(array.ambiguous_beyond):.0f} deg from the front"
         )
-    waves = values[known] / size[known][:, None] * (corrections if corrections.ndim == 1 else corrections[known])
+
+    # Take off what is not direction.
+    corrections = channel_corrections(radar, velocity, channel_phase)
+    waves = values[known] / size[known, None] * (corrections if corrections.ndim == 1 else corrections[known])
 
     # In closed form where the phases of all channels can be undone at once; else, and beyond the horizon, by search.
     sines = _aligned(waves, array)
     lost = ~(np.vecdot(sines, sines) <= 1.0)
     if lost.any():
-        sines[lost] = _searched(waves[lost], array, ambiguities)
+        sines[lost] = _searched(waves[lost], array)
 
     # Near targets have spherical waves.
     sines, missing = _core.fit_spheres(
-        np.ascontiguousarray(waves),
+        waves,
         np.ascontiguousarray(sines),
         np.full(len(waves), np.inf) if distance is None else np.ascontiguousarray(distance[known]),
         array.antennas,
@@ -219,18 +207,17 @@ def waves_of(
     )
 
     # Angles, and how sure they are.
-    forward = array.forward(sines)
     if array.observable[0]:
-        azimuth[known] = np.arctan2(sines[:, 0], forward)
+        azimuth[known] = np.arctan2(sines[:, 0], array.forward(sines))
     if array.observable[1]:
         elevation[known] = np.arcsin(np.minimum(np.maximum(sines[:, 1], -1.0), 1.0))
     if snr is not None:
-        snr = snr[known]
-        excess = _excess(missing, array, snr)
-        if excess is not None:
-            is_resolved[known] = excess == 1.0
-            snr = snr / excess
-        covariance[known] = _least_covariance(array, sines, forward, snr)
+        # Unexplained power over the noise, if it is more than that.
+        residual = missing * (len(array.x) * (snr[known] + 1.0))
+        is_several = (residual > array.largest_residual) & (missing > _UNEQUAL)
+        is_resolved[known] = ~is_several
+        excess = np.where(is_several, residual / (0.5 * array.num_freedoms), 1.0)
+        covariance[known] = _least_covariance(array, sines, snr[known] / excess)
     return found
 
 
@@ -276,10 +263,10 @@ class _Array:
 
     @cached_property
     def largest_residual(self) -> float:
-        """Largest residual of noise over the noise power of a channel; inf without degrees of freedom."""
+        """Largest residual of noise over the noise power of a channel."""
         from scipy.special import gammainccinv  # here: importing radarcore imports numpy and nothing heavier
 
-        return float(gammainccinv(0.5 * self.num_freedoms, _CHANCE)) if self.num_freedoms > 0 else np.inf
+        return float(gammainccinv(0.5 * self.num_freedoms, _CHANCE))
 
     @property
     def num_freedoms(self) -> int:
@@ -331,16 +318,6 @@ class _Array:
         shifts = 2.0 * np.pi * turns @ undone
         return undone, shifts[np.square(shifts).sum(axis=1) <= reach**2]
 
-    @cached_property
-    def products(self) -> _Reals:
-        """Products of the slopes of a flat array, see `_products`."""
-        return _products(self.across)
-
-    @cached_property
-    def variances(self) -> tuple[_Reals, _Reals, _Reals]:
-        """Of the sines by a flat array, see `_variances`."""
-        return _variances(self.across, self.observable)
-
     def forward(self, sines: _Reals) -> _Reals:
         """The direction's part along x."""
         y, z = sines[..., 0], sines[..., 1]
@@ -353,17 +330,23 @@ class _Array:
         return phases + self.forward(sines)[..., None] * self.x if self.x.any() else phases
 
     def slopes(self, sines: _Reals) -> _Reals:
-        """Derivatives of the phases by both sines, (..., channel, 2)."""
+        """Derivatives of the phases by both sines about their mean, (..., channel, 2); of a flat array (channel, 2)."""
         if not self.x.any():
-            return np.broadcast_to(self.across, (*sines.shape[:-1], *self.across.shape))
+            return self.across
         tangent = sines / np.maximum(self.forward(sines), 1e-3)[..., None]  # steep at the rim, but a number
-        slopes: _Reals = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.observable)
-        return slopes
+        slopes = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.observable)
+        about_mean: _Reals = slopes - slopes.mean(axis=-2, keepdims=True)
+        return about_mean
+
+    def inverse_information(self, slopes: _Reals) -> _Reals:
+        """Covariance of both sines times twice the SNR, ([...,] 2, 2), by `slopes`; 1 for an unobservable one."""
+        information = slopes.mT @ slopes + np.diag(~np.array(self.observable))
+        return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 @lru_cache(maxsize=16)
-def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
-    """The channels of a radar, `_ambiguities`, and the corrections of channels for targets at rest, (channel,)."""
+def _array(radar: Radar) -> _Array:
+    """The channels of a radar."""
     positions = radar.virtual_array / radar.waveform.wavelength
     along, across = (
         2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
@@ -373,7 +356,7 @@ def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
     if observable.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
         observable[:] = False
     antennas = np.concatenate([radar.tx if len(radar.rx) < radar.num_channels else radar.tx[:0], radar.rx])
-    array = _Array(
+    return _Array(
         along,
         2.0 * np.pi * across * observable,
         (bool(observable[0]), bool(observable[1])),
@@ -382,14 +365,6 @@ def _array(radar: Radar) -> tuple[_Array, _Reals, _Complexes]:
         2.0 * np.pi / radar.waveform.wavelength,
         0.5 * float(np.deg2rad(np.array(radar.field_of_view_deg)[observable].max(initial=0.0))),
     )
-    return array, array.ambiguities, channel_corrections(radar, None, None)
-
-
-def _excess(missing: _Reals, array: _Array, snr: _Reals) -> _Reals | None:
-    """Unexplained power over the noise, 1 if it may be noise; None if all are 1."""
-    noises = missing * (len(array.x) * (snr + 1.0))
-    is_several = (noises > array.largest_residual) & (missing > _UNEQUAL)
-    return np.where(is_several, noises / (0.5 * array.num_freedoms), 1.0) if is_several.any() else None
 
 
 def _aligned(waves: _Complexes, array: _Array) -> _Reals:
@@ -404,11 +379,11 @@ def _aligned(waves: _Complexes, array: _Array) -> _Reals:
     return sines
 
 
-def _searched(waves: _Complexes, array: _Array, ambiguities: _Reals) -> _Reals:
+def _searched(waves: _Complexes, array: _Array) -> _Reals:
     """Sines of the highest point of a grid, of its peak, and of the equally high peak that is nearest to the front."""
     sines = _refined(waves, array, _highest(waves, array, array.front))
-    sines = _within(_nearest_to_front(sines, ambiguities), 1.0)
-    return _refined(waves, array, sines, largest=1.0, num_steps=3)
+    sines = _within(_nearest_to_front(sines, array.ambiguities), 1.0)
+    return _refined(waves, array, sines, largest=1.0)
 
 
 def _highest(waves: _Complexes, array: _Array, grid: _Reals) -> _Reals:
@@ -425,53 +400,28 @@ def _highest(waves: _Complexes, array: _Array, grid: _Reals) -> _Reals:
     return highest
 
 
-def _refined(
-    waves: _Complexes, array: _Array, sines: _Reals, *, largest: float = np.inf, num_steps: int = _NUM_STEPS
-) -> _Reals:
-    """Sines of the peak of power by Newton's method from nearby, (detection, 2), at most `largest` in length."""
-    has_both = all(array.observable)
-    along, up = map(float, array.observable)
-    for _ in range(num_steps):
-        # Power |b|^2 and its derivatives; b is the sum of the channels with the wave's phases undone.
+def _refined(waves: _Complexes, array: _Array, sines: _Reals, *, largest: float = np.inf) -> _Reals:
+    """Sines of the peak of power by Fisher's scoring from nearby, (detection, 2), at most `largest` in length."""
+    for _ in range(_NUM_STEPS):
+        # Power |b|^2; b is the sum of the channels with the wave's phases undone.
         terms = waves * np.exp(1j * array.phases(sines))
-        products = _products(array.slopes(sines)) if array.x.any() else array.products
-        sums = (terms[:, None] @ products)[:, 0]
-        total, first, second = sums[:, :1].conj(), sums[:, 1:3], sums[:, 3:]
-        gradient = -(total * first).imag
-        yy, zz, yz = (first[:, [0, 1, 0]] * first[:, [0, 1, 1]].conj() - total * second).real.T
-        # Uphill also where power is not concave: shift the larger eigenvalue below zero. An unobservable sine stays.
-        larger = 0.5 * (yy + zz) + np.hypot(0.5 * (yy - zz), yz) if has_both else yy + zz
-        shift = 1.5 * np.maximum(larger, 0.0)
-        yy, zz = yy - shift * along - (1.0 - along), zz - shift * up - (1.0 - up)
-        step = np.minimum(np.maximum(-_solved(yy, zz, yz, gradient), -array.step), array.step)
+        total = terms.sum(axis=1, keepdims=True)
+        slopes = array.slopes(sines)
+        score = (terms * total.conj()).imag[:, None] @ slopes  # (detection, 1, 2)
+        power = np.maximum(np.square(np.abs(total)), 1e-300)
+        step = -(score @ array.inverse_information(slopes))[:, 0] * len(array.x) / power
+        step = np.minimum(np.maximum(step, -array.step), array.step)
         sines = _within(sines + step, largest)
         if not (np.abs(step) > _SMALL_STEP * array.step).any():
             break
     return sines
 
 
-def _products(slopes: _Reals) -> _Reals:
-    """1, the slopes of the phases (..., channel, 2), their squares and their product, (..., channel, 6)."""
-    squares = [np.square(slopes), np.prod(slopes, axis=-1, keepdims=True)]
-    return np.concatenate([np.ones((*slopes.shape[:-1], 1)), slopes, *squares], axis=-1)
-
-
 def _within(sines: _Reals, largest: float) -> _Reals:
     """Sines shortened to at most `largest`."""
-    if np.isinf(largest):
-        return sines
     lengths = np.sqrt(np.square(sines).sum(axis=1))
     within: _Reals = sines * np.minimum(1.0, largest / np.maximum(lengths, 1e-300))[:, None]
     return within
-
-
-def _solved(yy: _Reals, zz: _Reals, yz: _Reals, vectors: _Reals) -> _Reals:
-    """Solutions (n, 2) of symmetric systems of two equations, (n,) and (n, 2); zero where there is none."""
-    determinant = yy * zz - yz * yz
-    y, z = vectors.T
-    adjoint = np.array([zz * y - yz * z, yy * z - yz * y])
-    solved: _Reals = np.divide(adjoint, determinant, out=np.zeros_like(adjoint), where=determinant != 0.0)
-    return solved.T
 
 
 def _ambiguities(array: _Array) -> _Reals:
@@ -506,35 +456,21 @@ def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
     return nearest
 
 
-def _least_covariance(array: _Array, sines: _Reals, forward: _Reals, snr: _Reals) -> _Reals:
+def _least_covariance(array: _Array, sines: _Reals, snr: _Reals) -> _Reals:
     """Cramer-Rao bound of azimuth and elevation of one plane wave of unknown amplitude and phase in white noise.
 
     The Fisher information of the sines is ``2 snr`` times the sum over the channels of the squared slopes of the phase
     about their mean (Van Trees, Optimum Array Processing, 8.4).
     """
-    yy, zz, yz = _variances(array.slopes(sines), array.observable) if array.x.any() else array.variances
     # Angles by sines: u_x = cos(el) cos(az) forward, u_y = cos(el) sin(az), u_z = sin(el). At the horizon, steep.
     y, z = sines.T
     square = np.maximum(1.0 - z * z, _TINY)  # cos(el)^2
-    by_y = 1.0 / np.maximum(forward, _TINY)
-    by_z = by_y * y * z / square
-    crossed = by_y * yz + by_z * zz
-    first = by_y * (by_y * yy + by_z * yz) + by_z * crossed
-    both = crossed / np.sqrt(square)
-    covariance = (np.array([first, both, both, zz / square]) * (0.5 / snr)).T.reshape(-1, 2, 2)
-    if not all(array.observable):
-        unobservable = int(array.observable[0])
-        covariance[:, [unobservable, 0, 1], [unobservable, 1, 0]] = np.nan
+    by_sines = np.zeros((len(sines), 2, 2))
+    by_sines[:, 0, 0] = 1.0 / np.maximum(array.forward(sines), _TINY)
+    by_sines[:, 0, 1] = by_sines[:, 0, 0] * y * z / square
+    by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
+    inverse = array.inverse_information(array.slopes(sines))
+    covariance: _Reals = by_sines @ inverse @ by_sines.mT * (0.5 / snr)[:, None, None]
+    unobservable = ~np.array(array.observable)
+    covariance[:, unobservable] = covariance[:, :, unobservable] = np.nan
     return covariance
-
-
-def _variances(slopes: _Reals, observable: tuple[bool, bool]) -> tuple[_Reals, _Reals, _Reals]:
-    """Of both sines and their covariance (...,), times twice the SNR; slopes (..., channel, 2).
-
-    The inverse of the information; of the only observable sine if there is one.
-    """
-    about_mean = slopes - slopes.mean(axis=-2, keepdims=True)
-    yy, zz, yz = np.moveaxis(_products(about_mean)[..., 3:].sum(axis=-2), -1, 0)
-    yy, zz = yy + (not observable[0]), zz + (not observable[1])
-    determinant = yy * zz - yz * yz
-    return zz / determinant, yy / determinant, -yz / determinant

@@ -105,28 +105,12 @@ def range_angle(
     az, el = checked_angles(_front() if azimuth is None else azimuth, elevation)
     if len(shape := np.broadcast_shapes(az.shape, el.shape)) > 1:
         raise ValueError(f"azimuth, elevation: expected angles that broadcast to one axis, got shape {shape}")
-    to_power = _beamformer(method, radar, np.atleast_2d(unit_vectors(az, el)), num_sources, loading)
     require_range(radar.waveform)
     n = transform_length("num_range_bins", num_range_bins, "num_samples", radar.waveform.num_samples)
-
-    # Frames in turn, ranges in blocks: no array of all frames but the result.
-    num_angles = int(np.prod(shape))
     num_ranges = n if np.iscomplexobj(samples) else n // 2 + 1
-    block = max(1, _BLOCK // (radar.num_channels * max(1, num_angles)))
-    leading = samples.shape[:-3]
-    power = np.empty((*leading, num_ranges, num_angles), samples.real.dtype)
-    for which in np.ndindex(leading):
-        covariances = range_covariances(
-            samples[which],
-            radar,
-            window=window,
-            doppler_window=doppler_window,
-            num_range_bins=n,
-            channel_phase=channel_phase,
-        )
-        for k in range(0, num_ranges, block):
-            power[(*which, slice(k, k + block))] = to_power(covariances[k : k + block])
-    return power
+    to_power = _beamformer(method, radar, np.atleast_2d(unit_vectors(az, el)), num_sources, loading)
+    settings = {"window": window, "doppler_window": doppler_window, "num_range_bins": n, "channel_phase": channel_phase}
+    return _maps(samples, radar, to_power, (num_ranges, int(np.prod(shape))), slice(None), settings)
 
 
 def azimuth_elevation(
@@ -189,18 +173,31 @@ def azimuth_elevation(
     nearest = check.non_negative("at_range", at_range, "m") / (ranges[1] if len(ranges) > 1 else np.inf)
     if round(nearest) >= len(ranges):
         raise ValueError(f"at_range: expected at most {ranges[-1]:g} m, the last range bin, got {at_range:g}")
-    power = np.empty((*samples.shape[:-3], len(az), len(el)), samples.real.dtype)
+    settings = {"window": window, "doppler_window": doppler_window, "num_range_bins": n, "channel_phase": channel_phase}
+    bins = slice(round(nearest), round(nearest) + 1)
+    power = _maps(samples, radar, to_power, (1, len(directions)), bins, settings)
+    return power.reshape(*samples.shape[:-3], len(az), len(el))
+
+
+def _maps(
+    samples: NDArray[Any],
+    radar: Radar,
+    to_power: Beamformer,
+    shape: tuple[int, int],
+    bins: slice,
+    settings: dict[str, Any],
+) -> NDArray[Any]:
+    """Power (..., range, angle) of some range bins; `settings` of `range_covariances`.
+
+    Frames in turn, ranges in blocks: no array of all frames but the result.
+    """
+    num_ranges, num_angles = shape
+    block = max(1, _BLOCK // (radar.num_channels * max(1, num_angles)))
+    power = np.empty((*samples.shape[:-3], *shape), samples.real.dtype)
     for which in np.ndindex(samples.shape[:-3]):
-        covariances = range_covariances(
-            samples[which],
-            radar,
-            window=window,
-            doppler_window=doppler_window,
-            num_range_bins=n,
-            channel_phase=channel_phase,
-            bins=slice(round(nearest), round(nearest) + 1),
-        )
-        power[which] = to_power(covariances[0]).reshape(len(az), len(el))
+        covariances = range_covariances(samples[which], radar, bins=bins, **settings)
+        for k in range(0, num_ranges, block):
+            power[(*which, slice(k, k + block))] = to_power(covariances[k : k + block])
     return power
 
 

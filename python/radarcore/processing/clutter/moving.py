@@ -14,7 +14,7 @@ goes.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,33 +47,17 @@ _TRANSITION = 3.0
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+_Kind = TypeVar("_Kind", Frame, Recording)
 
-@overload
+
 def remove_static(
-    frame: Frame,
-    sensor_velocity: ArrayLike,
-    *,
-    method: str = ...,
-    field_of_view_deg: tuple[float, float] | None = ...,
-    suppression_db: float = ...,
-) -> Frame: ...
-@overload
-def remove_static(
-    frame: Recording,
-    sensor_velocity: ArrayLike,
-    *,
-    method: str = ...,
-    field_of_view_deg: tuple[float, float] | None = ...,
-    suppression_db: float = ...,
-) -> Recording: ...
-def remove_static(
-    frame: Frame | Recording,
+    frame: _Kind,
     sensor_velocity: ArrayLike,
     *,
     method: str = "doppler",
     field_of_view_deg: tuple[float, float] | None = None,
     suppression_db: float = 50.0,
-) -> Frame | Recording:
+) -> _Kind:
     """Take the echoes of what stands still off frames of a moving sensor.
 
     With a velocity of 0 the mean over the chirps is taken off, of every channel and sample. Otherwise a band of
@@ -142,11 +126,11 @@ def remove_static(
         raise ValueError("frame: expected I/Q samples of a CW radar (slope = 0 Hz/s), got real ones")
 
     if isinstance(frame, Frame):
-        return with_samples(frame, _filtered(frame.cube, radar, given, view, residual, is_joint), radar)
-    velocities = np.broadcast_to(given, (len(frame), 3))
-    cube = np.empty_like(frame.cube)
-    for samples, velocity, out in zip(frame.cube, velocities, cube, strict=True):
-        out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
+        cube = _filtered(frame.cube, radar, given, view, residual, is_joint)
+    else:
+        cube = np.empty_like(frame.cube)
+        for samples, velocity, out in zip(frame.cube, np.broadcast_to(given, (len(cube), 3)), cube, strict=True):
+            out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
     return with_samples(frame, cube, radar)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,14 +21,14 @@ from radarcore.processing.spectra.windows import window_weights
 from radarcore.recording.frame import Frame, check_alike, is_of_adc
 from radarcore.recording.recording import Recording
 
+_Kind = TypeVar("_Kind", Frame, Recording)
+
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
 """Weights of the cancellers by the number of their pulses, oldest first."""
 
 
 @overload
-def remove_mean(cube: Frame, *, axis: int = ...) -> Frame: ...
-@overload
-def remove_mean(cube: Recording, *, axis: int = ...) -> Recording: ...
+def remove_mean(cube: _Kind, *, axis: int = ...) -> _Kind: ...
 @overload
 def remove_mean(cube: ArrayLike, *, axis: int = ...) -> NDArray[Any]: ...
 def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Recording:
@@ -82,9 +82,7 @@ def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Reco
 
 
 @overload
-def cancel_pulses(cube: Frame, *, num_pulses: int = ...) -> Frame: ...
-@overload
-def cancel_pulses(cube: Recording, *, num_pulses: int = ...) -> Recording: ...
+def cancel_pulses(cube: _Kind, *, num_pulses: int = ...) -> _Kind: ...
 @overload
 def cancel_pulses(cube: ArrayLike, *, num_pulses: int = ...) -> NDArray[Any]: ...
 def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame | Recording:

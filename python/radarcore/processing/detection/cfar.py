@@ -302,9 +302,6 @@ def averaging_factor(num_cells: ArrayLike, false_alarm_rate: float, num_looks: f
 
     cells = np.asarray(num_cells, dtype=np.float64)
     some = np.maximum(cells, 1e-3)  # below, the factor is no number any more
-    if num_looks == 1.0:
-        with np.errstate(over="ignore"):
-            return np.where(cells > 0.0, some * np.expm1(-np.log(false_alarm_rate) / some), np.inf)
     # The part of the training cells falls below `share` with the probability asked for.
     share = betaincinv(some * num_looks, num_looks, false_alarm_rate)
     with np.errstate(divide="ignore"):
@@ -321,21 +318,12 @@ def ordered_factor(num_cells: float, rank: float, false_alarm_rate: float, num_l
     Numbers of cells and ranks need not be whole. Arguments otherwise as of `averaging_factor`.
     """
     from scipy.optimize import brentq
-    from scipy.special import gammaincc, gammaln
+    from scipy.special import gammaincc
 
-    n, k, looks = float(num_cells), float(rank), float(num_looks)
-    if looks == 1.0:
-        # ln of the product: Gamma(n + 1) / Gamma(n + 1 - k) over the same with `factor` added to both.
-        constant = gammaln(n + 1.0) - gammaln(n + 1.0 - k)
+    power, weights = _ordered_density(float(num_cells), float(rank), float(num_looks), false_alarm_rate)
 
-        def rate(factor: float) -> float:
-            return float(constant - gammaln(n + 1.0 + factor) + gammaln(n + 1.0 - k + factor))
-
-    else:
-        power, weights = _ordered_density(n, k, looks, false_alarm_rate)
-
-        def rate(factor: float) -> float:
-            return float(np.log(np.maximum(weights @ gammaincc(looks, factor * power), 1e-300)))
+    def rate(factor: float) -> float:
+        return float(np.log(np.maximum(weights @ gammaincc(num_looks, factor * power), 1e-300)))
 
     wanted, highest = np.log(false_alarm_rate), 2.0
     while rate(highest) > wanted:

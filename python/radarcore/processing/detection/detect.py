@@ -92,7 +92,9 @@ def detect(
         threshold takes the missing noise at low velocities into account. Targets slower than about one velocity bin
         are lost.
     window, doppler_window : str, tuple or None
-        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic).
+        Windows over fast and slow time, as `scipy.signal.get_window` names them (periodic). Default: Hann, as in all
+        maps, because the sidelobes of a strong echo would hide weak ones; estimators and bounds of a single echo
+        (`doppler_velocity`) default to none, which is the most accurate.
     min_range, max_range : float, optional
         Limits of the range [m]. Default: all but two range bins next to the radar (and, for real samples, the last),
         where it hears itself; they do not train either.
@@ -167,18 +169,14 @@ def detect(
     is_above = doubles[*peaks.T] > least
     peaks, least = np.ascontiguousarray(peaks[is_above]), least[is_above]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
-    if len(peaks) == 0:
-        return _none(time)
 
     # Without sidelobes, and without what rounding of the samples may be.
     noise_floor = layout.num_looks * rounding_noise(samples, layout.fast, layout.slow)
     least = np.maximum(least, search.factor[peaks[:, 0], peaks[:, 1] - search.first] * noise_floor)
     sources = np.ascontiguousarray(np.concatenate([peaks, _unsearched_maxima(doubles, search)]))
     offset, height = _core.between_cells(doubles, sources, is_cyclic=layout.is_iq)
-    least = np.maximum(least, height[: len(peaks)].max() * 10.0 ** (-0.1 * dynamic_range_db))
+    least = np.maximum(least, height[: len(peaks)].max(initial=0.0) * 10.0 ** (-0.1 * dynamic_range_db))
     kept = _above_sidelobes((sources + offset).T, height, doubles[*peaks.T], least, layout)
-    if len(kept) == 0:
-        return _none(time)
     peaks, offset = peaks[kept], offset[kept]
 
     # The tones, and how far they are above the noise.
@@ -316,13 +314,8 @@ def _above_sidelobes(
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:
     """Amplitudes of the channels; those of several chirps with phases of their own are brought together."""
-    chirps = amplitude.reshape(len(amplitude), num_channels, -1)
+    chirps = amplitude.reshape(len(amplitude), num_channels, amplitude.shape[1] // num_channels)
     if chirps.shape[2] == 1:
         return chirps[:, :, 0]
     vectors, sizes, _ = np.linalg.svd(chirps, full_matrices=False)
     return np.asarray(vectors[:, :, 0] * sizes[:, :1])
-
-
-def _none(time: float) -> Detections:
-    empty = np.empty(0)
-    return Detections(empty, empty, empty, empty, empty, time=time)

@@ -82,8 +82,8 @@ def doppler_bound(
     num_channels : int
         Channels that share range and velocity, each with its own amplitude and phase.
     window, doppler_window : str, tuple or None
-        Windows of the estimate over fast and slow time: the bound is the deviation with them. Default: none, the most
-        accurate.
+        Windows of the estimate over fast and slow time: the bound is the deviation with them. Default: none, as in
+        `doppler_velocity`: the most accurate for a single echo in noise.
 
     Returns
     -------
@@ -102,7 +102,8 @@ def doppler_bound(
     0.7 mm, 0.6 mm/s
     """
     require_range(waveform)
-    _require_chirps("waveform", waveform, 2)
+    if waveform.num_chirps < 2:
+        raise ValueError(f"waveform: expected at least 2 chirps, got {waveform.num_chirps}")
     weights = _weights(waveform, window, doppler_window)
     gradients = range_and_velocity_gradients(waveform)
     covariance = _covariance(gradients, weights, per_chirp=False)
@@ -315,24 +316,9 @@ def _weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDAr
     return np.outer(window_weights("doppler_window", doppler_window, waveform.num_chirps), fast)
 
 
-def _information(snr_db: ArrayLike, is_real: bool, num_channels: int) -> NDArray[np.float64]:
-    """Inverse of the variance of the phase of a sample, over the channels."""
-    level = check.numbers("snr_db", snr_db)
-    per_sample = (1.0 if is_real else 2.0) * check.count("num_channels", num_channels)
-    information: NDArray[np.float64] = per_sample * 10.0 ** (0.1 * level)
-    return information
-
-
 def _bound(covariance: NDArray[np.float64], snr_db: ArrayLike, is_real: bool, num_channels: int) -> CramerRaoBound:
-    information = _information(snr_db, is_real, num_channels)
-    return CramerRaoBound(*(_deviation(float(covariance[i, i]), information) for i in (0, 1)))
-
-
-def _deviation(variance: float, information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deviations by the covariance at unit information, which is the inverse variance of the phase of a sample."""
+    per_sample = (1.0 if is_real else 2.0) * check.count("num_channels", num_channels)
+    information = per_sample * 10.0 ** (0.1 * check.numbers("snr_db", snr_db))
     with np.errstate(divide="ignore"):  # no signal: infinite
-        return np.asarray(np.sqrt(variance / information))
-
-
-def _require_chirps(name: str, waveform: Waveform, minimum: int) -> None:
-    if waveform.num_chirps < minimum:
-        raise ValueError(f"{name}: expected at least {minimum} chirps, got {waveform.num_chirps}")
+        return CramerRaoBound(*(np.asarray(np.sqrt(covariance[i, i] / information)) for i in (0, 1)))

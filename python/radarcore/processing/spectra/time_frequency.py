@@ -192,11 +192,11 @@ def spectrogram(
     to_middle = window_centre(weights) * interval + (
         wf.chirp_times[0] + wf.adc_delay + window_centre(fast_weights) / wf.sample_rate
     )
-    offsets = recording.radar.channel_offsets
-    to_middle += float(offsets.mean() if channel is None else offsets[check.index("channel", channel, len(offsets))])
+    channels = _channels(recording, channel)
+    to_middle += float(recording.radar.channel_offsets[channels].mean())
     times, powers = [np.empty(0)], [np.empty((0, num_bins))]
     left: NDArray[Any] | None = None
-    for index, profile in enumerate(_profiles(recording, channel, gate, window, subtract_mean)):
+    for index, profile in enumerate(_profiles(recording, channels, gate, window, subtract_mean)):
         run = profile if left is None or not is_seamless[index] else np.concatenate([left, profile], axis=1)
         num_columns = max(0, (run.shape[1] - length) // step + 1)
         starts = step * np.arange(num_columns)
@@ -206,7 +206,7 @@ def spectrogram(
         left = run[:, num_columns * step :]
     noise = known_noise(recording, fast_weights, weights)
     num_ranges = len(range(*gate.indices(_num_ranges(recording))))
-    noise = noise and noise * num_ranges * _num_channels(recording, channel)
+    noise = noise and noise * num_ranges * len(recording.radar.channel_offsets[channels])
     velocity = np.full(num_bins, np.nan)
     if np.count_nonzero(weights) > 1:
         velocity = wf.velocity_axis(num_bins) * (wf.chirp_interval / interval)
@@ -264,16 +264,20 @@ def range_time(
     n = wf.num_samples if num_bins is None else check.count("num_bins", num_bins)
     num_ranges = _num_ranges(recording, n)
     power = np.empty((len(recording), num_ranges))
-    for i, profile in enumerate(_profiles(recording, channel, slice(None), window, subtract_mean, num_bins=n)):
+    channels = _channels(recording, channel)
+    for i, profile in enumerate(_profiles(recording, channels, slice(None), window, subtract_mean, num_bins=n)):
         power[i] = powers(profile).mean(axis=1).sum(axis=0)
     noise = known_noise(recording, window_weights("window", window, wf.num_samples))
-    noise = noise and noise * _num_channels(recording, channel)
+    noise = noise and noise * len(recording.radar.channel_offsets[channels])
     return RangeTime(recording.time + recording.radar.middle, wf.range_axis(n)[:num_ranges], power, noise)
 
 
-def _num_channels(recording: Recording, channel: int | None) -> int:
+def _channels(recording: Recording, channel: int | None) -> slice:
     """Channels whose powers are added."""
-    return recording.cube.shape[1] if channel is None else 1
+    if channel is None:
+        return slice(None)
+    index = check.index("channel", channel, recording.radar.num_channels)
+    return slice(index, index + 1)
 
 
 def _num_ranges(recording: Recording, length: int | None = None) -> int:
@@ -284,7 +288,7 @@ def _num_ranges(recording: Recording, length: int | None = None) -> int:
 
 def _profiles(
     recording: Recording,
-    channel: int | None,
+    channels: slice,
     gate: slice,
     window: Window,
     subtract_mean: bool,
@@ -292,11 +296,6 @@ def _profiles(
 ) -> Iterator[NDArray[Any]]:
     """Range profiles (channel, chirp, range) of one frame after the other: a cube left on disk is not held."""
     wf = recording.radar.waveform
-    channels = slice(None)
-    if channel is not None:
-        index = check.index("channel", channel, recording.radar.num_channels)
-        channels = slice(index, index + 1)
-
     takes_offset = subtract_mean and len(recording) > 0 and has_offsets(recording[0])
 
     def profile(frame: NDArray[Any]) -> NDArray[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,9 +14,6 @@ from radarcore.processing.detection.point_cloud import COORDINATES, Detections
 from radarcore.processing.tracking.kalman import Array, normalized_squares
 
 Indices = NDArray[np.int64]
-
-_MOST_AT_ONCE = 2**15
-"""Pairs per block: some 20 MB."""
 
 _CROSSED = ~np.eye(4, dtype=bool)
 """Elements of a covariance off its diagonal."""
@@ -134,22 +130,21 @@ def cluster(
     values, covariance = coordinates(detections), covariances(detections)
     if num_deviations is None:
         near = pairs_within(values, *limits, periods)
-        labels = connected(len(values), lambda: [near], fewest)
     else:
-        number = check.positive("num_deviations", num_deviations)
-        labels = connected(len(values), lambda: _near_pairs(values, covariance, number, periods), fewest)
-    level = levels(detections)
-    labels, found = groups(values, level, covariance, labels, periods)
-    distances, velocities, azimuths, elevations = found.values.T
+        near = _pairs_within_deviations(values, covariance, check.positive("num_deviations", num_deviations), periods)
+    labels, found = groups(values, levels(detections), covariance, connected(len(values), near, fewest), periods)
+    is_resolved = np.ones(len(found.counts), dtype=bool)
+    is_resolved[labels[(labels >= 0) & ~detections.is_resolved]] = False
+    ranges, velocities, azimuths, elevations = found.values.T
     centroids = Detections(
-        distances,
+        ranges,
         velocities,
         azimuths,
         elevations,
-        found.strongest + 10.0 * np.log10(found.power),
+        found.snr_db,
         found.covariance,
         detections.time,
-        np.bincount(labels[labels >= 0], ~detections.is_resolved[labels >= 0], len(found.counts)) == 0,
+        is_resolved,
         detections.ambiguous_beyond,
     )
     extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
@@ -165,10 +160,8 @@ class Groups(NamedTuple):
     """Of the means (group, n, n)."""
     spread: Array
     """Covariance of the detections about the means (group, n, n)."""
-    strongest: Array
-    """Largest level (group,) [dB]."""
-    power: Array
-    """Sum of the powers (group,), over that of the strongest."""
+    snr_db: Array
+    """Level of the added powers (group,) [dB]."""
     counts: Indices
     """Detections (group,)."""
 
@@ -181,21 +174,17 @@ def periods_of(velocity_ambiguity: float | None) -> Array:
 def coordinates(detections: Detections) -> Array:
     """Range, velocity, azimuth and elevation (detection, 4); NaN for what is not told."""
     values = np.array([detections.range, detections.velocity, detections.azimuth, detections.elevation]).T
-    is_told = np.isfinite(values)
-    return values if is_told.all() else np.where(is_told, values, np.nan)
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def covariances(detections: Detections) -> Array:
     """Of range, velocity, azimuth and elevation (detection, 4, 4); errors whose correlation is NaN have none."""
-    covariance = detections.covariance
-    is_unknown = np.isnan(covariance)
-    return np.where(is_unknown & _CROSSED, 0.0, covariance) if is_unknown.any() else covariance
+    return np.where(np.isnan(detections.covariance) & _CROSSED, 0.0, detections.covariance)
 
 
 def levels(detections: Detections) -> Array:
     """Power over the noise (detection,) [dB]; 0 where it is not told."""
-    is_told = np.isfinite(detections.snr_db)
-    return detections.snr_db if is_told.all() else np.where(is_told, detections.snr_db, 0.0)
+    return np.where(np.isfinite(detections.snr_db), detections.snr_db, 0.0)
 
 
 def wrapped(difference: Array, period: Array) -> Array:
@@ -209,57 +198,56 @@ def pairs_within(values: Array, distance: float | None, velocity: float | None, 
     `values` are range, velocity and perhaps azimuth and elevation, (detection, 2 to 4). An unknown velocity is within
     any difference.
     """
-    if distance is None:
-        one, other = np.triu_indices(len(values), 1)
-    else:
-        from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
+    from scipy.spatial.distance import pdist  # here: importing radarcore imports numpy and nothing heavier
 
+    one, other = np.triu_indices(len(values), 1)
+    is_near = np.ones(len(one), dtype=bool)
+    if distance is not None:
         points = values[:, :1]
         if values.shape[1] > 2 and not np.isnan(values[:, 2]).any():
             elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
             points = points * unit_vectors(values[:, 2], elevation)
-        known = np.flatnonzero(np.isfinite(points).all(axis=1))
-        one, other = known[cKDTree(points[known]).query_pairs(distance, output_type="ndarray")].T
-    pairs = np.array([one, other])
-    if velocity is None:
-        return pairs
-    difference = wrapped(values[one, 1] - values[other, 1], periods[1])
-    return pairs[:, ~(np.abs(difference) > velocity)]
+        is_near &= pdist(points) <= distance
+    if velocity is not None:
+        is_near &= ~(np.abs(wrapped(values[one, 1] - values[other, 1], periods[1])) > velocity)
+    return np.array([one[is_near], other[is_near]])
 
 
-def connected(number: int, blocks: Callable[[], Iterable[Indices]], fewest: int = 1) -> Indices:
-    """Label of the group of each detection, -1 outside of groups.
+def _pairs_within_deviations(values: Array, covariance: Array, num_deviations: float, periods: Array) -> Indices:
+    """Pairs of detections within a Mahalanobis distance, likewise."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    lacks = np.isfinite(values) & ~(variance > 0.0)
+    if lacks.any():
+        row, column = np.argwhere(lacks)[0]
+        raise ValueError(
+            f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
+            f"{COORDINATES[column]} of detection {row}"
+        )
+    # Near pairs are also near in range.
+    farthest = num_deviations * float(np.sqrt(2.0 * variance[:, 0].max(initial=0.0))) * (1.0 + 1e-9)
+    pairs = pairs_within(values[:, :2], None if np.isnan(values[:, 0]).any() else farthest, None, periods)
+    one, other = pairs
+    squares, _ = normalized_squares(wrapped(values[one] - values[other], periods), covariance[one] + covariance[other])
+    return pairs[:, squares <= num_deviations**2]
 
-    `blocks` gives the pairs of neighbours, each pair once, as arrays (2, pair): memory does not grow with their number.
-    """
-    from scipy.sparse import coo_array  # here: as above
-    from scipy.sparse.csgraph import connected_components
 
-    is_core = np.ones(number, dtype=bool)
-    if fewest > 1:
-        counts = np.ones(number, dtype=np.int64)
-        for pairs in blocks():
-            counts += np.bincount(pairs.ravel(), minlength=number)
-        is_core = counts >= fewest
-
-    # Each detection is connected with a node for its group so far, and with its neighbours in the next block.
+def connected(number: int, pairs: Indices, fewest: int = 1) -> Indices:
+    """Label of the group of each detection, -1 outside of groups; `pairs` (2, pair) are neighbours, each pair once."""
+    is_core = 1 + np.bincount(pairs.ravel(), minlength=number) >= fewest
+    inner = pairs[:, is_core[pairs].all(axis=0)]
     labels = np.arange(number)
-    for pairs in blocks():
-        inner = pairs[:, is_core[pairs].all(axis=0)]
-        if inner.shape[1] == 0:
-            continue
-        edges = np.concatenate([[np.arange(number), number + labels], inner], axis=1)
-        graph = coo_array((np.ones(edges.shape[1]), edges), shape=(2 * number, 2 * number))
-        labels = connected_components(graph, directed=False)[1][:number].astype(np.int64)
-    if fewest == 1:
-        return labels
+    if inner.shape[1] > 0:
+        from scipy.sparse import coo_array  # here: as above
+        from scipy.sparse.csgraph import connected_components
+
+        graph = coo_array((np.ones(inner.shape[1]), inner), shape=(number, number))
+        labels = connected_components(graph, directed=False)[1].astype(np.int64)
 
     # Other detections belong to the first group with a core near them, or to none.
     found = np.where(is_core, labels, number)
-    for pairs in blocks():
-        for one, other in (pairs, pairs[::-1]):
-            border = ~is_core[one] & is_core[other]
-            np.minimum.at(found, one[border], labels[other[border]])
+    for one, other in (pairs, pairs[::-1]):
+        border = ~is_core[one] & is_core[other]
+        np.minimum.at(found, one[border], labels[other[border]])
     return np.where(found == number, -1, found)
 
 
@@ -272,27 +260,21 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     order = order[labels[order] >= 0]
     if len(order) == 0:
         none = np.zeros(0)
-        return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none, none.astype(np.int64))
-    sorted_labels = labels[order]
-    is_first = np.ones(len(order), dtype=bool)
-    is_first[1:] = sorted_labels[1:] != sorted_labels[:-1]
-    starts = is_first.nonzero()[0]
-    group = is_first.cumsum() - 1
-    counts = np.bincount(group)
+        return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none.astype(np.int64))
+    names, starts, group, counts = np.unique(labels[order], return_index=True, return_inverse=True, return_counts=True)
 
     # Weights of each coordinate, adding up to 1 over the detections that tell it.
     values, level = values[order], level[order]
     strongest = np.maximum.reduceat(level, starts)
     power = 10.0 ** (0.1 * (level - strongest[group]))
-    told = ~np.isnan(values)
-    weight = power[:, None] * told
+    is_known = ~np.isnan(values)
+    weight = power[:, None] * is_known
     total = np.add.reduceat(weight, starts)
     weight /= np.maximum(total, _NO_WEIGHT)[group]
 
     # Means about a value that the group has, so that angles and velocities may go around.
     reference = np.fmax.reduceat(values, starts)
-    apart = wrapped(values - reference[group], periods)
-    apart[~told] = 0.0
+    apart = np.where(is_known, wrapped(values - reference[group], periods), 0.0)
     offset = np.add.reduceat(weight * apart, starts)
     mean = wrapped(reference + offset, periods)
     apart -= offset[group]
@@ -303,44 +285,14 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     spread = np.add.reduceat(scaled[:, :, None] * scaled[:, None, :], starts)
     root = np.sqrt(np.add.reduceat(np.square(weight), starts))
     shares = weight[:, :, None] * weight[:, None, :]
-    errors = shares * covariance[order]
-    errors[shares == 0.0] = 0.0
+    errors = np.where(shares == 0.0, 0.0, shares * covariance[order])
     of_mean = np.add.reduceat(errors, starts) + spread * (root[:, :, None] * root[:, None, :])
-    untold = total == 0.0
-    of_mean[untold[:, :, None] | untold[:, None, :]] = np.nan
+    is_unknown = total == 0.0
+    of_mean[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     by_range = np.argsort(mean[:, 0], kind="stable")
-    place = np.full(len(labels) + 1, -1)
-    place[sorted_labels[starts[by_range]]] = np.arange(len(starts))
-    power = np.add.reduceat(power, starts)
-    found = Groups(
-        mean[by_range], of_mean[by_range], spread[by_range], strongest[by_range], power[by_range], counts[by_range]
-    )
-    return place[labels], found
-
-
-def _near_pairs(values: Array, covariance: Array, num_deviations: float, periods: Array) -> Iterator[Indices]:
-    """Pairs within a Mahalanobis distance, (2, n) at a time."""
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
-    lacks = np.isfinite(values) & ~(variance > 0.0)
-    if lacks.any():
-        row, column = np.argwhere(lacks)[0]
-        raise ValueError(
-            f"num_deviations: expected detections with positive variances, got {variance[row, column]} for the "
-            f"{COORDINATES[column]} of detection {row}"
-        )
-    # Near pairs are also near in range: pair each detection with the next ones in range, up to the last near one.
-    number, ranges = len(values), values[:, 0]
-    order = np.argsort(ranges, kind="stable")
-    farthest = ranges + num_deviations * np.sqrt(variance[:, 0] + variance[:, 0].max(initial=0.0)) * (1.0 + 1e-9)
-    last = np.full(number, number)
-    if not np.isnan(ranges).any():
-        last = np.searchsorted(ranges[order], farthest[order], side="right")
-    begins = np.concatenate([[0], np.cumsum(last - np.arange(number) - 1)])  # first pair of each detection
-    for begin in range(0, int(begins[-1]), _MOST_AT_ONCE):
-        pair = np.arange(begin, min(begin + _MOST_AT_ONCE, begins[-1]))
-        row = np.searchsorted(begins, pair, side="right") - 1
-        one, other = order[row], order[row + 1 + pair - begins[row]]
-        differences = wrapped(values[one] - values[other], periods)
-        squares, _ = normalized_squares(differences, covariance[one] + covariance[other])
-        yield np.stack([one, other])[:, squares <= num_deviations**2]
+    place = np.full(len(labels) + 1, -1)  # the last of a detection without a group
+    place[names[by_range]] = np.arange(len(names))
+    snr_db = strongest + 10.0 * np.log10(np.add.reduceat(power, starts))
+    means = mean[by_range], of_mean[by_range], spread[by_range]
+    return place[labels], Groups(*means, snr_db[by_range], counts[by_range])

@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import check
-
 Array = NDArray[np.float64]
 
 
@@ -36,19 +34,10 @@ def white_acceleration(interval: float, density: float, num_dimensions: int) -> 
     -------
     transition, noise : (2 d, 2 d) float64
     """
-    t, d, axes = interval, num_dimensions, unit(num_dimensions)
-    transition, noise = np.eye(2 * d), np.empty((2 * d, 2 * d))
-    transition[:d, d:] = t * axes
-    noise[:d, :d] = density * t**3 / 3.0 * axes
-    noise[:d, d:] = noise[d:, :d] = density * t**2 / 2.0 * axes
-    noise[d:, d:] = density * t * axes
+    t, axes = interval, np.eye(num_dimensions)
+    transition = np.block([[axes, t * axes], [0.0 * axes, axes]])
+    noise = density * np.block([[t**3 / 3.0 * axes, t**2 / 2.0 * axes], [t**2 / 2.0 * axes, t * axes]])
     return transition, noise
-
-
-@cache
-def unit(length: int) -> Array:
-    """Unit matrix, read-only."""
-    return check.frozen(np.eye(length))
 
 
 def predict(state: Array, covariance: Array, transition: Array, noise: Array) -> tuple[Array, Array]:
@@ -80,7 +69,7 @@ def update(state: Array, covariance: Array, innovation: Array, jacobian: Array, 
     crossed = jacobian @ covariance
     inverse: Any = np.linalg.inv(crossed @ jacobian.mT + noise)
     gain = crossed.mT @ inverse
-    kept = unit(state.shape[-1]) - gain @ jacobian
+    kept = np.eye(state.shape[-1]) - gain @ jacobian
     updated = kept @ covariance @ kept.mT + gain @ noise @ gain.mT
     return state + (gain @ innovation[..., None])[..., 0], 0.5 * (updated + updated.mT)
 
@@ -88,7 +77,7 @@ def update(state: Array, covariance: Array, innovation: Array, jacobian: Array, 
 def isolated(covariance: Array, which: NDArray[np.bool_]) -> Array:
     """Covariances (..., m, m) in which some coordinates (..., m) are independent of the others, with variance 1."""
     crossed = which[..., :, None] | which[..., None, :]
-    return np.where(crossed, unit(covariance.shape[-1]), covariance)
+    return np.where(crossed, np.eye(covariance.shape[-1]), covariance)
 
 
 def normalized_squares(innovation: Array, covariance: Array) -> tuple[Array, Array]:
@@ -225,7 +214,7 @@ def expect(state: Array, covariance: Array) -> Expected:
     # Second derivatives of range and range rate, from the projection across the line of sight over the distance.
     distance, rate = value[:, 0, None, None], value[:, 1, None, None]
     towards, rate_slope = jacobian[:, 0, :d], jacobian[:, 1, :d]
-    across = (unit(d) - towards[:, :, None] * towards[:, None, :]) / distance
+    across = (np.eye(d) - towards[:, :, None] * towards[:, None, :]) / distance
     crossed = towards[:, :, None] * rate_slope[:, None, :]
     second = np.zeros((number, 2, 2 * d, 2 * d))
     second[:, 0, :d, :d] = second[:, 1, :d, d:] = second[:, 1, d:, :d] = across
@@ -276,7 +265,7 @@ def begin(measured: Array, noise: Array, speed_deviation: float) -> tuple[Array,
     slope[:, :d, 0] = slope[:, d:, 1] = towards
     slope[:, :d, 2:], slope[:, d:, 2:] = distance[:, None] * turns, rate[:, None] * turns
     covariance = slope @ noise @ slope.mT
-    covariance[:, d:, d:] += speed_deviation**2 * (unit(d) - towards[:, :, None] * towards[:, None, :])
+    covariance[:, d:, d:] += speed_deviation**2 * (np.eye(d) - towards[:, :, None] * towards[:, None, :])
     return state, covariance
 
 

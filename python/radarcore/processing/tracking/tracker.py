@@ -204,10 +204,7 @@ class Tracker:
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun: int = 0
         self._periods = periods_of(self.settings.velocity_ambiguity)
-        # Largest variance of an expected velocity whose period is known.
-        self._largest_variance = (_KNOWN_WITHIN * self._periods[1]) ** 2
-        self._usual = np.diag(np.square(self.settings.deviations))
-        self._clear(2)
+        self._lives = []
 
     def update(self, detections: Detections) -> list[TrackState]:
         """States of all targets after the detections of a frame.
@@ -247,26 +244,24 @@ class Tracker:
             )
         values, covariance = coordinates(detections), covariances(detections)
         variance = covariance.diagonal(axis1=1, axis2=2)
-        largest = np.fmax.reduce(variance, axis=0, initial=0.0).tolist()
-        if max(largest) == np.inf or np.fmin.reduce(variance, axis=None, initial=0.0) < 0.0:
+        if ((variance < 0.0) | (variance == np.inf)).any():
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
-        if max(largest[2:]) > _LOST:
-            values = _without_lost_angles(values, variance)
+        values[:, 2:][variance[:, 2:] > _LOST] = np.nan  # as at the horizon of an array
         self._choose_dimensions(values)
         self._predict(detections.time)
         if self.num_dimensions is None:
             return []
         told = self.num_dimensions + 1
-        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], detections)
+        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], levels(detections))
 
         tracks, found = self._assign_and_update(measured, noise)
-        self._count(tracks)
-        self._end()
-        if len(found) < len(measured):
-            is_new = np.ones(len(measured), dtype=bool)
-            is_new[found] = False
-            self._begin(measured[is_new], noise[is_new])
+        for index, life in enumerate(self._lives):
+            life.count(self.time if index in tracks else None, self.settings)
+        self._keep([not life.is_over(self.settings) for life in self._lives])
+        is_new = np.ones(len(measured), dtype=bool)
+        is_new[found] = False
+        self._begin(measured[is_new], noise[is_new])
         return self._states()
 
     def _assign_and_update(self, measured: Array, noise: Array) -> tuple[Indices, Indices]:
@@ -274,7 +269,7 @@ class Tracker:
         expected = expect(self._state, self._covariance)
         spread = expected.spread
         innovation = wrapped(measured - expected.value[:, None], self._periods[: measured.shape[1]])
-        innovation[~(spread[:, 1, 1] <= self._largest_variance), :, 1] = np.nan
+        innovation[~(spread[:, 1, 1] <= (_KNOWN_WITHIN * self._periods[1]) ** 2), :, 1] = np.nan
         tracks, found = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
             self._state[tracks],
@@ -285,42 +280,34 @@ class Tracker:
         )
         return tracks, found
 
-    def _targets(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
-        """Measurements of targets, and their covariance, from all detections."""
-        s, told = self.settings, values.shape[1]
+    def _targets(self, values: Array, covariance: Array, level: Array) -> tuple[Array, Array]:
+        """Measurements of targets, and their covariance, from all detections: of each or of clusters, by range."""
+        s, number = self.settings, values.shape[1]
+        periods = self._periods[:number]
 
         # The usual errors where detections do not tell theirs.
         unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
-        if unknown.any():
-            usual = self._usual[:told, :told]
-            covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
-
+        usual = np.diag(np.square(s.deviations))[:number, :number]
+        covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
         if s.cluster_distance is not None or s.cluster_velocity is not None:
-            values, covariance = self._clustered(values, covariance, detections)
+            labels = connected(len(values), pairs_within(values, s.cluster_distance, s.cluster_velocity, periods))
+            _, found = groups(values, level, covariance, labels, periods)
+            values, covariance = found.values, found.covariance
 
         # Echoes come from anywhere on the target.
-        covariance = np.array(covariance, order="C")
-        variance = covariance.reshape(len(values), told * told)[:, :: told + 1]
-        variance[:, :2] += s.extent**2, s.velocity_extent**2
-        angle = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
-        variance[:, 2:] += angle * angle
-        return values, covariance
-
-    def _clustered(self, values: Array, covariance: Array, detections: Detections) -> tuple[Array, Array]:
-        """Means of groups of detections, and their covariance, by increasing range."""
-        s, periods = self.settings, self._periods[: values.shape[1]]
-        near = pairs_within(values, s.cluster_distance, s.cluster_velocity, periods)
-        labels = connected(len(values), lambda: [near])
-        _, found = groups(values, levels(detections), covariance, labels, periods)
-        return found.values, found.covariance
+        extents = np.empty(values.shape)
+        extents[:, :2] = s.extent, s.velocity_extent
+        extents[:, 2:] = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
+        return values, covariance + np.square(extents)[:, :, None] * np.eye(number)
 
     def _choose_dimensions(self, measured: Array) -> None:
         """Dimensions of space that the first detections tell."""
         if self.num_dimensions is None and len(measured) > 0:
             has_azimuth, has_elevation = (bool(np.isfinite(measured[:, k]).any()) for k in (2, 3))
             self.num_dimensions = 1 + has_azimuth * (1 + has_elevation)
-        if self.num_dimensions is not None and self._state.shape[1] != 2 * self.num_dimensions:
-            self._clear(2 * self.num_dimensions)
+        length = 2 * (self.num_dimensions or 1)
+        if not self._lives:
+            self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
 
     def _predict(self, time: float) -> None:
         """Tracks at the time of a frame, but those that were last seen too long before."""
@@ -331,33 +318,6 @@ class Tracker:
             self._state, self._covariance = predict(self._state, self._covariance, *motion)
         self.time = time
 
-    def _count(self, tracks: Indices) -> None:
-        """Count the frame for all tracks, and the detections of some."""
-        for life in self._lives:
-            life.age += 1
-            life.missed += 1
-        for track in tracks.tolist():
-            life = self._lives[track]
-            life.missed, life.seen = 0, self.time
-            life.hits += 1
-            life.is_confirmed |= self._confirms(life)
-
-    def _end(self) -> None:
-        """Leave out tracks that cannot be confirmed any more, or have not been detected for too many frames."""
-        s = self.settings
-        self._keep(
-            [
-                life.missed <= s.max_missed
-                if life.is_confirmed
-                else life.hits + max(s.confirm_frames - life.age, 0) >= s.confirm_hits
-                for life in self._lives
-            ]
-        )
-
-    def _confirms(self, life: _Life) -> bool:
-        """True if detections have been many and fast enough."""
-        return life.hits >= self.settings.confirm_hits and life.age <= self.settings.confirm_frames
-
     def _keep(self, which: list[bool]) -> None:
         """Leave out all other tracks."""
         if not all(which):
@@ -366,30 +326,22 @@ class Tracker:
 
     def _begin(self, measured: Array, noise: Array) -> None:
         """Begin tracks with detections."""
-        s = self.settings
-        if len(measured) == 0:
+        # The period of a velocity is known if only one is within the largest speed.
+        fastest, period = self.settings.max_speed, self._periods[1]
+        velocity = wrapped(measured[:, 1], period)
+        velocity[np.abs(velocity) >= period - fastest] = np.nan
+        starts = ~(np.abs(velocity) > fastest) & (measured[:, 0] > SHORTEST_RANGE)
+        starts &= np.isfinite(measured[:, 2:]).all(axis=1)
+        if not starts.any():
             return
-        velocity = measured[:, 1].copy()
-        if s.velocity_ambiguity is not None:
-            # The period of a velocity is known if only one is within the largest speed.
-            velocity = wrapped(velocity, self._periods[1])
-            other = np.abs(velocity) >= s.velocity_ambiguity - s.max_speed
-            velocity[other] = np.nan
-            is_slow = np.isnan(velocity) | (np.abs(velocity) <= s.max_speed)
-        else:
-            is_slow = ~(np.abs(velocity) > s.max_speed)
-        starts = is_slow & (measured[:, 0] > SHORTEST_RANGE) & np.isfinite(measured[:, 2:]).all(axis=1)
-        if not (number := int(starts.sum())):
-            return
-        kept = measured[starts]
-        kept[:, 1] = velocity[starts]
+        measured[:, 1] = velocity
         # Velocities across are evenly distributed within the largest speed.
-        state, covariance = begin(kept, noise[starts], s.max_speed / np.sqrt(3.0))
+        state, covariance = begin(measured[starts], noise[starts], fastest / np.sqrt(3.0))
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
-        for _ in range(number):
-            life = _Life(self.num_begun, self.time)
-            life.is_confirmed = self._confirms(life)
+        for _ in state:
+            life = _Life(self.num_begun)
+            life.count(self.time, self.settings)
             self._lives.append(life)
             self.num_begun += 1
 
@@ -409,33 +361,36 @@ class Tracker:
             for life, state, covariance in zip(self._lives, states, covariances, strict=True)
         ]
 
-    def _clear(self, length: int) -> None:
-        """No tracks, of states of a length."""
-        self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
-        self._lives = []
-
 
 @dataclass(slots=True)
 class _Life:
     """History of a track; of few, numbers are counted faster one by one than in arrays."""
 
     id: int
-    seen: float
+    seen: float = -np.inf
     """Time of the newest detection [s]."""
-    hits: int = 1
+    hits: int = 0
     """Detections."""
-    age: int = 1
+    age: int = 0
     """Frames from the first detection on, that one included."""
     missed: int = 0
     """Frames in a row without a detection."""
     is_confirmed: bool = False
 
+    def count(self, time: float | None, settings: TrackerSettings) -> None:
+        """Count a frame that has a detection of the target at a time, or None."""
+        self.age += 1
+        self.missed += 1
+        if time is not None:
+            self.missed, self.seen = 0, time
+            self.hits += 1
+            self.is_confirmed |= self.hits >= settings.confirm_hits and self.age <= settings.confirm_frames
 
-def _without_lost_angles(values: Array, variance: Array) -> Array:
-    """Coordinates of detections, without angles that are not known at all, as those at the horizon of an array."""
-    values = values.copy()
-    values[:, 2:][variance[:, 2:] > _LOST] = np.nan
-    return values
+    def is_over(self, settings: TrackerSettings) -> bool:
+        """True if it cannot be confirmed any more, or has not been detected for too many frames."""
+        if self.is_confirmed:
+            return self.missed > settings.max_missed
+        return self.hits + max(settings.confirm_frames - self.age, 0) < settings.confirm_hits
 
 
 def track(
