@@ -23,7 +23,7 @@ from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.strata import Controller
 from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.strata import packets
-from radarcore.sensor.strata.packets import DataPacket, Kind, Request, Response
+from radarcore.sensor.strata.packets import DataPacket
 from radarcore.sensor.transport.capture import Replay
 from radarcore.sensor.transport.ports import open_stream, open_vendor_port
 
@@ -63,17 +63,6 @@ def data(text: str) -> DataPacket:
     return packets.decode_data(bytes.fromhex(text))
 
 
-STRATA: list[Row] = [
-    (lambda: packets.encode_request(Request.write(1, 0, 0, bytes(4086))), "payload: expected at most 4085 bytes, got"),
-    (lambda: packets.encode_request(Request(Kind.WRITE, 1, 0, 0, 3, b"1")), "payload: expected 3 bytes, got 1"),
-    (lambda: packets.encode_request(Request.write(256, 0, 0)), "request: expected 0 to 255, got 256"),
-    (lambda: packets.encode_response(Response(Kind.READ, 0, bytes(4090))), "payload: expected at most 4089 bytes"),
-    (lambda: packets.encode_data(DataPacket(bytes(65528), 0, timestamp=0)), "expected at most 65535 .*got 65536"),
-    (lambda: packets.encode_data(DataPacket(b"", 0, is_last=False, timestamp=0)), "is_last: expected True"),
-    (lambda: packets.encode_data(DataPacket(b"1", 0, error=1)), "payload: expected none with an error, got 1 bytes"),
-    (lambda: packets.encode_commands([2**32]), "words: expected numbers of 32 bit"),
-    (lambda: packets.data_configuration(6143), "slice_size: expected an even number up to 65534, got 6143"),
-]
 SETTINGS: list[Row] = [
     (lambda: registers_of(Settings(), 77), "slice_size: expected an even number, got 77; the nearest are 76, 78"),
     (lambda: registers_of(Settings(), 16386), "slice_size: expected 2 to 16384, got 16386; the nearest is 16384"),
@@ -99,15 +88,15 @@ SETTINGS: list[Row] = [
     (lambda: temperature_code(float("nan")), "temperature: expected a finite number"),
 ]
 COMLIB: list[Row] = [
-    (lambda: comlib(radar(num_tx=2)), r"tx: expected one antenna, got 2; .*\(RadarSoli\) is not public"),
+    (lambda: comlib(radar(num_tx=2)), "tx: expected one antenna, got 2"),
     (lambda: comlib(radar(5)), "rx: expected at most 4 antennas.*got 5"),
     (lambda: comlib(rx_mask=0b111), "rx_mask: expected 4 receivers, as in rx, got 3"),
     (lambda: comlib(rx_mask=0x1F), "rx_mask: expected at most 0xf, got 0x1f"),
     (lambda: comlib(tx_power=32), "tx_power: expected 0 to 31, got 32"),
     (lambda: comlib(radar(start_frequency=77e9)), r"start_frequency: expected 5\.6e\+10 to 6\.4e\+10 Hz"),
     (lambda: comlib(radar(start_frequency=64e9)), "start_frequency: expected room for a ramp"),
-    (lambda: comlib(radar(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3])), "waveform: expected chirps at equal interv"),
-    (lambda: comlib(radar(num_chirps=2, chirp_times=[1e-3, 2e-3])), "chirp_times: expected the first chirp at 0 s"),
+    (lambda: comlib(radar(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3])), "chirp_times: expected evenly spaced chirps"),
+    (lambda: comlib(radar(num_chirps=2, chirp_times=[1e-3, 2e-3])), "chirp_times: .* from 0 s on, got 0.001 s"),
     (lambda: comlib(replace(radar(), waveform=radar().waveform.alternating())), "waveform: expected one, got 2 sub"),
     (lambda: comlib(replace(radar(), schedule=rc.Schedule.ddm())), "schedule: expected none with one antenna"),
     (lambda: Message(1, bytes(65536)).encode(), "payload: expected at most 65535 bytes, got 65536"),
@@ -127,7 +116,7 @@ PORTS: list[Row] = [
 ]
 
 
-@pytest.mark.parametrize(("call", "message"), [*STRATA, *SETTINGS, *COMLIB, *PORTS])
+@pytest.mark.parametrize(("call", "message"), [*SETTINGS, *COMLIB, *PORTS])
 def test_arguments_that_do_not_fit_are_value_errors(call: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         call()

@@ -384,14 +384,6 @@ def test_slices_are_whole_and_losses_are_counted(sent, expected):
     assert [item for packet in sent for item in assembler.feed(packet)] == expected
 
 
-def test_counter_may_begin_anywhere_after_a_reset():
-    assembler = SliceAssembler(100)
-    first, _ = slice_of(b"a", b"b")
-    assembler.feed(first)
-    assembler.reset()
-    assert assembler.feed(*slice_of(b"c", first=900)) == [Slice(b"c", 77, 900, 1)]
-
-
 @fuzz
 @given(
     st.lists(st.tuples(st.binary(max_size=9), st.booleans(), st.booleans(), st.integers(0, 1), st.integers(1, 40000))),

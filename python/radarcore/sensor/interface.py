@@ -144,3 +144,19 @@ def check_options(options: Mapping[str, Any], function: Callable[..., Any], whos
     if not takes_all and (wrong := next((name for name in options if name not in known), None)) is not None:
         listed = " or ".join(known) if known else "none"
         raise TypeError(f"{wrong}: expected an option of {whose} ({listed}), got {options[wrong]!r}")
+
+
+def check_single_ramp(radar: Radar) -> None:
+    """Refuse a radar that needs more than one transmitter and one kind of chirps at equal intervals."""
+    waveform = radar.waveform
+    if radar.more_waveforms:
+        raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
+    if radar.schedule is not None:
+        raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
+    if len(radar.tx) != 1:
+        raise ValueError(f"tx: expected one antenna, got {len(radar.tx)}")
+    if not waveform.has_uniform_chirps or waveform.chirp_times[0] > 1e-9 * waveform.chirp_interval:
+        raise ValueError(
+            f"chirp_times: expected evenly spaced chirps from 0 s on, got {waveform.chirp_times[0]:g} s "
+            f"and on average {waveform.chirp_interval:g} s between chirps; use chirp_interval instead"
+        )

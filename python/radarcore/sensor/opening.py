@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from radarcore import check, notice
 from radarcore.output import claimed
@@ -21,6 +21,8 @@ from radarcore.sensor.transport import ports
 from radarcore.sensor.transport.capture import Capture, Replay
 from radarcore.sensor.transport.ports import Port
 from radarcore.sensor.transport.stream import Stream
+
+_Made = TypeVar("_Made")
 
 PROTOCOLS = ("comlib", "strata")
 """Protocols that boards speak."""
@@ -186,7 +188,8 @@ def _connect(
         if port.kind == "usb-vendor":
             if capture is not None:
                 raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
-            return _strata(VendorLink(ports.open_vendor_port(port, usb_backend=usb_backend)), 1.0)
+            link = VendorLink(ports.open_vendor_port(port, usb_backend=usb_backend))
+            return _or_close(link, partial(StrataBoard, link))
         place, protocols = port.path, _protocols_of(port)
         open_stream = partial(ports.open_stream, port, usb_backend=usb_backend)
     if protocol is not None:
@@ -196,9 +199,11 @@ def _connect(
     for name in protocols:
         stream = open_stream()
         if capture is not None:
-            stream = _captured(stream, capture)
+            stream = _or_close(stream, partial(Capture, stream, capture))
         try:
-            return _comlib(stream, timeout) if name == "comlib" else _strata(StreamLink(stream), timeout)
+            if name == "comlib":
+                return _or_close(stream, partial(ComLibBoard, stream, timeout=timeout))
+            return _or_close(stream, partial(StrataBoard, StreamLink(stream), timeout=timeout))
         except (SensorTimeoutError, ProtocolError) as error:
             if len(protocols) == 1 or error.protocol:
                 raise
@@ -224,22 +229,6 @@ def _protocols_of(port: Port) -> tuple[str, ...]:
     return PROTOCOLS if port.vendor_id is None and ports.may_be_usb(port) else PROTOCOLS[::-1]
 
 
-def _captured(stream: Stream, path: str | PathLike[str]) -> Stream:
-    try:
-        return Capture(stream, path)
-    except BaseException:
-        stream.close()
-        raise
-
-
-def _strata(link: Link, timeout: float) -> Board:
-    return _or_close(link, lambda: StrataBoard(link, timeout=timeout))
-
-
-def _comlib(stream: Stream, timeout: float) -> Board:
-    return _or_close(stream, lambda: ComLibBoard(stream, timeout=timeout))
-
-
 def _port_of(text: str, usb_backend: Any) -> Port:
     """Port of a name: a USB device that is plugged in, or else a serial port."""
     if not text.startswith("usb:"):
@@ -252,8 +241,8 @@ def _port_of(text: str, usb_backend: Any) -> Port:
     raise SensorNotFoundError(f"{text}: expected a radar board on USB, got none{there}")
 
 
-def _or_close(resource: Stream | Link, make: Callable[[], Board]) -> Board:
-    """Board made from a resource, which is closed when that fails."""
+def _or_close(resource: Stream | Link, make: Callable[[], _Made]) -> _Made:
+    """Board or capture made from a resource, which is closed when that fails."""
     try:
         return make()
     except BaseException:

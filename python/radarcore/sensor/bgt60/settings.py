@@ -45,6 +45,7 @@ from radarcore.sensor.bgt60.timing import (
     text_of,
     within,
 )
+from radarcore.sensor.interface import check_single_ramp
 
 ADC_DELAY = FIRST_SAMPLE / CLOCK
 """Time from the start of a chirp's band to its first sample [s]: 3.1125 us."""
@@ -201,17 +202,7 @@ class Settings:
         """
         check.instance("radar", radar, Radar)
         waveform = radar.waveform
-        if radar.more_waveforms:
-            raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
-        if radar.schedule is not None:
-            raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
-        if len(radar.tx) != 1:
-            raise ValueError(f"tx: expected one antenna, got {len(radar.tx)}")
-        if not waveform.has_uniform_chirps or waveform.chirp_times[0] > 1e-9 * waveform.chirp_interval:
-            raise ValueError(
-                f"chirp_times: expected evenly spaced chirps from 0 s on, got {waveform.chirp_times[0]:g} s "
-                f"and on average {waveform.chirp_interval:g} s apart; use chirp_interval instead"
-            )
+        check_single_ramp(radar)
         rate = CLOCK / divider_of(waveform.sample_rate)
         first = waveform.start_frequency + waveform.slope * waveform.adc_delay
         slope = waveform.slope * (rate / waveform.sample_rate)

@@ -43,7 +43,7 @@ from radarcore.sensor.comlib.messages import (
     encode_number,
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame
+from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame, check_single_ramp
 from radarcore.sensor.transport.stream import Stream
 
 _Decoded = TypeVar("_Decoded")
@@ -177,18 +177,11 @@ class ComLibBoard:
         RequestError
             For a request that the board refuses.
         """
+        check_single_ramp(radar)
         wave = radar.waveform
         rx_mask = self._rx_mask(radar, rx_mask)
         if tx_power is not None and check.count("tx_power", tx_power, 0) > self._limits.max_tx_power:
             raise ValueError(f"tx_power: expected 0 to {self._limits.max_tx_power}, got {tx_power}")
-        if radar.more_waveforms:
-            raise ValueError(f"waveform: expected one, got {len(radar.waveforms)} sub-sequences")
-        if radar.schedule is not None:
-            raise ValueError(f"schedule: expected none with one antenna, got {radar.schedule.kind!r}")
-        if not wave.has_uniform_chirps:
-            raise ValueError("waveform: expected chirps at equal intervals, got a list of chirp_times")
-        if wave.chirp_times[0] > 1e-9 * wave.chirp_interval:
-            raise ValueError(f"chirp_times: expected the first chirp at 0 s, got {wave.chirp_times[0]:g}")
         lowest, highest = self._limits.min_frequency_khz * 1e3, self._limits.max_frequency_khz * 1e3
         if not lowest <= wave.start_frequency <= highest:
             raise ValueError(
@@ -318,11 +311,6 @@ class ComLibBoard:
 
     def _rx_mask(self, radar: Radar, rx_mask: int | None) -> int:
         """Mask of the enabled receivers, where the antennas are possible."""
-        if len(radar.tx) != 1:
-            raise ValueError(
-                f"tx: expected one antenna, got {len(radar.tx)}; the endpoint that sets the TX mode of BGT60 boards "
-                f"(RadarSoli) is not public"
-            )
         num_rx = self._limits.num_rx
         if rx_mask is None:
             if len(radar.rx) > num_rx:

@@ -21,6 +21,7 @@ from radarcore.sensor.bgt60.registers import (
     FRAME_START,
     FSM_RESET,
     FSTAT,
+    LFSR_EN,
     MAIN,
     RESET_VALUES,
     SADC_RESULT,
@@ -40,7 +41,6 @@ FIFO_SAMPLES = 16384
 _STATUS = 0xF0
 _STATUS_OVERFLOW = 0x08
 
-_LFSR_EN = 1 << 17
 _CW_MODE = 1 << 16
 _MAIN_ACTIONS = FRAME_START | SW_RESET | FSM_RESET | FIFO_RESET
 _STAT0_READY = 0b1111  # sensor ADC, ADC, band gap and regulators
@@ -263,7 +263,7 @@ class Chip:
     def _begin(self, sequence: Sequence, *, first_index: int = 0, origin: float | None = None) -> None:
         """Measure in a thread; `origin` is the time stamp of the time 0 of the source, now by default [s]."""
         piece = slice_size_of(self.registers)
-        is_test = bool(self.registers[SFCTL] & _LFSR_EN)
+        is_test = bool(self.registers[SFCTL] & LFSR_EN)
         arguments = (self._run, sequence, piece, is_test, self._thread, first_index, origin)
         self._thread = threading.Thread(target=self._measure, args=arguments, name="radarcore-sequencer", daemon=True)
         self._thread.start()

@@ -14,19 +14,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from radarcore import check
 from radarcore.sensor.errors import ProtocolError, RequestError
 
 MAX_PACKET = 4095
 """Largest packet of a byte stream, all in, but for data: it never ends a USB packet of 512 bytes exactly."""
 
-MAX_REQUEST_PAYLOAD = MAX_PACKET - 8 - 2
-MAX_RESPONSE_PAYLOAD = MAX_PACKET - 4 - 2
-MAX_DATA_PAYLOAD = 0xFFFF
-"""Largest payload of a data packet, by its length of 16 bits."""
-
-MAX_DATA_PACKET = 6 + MAX_DATA_PAYLOAD + 2
-"""Largest packet of a byte stream, all in."""
+MAX_DATA_PACKET = 6 + 0xFFFF + 2
+"""Largest packet of a byte stream, all in: its length has 16 bits."""
 
 MAX_CONTROL_PAYLOAD = 4088
 """Largest payload of a control transfer of vendor USB."""
@@ -250,52 +244,31 @@ class DataPacket:
 
 
 def encode_request(request: Request) -> bytes:
-    """Packet of a request on a byte stream; ValueError if a number or the payload does not fit."""
-    if len(request.payload) > MAX_REQUEST_PAYLOAD:
-        raise ValueError(f"payload: expected at most {MAX_REQUEST_PAYLOAD} bytes, got {len(request.payload)}")
-    wanted = 0 if request.kind in (Kind.READ, Kind.FETCH) else request.length
-    if len(request.payload) != wanted:
-        raise ValueError(f"payload: expected {wanted} bytes, got {len(request.payload)}")
-    head = _pack(
-        "<BBHHH",
-        kind=request.kind,
-        request=request.request,
-        value=request.value,
-        index=request.index,
-        length=request.length,
-    )
+    """Packet of a request on a byte stream."""
+    head = struct.pack("<BBHHH", request.kind, request.request, request.value, request.index, request.length)
     return _with_crc(head + request.payload)
 
 
 def encode_response(response: Response) -> bytes:
-    """Packet of a response on a byte stream; ValueError if a number or the payload does not fit."""
-    if len(response.payload) > MAX_RESPONSE_PAYLOAD:
-        raise ValueError(f"payload: expected at most {MAX_RESPONSE_PAYLOAD} bytes, got {len(response.payload)}")
-    head = _pack("<BBH", kind=response.kind, status=response.status, length=len(response.payload))
+    """Packet of a response on a byte stream."""
+    head = struct.pack("<BBH", response.kind, response.status, len(response.payload))
     return _with_crc(head + response.payload)
 
 
 def encode_data(packet: DataPacket, *, with_crc: bool = True) -> bytes:
     """Data packet: `with_crc` for a byte stream, without for a bulk transfer of vendor USB.
 
-    An error text of 4 bytes reads as a code. ValueError if something does not fit.
+    An error is sent in place of samples; a text of 4 bytes reads as a code. Time stamp and error count on the last
+    packet of a slice only.
     """
-    if not packet.is_last and (packet.timestamp is not None or packet.error is not None):
-        raise ValueError("is_last: expected True with a time stamp or an error, got False")
-    payload = packet.payload
-    if packet.error is not None:
-        if payload:
-            raise ValueError(f"payload: expected none with an error, got {len(payload)} bytes")
-        payload = packet.error.encode() if isinstance(packet.error, str) else _pack("<I", error=packet.error)
+    payload, error = packet.payload, packet.error
+    if error is not None:
+        payload = error.encode() if isinstance(error, str) else struct.pack("<I", error)
     if packet.timestamp is not None:
-        payload += _pack("<Q", timestamp=packet.timestamp)
-    if len(payload) > MAX_DATA_PAYLOAD:
-        raise ValueError(f"payload: expected at most {MAX_DATA_PAYLOAD} bytes with its time stamp, got {len(payload)}")
-    flags = (
-        packet.is_first | packet.is_last << 1 | (packet.timestamp is not None) << 2 | (packet.error is not None) << 3
-    )
-    head = _pack("<BBHH", flags=0xD0 | flags, channel=packet.channel, counter=packet.counter, length=len(payload))
-    return _with_crc(head + payload) if with_crc else head + payload
+        payload += _TIMESTAMP.pack(packet.timestamp)
+    flags = packet.is_first | packet.is_last << 1 | (packet.timestamp is not None) << 2 | (error is not None) << 3
+    body = struct.pack("<BBHH", 0xD0 | flags, packet.channel, packet.counter, len(payload)) + payload
+    return _with_crc(body) if with_crc else body
 
 
 def decode_data(data: bytes) -> DataPacket:
@@ -341,7 +314,7 @@ class Version(NamedTuple):
 
     def encode(self) -> bytes:
         """Answer of 16 bytes."""
-        return _pack("<HHHHHH", **self._asdict()) + bytes(4)
+        return struct.pack("<6H4x", *self)
 
     @classmethod
     def decode(cls, payload: bytes) -> Version:
@@ -353,7 +326,7 @@ class Version(NamedTuple):
 
 def encode_board_info(vendor_id: int, product_id: int, name: str) -> bytes:
     """Answer to `Info.NAME`: USB ids and the name."""
-    return _pack("<HH", vendor_id=vendor_id, product_id=product_id) + name.encode()[:251] + b"\0"
+    return struct.pack("<HH", vendor_id, product_id) + name.encode()[:251] + b"\0"
 
 
 def decode_board_info(payload: bytes) -> tuple[int, int, str]:
@@ -388,12 +361,9 @@ class DataConfiguration(NamedTuple):
 def data_configuration(slice_size: int, address: int = 0x60) -> bytes:
     """Payload of `Data.CONFIGURE`: slices of `slice_size` samples of 12 bit, two in three bytes.
 
-    `address` is that of the radar's FIFO. ValueError for an odd or too large slice.
+    `address` is the radar's FIFO.
     """
-    slice_size = check.count("slice_size", slice_size, 2)
-    if slice_size % 2 or slice_size > 0xFFFE:
-        raise ValueError(f"slice_size: expected an even number up to 65534, got {slice_size}")
-    return bytes([DataFormat.PACKED12]) + bytes(7) + _pack("<HH", address=address, slice_size=slice_size)
+    return struct.pack("<B7xHH", DataFormat.PACKED12, address, slice_size)
 
 
 def decode_data_configuration(payload: bytes, *, index: int = 0, max_slice_size: int = 16384) -> DataConfiguration:
@@ -447,20 +417,6 @@ def _with_crc(packet: bytes) -> bytes:
     return packet + crc(packet).to_bytes(2, "big")
 
 
-def _pack(layout: str, **numbers: int) -> bytes:
-    """Bytes of `numbers`; ValueError with the name of the one that does not fit."""
-    try:
-        return struct.pack(layout, *numbers.values())
-    except struct.error:
-        for (name, number), letter in zip(numbers.items(), layout[1:], strict=True):
-            largest = 256 ** struct.calcsize(f"<{letter}") - 1
-            if not 0 <= number <= largest:
-                raise ValueError(f"{name}: expected 0 to {largest}, got {number}") from None
-        raise
-
-
 def _words(order: str, words: Iterable[int]) -> bytes:
     words = list(words)
-    if words and not 0 <= min(words) <= max(words) <= 0xFFFFFFFF:
-        raise ValueError(f"words: expected numbers of 32 bit, got {min(words)} to {max(words)}")
     return struct.pack(f"{order}{len(words)}I", *words)

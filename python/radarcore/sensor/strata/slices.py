@@ -69,11 +69,6 @@ class SliceAssembler:
         self._parts: list[DataPacket] = []
         self._size = 0
 
-    def reset(self) -> None:
-        """Begin anew: the next packet may have any counter."""
-        self._counter = None
-        self._take()
-
     def feed(self, packet: DataPacket) -> list[Slice | SliceLost | StreamError]:
         """Slices, losses and errors that this packet completes, in order."""
         found: list[Slice | SliceLost | StreamError] = []
