@@ -193,14 +193,14 @@ class Viewer:
             if not isinstance(body, Body):
                 continue
             if body.deformation is not None:
-                self._log(_of_body(name), self._mesh(body, body.vertices_at(time)))
-            self._log(_of_body(name), _transform(rr, body.motion.at(time)))
+                self._stream.log(_of_body(name), self._mesh(body, body.vertices_at(time)))
+            self._stream.log(_of_body(name), _transform(rr, body.motion.at(time)))
         if len(scene.parts.point_numbers):
             places = scene.parts.positions + time * scene.parts.velocities
             labels = [scene.names[number] for number in scene.parts.point_numbers]
-            self._log(f"{_WORLD}/points", rr.Points3D(places, radii=_DOT, labels=labels, colors=_TRUTH))
+            self._stream.log(f"{_WORLD}/points", rr.Points3D(places, radii=_DOT, labels=labels, colors=_TRUTH))
         if radar_motion is not None:
-            self._log(_RADAR, _transform(rr, as_motion("radar_motion", radar_motion).at(time)))
+            self._stream.log(_RADAR, _transform(rr, as_motion("radar_motion", radar_motion).at(time)))
 
     def show_depth(self, image: Image, *, num_rays: int = 24) -> None:
         """Depth image of the radar, as `Simulator.depth_image` gives it, and some of its rays.
@@ -234,11 +234,11 @@ class Viewer:
             camera_xyz=rr.ViewCoordinates.RDF,
             image_plane_distance=0.3,
         )
-        self._log(_CAMERA, _transform(rr, pose), view)
+        self._stream.log(_CAMERA, _transform(rr, pose), view)
         depth = np.where(np.isfinite(planar), planar, 0.0).astype(np.float32)
-        self._log(f"{_CAMERA}/depth", rr.DepthImage(depth, meter=1.0))
+        self._stream.log(f"{_CAMERA}/depth", rr.DepthImage(depth, meter=1.0))
         rays = [[np.zeros(3), end] for end in _some_hits(image.distance, camera, num_rays)]
-        self._log(f"{_RADAR}/rays", rr.LineStrips3D(rays, colors=[_RAY] * len(rays)))
+        self._stream.log(f"{_RADAR}/rays", rr.LineStrips3D(rays, colors=[_RAY] * len(rays)))
 
     def show_frame(self, frame: Frame) -> None:
         """Range-velocity map of a frame [dB], and the truth where it has one.
@@ -264,7 +264,7 @@ class Viewer:
         # A tensor has no axes but names: they say what a cell is.
         cell = waveform.range_axis(waveform.num_samples)[1], waveform.velocity_resolution
         names = f"velocity, {cell[1]:.3g} m/s per cell, 0 in the middle", f"range, {cell[0]:.3g} m per cell"
-        self._log(_MAP, rr.Tensor(_levels_db(power).astype(np.float32), dim_names=names))
+        self._stream.log(_MAP, rr.Tensor(_levels_db(power).astype(np.float32), dim_names=names))
         if frame.truth is not None:
             self._show_truth(frame.truth)
 
@@ -292,7 +292,7 @@ class Viewer:
         values = zip(found.range[is_placed], found.velocity[is_placed], strict=True)
         labels = [f"{distance:.2f} m, {velocity:+.2f} m/s" for distance, velocity in values]
         points = rr.Points3D(places[is_placed], radii=_DOT, labels=labels, colors=_DETECTION, show_labels=False)
-        self._log(f"{_RADAR}/detections", points)
+        self._stream.log(f"{_RADAR}/detections", points)
 
     def show_tracks(self, states: Iterable[TrackState], time: float) -> None:
         """Confirmed tracks of a frame at its middle [s]: places, velocities as arrows, and ranges as curves.
@@ -320,11 +320,11 @@ class Viewer:
         places = np.array([state.position for state in placed]).reshape(-1, 3)
         motions = np.array([state.motion for state in placed]).reshape(-1, 3)
         names = [f"track {state.id}" for state in placed]
-        self._log(f"{_RADAR}/tracks", rr.Points3D(places, radii=1.5 * _DOT, labels=names, colors=_TRACK))
-        self._log(f"{_RADAR}/tracks/velocity", rr.Arrows3D(origins=places, vectors=motions, colors=_TRACK))
+        self._stream.log(f"{_RADAR}/tracks", rr.Points3D(places, radii=1.5 * _DOT, labels=names, colors=_TRACK))
+        self._stream.log(f"{_RADAR}/tracks/velocity", rr.Arrows3D(origins=places, vectors=motions, colors=_TRACK))
         for state in confirmed:
-            self._log(["range", f"track {state.id}"], rr.Scalars(state.range))
-            self._log(["velocity", f"track {state.id}"], rr.Scalars(state.velocity))
+            self._stream.log(["range", f"track {state.id}"], rr.Scalars(state.range))
+            self._stream.log(["velocity", f"track {state.id}"], rr.Scalars(state.velocity))
 
     def _show_truth(self, truth: Truth) -> None:
         rr = self._rerun
@@ -332,23 +332,19 @@ class Viewer:
         places = truth.range[seen, None] * unit_vectors(truth.azimuth[seen], truth.elevation[seen])
         names = [truth.names[k] for k in seen]
         points = rr.Points3D(places, radii=_DOT, labels=names, colors=_TRUTH, show_labels=False)
-        self._log(f"{_RADAR}/truth", points)
+        self._stream.log(f"{_RADAR}/truth", points)
         for k in seen:
-            self._log(["range", truth.names[k]], rr.Scalars(float(truth.range[k])))
-            self._log(["velocity", truth.names[k]], rr.Scalars(float(truth.velocity[k])))
+            self._stream.log(["range", truth.names[k]], rr.Scalars(float(truth.range[k])))
+            self._stream.log(["velocity", truth.names[k]], rr.Scalars(float(truth.velocity[k])))
 
     def _at(self, time: float) -> None:
         """Put what follows at a time [s]."""
         self._stream.set_time(TIME_LINE, duration=check.number("time", time, "s"))
 
-    def _log(self, entity: str | list[str], *parts: Any, static: bool = False) -> None:
-        # Names in lists are escaped: a body called a/b is no part of a body called a.
-        self._stream.log(list(entity) if isinstance(entity, list) else entity, *parts, static=static)
-
     def _send_meshes(self, scene: Scene) -> None:
         for name, body in zip(scene.names, scene.bodies, strict=True):
             if isinstance(body, Body) and body.deformation is None:
-                self._log(_of_body(name), self._mesh(body, body.mesh.vertices), static=True)
+                self._stream.log(_of_body(name), self._mesh(body, body.mesh.vertices), static=True)
 
     def _mesh(self, body: Body, vertices: Matrix) -> Any:
         color = self._colors.setdefault(body.material.name, _MATERIALS[len(self._colors) % len(_MATERIALS)])
@@ -381,6 +377,7 @@ def _has_display() -> bool:
 
 
 def _of_body(name: str) -> list[str]:
+    """Entity of a body. Names in lists are escaped: a body called a/b is no part of a body called a."""
     return [_WORLD, "bodies", name]
 
 
