@@ -24,16 +24,13 @@ Vertices = NDArray[np.float64]
 Shape = Callable[[float], Vertices]
 
 
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=8, chirp_interval=300e-6
+)
+
+
 def waveform(**changes: Any) -> rc.Waveform:
-    settings: dict[str, Any] = {
-        "start_frequency": 60e9,
-        "slope": 2e13,
-        "sample_rate": 2e6,
-        "num_samples": 32,
-        "num_chirps": 8,
-        "chirp_interval": 300e-6,
-    }
-    return rc.Waveform(**settings | changes)
+    return WAVEFORM.replace(**changes)
 
 
 def simulator(bodies: list[Any], radar: rc.Radar | None = None, **options: Any) -> rc.Simulator:

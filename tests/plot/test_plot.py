@@ -42,7 +42,7 @@ def test_importing_needs_no_matplotlib_and_drawing_no_pyplot_and_both_touch_noth
         "import matplotlib, picture_scenes; from radarcore import plot\n"
         "settings = lambda: {k: matplotlib.rcParams[k] for k in matplotlib.rcParams if k != 'backend'}\n"
         "before = settings()\n"
-        "plot.experiment(picture_scenes.recording(), picture_scenes.room())\n"
+        "plot.scene_from_above(picture_scenes.room())\n"
         "plot.range_time(picture_scenes.recording())\n"
         "plot.depth_image(picture_scenes.image())\n"
         "assert settings() == before and 'matplotlib.pyplot' not in sys.modules"

@@ -21,17 +21,19 @@ CLOSED_FORM = 1e-9
 """Relative. A delay of 20 ns is known to 3e-24 s (eps / 2): 60 GHz make that 1e-12 rad."""
 
 
+WAVEFORM = rc.Waveform(
+    start_frequency=60e9,
+    slope=2e12,
+    sample_rate=1e6,
+    num_samples=48,
+    num_chirps=16,
+    chirp_interval=300e-6,
+    adc_delay=2e-6,
+)
+
+
 def waveform(slope: float = 2e12, **changes: Any) -> rc.Waveform:
-    settings: dict[str, Any] = {
-        "start_frequency": 60e9,
-        "slope": slope,
-        "sample_rate": 1e6,
-        "num_samples": 48,
-        "num_chirps": 16,
-        "chirp_interval": 300e-6,
-        "adc_delay": 2e-6,
-    }
-    return rc.Waveform(**settings | changes)
+    return WAVEFORM.replace(slope=slope, **changes)
 
 
 def simulate(bodies: list[Any], radar: rc.Radar, *, time: float = 0.0, **options: Any) -> NDArray[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -262,21 +262,35 @@ def _load_collada(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     document = Collada(str(path), ignore=[common.DaeUnsupportedError, common.DaeBrokenRefError])
     about = document.assetInfo
     to_metres = (1.0 if about.unitmeter is None else float(about.unitmeter)) * _TO_Z_UP[about.upaxis]
-    vertices, triangles, num_vertices = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    parts: list[_Part] = []
     for geometry in [] if document.scene is None else document.scene.objects("geometry"):
-        placed = np.asarray(geometry.matrix, dtype=np.float64)
-        linear = to_metres @ placed[:3, :3]
-        is_mirrored = np.linalg.det(linear) < 0.0
+        placed = to_metres @ np.asarray(geometry.matrix, dtype=np.float64)[:3]
         for part in geometry.original.primitives:
             if isinstance(part, polylist.Polylist):
                 part = part.triangleset()  # the same surface
             if not isinstance(part, triangleset.TriangleSet) or part.vertex is None or len(part) == 0:
                 continue
-            vertices.append(np.asarray(part.vertex, dtype=np.float64) @ linear.T + to_metres @ placed[:3, 3])
-            rows = np.asarray(part.vertex_index, dtype=np.int64) + num_vertices
-            triangles.append(rows[:, ::-1] if is_mirrored else rows)
-            num_vertices += len(vertices[-1])
-    return np.concatenate(vertices), np.concatenate(triangles)
+            parts.append(
+                transformed(np.asarray(part.vertex, np.float64), np.asarray(part.vertex_index, np.int64), placed)
+            )
+    return _joined(parts)
+
+
+_Part = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+
+def transformed(vertices: NDArray[np.float64], triangles: NDArray[Any], placed: NDArray[np.float64]) -> _Part:
+    """Vertices and triangles under a map (3, 4); mirrored ones keep their normals outwards."""
+    is_mirrored = np.linalg.slogdet(placed[:, :3]).sign < 0.0  # determinants may overflow
+    return vertices @ placed[:, :3].T + placed[:, 3], triangles[:, ::-1] if is_mirrored else triangles
+
+
+def _joined(parts: Sequence[_Part]) -> _Part:
+    """Vertices (n, 3) and triangles (m, 3) of all parts."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    triangles = [rows + start for (_, rows), start in zip(parts, starts, strict=False)]
+    vertices = [np.empty((0, 3)), *(vertices for vertices, _ in parts)]
+    return np.concatenate(vertices), np.concatenate([np.empty((0, 3), np.int64), *triangles])
 
 
 _CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -289,8 +303,6 @@ _UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254
 
 _MOST_PARTS = 10_000
 """Largest number of objects in a build: nested components may multiply without limit."""
-
-_Part = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def _load_3mf(path: Path) -> _Part:
@@ -311,10 +323,7 @@ def _load_3mf(path: Path) -> _Part:
         build.unit = _UNITS[unit]
         for item in model.iterfind(f"{_CORE}build/{_CORE}item"):
             build.add(item, root, np.eye(4))
-    vertices = [np.empty((0, 3)), *(vertices for vertices, _ in build.parts)]
-    starts = np.cumsum([len(part) for part in vertices])
-    triangles = [rows + start for (_, rows), start in zip(build.parts, starts, strict=False)]
-    return np.concatenate(vertices), np.concatenate([np.empty((0, 3), np.int64), *triangles])
+    return _joined(build.parts)
 
 
 class _Build:
@@ -350,12 +359,7 @@ class _Build:
         if (mesh := element.find(f"{_CORE}mesh")) is not None:
             if len(self.parts) >= _MOST_PARTS:
                 raise ValueError(f"expected at most {_MOST_PARTS} objects in the build, got more")
-            vertices, triangles = self._mesh(mesh)
-            linear, shift = placed[:3, :3], placed[:3, 3]
-            is_mirrored = np.linalg.det(linear) < 0.0
-            self.parts.append(
-                (self.unit * (vertices @ linear.T + shift), triangles[:, ::-1] if is_mirrored else triangles)
-            )
+            self.parts.append(transformed(*self._mesh(mesh), self.unit * placed[:3]))
 
     def _mesh(self, mesh: ET.Element) -> _Part:
         if id(mesh) not in self._meshes:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radarcore import notice
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh, merged_mesh
-from radarcore.geometry.mesh_files import load_mesh
+from radarcore.geometry.mesh_files import load_mesh, transformed
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.urdf_files import parsed, warn_of_no_shapes
 from radarcore.models.robots.joint import Joint
@@ -33,8 +33,7 @@ class Part(NamedTuple):
     def mesh(self) -> Mesh:
         """The shape [m], before it is put at `origin`; a mirrored one keeps its normals outwards."""
         mesh = load_mesh(self.source) if isinstance(self.source, Path) else self.source
-        triangles = mesh.triangles if np.sign(self.scale).prod() > 0.0 else mesh.triangles[:, ::-1]
-        return Mesh(mesh.vertices * self.scale, triangles)
+        return Mesh(*transformed(mesh.vertices, mesh.triangles, np.column_stack([np.diag(self.scale), np.zeros(3)])))
 
 
 class Model(NamedTuple):
