@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from picture_scenes import texts_apart
 
 BOARD = rc.bgt60tr13c(num_chirps=32)
 WF = BOARD.waveform
@@ -226,6 +227,7 @@ def test_paths_are_read_and_name_the_recordings(
 def test_report_is_one_file_and_holds_all_numbers(side_by_side: rc.Comparison, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
     compared = side_by_side
+    assert {"ball", "post", "Range [m]", "Velocity [m/s]"} <= texts_apart(compared.figure())
     compared.report(tmp_path / "new" / "report.html")
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
     assert page.count('src="data:image/png;base64,') == 2

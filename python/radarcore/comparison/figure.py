@@ -92,6 +92,7 @@ def draw(
                 ax.plot(one.time, 0.0, "|", color=color, markersize=9.0, transform=ax.get_xaxis_transform())
 
     # Names come last, when everything has its place, and leave it there.
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for ax, names in named:
         is_map = ax not in (ranges, velocities)

@@ -33,6 +33,9 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "0.45"
 """Colour of what needs none."""
 
+_PER_SEGMENT = 8
+"""Points of each segment of a line that names keep off."""
+
 _SHOWN_DPI, _WRITTEN_DPI = 100, 150
 """Dots per inch of figures, and of what is written of them."""
 
@@ -209,8 +212,9 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> N
 
 
 def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
-    """Corners of all lines and outlines, (n, 2) pixels; NaN where a line is interrupted."""
-    lines = [ax.transData.transform(line.get_xydata()) for line in ax.lines]
+    """Points along all lines and corners of outlines, (n, 2) pixels; NaN where a line is interrupted."""
+    paths = [line.get_path() for line in ax.lines]
+    lines = [ax.transData.transform(path.interpolated(_PER_SEGMENT).vertices) for path in paths if len(path) > 0]
     outlines = [patch.get_transform().transform(patch.get_path().vertices) for patch in ax.patches]
     return np.concatenate([np.empty((0, 2)), *lines, *outlines])
 
