@@ -194,6 +194,8 @@ def test_bodies_are_the_visible_geoms_with_names_of_their_own() -> None:
     assert live.scene.names == ("floor", "robot/stone 1", "robot/stone 1 2", "lid", "case/box")
     assert live.geoms == (0, 1, 2, 5, 6)
     assert parts(groups=(3,)).scene.names == ("hull",)
+    three = LiveModel(compiled('<geom size=".1"/>' * 3)[0])
+    assert three.scene.names == ("world/sphere", "world/sphere 2", "world/sphere 3")
     assert parts(skip=("case", "floor")).scene.names == ("robot/stone 1", "robot/stone 1 2")
     # Meshes are built once; what is welded to the world is at rest.
     assert live.bodies[1].mesh is live.bodies[2].mesh
