@@ -74,7 +74,7 @@ def test_ghost_has_the_level_and_the_angles_of_geometrical_optics() -> None:
         assert sine == pytest.approx(arrives_from[1] / np.linalg.norm(arrives_from), abs=0.01)
 
 
-@pytest.mark.parametrize(("tx_width", "rx_width"), [(np.inf, 30.0), (30.0, np.inf), (30.0, 50.0)])
+@pytest.mark.parametrize(("tx_width", "rx_width"), [(np.inf, 30.0), (30.0, 50.0)])
 def test_both_ends_of_a_ghost_have_the_gain_of_their_own_directions(tx_width: float, rx_width: float) -> None:
     """Straight ahead to the ball, 36 degrees aside to its image: 17 dB less in a beam of 30 degrees."""
     point = touched(SENSOR, image_of(SENSOR))

@@ -34,12 +34,12 @@ def assert_exact(cuboid: Cuboid, expected: Phasors, radar: rc.Radar, **material:
         assert (errors <= np.maximum(floor, 1e-4 * echoes)).all(), (options, cuboid, errors, echoes)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("is_box", [False, True], ids=["plate", "box"])
 def test_cuboid_anywhere_is_physical_optics_over_its_faces(seed: int, is_box: bool) -> None:
-    # 400 in all. By default edges of less than 1e-4 m^2 are left out.
+    # By default edges of less than 1e-4 m^2 are left out.
     rng, radar = np.random.default_rng(seed), rc.Radar(tone())
-    for _ in range(50):
+    for _ in range(25):
         cuboid = placed(rng, None, is_box=is_box)
         assert_exact(cuboid, cuboid.field(WAVENUMBERS), radar)
 
@@ -50,7 +50,7 @@ TX, RX = np.array([[0.0, 0.05, 0.0], [0.01, 0.0, -0.05]]), np.array([[0.0, -0.05
 @pytest.mark.parametrize("is_box", [False, True], ids=["plate", "box"])
 def test_every_channel_of_a_wide_array_has_its_own_field(is_box: bool) -> None:
     rng, radar, number = np.random.default_rng(1), rc.Radar(tone(), tx=TX, rx=RX), 0
-    while number < 20:
+    while number < 8:
         cuboid = placed(rng, None, is_box=is_box)
         # Faces that some antennas see and others do not have no agreed field.
         seen = {len(list(Cuboid(cuboid.edges, rc.Pose(-at) @ cuboid.pose).faces())) for at in (*TX, *RX)}
@@ -69,7 +69,7 @@ def test_dielectric_plate_reflects_by_the_angle_of_incidence() -> None:
         return te / np.abs(te) * np.sqrt(0.5 * (np.abs(te) ** 2 + np.abs(tm) ** 2))
 
     rng, radar, material = np.random.default_rng(1), rc.Radar(tone()), rc.Material.dielectric(permittivity)
-    for tilt_deg in np.linspace(0.0, 70.0, 40):
+    for tilt_deg in np.linspace(0.0, 70.0, 15):
         plate = placed(rng, tilt_deg, is_box=False)
         assert_exact(plate, plate.field(WAVENUMBERS, reflection=fresnel), radar, material=material)
 

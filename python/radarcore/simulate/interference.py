@@ -135,11 +135,12 @@ class Interference:
         delay = distance / SPEED_OF_LIGHT
         # Absolute times are rounded: what lies between them is not quite the span.
         rate = (delay[1] - delay[0]) / (times[1] - times[0])[:, None, None]
-        parts = (  # (offset, rx, tx, chirp)
+        delays, rates, amplitudes = (  # (offset, rx, tx, chirp)
             np.moveaxis(values.reshape(*self._starts.shape, *values.shape[1:]), 1, -1)
             for values in (delay[0], rate, amplitude.astype(np.complex128))
         )
-        return [Arrivals(*each, sent_after(interferer) / interferer.clock) for each in zip(*parts, strict=True)]
+        sent = sent_after(interferer) / interferer.clock
+        return [Arrivals(*each, sent) for each in zip(delays, rates, amplitudes, strict=True)]
 
     def _is_hidden(self, interferer: Interferer, engine: _core.Simulator, middle: float) -> NDArray[np.bool_]:
         """True for transmitters that a body occludes from the centre of our array, at the middle of a frame [s]."""
