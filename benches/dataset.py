@@ -19,9 +19,7 @@ from tempfile import TemporaryDirectory
 import radarcore as rc
 from page import machine, table
 from radarcore.dataset.making import Recipe, num_cores
-from radarcore.dataset.store import create, write_shard
-from radarcore.dataset.variables import attributes_of, layout_of, samples_in_shard
-from radarcore.simulate.schedule import frame_times
+from radarcore.dataset.store import attributes_of, create, layout_of, samples_in_shard, writable, write_shard
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
 ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"
@@ -73,9 +71,9 @@ def simulated(scene: Path, count: int, clock: Callable[[], float] = time.process
     seconds, num_frames = 0.0, 0
     for index in range(count):
         simulation = variation.sample(index, seed=1).simulation()
-        run, simulator = simulation.run, simulation.simulator(threads=1)
+        simulator = simulation.simulator(threads=1)
         began = clock()
-        for start in frame_times(run.start, run.stop, run.rate):
+        for start in simulation.run.times:
             simulator.frame(start)
             num_frames += 1
         seconds += clock() - began
@@ -206,9 +204,11 @@ def writing(folder: Path, tiny: bool) -> str:
         layout = layout_of(recipe.variation, recipe.body_names, recipe.labels, frames, number, number)
         attrs = attributes_of(recipe.variation, layout, 1, recipe.labels, frames[0].radar)
         create(folder / name, layout, {}, attrs)
-        samples = [recipe.rows(layout, index) for index in range(number)]
+        rows_of_all = layout.empty_rows(0)
+        for index in range(number):
+            recipe.fill({key: values[index, ...] for key, values in rows_of_all.items()}, layout, index)
         began = cores_used()
-        write_shard(folder / name, layout, 0, samples)
+        write_shard(folder / name, writable(folder / name), layout, 0, rows_of_all)
         seconds = cores_used() - began
         size = size_of(folder / name) / 1e6
         rows.append([name, f"{size:.1f}", f"{1e3 * seconds / number:.2f}", f"{size / seconds:.0f}"])

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -11,14 +10,7 @@ import pytest
 
 from radarcore.scenefile import schema, tables
 from radarcore.scenefile.read import tables_in
-from radarcore.simulate.settings import Settings
 from scene_files import EXAMPLES
-
-
-def test_every_setting_is_a_key_of_the_run_table_with_the_same_default() -> None:
-    defaults = {field.name: field.default for field in fields(Settings)}
-    keys = {name: field.default for name, field in tables.RunTable.model_fields.items()}
-    assert {name: keys.get(name, "no key") for name in defaults} == defaults | {"method": "no key", "threads": "no key"}
 
 
 def all_keys(table: type = tables.SceneTable, prefix: str = "") -> Iterator[str]:

@@ -16,7 +16,7 @@ from radarcore.adapters.ros.frames import FRAME_TYPE
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.motions import POSES, RIGID_BODIES, first_stamp_ns
 from radarcore.adapters.ros.poses import pose_series, rigid_body_series
-from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Seconds
+from radarcore.cli.options import File, Flag, Json, Metres, OutputFile, Overwrite, Seconds, given
 from radarcore.cli.sources import load_recording, only_radar, path_and_topic
 from radarcore.cli.terminal import show
 from radarcore.comparison import report
@@ -36,9 +36,6 @@ _FALSE_ALARM_RATE = 1e-4
 
 _LONGEST_GAP = 0.1
 """Bodies that motion capture does not see for longer have a gap [s]."""
-
-_POSE = "pose"
-"""Last part of topics that are called for a body: ``/natnet_ros/NAME/pose``."""
 
 
 def run(
@@ -94,10 +91,14 @@ def run(
     time : float
         time of the maps (default: the middle)
     """
-    _check_output(output, overwrite)
+    if output is not None:
+        if output.suffix.lower() not in (_PAGE, *_PICTURES):
+            kinds = ", ".join((_PAGE, *_PICTURES))
+            raise ValueError(f"{output}: expected a report or a picture ({kinds}), got suffix {output.suffix!r}")
+        check_file(output, overwrite=overwrite)
+        plot.require()
     sources = [text for text in (a, b) if text is not None]
-    wishes = {"min_range": min_range, "max_range": max_range}
-    chosen: dict[str, Any] = {name: value for name, value in wishes.items() if value is not None}
+    chosen = given(min_range=min_range, max_range=max_range)
     recordings = [load_recording(Path(text)) for text in sources]
     compared = compare(
         *recordings,
@@ -123,45 +124,24 @@ def run(
             show(f"\n{output}")
 
 
-def _check_output(path: Path | None, overwrite: bool) -> None:
-    """Refuse an output that could not be written, before work is done."""
-    if path is None:
-        return
-    if path.suffix.lower() not in (_PAGE, *_PICTURES):
-        kinds = ", ".join((_PAGE, *_PICTURES))
-        raise ValueError(f"{path}: expected a report or a picture ({kinds}), got suffix {path.suffix!r}")
-    check_file(path, overwrite=overwrite)
-    plot.require()
-
-
 def _truth(path: Path | None, reference: str, radar: str | None, radius: str | None) -> dict[str, Any]:
-    """The truth that was given, and the radar's motion in it: arguments of `compare`."""
-    if path is not None and (path.suffix.lower() == ".csv" or is_bag(path)):
-        return _captured(path, reference, _RADAR if radar is None else radar, radius)
-    for name, value in (("radar", radar), ("radius", radius)):
-        if value is not None:
+    """The truth that was given, and of motion capture the radar's motion: arguments of `compare`."""
+    if path is None or (path.suffix.lower() != ".csv" and not is_bag(path)):
+        if alone := given(radar=radar, radius=radius):
             got = "none" if path is None else path
-            raise ValueError(f"{name}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}")
-    return {} if path is None else {"truth": load_recording(path)}
-
-
-def _captured(path: Path, reference: str, radar: str, radius: str | None) -> dict[str, Any]:
-    """Motions of the bodies that motion capture saw, and of the one that is the radar."""
-    motions = _motions_of(path, reference)
-    if radar not in motions:
-        raise ValueError(f"radar: expected a body of {path}, got {radar!r}; {check.near_names(radar, motions)}")
-    if len(motions) == 1:
-        raise ValueError(f"--truth: expected a body of {path} besides the radar {radar!r}, got none")
-    radii = {name: check.non_negative("radius", _float("radius", text), "m") for name, text in _radii(radius)}
-    return {
-        "truth": {name: motion for name, motion in motions.items() if name != radar},
-        "radar_motion": motions[radar],
-        "radii": radii or None,
-    }
-
-
-def _radii(text: str | None) -> list[tuple[str, str]]:
-    return [] if text is None else list((_pairs("radius", text) or {}).items())
+            raise ValueError(
+                f"{next(iter(alone))}: expected --truth with motion capture (Motive's .csv, or a bag), got {got}"
+            )
+        return {} if path is None else {"truth": load_recording(path)}
+    motions, name = _motions_of(path, reference), radar or _RADAR
+    if name not in motions:
+        raise ValueError(f"radar: expected a body of {path}, got {name!r}; {check.near_names(name, motions)}")
+    radar_motion = motions.pop(name)
+    if not motions:
+        raise ValueError(f"--truth: expected a body of {path} besides the radar {name!r}, got none")
+    texts = _pairs("radius", radius) or {}
+    radii = {body: check.non_negative("radius", _float("radius", text), "m") for body, text in texts.items()}
+    return {"truth": motions, "radar_motion": radar_motion, "radii": radii or None}
 
 
 def _pairs(name: str, text: str | None) -> dict[str, str] | None:
@@ -190,17 +170,12 @@ def _offset(text: str | None) -> Any:
 
 
 def _names(text: str | None, sources: list[str]) -> list[str] | None:
-    """Names of the recordings; None where they are alike."""
+    """Names of the recordings, by default the last parts of their topics or paths; None where they are alike."""
     if text is not None:
         return [name.strip() for name in text.split(",")]
-    names = [_name_of(source) for source in sources]
+    places = map(path_and_topic, sources)
+    names = [topic.rpartition("/")[2] if topic else path.resolve().stem for path, topic in places]
     return names if len(set(names)) == len(names) else None
-
-
-def _name_of(text: str) -> str:
-    """Name of a recording: the last part of its topic, or of its path."""
-    path, topic = path_and_topic(text)
-    return topic.rpartition("/")[2] if topic else path.resolve().stem
 
 
 def _motions_of(path: Path, reference: str) -> dict[str, Motion]:
@@ -230,9 +205,9 @@ def _motions_of(path: Path, reference: str) -> dict[str, Motion]:
 
 
 def _body_of(topic: str) -> str:
-    """Name of the body of a topic: the last part that is not ``pose``."""
+    """Name of the body of a topic: the last part that is not ``pose``, as in ``/natnet_ros/NAME/pose``."""
     parts = [part for part in topic.split("/") if part]
-    return parts[-2] if len(parts) > 1 and parts[-1] == _POSE else parts[-1]
+    return parts[-2] if len(parts) > 1 and parts[-1] == "pose" else parts[-1]
 
 
 def _start_of_frames(bag: BagReader, topic: str) -> int:

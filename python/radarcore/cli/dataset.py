@@ -10,12 +10,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from radarcore.cli.options import Count, Flag, Json, Output, whole_number
+from radarcore.cli.options import Count, Flag, Json, Number, Output, whole_number
 from radarcore.cli.terminal import complain, show
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.making import make
 from radarcore.dataset.reading import open_dataset, verify
-from radarcore.dataset.variables import STATUS
+from radarcore.dataset.store import STATUS
 from radarcore.table import Table
 
 _SHOWN = 3
@@ -23,7 +23,6 @@ _SHOWN = 3
 
 Scene = Annotated[Path, Parameter(metavar="SCENE")]
 Folder = Annotated[Path, Parameter(metavar="DATASET")]
-Number = Annotated[int, Parameter(metavar="N", converter=whole_number)]
 
 
 def run_make(

@@ -1,4 +1,4 @@
-"""The commands `radarcore info` and `schema`: content of recordings, scenes, bags and meshes; keys of scene files."""
+"""The command `radarcore info`: content of recordings, scenes, bags and meshes."""
 
 from __future__ import annotations
 
@@ -23,10 +23,8 @@ from radarcore.recording.bare import NO_DESCRIPTION, Description
 from radarcore.recording.infineon import settings_of
 from radarcore.recording.recording import Recording, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
-from radarcore.scenefile import schema
 from radarcore.scenefile.load import load_scene
 from radarcore.scenefile.read import values_of
-from radarcore.simulate.schedule import frame_times
 from radarcore.table import Table
 from radarcore.units import line
 
@@ -56,16 +54,6 @@ def run(
         print(json.dumps(facts, indent=2))
     else:
         show(Table((), list(_texts(facts)), num_left=2))
-
-
-def run_schema(
-    *,
-    as_json: Annotated[
-        bool, Parameter(name="--json", show_default=False, help="print the JSON schema, for editors")
-    ] = False,
-) -> None:
-    """List every key of a scene file with unit and default."""
-    print(json.dumps(schema.json_schema(), indent=2) if as_json else schema.text())
 
 
 def _texts(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -122,7 +110,7 @@ def _scene_facts(path: Path) -> dict[str, Any]:
         "bodies": list(scene.names),
         **({"interferers": list(scene.interferer_names)} if scene.interferers else {}),
         "triangles": sum(len(body.mesh.triangles) for body in scene.bodies if isinstance(body, Body)),
-        "frames": len(frame_times(run.start, run.stop, run.rate)),
+        "frames": len(run.times),
         "start [s]": run.start,
         "stop [s]": run.stop,
         "rate [Hz]": run.rate,

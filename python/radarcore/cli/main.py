@@ -24,127 +24,75 @@ _SIMULATE, _LOOK, _EVALUATE, _BOARDS, _MORE = (
 
 
 class _Command(NamedTuple):
-    """A command: its words, its function, its group in the help, a sentence and an example."""
+    """A command: its group in the help, its words, a sentence, and the words after them in an example."""
 
-    words: str
-    function: str
     group: Group
+    words: str
     help: str
-    example: str
+    arguments: str
+
+    @property
+    def example(self) -> str:
+        """A call."""
+        return f"radarcore {self.words} {self.arguments}".rstrip()
+
+    @property
+    def function(self) -> str:
+        """Its function: `run` in the file of its first word, or `run_` and its second word."""
+        file, *name = self.words.split()
+        return f"radarcore.cli.{file}:{'_'.join(['run', *name])}"
 
 
 COMMANDS = (
+    _Command(_SIMULATE, "demo", "simulate the experiment and compare it with the truth", "--duration 1 -o out/short"),
+    _Command(_SIMULATE, "simulate", "simulate a scene file into a recording", "scene.toml -o out/recording"),
+    _Command(_SIMULATE, "schema", "list every key of a scene file", "--json"),
+    _Command(_LOOK, "info", "summarise a recording, scene file or bag, or report on a mesh", "out/recording --json"),
+    _Command(_LOOK, "plot", "draw a recording or a scene file", "out/recording -o map.png --kind map --max-range 5"),
+    _Command(_LOOK, "view", "show a scene file or a recording in Rerun (extra `rerun`)", "out/recording -o rec.rrd"),
     _Command(
-        "demo",
-        "demo:run",
-        _SIMULATE,
-        "simulate the experiment and compare it with the truth",
-        "radarcore demo --duration 1 -o out/short",
-    ),
-    _Command(
-        "simulate",
-        "simulate:run",
-        _SIMULATE,
-        "simulate a scene file into a recording",
-        "radarcore simulate scene.toml -o out/recording",
-    ),
-    _Command("schema", "info:run_schema", _SIMULATE, "list every key of a scene file", "radarcore schema --json"),
-    _Command(
-        "info",
-        "info:run",
-        _LOOK,
-        "summarise a recording, a scene file or a bag, or report on a mesh",
-        "radarcore info out/recording --json",
-    ),
-    _Command(
-        "plot",
-        "plot:run",
-        _LOOK,
-        "draw a recording or a scene file",
-        "radarcore plot out/recording -o map.png --kind map --frame -1 --max-range 5",
-    ),
-    _Command(
-        "view",
-        "view:run",
-        _LOOK,
-        "show a scene file or a recording in the viewer Rerun (extra `rerun`)",
-        "radarcore view out/recording -o recording.rrd",
-    ),
-    _Command(
+        _EVALUATE,
         "process",
-        "process:run",
-        _EVALUATE,
         "find detections and tracks in a recording of any length",
-        "radarcore process adc_data.bin --config profile.cfg -o out/results",
+        "adc_data.bin --config profile.cfg -o out/results",
     ),
     _Command(
-        "compare",
-        "compare:run",
         _EVALUATE,
+        "compare",
         "compare recordings with each other and with the truth",
-        "radarcore compare out/simulated out/measured --offset auto -o report.html",
+        "out/simulated out/measured --offset auto -o report.html",
     ),
     _Command(
+        _SIMULATE,
         "dataset make",
-        "dataset:run_make",
-        _SIMULATE,
         "simulate samples of a scene file in which values are distributions",
-        "radarcore dataset make scene.toml -o out/set --count 10000 --workers 2",
+        "scene.toml -o out/set --count 10000 --workers 2",
     ),
+    _Command(_SIMULATE, "dataset verify", "check all files of a dataset, simulate samples again", "out/set --again 20"),
+    _Command(_SIMULATE, "dataset info", "summarise a dataset", "out/set --json"),
+    _Command(_SIMULATE, "dataset scene", "print the scene file of a sample, which gives the same frames", "out/set 17"),
+    _Command(_BOARDS, "sensor list", "list the boards that respond", ""),
+    _Command(_BOARDS, "sensor info", "print type and temperature of a board", "/dev/ttyACM0"),
     _Command(
-        "dataset verify",
-        "dataset:run_verify",
-        _SIMULATE,
-        "check checksums and numbers of a dataset, and simulate samples of it again",
-        "radarcore dataset verify out/set --again 20",
-    ),
-    _Command(
-        "dataset info", "dataset:run_info", _SIMULATE, "summarise a dataset", "radarcore dataset info out/set --json"
-    ),
-    _Command(
-        "dataset scene",
-        "dataset:run_scene",
-        _SIMULATE,
-        "print the scene file of a sample, which gives the same frames alone",
-        "radarcore dataset scene out/set 17",
-    ),
-    _Command("sensor list", "sensor:run_list", _BOARDS, "list the boards that respond", "radarcore sensor list"),
-    _Command(
-        "sensor info",
-        "sensor:run_info",
         _BOARDS,
-        "print type and temperature of a board",
-        "radarcore sensor info /dev/ttyACM0",
-    ),
-    _Command(
         "sensor record",
-        "sensor:run_record",
-        _BOARDS,
         "record from a board, until Ctrl-C or for a duration",
-        "radarcore sensor record -o out/rec --duration 10 --max-range 5 --rate 20",
+        "-o out/rec --duration 10 --max-range 5 --rate 20",
     ),
+    _Command(_BOARDS, "sensor view", "live view of a board, a recording or a scene", "out/rec --speed 0.5"),
     _Command(
-        "sensor view",
-        "sensor:run_view",
         _BOARDS,
-        "live view of a board, a recording or a scene",
-        "radarcore sensor view out/rec --speed 0.5",
-    ),
-    _Command(
         "sensor serve",
-        "sensor:run_serve",
-        _BOARDS,
         "serve a simulated scene or a recording by a board's protocol",
-        "radarcore sensor serve scene.toml --link out/radar",
+        "scene.toml --link out/radar",
     ),
     _Command(
-        "sensor selftest",
-        "sensor:run_selftest",
         _BOARDS,
+        "sensor selftest",
         "check a board: identity, registers, test pattern, noise, frame rate\n\n"
         "Prints PASS, FAIL or SKIP for each check, as measured and as expected. It takes less than 20 s; nothing "
         "should be within half a metre of the board. The exit status is 1 if a check failed.",
-        "radarcore sensor selftest --only noise -o report.json",
+        "--only noise -o report.json",
     ),
 )
 
@@ -170,7 +118,7 @@ def application() -> App:
         *owners, name = command.words.split()
         owner = app[owners[0]] if owners else app
         owner.command(
-            f"radarcore.cli.{command.function}",
+            command.function,
             name=name,
             help=command.help,
             group=command.group,

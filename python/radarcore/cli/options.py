@@ -24,8 +24,9 @@ def whole_number(_: Any, tokens: Sequence[Token]) -> int:
 Flag = Annotated[bool, Parameter(show_default=False)]
 """Option without a value."""
 
+Number = Annotated[int, Parameter(metavar="N", converter=whole_number)]
 Count = Annotated[int | None, Parameter(metavar="N", converter=whole_number)]
-"""Whole number."""
+"""Whole number, or none."""
 
 Seconds = Annotated[float | None, Parameter(metavar="S")]
 Metres = Annotated[float | None, Parameter(metavar="M")]
@@ -51,6 +52,11 @@ SubtractMean = Annotated[
         "their leakage)",
     ),
 ]
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Options that have a value."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def one_of_several() -> Group:

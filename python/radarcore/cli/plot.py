@@ -22,7 +22,6 @@ from radarcore.processing.tracking.tracker import track
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.scenefile.load import Simulation, load_scene
-from radarcore.simulate.schedule import frame_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -182,7 +181,7 @@ def _of_scene(simulation: Simulation, kind: str, number: int | None, sequence: i
             field_of_view_deg=angles,
             **view,
         )
-    times = frame_times(run.start, run.stop, run.rate)
+    times = run.times
     if kind == "above":
         shown = np.linspace(times[0], times[-1], 4) if number is None else [times[_number(number, len(times))]]
         return plot.scene_from_above(simulation.scene, simulation.radar_motion, shown, field_of_view_deg=angles).figure

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.frames import FrameWriter
 from radarcore.adapters.ros.messages import nearest_nanoseconds
 from radarcore.adapters.ros.scans import to_map_image, to_point_cloud, to_radar_scan
-from radarcore.cli.options import Flag, Json, Metres, OutputFolder, Source, SubtractMean, whole_number
+from radarcore.cli.options import Flag, Json, Metres, Number, OutputFolder, Source, SubtractMean, given
 from radarcore.cli.sources import (
     NOT_BARE,
     AnyReader,
@@ -28,23 +27,23 @@ from radarcore.cli.sources import (
     open_recording,
     path_and_topic,
     subtracts_mean,
+    tracker_for,
 )
 from radarcore.cli.terminal import show
 from radarcore.output import Lock, check_file, make_folder, refuse_source
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_doppler
-from radarcore.processing.tracking.tracker import Tracker
 from radarcore.processing.tracking.tracks import TrackState
-from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.table import Table
 
-FILES = ("detections.csv", "tracks.csv")
-"""Files of the results."""
-
-_OF_DETECTIONS = ("frame", "time", "range", "velocity", "azimuth_deg", "elevation_deg", "snr_db")
-_OF_TRACKS = ("frame", "time", "track", "range", "velocity", "azimuth_deg", "elevation_deg", "detected")
+_COORDINATES = {"range": "range", "velocity": "velocity", "azimuth_deg": "azimuth", "elevation_deg": "elevation"}
+FILES = {
+    "detections.csv": {"time": "time", **_COORDINATES, "snr_db": "snr_db"},
+    "tracks.csv": {"time": "time", "track": "id", **_COORDINATES, "detected": "is_detected"},
+}
+"""Files of the results: columns after the number of the frame, and the attribute of a detection or track in each."""
 
 
 @dataclass
@@ -73,7 +72,7 @@ def run(
     bag: Annotated[Path | None, Parameter(metavar="BAG")] = None,
     samples: Flag = False,
     overwrite: Flag = False,
-    sequence: Annotated[int, Parameter(metavar="N", converter=whole_number)] = 0,
+    sequence: Number = 0,
     false_alarm_rate: Annotated[float | None, Parameter(metavar="P")] = None,
     min_range: Metres = None,
     max_range: Metres = None,
@@ -107,12 +106,7 @@ def run(
     range_only : bool
         track ranges and velocities, without angles
     """
-    wishes = {
-        "false_alarm_rate": false_alarm_rate,
-        "min_range": min_range,
-        "max_range": max_range,
-    }
-    chosen = {name: value for name, value in wishes.items() if value is not None}
+    chosen = given(false_alarm_rate=false_alarm_rate, min_range=min_range, max_range=max_range)
     tracks: dict[int, _Summary] = {}
     num_detections = 0
     began = time.perf_counter()
@@ -122,8 +116,8 @@ def run(
         refuse_source("bag", bag, path_and_topic(source)[0])
     with ExitStack() as files:
         reader = files.enter_context(open_recording(source, bare.description))
-        write = _writers(output, overwrite, files) if output is not None else None
-        results = _results(bag, reader, files, with_samples=samples, overwrite=overwrite) if bag is not None else None
+        tables = _ResultFiles(output, overwrite, files) if output is not None else None
+        messages = _ResultBag(bag, reader, samples, overwrite, files) if bag is not None else None
         removes = subtracts_mean(reader, subtract_mean)
         processed = _processed(reader, sequence, chosen, removes=removes, range_only=range_only)
         for index, frame, part, found, states in processed:
@@ -132,10 +126,10 @@ def run(
             for state in confirmed:
                 new = _Summary(index, index, state.time, state.time, 0, state.range, state.range)
                 tracks.setdefault(state.id, new).add(index, state)
-            if write is not None:
-                write(index, found, confirmed)
-            if results is not None:
-                results.write(frame, part, found)
+            if tables is not None:
+                tables.write(index, found, confirmed)
+            if messages is not None:
+                messages.write(frame, part, found)
     elapsed = time.perf_counter() - began
 
     duration = len(reader) * reader.radar.waveform.frame_interval  # of data
@@ -161,15 +155,18 @@ def run(
 
 
 def _table(tracks: dict[int, _Summary]) -> Table:
-    header = ("track", "from [s]", "to [s]", "detected", "nearest [m]", "farthest [m]")
     rows = [
-        (
-            *(str(number), f"{track.start:.2f}", f"{track.stop:.2f}", str(track.hits)),
-            *(f"{track.nearest:.2f}", f"{track.farthest:.2f}"),
-        )
+        {
+            "track": str(number),
+            "from [s]": f"{track.start:.2f}",
+            "to [s]": f"{track.stop:.2f}",
+            "detected": str(track.hits),
+            "nearest [m]": f"{track.nearest:.2f}",
+            "farthest [m]": f"{track.farthest:.2f}",
+        }
         for number, track in sorted(tracks.items())
     ]
-    return Table(header, rows, num_left=0)
+    return Table(list(rows[0]), [list(row.values()) for row in rows], num_left=0)
 
 
 def _processed(
@@ -177,10 +174,7 @@ def _processed(
 ) -> Iterator[tuple[int, Frame, Frame, Detections, Sequence[TrackState]]]:
     """Index, frame, what was processed of it, detections and tracks of all frames, with a bar of the progress."""
     radars = reader.radar.sequences()
-    radar = radars[check.index("sequence", sequence, len(radars))]
-    has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
-    period = 2.0 * radar.max_velocity if has_period else None
-    tracker = Tracker(velocity_ambiguity=period, num_dimensions=1 if range_only else None)
+    tracker = tracker_for(radars[check.index("sequence", sequence, len(radars))], 1 if range_only else None)
     frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):
@@ -189,42 +183,35 @@ def _processed(
             yield index, frame, part, found, tracker.update(found)
 
 
-def _results(path: Path, reader: AnyReader, files: ExitStack, *, with_samples: bool, overwrite: bool) -> _ResultBag:
-    """Bag of the results."""
-    return _ResultBag(path, reader.radar, reader.source, with_samples=with_samples, overwrite=overwrite, files=files)
+class _ResultFiles:
+    """Writes what was found into `FILES`: the rows of a frame are there before the next frame comes."""
+
+    def __init__(self, directory: Path, overwrite: bool, files: ExitStack) -> None:
+        for name in FILES:
+            check_file(directory / name, overwrite=overwrite)
+        make_folder(directory)
+        files.enter_context(Lock(directory))
+        self._files = {}
+        for name, columns in FILES.items():
+            file = (directory / name).open("w", encoding="utf-8", newline="\n")
+            self._files[name] = files.enter_context(file)
+            self._write_rows(name, [("frame", *columns)])
+
+    def write(self, index: int, found: Detections, states: Sequence[TrackState]) -> None:
+        """Write what was found in a frame."""
+        for name, items in (("detections.csv", [found[k] for k in range(len(found))]), ("tracks.csv", states)):
+            rows = [[_text(column, getattr(one, key)) for column, key in FILES[name].items()] for one in items]
+            self._write_rows(name, [(str(index), *row) for row in rows])
+
+    def _write_rows(self, name: str, rows: Iterable[Iterable[str]]) -> None:
+        self._files[name].writelines(f"{','.join(row)}\n" for row in rows)
+        self._files[name].flush()
 
 
-def _writers(directory: Path, overwrite: bool, files: ExitStack) -> Any:
-    """A function that writes the results of a frame; each is in the files before the next comes."""
-    headers = dict(zip(FILES, (_OF_DETECTIONS, _OF_TRACKS), strict=True))
-    for name in headers:
-        check_file(directory / name, overwrite=overwrite)
-    make_folder(directory)
-    files.enter_context(Lock(directory))
-    opened = [files.enter_context((directory / name).open("w", newline="", encoding="utf-8")) for name in FILES]
-    writers = [csv.writer(file, lineterminator="\n") for file in opened]
-    for writer, header in zip(writers, headers.values(), strict=True):
-        writer.writerow(header)
-
-    def write(index: int, found: Detections, states: list[TrackState]) -> None:
-        for k in range(len(found)):
-            angles = np.rad2deg([found.azimuth[k], found.elevation[k]])
-            writers[0].writerow(
-                [index, *_texts(found.time, found.range[k], found.velocity[k], *angles, found.snr_db[k])]
-            )
-        for state in states:
-            angles = np.rad2deg([state.azimuth, state.elevation])
-            values = _texts(state.range, state.velocity, *angles)
-            writers[1].writerow([index, *_texts(state.time), state.id, *values, int(state.is_detected)])
-        for file in opened:
-            file.flush()
-
-    return write
-
-
-def _texts(*values: float) -> list[str]:
-    """Numbers as text; empty for what is not known."""
-    return ["" if np.isnan(value) else f"{value:.6g}" for value in values]
+def _text(column: str, value: Any) -> str:
+    """A number of a column; empty if it is unknown."""
+    number = np.asarray(np.rad2deg(value) if column.endswith("_deg") else value).item()
+    return "" if np.isnan(number) else f"{number:.6g}"
 
 
 _FRAME_ID = "radar"
@@ -232,40 +219,19 @@ _TOPIC = "/radar"
 
 
 class _ResultBag:
-    """Writes what was found in frame after frame.
+    """Writes what was found in frame after frame into a bag, whose format its suffix says.
 
     ``/radar/scan`` (radar_msgs/RadarScan) and ``/radar/points`` (PointCloud2) are the detections, ``/radar/map`` is the
-    range-velocity map [dB] of every radar that has one.
-
-    Parameters
-    ----------
-    path : path
-        Bag to make, its format by the suffix.
-    radar : Radar
-        Of the recording.
-    source : dict
-        Its origin; of one from a bag the stamps go on from that one's.
-    with_samples : bool
-        Write the frames as well.
-    overwrite : bool
-    files : ExitStack
-        Finishes the bag.
+    range-velocity map [dB] of every radar that has one. Stamps of a recording from a bag go on from that one's.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        radar: Radar,
-        source: dict[str, Any],
-        *,
-        with_samples: bool,
-        overwrite: bool,
-        files: ExitStack,
-    ) -> None:
-        origin = source.get("bag")
+    def __init__(self, path: Path, reader: AnyReader, with_samples: bool, overwrite: bool, files: ExitStack) -> None:
+        origin, radar = reader.source.get("bag"), reader.radar
         self._start_ns = int(origin.get("start_ns", 0)) if isinstance(origin, dict) else 0
         self._bag = files.enter_context(BagWriter(path, overwrite=overwrite))
-        self._frames = FrameWriter(self._bag, radar, source=source, start_ns=self._start_ns) if with_samples else None
+        self._frames: FrameWriter | None = None
+        if with_samples:
+            self._frames = FrameWriter(self._bag, radar, source=reader.source, start_ns=self._start_ns)
         for name, kind in (("scan", "radar_msgs/msg/RadarScan"), ("points", "sensor_msgs/msg/PointCloud2")):
             self._bag.add_topic(f"{_TOPIC}/{name}", kind)
 
@@ -275,14 +241,10 @@ class _ResultBag:
             self._frames.append(frame)
         stamp = self._start_ns + nearest_nanoseconds(found.time)
         options: dict[str, Any] = {"frame_id": _FRAME_ID, "time_ns": stamp, "types": self._bag.types}
-        if _has_map(part.radar):
+        waveform = part.radar.waveform
+        if not waveform.is_cw and waveform.num_chirps > 1 and waveform.has_uniform_chirps:
             power = (np.abs(range_doppler(part)) ** 2).sum(axis=0)
             values = 10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny))
             self._bag.write(f"{_TOPIC}/map", to_map_image(values, **options), stamp)
         self._bag.write(f"{_TOPIC}/scan", to_radar_scan(found, **options), stamp)
         self._bag.write(f"{_TOPIC}/points", to_point_cloud(found, **options), stamp)
-
-
-def _has_map(radar: Radar) -> bool:
-    waveform = radar.waveform
-    return not waveform.is_cw and waveform.num_chirps > 1 and waveform.has_uniform_chirps

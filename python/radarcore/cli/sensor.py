@@ -42,7 +42,6 @@ from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import check_room
-from radarcore.simulate.schedule import frame_times
 from radarcore.table import Table
 
 if TYPE_CHECKING:
@@ -261,7 +260,7 @@ def _paced(simulation: Simulation, speed: float | None) -> Iterator[Frame]:
     run = simulation.run
     simulator = simulation.simulator()
     began = time.monotonic()
-    for at in frame_times(run.start, run.stop, run.rate):
+    for at in run.times:
         frame = simulator.frame(at)
         if speed is not None:
             time.sleep(max(0.0, began + (at - run.start) / speed - time.monotonic()))

@@ -16,6 +16,8 @@ from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.adapters.ros.frames import FRAME_TYPE, BagFrames
 from radarcore.processing.clutter.static import has_offsets, without_offset
 from radarcore.processing.inputs import with_samples
+from radarcore.processing.tracking.tracker import Tracker
+from radarcore.radar.radar import Radar
 from radarcore.recording.bare import NO_DESCRIPTION, Description
 from radarcore.recording.frame import Frame, is_of_adc
 from radarcore.recording.recording import Recording
@@ -142,3 +144,9 @@ def _mean(frames: AnyReader) -> NDArray[Any] | float:
     for frame in frames:
         mean = mean + frame.cube.mean(axis=1, keepdims=True, dtype=np.result_type(frame.cube, np.float64)) / len(frames)
     return mean
+
+
+def tracker_for(radar: Radar, num_dimensions: int | None = None) -> Tracker:
+    """Tracker that knows how velocities of the radar fold."""
+    period = 2.0 * radar.max_velocity if radar.waveform.has_uniform_chirps else None
+    return Tracker(velocity_ambiguity=period, num_dimensions=num_dimensions)

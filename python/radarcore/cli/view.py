@@ -7,14 +7,12 @@ from collections.abc import Iterator
 from radarcore import notice
 from radarcore.adapters.rerun import Viewer
 from radarcore.cli.options import OutputFile, Overwrite, Source, SubtractMean
-from radarcore.cli.sources import NOT_BARE, AnyReader, BareSamples, moving, open_recording, subtracts_mean
+from radarcore.cli.sources import NOT_BARE, AnyReader, BareSamples, moving, open_recording, subtracts_mean, tracker_for
 from radarcore.cli.terminal import show
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.tracking.tracker import Tracker
-from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
 from radarcore.scenefile.load import Simulation, load_scene
-from radarcore.simulate.schedule import frame_times
 
 
 def run(
@@ -61,7 +59,7 @@ def _show(viewer: Viewer, frames: Iterator[Frame]) -> int:
     number = 0
     tracker: Tracker | None = None
     for frame in frames:
-        tracker = tracker or _tracker(frame.radar)
+        tracker = tracker or tracker_for(frame.radar)
         viewer.show_frame(frame)
         found = detect(frame)
         viewer.show_detections(found)
@@ -72,8 +70,7 @@ def _show(viewer: Viewer, frames: Iterator[Frame]) -> int:
 
 def _of_scene(simulation: Simulation, viewer: Viewer) -> Iterator[Frame]:
     """Frames of a scene file as they are simulated; poses and depth images are shown."""
-    simulator, run = simulation.simulator(), simulation.run
-    times = frame_times(run.start, run.stop, run.rate)
+    simulator, times = simulation.simulator(), simulation.run.times
     with notice.progress(times, "simulating", "frame", total=len(times)) as counted:
         for time in counted:
             middle = time + simulation.radar.middle
@@ -88,9 +85,3 @@ def _of_recording(reader: AnyReader, subtract_mean: bool | None) -> Iterator[Fra
     with notice.progress(frames, "reading", "frame", total=len(reader)) as counted:
         for frame in counted:
             yield frame.sequences()[0]
-
-
-def _tracker(radar: Radar) -> Tracker:
-    """Tracker that knows how velocities of the radar fold."""
-    has_period = radar.waveform.num_chirps > 1 and radar.waveform.has_uniform_chirps
-    return Tracker(velocity_ambiguity=2.0 * radar.max_velocity if has_period else None)

@@ -18,21 +18,27 @@ from pathlib import Path
 from threading import Thread, get_ident
 from typing import Any
 
-import numpy as np
-
 from radarcore import check, notice
 from radarcore.dataset.labels import Labels, labels_of
 from radarcore.dataset.reading import Dataset, open_dataset
 from radarcore.dataset.sample import Sample
-from radarcore.dataset.store import Rows, attrs_of, clear_partial, create, missing_file, opened, write_shard, zarr
-from radarcore.dataset.variables import (
+from radarcore.dataset.store import (
     STATUS,
     Layout,
+    Rows,
     attributes_of,
+    attrs_of,
+    clear_partial,
     coordinates_of,
+    create,
     layout_of,
+    opened,
+    put,
     stored_parameters,
     stored_samples,
+    writable,
+    write_shard,
+    zarr,
 )
 from radarcore.dataset.variation import Variation
 from radarcore.output import Lock, already_exists, is_empty
@@ -144,16 +150,17 @@ def make(
             _check_same(target, before, json.loads(attrs["settings"]))
         clear_partial(target, layout)
         stack.callback(clear_partial, target, layout)
-        missing = [shard for shard in range(layout.num_shards) if missing_file(target, layout, shard) is not None]
-        made = _made(Worker.of(str(target), recipe, layout), missing, workers, executor)
+        shards = layout.shards
+        missing = [shard for shard in range(shards.number) if layout.missing_file(target, shard) is not None]
+        made = _made(Worker(pickle.dumps((target, recipe, layout))), missing, workers, executor)
         bar = stack.enter_context(notice.progress(None, "making", "sample", total=count, shown=progress))
-        bar.initial = bar.n = count - sum(len(layout.samples_of(shard)) for shard in missing)
+        bar.initial = bar.n = count - sum(len(shards.samples(shard)) for shard in missing)
         new = notice.NewKinds()
         for shard, warnings in stack.enter_context(closing(made)):
-            if (file := missing_file(target, layout, shard)) is not None:
+            if (file := layout.missing_file(target, shard)) is not None:
                 text = "expected the file that a worker has written; all workers must reach the same directory"
                 raise OSError(errno.ENOENT, text, str(file))
-            bar.update(len(layout.samples_of(shard)))
+            bar.update(len(shards.samples(shard)))
             new.warn(warnings)
     return open_dataset(target)
 
@@ -184,30 +191,28 @@ class Recipe:
         assert error is not None  # as there is at least one sample
         raise error
 
-    def rows(self, layout: Layout, index: int) -> Rows:
-        """Rows of all variables for a sample; fill values and its error if it cannot be simulated."""
-        values: dict[str, Any] = {}
+    def fill(self, rows: Rows, layout: Layout, index: int) -> None:
+        """Simulate a sample into its rows, which have fill values; leave these, and its error, if that fails."""
         try:
             sample = self._sample(index)
-            values |= stored_parameters(sample.values, layout)
-            return layout.rows({**values, **self._frame_values(sample), "status": np.int8(STATUS["made"])})
+            for name, value in stored_parameters(sample.values, layout).items():
+                rows[name][...] = value
+            simulator, frames = sample.simulated(threads=self.threads)
+            for number, frame in enumerate(frames):
+                put(rows, "cube", number, stored_samples(frame))
+                rows["time"][number] = frame.time
+                for name, label in labels_of(simulator, frame, self.body_names, self.labels).items():
+                    put(rows, name, number, label.values)
+            rows["status"][...] = STATUS["made"]
         except Exception as error:
-            text = f"{type(error).__name__}: {error}"
-            return layout.rows({**values, "status": np.int8(STATUS["failed"]), "error": text})
+            for name, variable in layout.variables.items():
+                if variable.dims:
+                    rows[name][...] = variable.fill
+            rows["status"][...] = STATUS["failed"]
+            rows["error"][...] = f"{type(error).__name__}: {error}"
 
     def _sample(self, index: int) -> Sample:
         return self.variation.sample(index, seed=self.seed)
-
-    def _frame_values(self, sample: Sample) -> dict[str, Any]:
-        """Samples, times and labels of the frames of a sample, (frame, ...) each."""
-        columns: dict[str, list[Any]] = {}
-        simulator, frames = sample.simulated(threads=self.threads)
-        for frame in frames:
-            labels = labels_of(simulator, frame, self.body_names, self.labels)
-            row = {"cube": stored_samples(frame), "time": frame.time}
-            for name, value in (row | {name: label.values for name, label in labels.items()}).items():
-                columns.setdefault(name, []).append(value)
-        return {name: np.stack(column) for name, column in columns.items()}
 
 
 @dataclass(frozen=True)
@@ -218,28 +223,24 @@ class Worker:
     """
 
     work: bytes
-
-    @classmethod
-    def of(cls, path: str, recipe: Recipe, layout: Layout) -> Worker:
-        """Worker of a dataset at an absolute path, which all workers share."""
-        return cls(pickle.dumps((path, recipe, layout)))
+    """Path of the dataset, recipe and layout."""
 
     def __call__(self, shard: int) -> tuple[int, tuple[str, ...]]:
         """Make a shard; its number, and the warnings of its samples."""
-        path, recipe, layout = _loaded(self.work, get_ident())
-        rows, warnings = [], []
-        for index in layout.samples_of(shard):
+        path, recipe, layout, arrays = _loaded(self.work, get_ident())
+        rows, warnings = layout.empty_rows(shard), []
+        for k, index in enumerate(layout.shards.samples(shard)):
             with notice.gathered() as messages:
-                rows.append(recipe.rows(layout, index))
+                recipe.fill({name: values[k, ...] for name, values in rows.items()}, layout, index)
             warnings += [f"sample {index}: {message}" for message in messages]
-        write_shard(Path(path), layout, shard, rows)
+        write_shard(path, arrays, layout, shard, rows)
         return shard, tuple(warnings)
 
 
 @lru_cache(maxsize=32)
-def _loaded(work: bytes, thread: int) -> tuple[str, Recipe, Layout]:  # noqa: ARG001  # part of the key
-    loaded: tuple[str, Recipe, Layout] = pickle.loads(work)
-    return loaded
+def _loaded(work: bytes, thread: int) -> tuple[Path, Recipe, Layout, dict[str, Any]]:  # noqa: ARG001  # part of the key
+    path, recipe, layout = pickle.loads(work)
+    return path, recipe, layout, writable(path)
 
 
 def num_cores() -> int:

@@ -18,9 +18,8 @@ from radarcore import _core, check, notice
 from radarcore.dataset.files import digests_of, with_copies
 from radarcore.dataset.labels import Labels
 from radarcore.dataset.sample import Sample
-from radarcore.dataset.store import opened
+from radarcore.dataset.store import STATUS, Shards, file_of, opened, stored_samples
 from radarcore.dataset.training import Frames, Item, Output, checked_output, output_of
-from radarcore.dataset.variables import STATUS, file_of, stored_samples
 from radarcore.dataset.variation import Variation
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Truth, adc_codes, frame_of, to_samples
@@ -94,6 +93,7 @@ class Dataset:
         self._arrays = {name: array for name, array in arrays.items() if array.metadata.dimension_names[0] == "sample"}
         self._coordinates = {name: array for name, array in arrays.items() if name not in self._arrays}
         self.names: tuple[str, ...] = tuple(sorted(self._arrays))
+        self.shards = Shards(self.sizes["sample"], int(self._arrays["status"].chunks[0]))
         self._kept: dict[int, dict[str, NDArray[Any]]] = {}
 
     def __repr__(self) -> str:
@@ -109,9 +109,8 @@ class Dataset:
 
     def __getitem__(self, index: int) -> dict[str, NDArray[Any]]:
         number = check.index("index", index, len(self))
-        shard = number // self.samples_per_shard
+        shard, place = divmod(number, self.shards.size)
         small = self._small_of(shard)
-        place = number - self.samples_of(shard).start
         sample = {
             name: np.asarray(small[name][place] if name in small else array[number])
             for name, array in self._arrays.items()
@@ -127,8 +126,7 @@ class Dataset:
         """Variables with one chunk per shard; the last complete shard stays in memory."""
         if shard in self._kept:
             return self._kept[shard]
-        samples = self.samples_of(shard)
-        values = {name: self.read(name, samples) for name, array in self._arrays.items() if array.shards is None}
+        values = {name: self.read(name, shard) for name, array in self._arrays.items() if array.shards is None}
         if (values["status"] != STATUS["missing"]).all():
             self._kept = {shard: values}
         return values
@@ -183,28 +181,14 @@ class Dataset:
         """Unit and meaning of a variable or coordinate."""
         return dict((self._arrays | self._coordinates)[name].attrs)
 
-    def read(self, name: str, samples: range) -> NDArray[Any]:
-        """Some samples of a variable as they are stored."""
+    def read(self, name: str, shard: int) -> NDArray[Any]:
+        """A variable of a shard as it is stored."""
+        samples = self.shards.samples(shard)
         return np.asarray(self._arrays[name][samples.start : samples.stop])
 
     def file_of(self, name: str, shard: int) -> Path:
         """File of a variable for a shard."""
         return self.path / file_of(name, shard, self._arrays[name].ndim - 1)
-
-    @property
-    def samples_per_shard(self) -> int:
-        """Consecutive samples that are one file per variable."""
-        return int(self._arrays["status"].chunks[0])
-
-    def samples_of(self, shard: int) -> range:
-        """Indices of the samples of a shard."""
-        start = shard * self.samples_per_shard
-        return range(start, min(start + self.samples_per_shard, len(self)))
-
-    @property
-    def num_shards(self) -> int:
-        """Number of shards."""
-        return -(-len(self) // self.samples_per_shard)
 
     @property
     def has_codes(self) -> bool:
@@ -432,8 +416,8 @@ def verify(path: str | PathLike[str], *, again: int = 1, progress: bool = True) 
     failed: list[Failed] = []
     made: list[int] = []
     missing = 0
-    for shard in notice.progress(range(dataset.num_shards), "verifying", "shard", shown=progress):
-        samples = dataset.samples_of(shard)
+    for shard in notice.progress(range(dataset.shards.number), "verifying", "shard", shown=progress):
+        samples = dataset.shards.samples(shard)
         if not dataset.file_of("status", shard).is_file():
             missing += len(samples)
             continue
@@ -467,7 +451,7 @@ def _read_shard(dataset: Dataset, shard: int) -> tuple[dict[str, NDArray[Any]], 
             faults.append(f"{file}: expected a file, got none")
             continue
         try:
-            values[name] = dataset.read(name, dataset.samples_of(shard))
+            values[name] = dataset.read(name, shard)
         except Exception as error:  # zarr raises many kinds for damaged files
             faults.append(f"{file}: expected the content that was written, got a damaged file ({error})")
     return values, faults

@@ -16,7 +16,6 @@ from radarcore.recording.frame import Frame
 from radarcore.scenefile.build.cache import BuildCache
 from radarcore.scenefile.load import Simulation, simulation
 from radarcore.scenefile.read import tables_of
-from radarcore.simulate.schedule import frame_times
 from radarcore.simulate.simulator import Simulator
 
 _MOST_NAMED = 4
@@ -124,8 +123,7 @@ class Sample:
         """The simulator of the sample, and its frames one by one."""
         found = self.simulation()
         simulator = found.simulator(threads=threads)
-        times = frame_times(found.run.start, found.run.stop, found.run.rate)
-        return simulator, (simulator.frame(float(time)) for time in times)
+        return simulator, map(simulator.frame, found.run.times)
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the scene file, for `load_scene` and the command line.

@@ -1,4 +1,4 @@
-"""Zarr groups of datasets: created once, then written shard by shard.
+"""Zarr groups of datasets: variables planned from the first sample, created once, then written shard by shard.
 
 A shard is some consecutive samples, with one file per variable. Its `status` is written last: a shard that has all of
 its files is complete. Every file is written beside its place and renamed, so none is ever half there.
@@ -8,20 +8,29 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import re
 import warnings
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from radarcore.dataset.files import keep
-from radarcore.dataset.variables import FORMAT, TEXT, VERSION, Coordinate, Layout, Variable
+from radarcore import _core, check
+from radarcore.dataset.bodies import JOINTS
+from radarcore.dataset.files import digests_of, keep
+from radarcore.dataset.labels import Labels, dims_of
+from radarcore.dataset.variation import Variation
 from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty, naming
+from radarcore.radar.radar import Radar
+from radarcore.recording.frame import NUM_CODES, Frame, unit_of
 
 Rows = dict[str, NDArray[Any]]
-"""A row of every variable: one sample."""
+"""Arrays of every variable, of a shard or of a sample."""
 
 _LEVEL = 1
 """Level of Zstandard: higher ones take longer, and compress ADC codes hardly better."""
@@ -34,6 +43,282 @@ _ARRAYS, _ATTRIBUTES = ("cube", "status", "error"), ("scene_path", "scene", "see
 
 _LONGEST_REASON = 200
 """Characters of another library's message."""
+
+FORMAT, VERSION = "radarcore dataset", 2
+
+SIGNS = "range rate is positive when receding; the sensor looks along +x, azimuth is positive to the left, elevation up"
+
+STATUS = {"missing": 0, "made": 1, "failed": 2}
+"""Values of the variable `status`."""
+
+TEXT = "str"
+"""Type of a variable of texts."""
+
+NO_CODE = 2**16 - 1
+"""Fill value of ADC codes, which have 12 bits."""
+
+_LARGE_ROW = 4096
+"""A variable whose samples have at least this size has a chunk per sample, others have one per shard [bytes]."""
+
+_SHARD_BYTES = 1 << 25
+"""Largest size of a shard of more than one sample [bytes]."""
+
+_SHARDS, _MAX_SAMPLES = 64, 1024
+"""Smallest number of shards, if there are as many samples, and largest number of samples in a shard."""
+
+_AXES = {"doppler": "velocity"}
+"""Axes of labels that a dataset calls by the name of their coordinate."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a dataset.
+
+    Parameters
+    ----------
+    dims : tuple of str
+        Names of its axes after `sample`.
+    shape : tuple of int
+        Their lengths.
+    dtype : str
+        As NumPy names it, or ``"str"``.
+    fill : number or str
+        Value of samples that failed or are still missing.
+    attrs : dict
+        Unit and meaning, as JSON holds them.
+    compressed : bool
+        Compressed by Zstandard: everything that is not mostly noise.
+    """
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: str
+    fill: Any
+    attrs: dict[str, Any] = field(default_factory=dict)
+    compressed: bool = False
+
+    @property
+    def is_large(self) -> bool:
+        """True if every sample is a chunk of its own in the file of its shard."""
+        return self.dtype != TEXT and self.row_bytes >= _LARGE_ROW
+
+    @property
+    def row_bytes(self) -> int:
+        """Size of a sample before compression [bytes]."""
+        return math.prod(self.shape) * (16 if self.dtype == TEXT else np.dtype(self.dtype).itemsize)
+
+
+@dataclass(frozen=True)
+class Shards:
+    """Samples of a dataset in shards."""
+
+    count: int
+    """Samples."""
+    size: int
+    """Consecutive samples of a shard; the last one may have fewer."""
+
+    @property
+    def number(self) -> int:
+        """Number of shards."""
+        return -(-self.count // self.size)
+
+    def samples(self, shard: int) -> range:
+        """Indices of the samples of a shard."""
+        return range(shard * self.size, min(self.count, (shard + 1) * self.size))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Shards of a dataset, and its variables by their names; `status` is the last."""
+
+    shards: Shards
+    variables: dict[str, Variable]
+
+    def empty_rows(self, shard: int) -> Rows:
+        """Fill values of a shard."""
+        number = len(self.shards.samples(shard))
+        return {
+            name: np.full((number, *each.shape), each.fill, object if each.dtype == TEXT else each.dtype)
+            for name, each in self.variables.items()
+        }
+
+    def missing_file(self, path: Path, shard: int) -> Path | None:
+        """The first file of a shard that is not there; None if the shard is complete."""
+        files = (path / file_of(name, shard, len(each.shape)) for name, each in self.variables.items())
+        return next((file for file in files if not file.is_file()), None)
+
+
+def put(rows: Rows, name: str, frame: int, value: NDArray[Any]) -> None:
+    """Put a value of a frame into the rows of a sample; refuse another shape or type than those of all samples."""
+    row = rows[name][frame]
+    if (value.shape, value.dtype) != (row.shape, row.dtype):
+        expected, got = (f"{each.dtype} of shape {each.shape}" for each in (row, value))
+        raise ValueError(f"{name}: expected {expected} as in all samples, got {got}")
+    row[...] = value
+
+
+def file_of(name: str, shard: int, num_axes: int) -> str:
+    """File of a variable with further axes after `sample`, as Zarr names the chunks of a shard."""
+    return "/".join([name, "c", str(shard), *["0"] * num_axes])
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """Values along an axis, with unit and meaning."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attrs: dict[str, Any]
+
+
+def layout_of(
+    variation: Variation,
+    names: tuple[str, ...],
+    labels: Labels,
+    frames: list[Frame],
+    count: int,
+    samples_per_shard: int | None,
+) -> Layout:
+    """Variables and shards of a dataset whose samples have frames like these, and bodies of these names."""
+    variables = {
+        **_frame_variables(frames),
+        **_label_variables(frames, names, labels),
+        **_parameter_variables(variation),
+        "error": Variable((), (), TEXT, "", {"long_name": "why the sample could not be simulated"}),
+        "status": Variable(
+            *((), (), "int8", STATUS["missing"]),
+            {"flag_values": list(STATUS.values()), "flag_meanings": " ".join(STATUS)},  # by the CF conventions
+        ),
+    }
+    sample_bytes = sum(variable.row_bytes for variable in variables.values())
+    return Layout(Shards(count, samples_in_shard(count, sample_bytes, samples_per_shard)), variables)
+
+
+def samples_in_shard(count: int, sample_bytes: int, given: int | None) -> int:
+    """Samples of a shard: as given, or so that there are many shards and none is large."""
+    if given is not None:
+        return check.count("samples_per_shard", given)
+    return max(1, min(_SHARD_BYTES // max(1, sample_bytes), -(-count // _SHARDS), _MAX_SAMPLES))
+
+
+def attributes_of(variation: Variation, layout: Layout, seed: int, labels: Labels, radar: Radar) -> dict[str, Any]:
+    """Attributes of a dataset; a resumed run compares `settings`."""
+    settings = {
+        "scene": variation.path.read_text(encoding="utf-8"),
+        "count": layout.shards.count,
+        "seed": seed,
+        "labels": asdict(labels),
+        "samples_per_shard": layout.shards.size,
+        "files": digests_of(variation.path),
+        "radarcore": _core.__version__,
+        "zarr": zarr().__version__,
+    }
+    if any(parameter.kind == "normal" for parameter in variation.parameters):
+        settings["scipy"] = scipy.__version__
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "scene_path": str(variation.path.absolute()),
+        **{name: settings[name] for name in ("scene", "count", "seed", "radarcore")},
+        "radar": json.dumps(radar.to_dict()),
+        # A number, as netCDF has no truth values.
+        "radar_varies": int(any(parameter.path.startswith("radar.") for parameter in variation.parameters)),
+        "signs": SIGNS,
+        "settings": json.dumps(settings),
+    }
+
+
+def stored_samples(frame: Frame) -> NDArray[Any]:
+    """Samples of a frame as a dataset stores them: codes if the receiver has an ADC of 12 bits."""
+    return frame.cube if frame.raw is None else frame.raw
+
+
+def stored_parameters(values: Mapping[str, Any], layout: Layout) -> dict[str, Any]:
+    """Drawn values by the names of their variables; true and false become texts."""
+    stored: dict[str, float | str] = {}
+    for name, variable in layout.variables.items():
+        path = variable.attrs.get("path")
+        if path is None or path not in values:
+            continue
+        value = values[path]
+        if variable.dtype != TEXT:
+            stored[name] = float(value)
+        else:
+            stored[name] = value if isinstance(value, str) else json.dumps(value)
+    return stored
+
+
+def _frame_variables(frames: list[Frame]) -> dict[str, Variable]:
+    """Samples and times."""
+    first, num_frames = frames[0], len(frames)
+    cube = stored_samples(first)
+    axes, shape = ("frame", "channel", "chirp", "fast_time"), (num_frames, *cube.shape)
+    attrs: dict[str, Any] = {
+        "units": unit_of(first) or "sqrt(W)",
+        "coordinates": "time slow_time",
+        "long_name": "beat signal",
+    }
+    variable = Variable(axes, shape, cube.dtype.name, np.nan, attrs)
+    if first.raw is not None:
+        # As CF conventions and xarray have it: value = code * scale_factor + add_offset.
+        scale = {"scale_factor": 2.0 / (NUM_CODES - 1), "add_offset": -1.0, "_FillValue": NO_CODE}
+        attrs |= {"units": "full scale", **scale}
+        variable = Variable(axes, shape, "uint16", NO_CODE, attrs, compressed=True)
+    time = {"units": "s", "long_name": "start of the first chirp"}
+    return {"cube": variable, "time": Variable(("frame",), (num_frames,), "float64", np.nan, time)}
+
+
+def _label_variables(frames: list[Frame], names: tuple[str, ...], labels: Labels) -> dict[str, Variable]:
+    variables = {}
+    for name, (dims, lengths, dtype, attrs) in dims_of(frames[0].radar, names, labels).items():
+        axes = ("frame", *(_AXES.get(axis, axis) for axis in dims))
+        is_integer = dtype.kind == "i"
+        fill = -1 if is_integer else np.nan
+        variables[name] = Variable(axes, (len(frames), *lengths), dtype.name, fill, dict(attrs), is_integer)
+    return variables
+
+
+def _parameter_variables(variation: Variation) -> dict[str, Variable]:
+    """A variable per parameter that varies."""
+    variables: dict[str, Variable] = {}
+    for parameter in variation.parameters:
+        name = f"parameter.{parameter.path}".replace("/", "_")  # Zarr's names are names of folders
+        if (other := variables.get(name)) is not None:
+            paths = f"{other.attrs['path']!r} and {parameter.path!r}"
+            raise ValueError(f"{variation.path}: expected names that differ in more than / and _, got {paths}")
+        attrs = {"path": parameter.path, "distribution": parameter.kind}
+        if parameter.unit:
+            attrs["units"] = parameter.unit
+        dtype, fill = ("float64", np.nan) if parameter.is_number else (TEXT, "")
+        variables[name] = Variable((), (), dtype, fill, attrs)
+    return variables
+
+
+def coordinates_of(radar: Radar, names: tuple[str, ...], layout: Layout) -> dict[str, Coordinate]:
+    """Names along axes, and the axes of the samples and of their transforms, if the radar has one waveform."""
+    texts = {"body": names, "joint": JOINTS, "xyz": ("x", "y", "z")}
+    used = {"body", *(axis for variable in layout.variables.values() for axis in variable.dims)}
+    coordinates = {
+        axis: Coordinate((axis,), np.array(values, np.dtypes.StringDType()), {})
+        for axis, values in texts.items()
+        if axis in used
+    }
+    if len(radar.waveforms) > 1:
+        return coordinates
+    wf = radar.waveform
+    fast = np.arange(wf.num_samples) / wf.sample_rate
+    slow = {"units": "s", "long_name": "start of a chirp in its frame"}
+    coordinates["fast_time"] = Coordinate(("fast_time",), fast, {"units": "s"})
+    coordinates["slow_time"] = Coordinate(("chirp",), np.asarray(wf.chirp_times), slow)
+    if wf.is_cw:
+        return coordinates
+    ranges = wf.range_axis()
+    if radar.is_real:
+        ranges = ranges[: wf.num_samples // 2 + 1]
+    velocity = {"units": "m/s", "long_name": "range rate, receding positive"}
+    coordinates["range"] = Coordinate(("range",), ranges, {"units": "m", "long_name": "range"})
+    coordinates["velocity"] = Coordinate(("velocity",), wf.velocity_axis(), velocity)
+    return coordinates
 
 
 def zarr() -> Any:
@@ -76,10 +361,10 @@ def create(path: Path, layout: Layout, coordinates: dict[str, Coordinate], attrs
 def _create_variable(group: Any, name: str, variable: Variable, layout: Layout) -> None:
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
-    rows = (layout.samples_per_shard, *variable.shape)
+    rows = (layout.shards.size, *variable.shape)
     group.create_array(
         name,
-        shape=(layout.count, *variable.shape),
+        shape=(layout.shards.count, *variable.shape),
         chunks=(1, *variable.shape) if variable.is_large else rows,
         shards=rows if variable.is_large else None,
         dtype=str if variable.dtype == TEXT else variable.dtype,
@@ -90,20 +375,19 @@ def _create_variable(group: Any, name: str, variable: Variable, layout: Layout) 
     )
 
 
-def write_shard(path: Path, layout: Layout, shard: int, rows: list[Rows]) -> None:
+def writable(path: Path) -> dict[str, Any]:
+    """The arrays of a dataset, to be written."""
+    # A shard of fill values has a file as well: that tells it from one that is missing.
+    config = {"write_empty_chunks": True}
+    return {name: array.with_config(config) for name, array in zarr().open_group(path, mode="r+").arrays()}
+
+
+def write_shard(path: Path, arrays: dict[str, Any], layout: Layout, shard: int, rows: Rows) -> None:
     """Write the samples of a shard, `status` last; an OSError names the file that cannot be written."""
-    group, samples = zarr().open_group(path, mode="r+"), layout.samples_of(shard)
-    for name, file in layout.files_of(shard).items():
-        # A shard of fill values has a file as well: that tells it from one that is missing.
-        array = group[name].with_config({"write_empty_chunks": True})
-        with naming(path / file):
-            array[samples.start : samples.stop] = np.stack([row[name] for row in rows])
-
-
-def missing_file(path: Path, layout: Layout, shard: int) -> Path | None:
-    """The first file of a shard that is not there; None if the shard is complete."""
-    files = [path / file for file in layout.files_of(shard).values()]
-    return next((file for file in files if not file.is_file()), None)
+    samples = layout.shards.samples(shard)
+    for name, variable in layout.variables.items():
+        with naming(path / file_of(name, shard, len(variable.shape))):
+            arrays[name][samples.start : samples.stop] = rows[name]
 
 
 def clear_partial(path: Path, layout: Layout) -> None:

@@ -15,7 +15,6 @@ from radarcore.dataset.labels import Labels, labels_of
 from radarcore.dataset.variation import Parameter, Variation
 from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.recording.frame import Frame
-from radarcore.simulate.schedule import frame_times
 
 Item = tuple[NDArray[Any], dict[str, Any]]
 """Input of a network, and its labels."""
@@ -126,7 +125,7 @@ class SimulatedFrames:
         except ValueError as error:
             raise _ImpossibleError(str(error)) from error
         simulator = found.simulator(threads=1)
-        times = frame_times(found.run.start, found.run.stop, found.run.rate)
+        times = found.run.times
         for number in numbers:
             try:
                 frame = simulator.frame(times[number])
@@ -189,9 +188,8 @@ def stream(
     """
     variation = scene if isinstance(scene, Variation) else Variation.load(scene)
     samples = counted() if count is None else range(check.count("count", count))
-    run = variation.run
     source = SimulatedFrames(variation, check.count("seed", seed, 0), labels, checked_output(output))
-    return Frames(source, samples, len(frame_times(run.start, run.stop, run.rate)), variation.path.name)
+    return Frames(source, samples, len(variation.run.times), variation.path.name)
 
 
 def checked_output(output: str | Output) -> str | Output:

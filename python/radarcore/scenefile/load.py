@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,8 @@ from radarcore.scenefile.build.cache import BuildCache
 from radarcore.scenefile.build.motions import Recorded, sensor_motion_of
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.read import located
-from radarcore.scenefile.tables import RunTable, SceneTable
+from radarcore.scenefile.tables import RunTable, SceneTable, TimesTable
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.schedule import frame_times
-from radarcore.simulate.settings import Settings
 from radarcore.simulate.simulator import Simulator
 from radarcore.simulate.warnings import check_antennas
 
@@ -64,8 +62,7 @@ class Simulation:
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """The simulator of this scene, with the settings of the run."""
-        named = {field.name for field in fields(Settings)} & set(type(self.run).model_fields)
-        settings = {name: getattr(self.run, name) for name in named}
+        settings = self.run.model_dump(exclude=set(TimesTable.model_fields))
         return Simulator(self.scene, self.radar, radar_motion=self.radar_motion, threads=threads, **settings)
 
     def record(
@@ -195,7 +192,7 @@ def simulation(
         found = Simulation(Scene(parts), radar, motion, run, file)
         with located("run: "):
             found.simulator()
-            frame_times(run.start, run.stop, run.rate)
+            _ = run.times
         with located("sensor: "):
             poses = Placement(found.scene, motion, radar.waveform).poses_at([found.run.start])[0]
             check_antennas(found.scene, poses, radar, found.run.start, name="pose")

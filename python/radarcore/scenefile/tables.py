@@ -6,7 +6,7 @@ Numbers are checked by the classes and functions that take them.
 from __future__ import annotations
 
 import re
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from functools import reduce
 from inspect import Parameter, getdoc, signature
 from operator import or_
@@ -16,10 +16,15 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, create_model
 from pydantic.fields import FieldInfo
 
 from radarcore.geometry import shapes
+from radarcore.models.robots.named import arm_names
 from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
+from radarcore.simulate.schedule import frame_times
+from radarcore.simulate.settings import NOT_RECORDED, SAMPLINGS, Settings
+from radarcore.simulate.simulator import Simulator
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Extrapolation = Literal["hold", "continue", "error"]
 
 _STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -43,38 +48,39 @@ class Table(BaseModel):
 
 def keys_of(table: Any) -> dict[str, FieldInfo]:
     """Keys of a table or a record, with their types, defaults and meanings."""
-    if table not in RECORDS:
-        keys: dict[str, FieldInfo] = table.model_fields
-        return keys
-    hints, texts = get_type_hints(table), parameter_texts(table)
+    keys: dict[str, FieldInfo] = parameters_of(table) if table in RECORDS else table.model_fields
+    return keys
+
+
+def parameters_of(documented: Any, **other_types: Any) -> dict[str, FieldInfo]:
+    """Parameters of a function or a class as keys, some of them with other types."""
+    types, texts = get_type_hints(documented) | other_types, parameter_texts(documented)
     keys = {}
-    for each in fields(table):
-        default = ... if each.default is MISSING else each.default
-        keys[each.name] = FieldInfo(annotation=hints[each.name], default=default, description=texts[each.name])
+    for name, parameter in signature(documented).parameters.items():
+        default = ... if parameter.default is Parameter.empty else parameter.default
+        keys[name] = FieldInfo(annotation=types[name], default=default, description=texts.get(name))
     return keys
 
 
 def parameter_texts(documented: Any) -> dict[str, str]:
-    """First sentence about every parameter in a docstring, with its unit at the end."""
+    """First sentence about every parameter in a docstring, its default if that is told, and its unit at the end."""
     section = (getdoc(documented) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
     texts: dict[str, str] = {}
     for names, text in re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?)+)", section, re.MULTILINE):
-        sentence = re.split(r"[.:;] |\.$", " ".join(text.split()))[0]
+        text = " ".join(text.split())
+        sentence = re.split(r"[.:;] |\.$", text)[0]
         unit = re.search(r" \[[^\]]+\]", sentence)
-        sentence = sentence[0].lower() + sentence[1:]
-        texts |= dict.fromkeys(names.split(", "), sentence.replace(unit[0], "") + unit[0] if unit else sentence)
+        sentence = sentence[0].lower() + sentence[1:].replace(unit[0] if unit else "", "")
+        if default := re.search(r"Default: (.+?)\.(?: |$)", text):
+            sentence += f"; default: {default[1]}"
+        texts |= dict.fromkeys(names.split(", "), sentence + (unit[0] if unit else ""))
     return texts
 
 
-def _shape_table(kind: str) -> type[Table]:
-    """Table of a shape: its keys are the parameters of the function."""
-    make = getattr(shapes, kind)
-    hints, texts = get_type_hints(make) | {"size": Vector}, parameter_texts(make)
-    keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
-    for name, parameter in signature(make).parameters.items():
-        default = ... if parameter.default is Parameter.empty else parameter.default
-        keys[name] = (hints[name], Field(default, description=texts[name]))
-    return create_model(f"{kind.title()}Table", __base__=Table, __doc__=getdoc(make), **keys)
+def _table_of(name: str, meaning: str | None, keys: dict[str, FieldInfo], base: type[Table] = Table) -> Any:
+    """Table of some keys."""
+    fields: dict[str, Any] = {key: (info.annotation, info) for key, info in keys.items()}
+    return create_model(name, __base__=base, __doc__=meaning, **fields)
 
 
 class PoseTable(Table):
@@ -101,8 +107,8 @@ class TrajectoryTable(Table):
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
     poses: list[PoseTable] = _key(..., "", "one pose per time")
-    extrapolate: Literal["hold", "continue", "error"] | None = _key(
-        None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
+    extrapolate: Extrapolation | None = _key(
+        None, "", "beyond its times; default: on at the velocity there, with a warning"
     )
 
 
@@ -111,44 +117,31 @@ class BagMotionTable(Table):
 
     kind: Literal["bag"]
     topic: str = _key("/tf", "", "of transforms, poses (PoseStamped) or rigid bodies of motion capture")
-    frame: str | None = _key(
-        None, "", "of transforms the frame, of rigid bodies the name; default: none, as for a topic of poses"
-    )
+    frame: str | None = _key(None, "", "of transforms the frame, of rigid bodies the name; default: none, as for poses")
     within: str | None = _key(None, "", "of transforms the frame that is the world; default: the root of the frame")
-    world: PoseTable = _key(
-        PoseTable(), "", "pose of the topic's frame in the world, such as that of motion capture; default: the same"
+    world: PoseTable = _key(PoseTable(), "", "pose of the topic's frame in the world; default: the same")
+    max_gap: float | None = _key(None, "s", "longer intervals have no frames; default: splines through, with a warning")
+    offset: PoseTable = _key(PoseTable(), "", "pose of the body in the frame that moves; default: the same")
+    extrapolate: Extrapolation | None = _key(
+        None, "", "beyond its times; default: on at the velocity there, with a warning"
     )
-    max_gap: float | None = _key(
-        None, "s", "longer intervals are gaps, in which no frame may be; default: splines go through, with a warning"
-    )
-    offset: PoseTable = _key(
-        PoseTable(), "", "pose of the body in the frame, or among the markers, that moves; default: the same"
-    )
-    extrapolate: Literal["hold", "continue", "error"] | None = _key(
-        None, "", "before the first and after the last time; default: it goes on at the velocity there, with a warning"
-    )
+
+
+AnyMotion = Annotated[LinearTable | TrajectoryTable | BagMotionTable, Field(discriminator="kind")]
 
 
 class PlacedTable(Table):
     """Anything that can be placed, moved and attached."""
 
     pose: PoseTable = _key(PoseTable(), "", "pose; at time 0 with a linear motion; none with a trajectory or a bag")
-    motion: Annotated[LinearTable | TrajectoryTable | BagMotionTable, Field(discriminator="kind")] | None = _key(
-        None, "", "motion; default: at rest"
-    )
-    attached_to: str | None = _key(
-        None, "", "name of its carrier: a body, arm/link or human/segment; pose and motion are relative to it"
-    )
+    motion: AnyMotion | None = _key(None, "", "motion; default: at rest")
+    attached_to: str | None = _key(None, "", "carrier: a body, arm/link or human/segment; pose and motion are in it")
 
 
 class SensorTable(PlacedTable):
     """Pose and motion of the sensor; it looks along its x axis, y is left, z up."""
 
-    along_z: float | None = _key(
-        None,
-        "m",
-        "in place of a pose: distance along the z axis of the carrier (tool0 of an arm), which it looks along",
-    )
+    along_z: float | None = _key(None, "m", "in place of a pose: along the z axis of the carrier, where it looks")
 
 
 class MeshTable(Table):
@@ -159,6 +152,13 @@ class MeshTable(Table):
     scale: float = _key(1.0, "m", "length of one unit of the mesh file")
     crease_angle_deg: float = _key(45.0, "degrees", "facets that meet at a smaller angle approximate a curved surface")
     shading: Literal["smooth", "flat"] = _key("smooth", "", "normals of the curved surface, or of facets")
+
+
+def _shape_table(kind: str) -> Any:
+    """Table of a shape: its keys are the parameters of the function."""
+    make = getattr(shapes, kind)
+    keys = {"kind": FieldInfo(annotation=Literal[kind]), **parameters_of(make, size=Vector)}  # type: ignore[arg-type]
+    return _table_of(f"{kind.title()}Table", getdoc(make), keys)
 
 
 SHAPES = tuple(_shape_table(kind) for kind in shapes.__all__)
@@ -174,12 +174,14 @@ class MaterialTable(Table):
 
     reflection: float | None = _key(None, "", "field reflection coefficient, -1 to 1; default: no specular part")
     albedo: float = _key(0.0, "", "diffuse albedo, 0 to 1")
-    permittivity: str | tuple[float, float] | None = _key(
-        None, "", "relative permittivity: real part, loss (positive); or the name of a material of the library"
-    )
+    permittivity: str | tuple[float, float] | None = _key(None, "", "real part, loss (positive); or a material by name")
     roughness: float = _key(0.0, "m", "rms height of the surface of a dielectric")
     thickness: float | None = _key(None, "m", "of a slab of a dielectric; default: a half-space")
     scattering: float | None = _key(None, "", "in place of roughness: scattered part of the reflected field, 0 to 1")
+
+
+AnyMaterial = str | MaterialTable
+_MATERIAL = "name of a material of this file or of the library, or a table of numbers"
 
 
 class NamedMaterialTable(MaterialTable):
@@ -188,18 +190,13 @@ class NamedMaterialTable(MaterialTable):
     name: str = _key(..., "", "name that bodies refer to")
 
 
-_MATERIAL = "name of a material of this file or of the library, or a table of numbers"
-
-
 class BodyTable(PlacedTable):
     """A rigid body."""
 
     name: str | None = _key(None, "", "for pictures, truth and attachments")
     shape: Annotated[ShapeTable, Field(discriminator="kind")] = _key(..., "", "kind and sizes")
-    material: str | MaterialTable = _key("metal", "", _MATERIAL)
-    materials: dict[str, str | MaterialTable] | None = _key(
-        None, "", "materials by their names in an OBJ file; all other faces have `material`"
-    )
+    material: AnyMaterial = _key("metal", "", _MATERIAL)
+    materials: dict[str, AnyMaterial] | None = _key(None, "", "materials by names in an OBJ file; others: `material`")
 
 
 class PointTable(Table):
@@ -222,7 +219,7 @@ class HumanTable(Table):
     start_time: float = _key(0.0, "s", "time at the first waypoint")
     phase: float = _key(0.0, "", "phase of the gait cycle at that time; the right heel strikes at 0")
     mass: float | None = _key(None, "kg", "body mass; default: by the height")
-    material: str | MaterialTable = _key("skin", "", _MATERIAL)
+    material: AnyMaterial = _key("skin", "", _MATERIAL)
     meshes: bool = _key(False, "", "real human meshes (extra `robots`) in place of spheroids")
 
 
@@ -238,12 +235,8 @@ class JointTrajectoryTable(Table):
 
     kind: Literal["trajectory"]
     times: list[float] = _key(..., "s", "increasing times")
-    angles_deg: list[list[float]] = _key(
-        ..., "degrees", "per time a list, one per moving joint; metres for joints that slide"
-    )
-    extrapolate: Literal["hold", "continue", "error"] | None = _key(
-        None, "", "before the first and after the last time; default: at rest"
-    )
+    angles_deg: list[list[float]] = _key(..., "degrees", "per time one per joint; metres for joints that slide")
+    extrapolate: Extrapolation | None = _key(None, "", "beyond its times; default: at rest")
 
 
 class JointStatesTable(Table):
@@ -252,9 +245,7 @@ class JointStatesTable(Table):
     kind: Literal["bag"]
     topic: str = _key("/joint_states", "", "of joint states")
     prefix: str = _key("", "", "in front of the names that the arm's joints have")
-    extrapolate: Literal["hold", "continue", "error"] | None = _key(
-        None, "", "before the first and after the last time; default: at rest"
-    )
+    extrapolate: Extrapolation | None = _key(None, "", "beyond its times; default: at rest")
 
 
 class LineTable(Table):
@@ -270,20 +261,16 @@ class LineTable(Table):
     link: str = _key("tool0", "", "link that moves along the line")
 
 
+AnyJoints = Annotated[RestTable | JointTrajectoryTable | LineTable | JointStatesTable, Field(discriminator="kind")]
+
+
 class ArmTable(PlacedTable):
     """A robot arm; pose, motion and attached_to are those of its base."""
 
     name: str = _key("arm", "", "prefix of the names of the links")
-    model: str = _key(
-        "ur10",
-        "",
-        "ur10; ur3, ur5, panda, kinova, xarm7, so100 or so101 (extra `robots`); or the path of a URDF file relative to "
-        "the scene file",
-    )
-    joints: Annotated[RestTable | JointTrajectoryTable | LineTable | JointStatesTable, Field(discriminator="kind")] = (
-        _key(..., "", "angles or motion of the joints")
-    )
-    material: str | MaterialTable = _key("metal", "", _MATERIAL)
+    model: str = _key("ur10", "", f"{', '.join(arm_names())} (extra `robots` but for ur10); or the path of a URDF file")
+    joints: AnyJoints = _key(..., "", "angles or motion of the joints")
+    material: AnyMaterial = _key("metal", "", _MATERIAL)
     meshes: bool = _key(False, "", "real UR10 meshes (extra `robots`) in place of cylinders; other arms have theirs")
 
 
@@ -291,15 +278,13 @@ class PatternTable(Table):
     """Antenna pattern: isotropic, Gaussian with both beam widths, or a table, here or in a file."""
 
     gain_db: float | list[list[float]] | None = _key(
-        None, "dBi", "gain on boresight, default: 0; or those of a table: a list per azimuth, a number per elevation"
+        None, "dBi", "on boresight, default: 0; or of a table: a list per azimuth, a number per elevation"
     )
     beamwidth_azimuth_deg: float | None = _key(None, "degrees", "full width at half power")
     beamwidth_elevation_deg: float | None = _key(None, "degrees", "full width at half power")
     azimuth_deg: list[float] | None = _key(None, "degrees", "of a table, increasing, positive to the left")
     elevation_deg: list[float] | None = _key(None, "degrees", "of a table, increasing, positive up")
-    path: str | None = _key(
-        None, "", "table in a CSV file, relative to the scene file: columns azimuth_deg, elevation_deg, gain_db"
-    )
+    path: str | None = _key(None, "", "table in a CSV file: columns azimuth_deg, elevation_deg, gain_db")
 
 
 class TdmTable(Table):
@@ -314,24 +299,21 @@ class DdmTable(Table):
     """Transmitters at once, apart by their Doppler frequency."""
 
     kind: Literal["ddm"]
-    turns: list[float] | None = _key(
-        None, "turns", "advance of the phase of every transmitter per chirp; default: its number over their number"
-    )
+    turns: list[float] | None = _key(None, "turns", "of every transmitter per chirp; default: number k of n has k/n")
 
 
 class SteeredTable(Table):
     """Transmitters at once as one beam; `azimuth_deg` and `elevation_deg`, or `phases_deg`."""
 
     kind: Literal["steered"]
-    azimuth_deg: float | list[float] | None = _key(
-        None, "degrees", "of the beam, or one per chirp; positive to the left; default: 0"
-    )
-    elevation_deg: float | list[float] | None = _key(
-        None, "degrees", "of the beam, or one per chirp; positive up; default: 0"
-    )
+    azimuth_deg: float | list[float] | None = _key(None, "degrees", "one, or one per chirp, to the left; default: 0")
+    elevation_deg: float | list[float] | None = _key(None, "degrees", "one, or one per chirp, up; default: 0")
     phases_deg: list[float] | list[list[float]] | None = _key(
         None, "degrees", "of every transmitter, or a list of them per chirp; default: those of the angles"
     )
+
+
+AnySchedule = Annotated[TdmTable | DdmTable | SteeredTable, Field(discriminator="kind")]
 
 
 class SequenceTable(Table):
@@ -358,18 +340,14 @@ class RadarTable(Table):
     chirp_times: list[float] | None = _key(None, "s", "start of every chirp, increasing; in place of chirp_interval")
     frame_interval: float | None = _key(None, "s", "from frame to frame; default: back to back, or the preset's")
     adc_delay: float | None = _key(None, "s", "from ramp start to first sample; default: 0, or the preset's")
-    max_range: float | None = _key(
-        None, "m", "wish in place of slope and num_samples: largest range of real samples; default: none"
-    )
+    max_range: float | None = _key(None, "m", "wish in place of slope and num_samples: largest range; default: none")
     range_resolution: float | None = _key(None, "m", "wish in place of slope and num_samples: range bin; default: none")
     max_velocity: float | None = _key(None, "m/s", "wish in place of chirp_interval: largest velocity; default: none")
     velocity_resolution: float | None = _key(None, "m/s", "wish in place of num_chirps: velocity bin; default: none")
     rate: float | None = _key(None, "Hz", "wish in place of frame_interval: frames per second; default: none")
     alternating: bool = _key(False, "", "chirps with odd numbers go the other way: two sub-sequences, up and down")
     sequences: list[SequenceTable] | None = _key(None, "", "further sub-sequences of every frame; default: none")
-    schedule: Annotated[TdmTable | DdmTable | SteeredTable, Field(discriminator="kind")] | None = _key(
-        None, "", "when and in which phase transmitters send; default: apart as if by magic"
-    )
+    schedule: AnySchedule | None = _key(None, "", "how transmitters send; default: ideally separated")
     tx: list[Vector] | None = _key(None, "m", "transmit antennas in the sensor frame; default: origin, or the preset's")
     rx: list[Vector] | None = _key(None, "m", "receive antennas in the sensor frame; default: origin, or the preset's")
     tx_power_dbm: float | None = _key(None, "dBm", "power of one transmitter; default: 30, or the preset's")
@@ -380,10 +358,7 @@ class RadarTable(Table):
     measured_receiver: bool = _key(False, "", "the receiver of the preset as it was measured, of a BGT60TR13C")
     if_gain_db: int | None = _key(None, "dB", "gain of the measured receiver's baseband; default: 23")
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
-        None,
-        "",
-        "of the antennas' field: the radar's z axis, its y axis, or a unit vector in the sensor frame; "
-        "default: averaged over polarisations",
+        None, "", "of the antennas' field: the radar's z or y axis, or a unit vector in its frame; default: averaged"
     )
 
 
@@ -398,37 +373,35 @@ class InterfererTable(PlacedTable):
     start_phase: Literal["chirp", "frame"] = _key("chirp", "", "its oscillator has a random phase anew in every")
 
 
-class RunTable(Table):
+class TimesTable(Table):
     """Times and settings of the simulation."""
 
     start: float = _key(0.0, "s", "time of the first frame; of a bag by default its first pose")
-    stop: float = _key(
-        1.0, "s", "no frame starts at or after it; of a bag by default so that frames end with its poses"
+    stop: float = _key(1.0, "s", "no frame starts at or after it; of a bag by default the end of its poses")
+    rate: float = _key(None, "Hz", "frames per second; default: one per frame_interval of the radar, at most 40")
+
+    @property
+    def times(self) -> list[float]:
+        """Starts of the frames [s]."""
+        return frame_times(self.start, self.stop, self.rate)
+
+
+def _run_table() -> Any:
+    """Table of times and of settings of `Simulator`."""
+    settings = parameters_of(
+        Simulator, sampling=Literal[SAMPLINGS], ray_budget=int | Annotated[float, AllowInfNan(True)] | None
     )
-    rate: float = _key(
-        None, "Hz", "frames per second; default: one per frame_interval of the radar, back to back at most 40"
-    )
-    resolution: int | tuple[int, int] | None = _key(
-        None,
-        "",
-        "rays across and down, or rows and columns; default: 256, for adaptive sampling 128 per 60 degrees, or more",
-    )
-    field_of_view_deg: tuple[float, float] | None = _key(
-        None, "degrees", "horizontal and vertical; default: where any two-way gain is within 20 dB of the largest"
-    )
-    sampling: Literal["adaptive", "fast", "footprint", "point"] = _key("adaptive", "", "sampling of surfaces by rays")
-    rcs_floor: float | None = _key(
-        None, "m^2", "smallest cross-section of interest, for adaptive sampling; default: 0.01, less for weak echoes"
-    )
-    ray_budget: int | Annotated[float, AllowInfNan(True)] | None = _key(
-        None, "", "largest number of rays of adaptive sampling, inf: no limit; default: 400 000, or four per cell"
-    )
-    tolerance: float = _key(1e-3, "", "error of the synthesis relative to the amplitudes")
-    gain_floor_db: float = _key(80.0, "dB", "two-way gain below its peak at which no rays are cast")
-    max_bounces: int = _key(1, "", "largest number of reflections of a path; corners return the wave after 2 or 3")
-    bounce_floor_db: float = _key(80.0, "dB", "loss of power by reflections at which a ray ends")
-    retrace_deg: float = _key(10.0, "degrees", "turn of a body within a frame above which rays are cast again")
-    seed: int = _key(0, "", "of noise and speckle")
+    keys = {field.name: settings[field.name] for field in fields(Settings) if field.name not in NOT_RECORDED}
+    return _table_of("RunTable", TimesTable.__doc__, keys, TimesTable)
+
+
+if TYPE_CHECKING:
+
+    class RunTable(TimesTable, Settings):
+        """Times, and settings of `Simulator`."""
+
+else:
+    RunTable = _run_table()
 
 
 class SceneTable(Table):

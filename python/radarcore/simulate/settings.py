@@ -34,7 +34,7 @@ _IMAGE_SIDE = 2 * CELLS_AT_60
 MAX_BOUNCES = 64
 """Largest number of reflections: paths with more are lost in the noise."""
 
-_NOT_RECORDED = ("method", "threads")
+NOT_RECORDED = ("method", "threads")
 """Settings that change no result."""
 
 _OF_ADAPTIVE = ("rcs_floor", "ray_budget")
@@ -140,7 +140,7 @@ class Settings:
         values["field_of_view_deg"] = self.view_deg
         values["resolution"] = self.num_cells if self.is_adaptive else self.num_pixels
         values["ray_budget"] = self.most_rays
-        left_out = _NOT_RECORDED if self.is_adaptive else _NOT_RECORDED + _OF_ADAPTIVE
+        left_out = NOT_RECORDED if self.is_adaptive else NOT_RECORDED + _OF_ADAPTIVE
         return {name: _as_json(value) for name, value in values.items() if name not in left_out}
 
 

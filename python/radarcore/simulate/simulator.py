@@ -83,11 +83,11 @@ class Simulator(Settings):
         `Radar.field_of_view_deg`. `view_deg` has the angles either way. A body or point in the beam of the
         antennas, but outside of the given angles, raises one warning.
     sampling : "adaptive", "fast", "footprint" or "point"
-        Adaptive: cells of the image plane are refined where the error of their echo is largest, and diffuse surfaces
-        are sampled by material points that move with them. Fast: the same for a tenfold `rcs_floor`, in about half the
-        time; single weak echoes may be lost. Footprint: the pixels of an image, with a phase that varies
-        over the patch of each, which converges with the number of pixels. Point: one phasor per pixel as in Stetco et
-        al., ICRA 2020, but weighted by area, for comparison; it does not converge.
+        Sampling of surfaces by rays. Adaptive: cells of the image plane are refined where the error of their echo is
+        largest, and diffuse surfaces are sampled by material points that move with them. Fast: the same for a tenfold
+        `rcs_floor`, in about half the time; single weak echoes may be lost. Footprint: the pixels of an image, with a
+        phase that varies over the patch of each, which converges with the number of pixels. Point: one phasor per pixel
+        as in Stetco et al., ICRA 2020, but weighted by area, for comparison; it does not converge.
     tolerance : float
         Bound on rms(error of synthesis over the samples of a channel) / l2(amplitudes of that channel). The rounding of
         complex64 comes on top, at most 6e-8 of the samples: 1.9e-5 in this measure for 1e5 equal paths in phase. Below
