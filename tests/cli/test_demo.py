@@ -1,12 +1,15 @@
 """The demo command, run as a user does, without and with the real robot meshes."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import radarcore as rc
 from radarcore.cli import demo
+from radarcore.cli.main import main
 from radarcore.models import robots
 
 needs_robots = pytest.mark.skipif(
@@ -14,21 +17,24 @@ needs_robots = pytest.mark.skipif(
 )
 
 
-def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(tmp_path: Path) -> None:
+def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
+    assert main(["demo", *map(str, words), "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_demo_writes_scene_recording_and_picture_and_meets_its_bounds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
-    lines: list[str] = []
-    result = demo.experiment(tmp_path, duration=0.25, with_robots=False, say=lambda content: lines.append(str(content)))
-    cylinder, person = result["targets"]
+    cylinder, person = run(capsys, "-o", tmp_path, "--duration", "0.25", "--no-robots")["targets"]
     assert (cylinder["name"], person["name"]) == ("cylinder", "person")
     assert cylinder["num_frames"] == cylinder["num_range_within"] == cylinder["num_velocity_within"] == 10
     assert person["num_frames"] == person["num_tracked"] == 10
-    assert person["num_range_within"] > 5
-    assert person["num_velocity_within"] > 5
+    assert min(person["num_range_within"], person["num_velocity_within"]) > 5
     recording = rc.Recording.load(tmp_path / "recording")
     assert recording.cube.shape == (10, 3, 64, 128)
-    assert recording.cube.dtype == np.float32
     assert (tmp_path / "experiment.png").read_bytes().startswith(b"\x89PNG")
-    assert any("x real time" in line for line in lines)
     assert rc.load_scene(tmp_path / "scene.toml").run.stop == 5.0  # the whole experiment, to be changed and run again
 
 
@@ -41,8 +47,8 @@ def test_arm_of_the_experiment_carries_the_radar_at_250_mm_per_s_towards_the_cyl
 
 
 @needs_robots
-def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path) -> None:
-    result = demo.experiment(tmp_path, duration=0.1, with_robots=True, say=lambda _: None)
+def test_demo_with_robots_moves_the_real_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run(capsys, "-o", tmp_path, "--duration", "0.1", "--robots")
     assert result["frames"] == 4
     assert result["triangles"] > 100_000  # 5862 of the arm, 109 000 of the man
     cylinder = result["targets"][0]

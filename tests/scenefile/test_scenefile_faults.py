@@ -349,14 +349,6 @@ def test_several_faults_are_one_line_each(tmp_path: Path) -> None:
     ]
 
 
-def test_more_faults_than_anyone_reads_are_counted(tmp_path: Path) -> None:
-    path = write(tmp_path, f"[run]\n{''.join(f'key{number} = 1{chr(10)}' for number in range(300))}")
-    with pytest.raises(ValueError, match="key0") as caught:
-        rc.load_scene(path)
-    assert len(str(caught.value).splitlines()) == 51
-    assert str(caught.value).endswith(f"{path}: and 250 further faults")
-
-
 def test_control_characters_of_a_file_are_escaped_in_messages(tmp_path: Path) -> None:
     text = '[[material]]\nname = "a\\u0000\\u001b"\n' + BALL + 'material = "b"\n'
     with pytest.raises(ValueError, match=r"known: a\\x00\\x1b, perfect_conductor"):

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Flag, Json, Output, Seconds
+from radarcore.cli.options import Count, Flag, Json, Output, Seconds, given
 from radarcore.cli.terminal import show
 from radarcore.comparison.targets import TargetErrors, estimates, found_in, target_errors
 from radarcore.models.robots.named import is_available
@@ -29,7 +29,6 @@ from radarcore.table import Table, finite
 
 TARGETS = {"cylinder": "cylinder", "person": "person/trunk"}
 """Compared targets, and the body whose truth counts for each."""
-
 
 _HEADER = (
     "",
@@ -65,67 +64,22 @@ def run(
     robots : bool
         real UR10 and human meshes, or shapes (default: meshes if the extra `robots` is installed)
     """
-
-    def say(content: str | Table) -> None:
-        if not as_json:
-            show(content)
-
-    result = experiment(
-        output, duration=duration, ray_budget=ray_budget, with_robots=robots, overwrite=overwrite, say=say
-    )
-    if as_json:
-        print(json.dumps(finite(result), indent=2, allow_nan=False))
-
-
-def scene_text(with_robots: bool) -> str:
-    """The scene file of the experiment."""
-    text = files("radarcore.cli").joinpath("experiment.toml").read_text(encoding="utf-8")
-    return text.replace("meshes = false", "meshes = true") if with_robots else text
-
-
-def experiment(
-    directory: Path,
-    *,
-    duration: float | None = None,
-    ray_budget: int | None = None,
-    with_robots: bool | None = None,
-    overwrite: bool = False,
-    say: Callable[[str | Table], None],
-) -> dict[str, Any]:
-    """Simulate, record, compare and draw; results go to `say`, lines and a table, and are returned.
-
-    Parameters
-    ----------
-    directory : path
-        Directory of scene file, recording and picture.
-    duration : float, optional
-        Length of the recording [s]; default: that of the scene file.
-    ray_budget : int, optional
-        Largest number of rays of a cast; default: that of `Simulator`.
-    with_robots : bool, optional
-        Use the real UR10 and human meshes; default: when the extra `robots` is installed.
-    overwrite : bool
-        Replace the files of an earlier run.
-    """
+    say: Callable[[str | Table], None] = (lambda _: None) if as_json else show
     if duration is not None:
         check.positive("duration", duration, "s")
     if ray_budget is not None:
         check.count("ray_budget", ray_budget)
     plot.require()
-    if with_robots is None:
-        with_robots = is_available()
-    file, path, picture = directory / "scene.toml", directory / "recording", directory / "experiment.png"
+    with_robots = is_available() if robots is None else robots
+    file, path, picture = (output / name for name in ("scene.toml", "recording", "experiment.png"))
     check_room(path, overwrite)
     check_file(picture, overwrite=overwrite)
     write_text(file, scene_text(with_robots), overwrite=overwrite)
     simulation = load_scene(file)
-    changes: dict[str, Any] = {}
-    if duration is not None:
-        changes["stop"] = simulation.run.start + duration
-    if ray_budget is not None:
-        changes["ray_budget"] = ray_budget
-    simulation = replace(simulation, run=simulation.run.model_copy(update=changes))
-    settings, waveform = simulation.run, simulation.radar.waveform
+    stop = None if duration is None else simulation.run.start + duration
+    run = simulation.run.model_copy(update=given(stop=stop, ray_budget=ray_budget))
+    simulation = replace(simulation, run=run)
+    waveform = simulation.radar.waveform
 
     say(
         f"BGT60TR13C: {simulation.radar.num_channels} channels x {waveform.num_chirps} chirps x "
@@ -142,7 +96,7 @@ def experiment(
         warnings.filterwarnings("ignore", message=".*has a radial speed of")
         recording = simulation.record(path=path, overwrite=overwrite)
     elapsed = time.perf_counter() - began
-    real_time_factor = len(recording) / settings.rate / elapsed
+    real_time_factor = len(recording) / run.rate / elapsed
     say(
         f"{len(recording)} frames in {elapsed:.1f} s: {1e3 * elapsed / len(recording):.0f} ms per frame, "
         f"{real_time_factor:.2f} x real time"
@@ -169,23 +123,31 @@ def experiment(
         simulation.scene,
         simulation.radar_motion,
         {body: asdict(one) for body, one in found.items()},
-        field_of_view_deg=settings.field_of_view_deg,
+        field_of_view_deg=run.field_of_view_deg,
         max_range=6.0,
         path=picture,
         overwrite=overwrite,
     )
     say("")
     say(f"scene {file}, recording {path}, picture {picture}")
-    return {
-        "frames": len(recording),
-        "seconds": elapsed,
-        "real_time_factor": real_time_factor,
-        "triangles": simulation.scene.num_triangles,
-        "targets": [one.to_dict() for one in errors],
-        "scene": str(file),
-        "recording": str(path),
-        "picture": str(picture),
-    }
+    if as_json:
+        result = {
+            "frames": len(recording),
+            "seconds": elapsed,
+            "real_time_factor": real_time_factor,
+            "triangles": simulation.scene.num_triangles,
+            "targets": [one.to_dict() for one in errors],
+            "scene": str(file),
+            "recording": str(path),
+            "picture": str(picture),
+        }
+        print(json.dumps(finite(result), indent=2, allow_nan=False))
+
+
+def scene_text(with_robots: bool) -> str:
+    """The scene file of the experiment."""
+    text = files("radarcore.cli").joinpath("experiment.toml").read_text(encoding="utf-8")
+    return text.replace("meshes = false", "meshes = true") if with_robots else text
 
 
 def _table(targets: Sequence[TargetErrors]) -> Table:

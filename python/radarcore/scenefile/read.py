@@ -17,9 +17,6 @@ from radarcore.scenefile.tables import RECORDS, SceneTable, Table, keys_of
 
 Location = tuple[str | int, ...]
 
-_MOST_LINES = 50
-"""Faults that a message names."""
-
 DISTRIBUTIONS = ("uniform", "normal", "log_uniform", "integers", "choice")
 """Keys of a table that stands for a value of a variation: scene files have no such keys."""
 
@@ -54,10 +51,7 @@ def tables_of(values: dict[str, Any], file: Path) -> SceneTable:
         # Strict validation takes arrays for tuples only in JSON.
         return SceneTable.model_validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        lines = [f"{file}: {line}" for line in _lines(error, values)]
-        if len(lines) > _MOST_LINES:
-            lines[_MOST_LINES:] = [f"{file}: and {len(lines) - _MOST_LINES} further faults"]
-        raise ValueError("\n".join(lines)) from None
+        raise ValueError("\n".join(f"{file}: {line}" for line in _lines(error, values))) from None
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
@@ -140,17 +134,13 @@ def _path_of(location: Location, is_missing: bool, values: object) -> Location:
 
 
 class _Fault(NamedTuple):
-    """Fault at a place of the file."""
+    """Fault at a place of the file: the value that was expected there and the one that came, or a message."""
 
     path: Location
-    expected: str
-    unit: str
-    got: str
-    is_unknown_key: bool = False
-    meant: Location | None = None
-    """The key that an unknown one was probably meant to be."""
+    expected: str = ""
+    unit: str = ""
+    got: str = ""
     message: str = ""
-    """Message of a record of settings about its own keys."""
 
 
 # Expected values by pydantic's types of errors.
@@ -179,19 +169,17 @@ def _lines(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
         if (other := faults.get(fault.path)) is not None:  # a value of one of several types
             fault = fault._replace(expected=f"{other.expected} or {fault.expected}")
         faults[fault.path] = fault
-    misspelt = {fault.meant for fault in faults.values()}
+    misspelt = {path[:-1] for path, fault in faults.items() if fault.message.startswith("unknown key")}
     for path, fault in faults.items():
-        if path in misspelt and fault.got == "none":
-            continue  # missing only because its name is wrong
+        if fault.got == "none" and path[:-1] in misspelt:
+            continue  # missing, as its name is wrong
         # For a union of types the fault inside says more than that of the whole.
-        if not any(path == other[: len(path)] for other in faults if len(other) > len(path)):
-            unit = f" [{fault.unit}]" if fault.unit else ""
-            if fault.message:
-                yield f"{_path_text(path, values)}.{fault.message}"
-            elif fault.is_unknown_key:
-                yield ": ".join(filter(None, [_path_text(path[:-1], values), fault.expected]))
-            else:
-                yield f"{_path_text(path, values)}: expected {fault.expected}{unit}, got {fault.got}"
+        if any(path == other[: len(path)] for other in faults if len(other) > len(path)):
+            continue
+        place = path[:-1] if path[:-1] in misspelt and fault.message else path
+        unit = f" [{fault.unit}]" if fault.unit else ""
+        message = fault.message or f"expected {fault.expected}{unit}, got {fault.got}"
+        yield ": ".join(filter(None, [_path_text(place, values), message]))
 
 
 def _fault(details: Any, values: dict[str, Any]) -> _Fault:
@@ -201,20 +189,18 @@ def _fault(details: Any, values: dict[str, Any]) -> _Fault:
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         name = str(path[-1])
         if name in DISTRIBUTIONS and len(path) > 1:
-            return _Fault(path[:-1], "a table", "", _DISTRIBUTION)
-        near = check.near(name, at.known)
-        meant = (*path[:-1], near[0]) if near else None
-        known = at.known if near or not check.near(name, DISTRIBUTIONS) else DISTRIBUTIONS
-        return _Fault(path, f"unknown key {unknown(name, known)}", "", "", is_unknown_key=True, meant=meant)
+            return _Fault(path[:-1], "a table", got=_DISTRIBUTION)
+        is_distribution = check.near(name, DISTRIBUTIONS) and not check.near(name, at.known)
+        return _Fault(path, message=f"unknown key {unknown(name, DISTRIBUTIONS if is_distribution else at.known)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         # The place is the table; what is wrong is its kind.
-        got = repr(context["tag"]) if "tag" in context else "none"
         kinds = ", ".join(repr(kind_of(table)) for table in at.tables)
-        return _Fault((*path, "kind"), f"one of {kinds}", "", got)
-    if kind == "value_error":
-        return _Fault(path, "", "", "", message=str(context["error"]))
+        return _Fault((*path, "kind"), f"one of {kinds}", got=repr(context["tag"]) if "tag" in context else "none")
+    if kind == "value_error":  # of a record of settings, about one of its keys
+        name, _, message = str(context["error"]).partition(": ")
+        return _Fault((*path, name), message=message)
     if kind == "literal_error":
-        return _Fault(path, context["expected"], "", repr(value))
+        return _Fault(path, context["expected"], got=repr(value))
     if kind in ("too_long", "too_short"):
         number = context.get("max_length", context.get("min_length"))
         return _Fault(path, f"{number} values", at.unit, str(context["actual_length"]))

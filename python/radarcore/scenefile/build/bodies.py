@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +24,7 @@ from radarcore.scenefile.build.motions import Carriers, Recorded, joint_motion_o
 from radarcore.scenefile.build.radar import radar_of
 from radarcore.scenefile.read import located, place, unknown
 from radarcore.scenefile.tables import (
+    AnyMaterial,
     ArmTable,
     BodyTable,
     HumanTable,
@@ -47,59 +47,38 @@ class Parts:
     """Builder of bodies, points, people, arms and interferers, each after its carrier."""
 
     def __init__(
-        self,
-        directory: Path,
-        known: Mapping[str, Material],
-        recorded: Recorded | None = None,
-        kept: BuildCache | None = None,
+        self, directory: Path, known: Mapping[str, Material], recorded: Recorded | None, kept: BuildCache
     ) -> None:
-        self._directory = directory
-        self._kept = BuildCache() if kept is None else kept
-        self._recorded = recorded
-        self._materials = known
+        self._directory, self._materials, self._recorded, self._kept = directory, known, recorded, kept
         self._carriers: Carriers = {}
 
     def build(self, table: SceneTable) -> tuple[list[Body | PointTarget | Interferer], Carriers]:
         """Parts in the order of the tables, and motions that can carry the sensor."""
-        kinds: dict[str, list[Any]] = {
-            "body": table.body,
-            "point": table.point,
-            "human": table.human,
-            "arm": table.arm,
-            "interferer": table.interferer,
+        kinds = ("body", "point", "human", "arm", "interferer")
+        tables: dict[str, AnyTable] = {
+            place(kind, i, entry.name): entry for kind in kinds for i, entry in enumerate(getattr(table, kind))
         }
-        waiting: dict[str, AnyTable] = {
-            place(kind, i, entry.name): entry for kind, entries in kinds.items() for i, entry in enumerate(entries)
-        }
-        order = list(waiting)
-        _check_names(waiting)
+        _check_names(tables)
         built: dict[str, AnyParts] = {}
-        while waiting:
+        while waiting := {where: entry for where, entry in tables.items() if where not in built}:
             # An attached part waits until its carrier is built.
-            ready = [where for where, entry in waiting.items() if self._has_carrier(entry)]
+            ready = {where: entry for where, entry in waiting.items() if _carrier(entry) in {None, *self._carriers}}
             if not ready:
                 where, entry = next(iter(waiting.items()))
+                raise ValueError(f"{where}: {self._no_carrier(str(_carrier(entry)), waiting)}")
+            for where, entry in ready.items():
                 with located(f"{where}: "):
-                    raise ValueError(self._no_carrier(entry, waiting))
-            for where in ready:
-                with located(f"{where}: "):
-                    built[where] = self._part(waiting.pop(where))
-        return [part for where in order for part in built[where]], self._carriers
+                    built[where] = self._part(entry)
+        return [part for where in tables for part in built[where]], self._carriers
 
-    def _has_carrier(self, entry: AnyTable) -> bool:
-        return not isinstance(entry, PlacedTable) or entry.attached_to is None or entry.attached_to in self._carriers
-
-    def _no_carrier(self, entry: AnyTable, waiting: dict[str, AnyTable]) -> str:
-        assert isinstance(entry, PlacedTable)  # the others have no carrier
-        assert entry.attached_to is not None  # or it would not wait
-        waiting_names = {other.name for other in waiting.values()}
-        if entry.attached_to.partition("/")[0] in waiting_names:
-            return f"attached_to: expected a carrier that is not attached to this in turn, got {entry.attached_to!r}"
-        return f"attached_to: unknown {unknown(entry.attached_to, self._carriers)}"
+    def _no_carrier(self, carrier: str, waiting: dict[str, AnyTable]) -> str:
+        if carrier.partition("/")[0] in {other.name for other in waiting.values()}:
+            return f"attached_to: expected a carrier that is not attached to this in turn, got {carrier!r}"
+        return f"attached_to: unknown {unknown(carrier, self._carriers)}"
 
     def _part(self, entry: AnyTable) -> AnyParts:
         if isinstance(entry, PointTable):
-            return [PointTarget(entry.position, entry.rcs, entry.velocity, name=entry.name)]
+            return [PointTarget(**entry.model_dump())]
         if isinstance(entry, InterfererTable):
             return [self._interferer(entry)]
         if isinstance(entry, BodyTable):
@@ -132,39 +111,37 @@ class Parts:
         options = table.model_dump(include={"start", "rate", "drift_ppm", "start_phase", "name"})
         return Interferer(radar, motion_of(table, self._carriers, self._recorded), **options)
 
-    def _material(self, value: str | MaterialTable) -> Material:
+    def _material(self, value: AnyMaterial) -> Material:
         if isinstance(value, MaterialTable):
             with located("material."):
                 return material_of(value)
         with located("material: "):
-            return named_material(value, self._materials)
+            return _named(value, self._materials)
 
     def _mesh(self, table: Any) -> Mesh:
+        sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
         if isinstance(table, MeshTable):
-            return self._kept.of(
-                ("mesh", table), lambda: self._read(table, load_mesh, lambda mesh: len(mesh.triangles))
-            )
+            return self._kept.of(("mesh", table), lambda: self._read(load_mesh, **sizes))
         make: Callable[..., Mesh] = getattr(shapes, table.kind)
-        return self._kept.of(("shape", table), lambda: make(**table.model_dump(exclude={"kind"}, exclude_none=True)))
+        return self._kept.of(("shape", table), lambda: make(**sizes))
 
     def _meshes(self, table: Any) -> dict[str, Mesh]:
         """The parts of an OBJ file by their materials."""
         if not isinstance(table, MeshTable):
             raise ValueError(f"expected a shape of kind 'mesh' with an OBJ file, got {table.kind!r}")
-        load = partial(load_meshes, split_by="material")
-        return self._kept.of(("meshes", table), lambda: self._read(table, load, len))
-
-    def _read(self, table: MeshTable, load: Callable[..., _Read], size: Callable[[_Read], int]) -> _Read:
         sizes = table.model_dump(exclude={"kind"}, exclude_none=True)
-        path = self._directory / sizes.pop("path")
+        return self._kept.of(("meshes", table), lambda: self._read(load_meshes, split_by="material", **sizes))
+
+    def _read(self, load: Callable[..., _Read], path: str, **options: Any) -> _Read:
+        file = self._directory / path
         with located("path: "):
-            if not path.is_file():
-                raise FileNotFoundError(f"expected a mesh file, got none at {path}")
+            if not file.is_file():
+                raise FileNotFoundError(f"expected a mesh file, got none at {file}")
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # what they say is an error here
-                read = load(path, **sizes)
-            if size(read) == 0:
-                raise ValueError(f"expected a mesh with faces, got none in {path}")
+                read = load(file, **options)
+            if read == {} or (isinstance(read, Mesh) and len(read.triangles) == 0):
+                raise ValueError(f"expected a mesh with faces, got none in {file}")
         return read
 
     def _human(self, table: HumanTable) -> list[Body]:
@@ -206,14 +183,16 @@ class Parts:
             return RobotArm.from_urdf(path)
 
 
+def _carrier(table: AnyTable) -> str | None:
+    return table.attached_to if isinstance(table, PlacedTable) else None
+
+
 def _check_names(tables: dict[str, AnyTable]) -> None:
     """Refuse a name that two parts have: it would be ambiguous in attachments and truth."""
-    seen: dict[str, str] = {}
+    seen: dict[str | None, str] = {}
     for where, table in tables.items():
-        if table.name is not None and table.name in seen:
-            raise ValueError(f"{where}: name: expected a name of its own, got that of {seen[table.name]}")
-        if table.name is not None:
-            seen[table.name] = where
+        if table.name is not None and (other := seen.setdefault(table.name, where)) != where:
+            raise ValueError(f"{where}: name: expected a name of its own, got that of {other}")
 
 
 def materials_of(tables: list[NamedMaterialTable]) -> dict[str, Material]:
@@ -228,8 +207,7 @@ def materials_of(tables: list[NamedMaterialTable]) -> dict[str, Material]:
     return own | dict(materials)
 
 
-def named_material(name: str, known: Mapping[str, Material]) -> Material:
-    """A known material; a ValueError that names near ones for any other."""
+def _named(name: str, known: Mapping[str, Material]) -> Material:
     if name not in known:
         raise ValueError(f"no material {name!r}; {check.near_names(name, known)}")
     return known[name]
@@ -251,7 +229,6 @@ def material_of(table: MaterialTable) -> Material:
         )
     if isinstance(table.permittivity, str):
         with located("permittivity: "):
-            found = named_material(table.permittivity, materials)
-        return found.with_surface(**surface)
+            return _named(table.permittivity, materials).with_surface(**surface)
     real, loss = table.permittivity
     return Material.dielectric(complex(real, -loss), **surface)
