@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 import operator
+from cmath import isfinite
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from math import isfinite
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from radarcore import notice
 _Number = TypeVar("_Number", np.float64, np.complex128)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 _Kind = TypeVar("_Kind")
+_Float = TypeVar("_Float", float, complex)
 
 LARGEST_DB = 1000.0
 """Levels and gains are within this [dB]: the powers of a few of them together are still numbers."""
@@ -36,28 +37,24 @@ _PART_OF_PI = np.pi / 12.0
 
 def number(name: str, value: object, unit: str = "") -> float:
     """A finite number, or a ValueError (TypeError for what is no number at all)."""
-    if isinstance(value, bool | str | bytes) or value is None:
-        raise TypeError(f"{name}: expected a number{_in(unit)}, got {value!r}")
+    return _scalar(name, value, unit, float)
+
+
+def complex_number(name: str, value: object) -> complex:
+    """A finite complex number, or a ValueError (TypeError for what is no number at all)."""
+    return _scalar(name, value, "", complex)
+
+
+def _scalar(name: str, value: Any, unit: str, kind: type[_Float]) -> _Float:
     try:
-        result = float(value)  # type: ignore[arg-type]  # what float() refuses is reported below
+        if isinstance(value, bool | str | bytes) or value is None:
+            raise TypeError
+        result = kind(value)
     except (TypeError, ValueError):
         raise TypeError(f"{name}: expected a number{_in(unit)}, got {value!r}") from None
     if not isfinite(result):
         raise ValueError(f"{name}: expected a finite number{_in(unit)}, got {value!r}")
     return result
-
-
-def complex_number(name: str, value: object) -> complex:
-    """A finite complex number, or a ValueError (TypeError for what is no number at all)."""
-    if isinstance(value, bool | str | bytes) or value is None:
-        raise TypeError(f"{name}: expected a number, got {value!r}")
-    try:
-        result = complex(value)  # type: ignore[call-overload]  # what complex() refuses is reported below
-    except (TypeError, ValueError):
-        raise TypeError(f"{name}: expected a number, got {value!r}") from None
-    if not np.isfinite(result):
-        raise ValueError(f"{name}: expected a finite number, got {value!r}")
-    return complex(result)
 
 
 def positive(name: str, value: object, unit: str = "") -> float:

@@ -74,23 +74,6 @@ def test_poses_of_a_bag_move_the_bodies_and_the_sensor_of_a_scene(
     assert recording.source["bag"] == {"path": str(bag), "start_ns": START_NS}
 
 
-# --- Bad input
-
-
-def fault(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    assert main(["simulate", *map(str, arguments)]) == 1
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    return lines[0].removeprefix("radarcore: ")
-
-
-def test_a_bag_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "scene.toml").write_text(RADAR)
-    assert fault(capsys, tmp_path / "scene.toml", "-o", tmp_path / "out", "--bag", tmp_path / "x") == (
-        f"{tmp_path / 'x'}: no such bag"
-    )
-
-
 # --- info
 
 

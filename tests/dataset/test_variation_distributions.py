@@ -13,7 +13,7 @@ import pytest
 from radarcore.dataset.distributions import distribution_of
 from radarcore.dataset.variation import share_of
 
-NUM_DRAWS = 20_000
+NUM_DRAWS = 5_000
 
 
 @cache

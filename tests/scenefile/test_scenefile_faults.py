@@ -28,286 +28,248 @@ def radar(line: str, without: str = "") -> str:
     return "\n".join(row for row in RADAR.splitlines() if not (without and row.startswith(without))) + f"\n{line}\n"
 
 
-FAULTS = {
+FAULTS = [
     # Unknown keys, tables and names.
-    "key": (
+    (
         BALL + "colour = 1",
         "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape, material",
     ),
-    "near key": (
-        BALL + 'materal = "wood"',
-        "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?",
-    ),
-    "near shape key": (
-        shaped('{ kind = "sphere", raduis = 0.1 }'),
-        "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?",
-    ),
-    "near table": ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
-    "key that is the name of a type": ("[str]\nname = 1", "unknown key 'str'; known: radar, sensor"),
-    "key that is the name of a kind": (
+    (BALL + 'materal = "wood"', "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?"),
+    (shaped('{ kind = "sphere", raduis = 0.1 }'), "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?"),
+    ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
+    ("[str]\nname = 1", "unknown key 'str'; known: radar, sensor"),
+    (
         shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'),
         "body[0] 'a': shape: unknown key 'sphere'; known: kind, radius",
     ),
-    "run key": ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
-    "kind": (
+    ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
+    (
         shaped('{ kind = "spere", radius = 0.1 }'),
         "body[0] 'a': kind: expected one of 'box', 'capsule', 'cylinder', 'dihedral', 'disc', 'plate', 'sphere', "
         "'trihedral', 'mesh', got 'spere'",
     ),
-    "no kind": (
+    (
         BALL + "motion = { velocity = [1, 0, 0] }",
         "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', 'bag', got none",
     ),
-    "material": (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
-    "material key": (
-        BALL + "material = { albdo = 0.1 }",
-        "body[0] 'ball': material: unknown key 'albdo'; did you mean 'albedo'?",
-    ),
-    "choice": (
-        '[run]\nsampling = "points"',
-        "run: sampling: expected 'adaptive', 'fast', 'footprint' or 'point', got 'points'",
-    ),
-    "attachment": (
-        BALL + '[sensor]\nattached_to = "bal"',
-        "sensor: attached_to: unknown 'bal'; did you mean 'ball'?",
-    ),
-    "circle": (
+    (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
+    (BALL + "material = { albdo = 0.1 }", "body[0] 'ball': material: unknown key 'albdo'; did you mean 'albedo'?"),
+    ('[run]\nsampling = "points"', "run: sampling: expected 'adaptive', 'fast', 'footprint' or 'point', got 'points'"),
+    (BALL + '[sensor]\nattached_to = "bal"', "sensor: attached_to: unknown 'bal'; did you mean 'ball'?"),
+    (
         BALL + 'attached_to = "ball"',
         "body[0] 'ball': attached_to: expected a carrier that is not attached to this in turn, got 'ball'",
     ),
-    "link": (
+    (
         '[sensor]\nattached_to = "arm/tol0"\n[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
         "sensor: attached_to: unknown 'arm/tol0'; did you mean 'arm/tool0'?",
     ),
-    "same names": (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
+    (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
     # Wrong types and units.
-    "unit in text": (
-        shaped('{ kind = "sphere", radius = "10 cm" }'),
-        "body[0] 'a': radius: expected a number [m], got '10 cm'",
-    ),
-    "boolean": ("[run]\nrate = true", "run: rate: expected a number [Hz], got true"),
-    "infinite": ("[run]\nstop = inf", "run: stop: expected a finite number [s], got inf"),
-    "no integers": ('[run]\nresolution = "fine"', "run: resolution: expected an integer or a list, got 'fine'"),
-    "short vector": (
-        BALL + "[sensor]\npose = { position = [1, 2] }",
-        "sensor: pose.position[2]: expected a value [m], got none",
-    ),
-    "long vector": (
-        "[sensor]\npose = { position = [1, 2, 3, 4] }",
-        "sensor: pose.position: expected 3 values [m], got 4",
-    ),
-    "no table": ("[[body]]\nshape = 3", "body[0]: shape: expected a table, got 3"),
-    "missing": ('[[body]]\nname = "x"', "body[0] 'x': shape: expected a value, got none"),
-    "missing size": (shaped('{ kind = "sphere" }'), "body[0] 'a': radius: expected a value [m], got none"),
+    (shaped('{ kind = "sphere", radius = "10 cm" }'), "body[0] 'a': radius: expected a number [m], got '10 cm'"),
+    ("[run]\nrate = true", "run: rate: expected a number [Hz], got true"),
+    ("[run]\nstop = inf", "run: stop: expected a finite number [s], got inf"),
+    ('[run]\nresolution = "fine"', "run: resolution: expected an integer or a list, got 'fine'"),
+    (BALL + "[sensor]\npose = { position = [1, 2] }", "sensor: pose.position[2]: expected a value [m], got none"),
+    ("[sensor]\npose = { position = [1, 2, 3, 4] }", "sensor: pose.position: expected 3 values [m], got 4"),
+    ("[[body]]\nshape = 3", "body[0]: shape: expected a table, got 3"),
+    ('[[body]]\nname = "x"', "body[0] 'x': shape: expected a value, got none"),
+    (shaped('{ kind = "sphere" }'), "body[0] 'a': radius: expected a value [m], got none"),
+    (BALL + "material = 3", "body[0] 'ball': material: expected text or a table, got 3"),
+    ("[run]\nresolution = [1, 2.5]", "run: resolution[1]: expected an integer, got 2.5"),
     # Values that cannot be.
-    "negative size": (
+    (
         BALL + BALL.replace('"ball"', '"b"') + '[[body]]\nname = "table"\nshape = { kind = "sphere", radius = -0.1 }',
         "body[2] 'table': radius: expected a positive number [m], got -0.1",
     ),
-    "two materials": (
+    (
         BALL + "material = { reflection = -1, permittivity = [2, 0] }",
         "body[0] 'ball': material.reflection: expected either reflection or permittivity, got both",
     ),
-    "one permittivity": (
+    (
         BALL + "material = { permittivity = 2.0 }",
         "body[0] 'ball': material.permittivity: expected text or a list, got 2.0",
     ),
-    "no permittivity of that name": (
+    (
         BALL + 'material = { permittivity = "conrete" }',
         "body[0] 'ball': material.permittivity: no material 'conrete'; did you mean 'concrete'?",
     ),
-    "rough without permittivity": (
+    (
         BALL + "material = { reflection = -0.5, roughness = 1e-4 }",
         "body[0] 'ball': material.roughness: expected permittivity with it, got none",
     ),
-    "albedo with permittivity": (
+    (
         BALL + "material = { permittivity = [2, 0], albedo = 0.1 }",
         "body[0] 'ball': material.albedo: expected none with permittivity (roughness or scattering",
     ),
-    "own material": (
+    (
         BALL + 'material = "fellt"\n[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]',
         "body[0] 'ball': material: no material 'fellt'; did you mean 'felt'?",
     ),
-    "material without a name": ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
-    "material of the library": (
+    ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
+    (
         '[[material]]\nname = "wood"\nreflection = -0.5',
         "material[0] 'wood': name: expected a name of its own, got that of one of the library",
     ),
-    "material twice": (
+    (
         '[[material]]\nname = "felt"\nalbedo = 0.5\n[[material]]\nname = "felt"\nalbedo = 0.4',
         "material[1] 'felt': name: expected a name of its own, got that of another",
     ),
-    "two rotations": (
+    (
         "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
         "sensor: pose.look_at: expected one of rpy_deg, wxyz, xyzw and look_at, got also rpy_deg",
     ),
-    "pose and trajectory": (
+    (
         BALL + 'motion = { kind = "trajectory", times = [0, 1], poses = [{}, {}] }',
         "body[0] 'ball': pose: expected none together with a trajectory, which has its own poses",
     ),
-    "joint angles": (
+    (
         '[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0] }',
         "arm[0] 'arm': joints.angles_deg: expected 6 values (shoulder_pan_joint, shoulder_lift_joint, elbow_joint, "
         "wrist_1_joint, wrist_2_joint, wrist_3_joint), got 2",
     ),
-    "fast human": (
-        "[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]",
-        "human[0] 'human': speed: expected at most 2.78 m/s",
-    ),
-    "run": ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
-    "field of view": (
+    ("[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]", "human[0] 'human': speed: expected at most 2.78 m/s"),
+    ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
+    (
         "[run]\nfield_of_view_deg = [190, 60]",
         "run: field_of_view_deg: expected angles between 0 and 180 degrees, got [190.0, 60.0]",
     ),
-    "along z alone": ("[sensor]\nalong_z = 0.05", "sensor: along_z: expected attached_to as well"),
-    "along z and pose": (
+    ("[sensor]\nalong_z = 0.05", "sensor: along_z: expected attached_to as well"),
+    (
         BALL + '[sensor]\nalong_z = 0.05\nattached_to = "ball"\npose = {}',
         "sensor: along_z: expected it alone, got pose as well",
     ),
-    "body at the sensor": (
-        shaped('{ kind = "sphere", radius = 2.0 }'),
+    (
+        shaped('{ kind = "sphere", radius = 2.0, subdivisions = 2 }'),
         "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
     ),
-    "sensor in a body": (
+    (
         '[[body]]\nname = "ball"\nshape = { kind = "sphere", radius = 0.3 }',
         "sensor: pose: expected the antennas outside of every body smaller than 2 m when the run begins, got them "
         "inside 'ball'",
     ),
-    "flange": (
+    (
         '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0\n[[arm]]\n'
         'joints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
         "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
     ),
-}
+]
 
-RADAR_FAULTS = {
-    "gigahertz": (
+RADAR_FAULTS = [
+    (
         radar("start_frequency = 60", without="start"),
         "radar: start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 60",
     ),
-    "preset": (
-        '[radar]\npreset = "bgt60"',
-        "radar: preset: expected 'bgt60tr13c' or 'bgt60tr24', got 'bgt60'",
-    ),
-    "no radar": ("[run]\nstop = 1", "radar: expected a value, got none"),
-    "no samples": (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),
-    "no slope": (radar("", without="stop"), "radar: slope: expected either slope or stop_frequency, got none"),
-    "schedule": (
+    ('[radar]\npreset = "bgt60"', "radar: preset: expected 'bgt60tr13c' or 'bgt60tr24', got 'bgt60'"),
+    ("[run]\nstop = 1", "radar: expected a value, got none"),
+    (radar("", without="num_samples"), "radar: num_samples: expected a value, or a preset, got none"),
+    (radar("", without="stop"), "radar: slope: expected either slope or stop_frequency, got none"),
+    (
         radar('schedule = { kind = "steered", phases_deg = [0], azimuth_deg = 1 }'),
         "radar: schedule.phases_deg: expected either phases or angles of the beam, got both",
     ),
-    "phases": (
+    (
         radar('schedule = { kind = "steered", phases_deg = [[0], [0, 1]] }'),
         "radar: schedule.phases_deg: expected equally many per chirp, got [[0.0], [0.0, 1.0]]",
     ),
-    "sequence": (
+    (
         radar("sequences = [{ delay = 1e-3, num_chirps = 0 }]"),
         "radar: sequences[0].num_chirps: expected at least 1, got 0",
     ),
-    "wish": (
-        radar("max_range = 8"),
-        "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0",
-    ),
-    "polarization": (
+    (radar("max_range = 8"), "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0"),
+    (
         radar('polarization = "circular"'),
         "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",
     ),
-    "two slopes": (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
-    "float count": (
-        radar("num_samples = 64.0", without="num_samples"),
-        "radar: num_samples: expected an integer, got 64.0",
-    ),
-    "beam width": (
+    (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
+    (radar("num_samples = 64.0", without="num_samples"), "radar: num_samples: expected an integer, got 64.0"),
+    (
         radar("pattern = { beamwidth_azimuth_deg = 30 }"),
         "radar: pattern.beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
     ),
-    "table without gains": (
+    (
         radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),
         "radar: pattern.gain_db: expected a list, as all three keys of a table are, got none",
     ),
-    "one gain": (
+    (
         radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = 3 }"),
         "radar: pattern.gain_db: expected a list, as all three keys of a table are, got 3.0",
     ),
-    "table of words": (
+    (
         radar('pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, "x"]] }'),
         "radar: pattern.gain_db[1][1]: expected a number [dBi], got 'x'",
     ),
-    "word for a gain": (
-        radar('pattern = { gain_db = "x" }'),
-        "radar: pattern.gain_db: expected a number or a list [dBi], got 'x'",
-    ),
-    "table and widths": (
+    (radar('pattern = { gain_db = "x" }'), "radar: pattern.gain_db: expected a number or a list [dBi], got 'x'"),
+    (
         radar(
             "pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, 0]], "
             "beamwidth_azimuth_deg = 3 }"
         ),
         "radar: pattern.azimuth_deg: expected either a table or beam widths, got both",
     ),
-    "file and gain": (
+    (
         radar('pattern = { path = "horn.csv", gain_db = 3 }'),
         "radar: pattern.path: expected it alone, got gain_db as well",
     ),
-    "one of the patterns": (
+    (
         radar("tx_patterns = [{ beamwidth_azimuth_deg = 30 }]"),
         "radar: tx_patterns[0].beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
     ),
-    "receiver": (
+    (
         radar("receiver = { noise_figure = 3 }"),
         "radar: receiver: unknown key 'noise_figure'; did you mean 'noise_figure_db'?",
     ),
-    "number of the receiver": (
+    (
         radar("receiver = { noise_figure_db = -1 }"),
         "radar: receiver.noise_figure_db: expected zero or a positive number [dB], got -1.0",
     ),
-    "leakage": (
+    (
         radar("receiver.leakage = { level_db = [-40, 1] }"),
         "radar: receiver.leakage.level_db[1]: expected at most 0 [dB], got 1",
     ),
-    "leakage of words": (
-        radar("receiver.leakage = { delay = 'x' }"),
-        "radar: receiver.leakage.delay: expected a number [s], got 'x'",
-    ),
-    "antennas": (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
-    "syntax": ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),
-}
+    (radar("receiver.leakage = { delay = 'x' }"), "radar: receiver.leakage.delay: expected a number [s], got 'x'"),
+    (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
+    ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),
+]
 
 
-@pytest.mark.parametrize("name", FAULTS)
-def test_fault_is_one_line_that_names_it(tmp_path: Path, name: str) -> None:
-    text, message = FAULTS[name]
+@pytest.mark.parametrize(("text", "message"), FAULTS)
+def test_fault_is_one_line_that_names_it(tmp_path: Path, text: str, message: str) -> None:
     check_fault(write(tmp_path, text), message)
 
 
-@pytest.mark.parametrize("name", RADAR_FAULTS)
-def test_radar_fault_is_one_line_that_names_it(tmp_path: Path, name: str) -> None:
-    text, message = RADAR_FAULTS[name]
+@pytest.mark.parametrize(("text", "message"), RADAR_FAULTS)
+def test_radar_fault_is_one_line_that_names_it(tmp_path: Path, text: str, message: str) -> None:
     check_fault(write(tmp_path, "", radar=text), message)
 
 
-def test_missing_mesh_is_named_with_its_body(tmp_path: Path) -> None:
-    path = write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }'))
+URDF = '[[arm]]\nmodel = "x.urdf"\njoints = { kind = "rest", angles_deg = [] }\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            shaped('{ kind = "mesh", path = "part.obj" }'),
+            "body[0] 'a': path: expected a mesh file, got none at {}/part.obj",
+        ),
+        (
+            shaped(r'{ kind = "mesh", path = "part\u0000\u001b.obj" }'),
+            r"body[0] 'a': path: expected a mesh file, got none at {}/part\x00\x1b.obj",
+        ),
+        (URDF, "arm[0] 'arm': model: "),
+    ],
+)
+def test_missing_file_is_named_with_its_body(tmp_path: Path, text: str, message: str) -> None:
+    path = write(tmp_path, text)
     with pytest.raises(FileNotFoundError) as caught:
         rc.load_scene(path)
-    assert str(caught.value) == f"{path}: body[0] 'a': path: expected a mesh file, got none at {tmp_path / 'part.obj'}"
-
-
-def test_name_of_a_missing_mesh_is_printable(tmp_path: Path) -> None:
-    path = write(tmp_path, shaped(r'{ kind = "mesh", path = "part\u0000\u001b.obj" }'))
-    with pytest.raises(FileNotFoundError, match=r"got none at .*part\\x00\\x1b\.obj$"):
-        rc.load_scene(path)
+    assert str(caught.value).startswith(f"{path}: {message.format(tmp_path)}")
 
 
 def test_broken_mesh_is_named_with_its_body_and_line(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_text("v 0 0 x\n")
     check_fault(write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }')), "body[0] 'a': ")
-
-
-def test_missing_urdf_is_named_with_its_arm(tmp_path: Path) -> None:
-    path = write(tmp_path, '[[arm]]\nmodel = "x.urdf"\njoints = { kind = "rest", angles_deg = [] }\n')
-    with pytest.raises(FileNotFoundError) as caught:
-        rc.load_scene(path)
-    assert str(caught.value).startswith(f"{path}: arm[0] 'arm': model: ")
 
 
 @pytest.mark.parametrize(("model", "hint"), [("ur6", "did you mean "), ("robot", "known: ur3, ur5, ")])
@@ -332,11 +294,6 @@ def test_misspelt_key_does_not_hide_a_fault_of_the_right_one(tmp_path: Path) -> 
     with pytest.raises(ValueError, match="raduis") as caught:
         rc.load_scene(path)
     assert "radius: expected a number [m], got 'x'" in str(caught.value)
-
-
-def test_value_of_one_of_several_types(tmp_path: Path) -> None:
-    check_fault(write(tmp_path, BALL + "material = 3"), "body[0] 'ball': material: expected text or a table, got 3")
-    check_fault(write(tmp_path, "[run]\nresolution = [1, 2.5]"), "run: resolution[1]: expected an integer, got 2.5")
 
 
 def test_several_faults_are_one_line_each(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from radarcore.adapters.ros.bags import BagReader, is_bag
 from radarcore.cli.options import Json, Source
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.terminal import show
+from radarcore.dataset.store import attrs_of
 from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
 from radarcore.dataset.variation import Variation
@@ -72,6 +73,8 @@ def _facts(path: Path, config: Description) -> dict[str, Any]:
         return _scene_facts(path)
     if is_bag(path):
         return _bag_facts(path)
+    if attrs_of(path) is not None:
+        raise ValueError(f"{path}: expected a recording, got a dataset; radarcore dataset info summarises it")
     if found := recordings_in(path):
         return {"folder": str(path), "recordings": {place.name: _recording_line(place, config) for place in found}}
     return _recording_facts(path, config)

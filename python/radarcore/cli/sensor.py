@@ -10,7 +10,7 @@ import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
@@ -124,8 +124,10 @@ def run_record(
         achieved = sensor.configure(wanted, **gains_of(settings))
         show(f"{sensor.info.port}: {sensor.info.chip}, firmware {sensor.info.firmware}")
         gain = sensor.source().get("infineon", {}).get("if_gain_dB")
-        for line in (*_differences(wanted, achieved), *_gain(settings.if_gain_db, gain), sight(achieved)):
-            show(f"  {line}")
+        asked = [] if None in (settings.if_gain_db, gain) else [("IF gain", settings.if_gain_db, gain, "dB")]
+        for text, want, got, unit in [*_waveforms(wanted, achieved), *asked]:
+            show(f"  {text:<19} {want:.9g} {unit} asked, {got:.9g} {unit} achieved")
+        show(f"  {sight(achieved)}")
         began, before = time.perf_counter(), _written_at(output)
         try:
             recording = sensor.record(output, duration=duration, num_frames=frames, overwrite=overwrite)
@@ -146,27 +148,16 @@ def _written_at(path: Path) -> int | None:
         return None
 
 
-def _differences(wanted: Radar, achieved: Radar) -> list[str]:
-    """Numbers of the waveform as asked for and as achieved."""
-    names = {
-        "center_frequency": ("centre of the band", 1e-9, "GHz"),
-        "bandwidth": ("sampled bandwidth", 1e-6, "MHz"),
-        "sample_rate": ("sample rate", 1e-3, "kHz"),
-        "chirp_interval": ("chirp interval", 1e6, "us"),
-        "frame_interval": ("frame interval", 1e3, "ms"),
-    }
-    lines = []
-    for name, (text, scale, unit) in names.items():
-        asked, got = (scale * getattr(radar.waveform, name) for radar in (wanted, achieved))
-        lines.append(f"{text:<19} {asked:.9g} {unit} asked, {got:.9g} {unit} achieved")
-    return lines
-
-
-def _gain(asked: int | None, achieved: int | None) -> list[str]:
-    """The gain that was asked for and its nearest step."""
-    if asked is None or achieved is None:
-        return []
-    return [f"{'IF gain':<19} {asked} dB asked, {achieved} dB achieved"]
+def _waveforms(wanted: Radar, achieved: Radar) -> Iterator[tuple[str, float, float, str]]:
+    """Numbers of the waveform, as asked for and as achieved, with their unit."""
+    for name, text, scale, unit in (
+        ("center_frequency", "centre of the band", 1e-9, "GHz"),
+        ("bandwidth", "sampled bandwidth", 1e-6, "MHz"),
+        ("sample_rate", "sample rate", 1e-3, "kHz"),
+        ("chirp_interval", "chirp interval", 1e6, "us"),
+        ("frame_interval", "frame interval", 1e3, "ms"),
+    ):
+        yield text, scale * getattr(wanted.waveform, name), scale * getattr(achieved.waveform, name), unit
 
 
 def run_view(
@@ -332,18 +323,12 @@ def run_selftest(
         show(f"{count['PASS']} passed, {count['FAIL']} failed, {count['SKIP']} skipped {took}")
     if output is not None:
         write_text(output, json.dumps(report | _descriptors(), indent=2) + "\n", overwrite=overwrite)
-    if not as_json and (has_failed or output is not None):
-        show(_advice(port, output))
+        if not as_json:
+            show(f"{output}: attach it to an issue of the project; it contains the board's serial number")
+    elif has_failed and not as_json:
+        call = " ".join(["radarcore sensor selftest", *([port] if port else []), "-o report.json"])
+        show(f"to report: `{call}`, and attach that file to an issue of the project")
     return int(has_failed)
-
-
-def _advice(port: str | None, output: Path | None) -> str:
-    if output is not None:
-        return f"{output}: attach it to an issue of the project; it contains the board's serial number"
-    words = f" {port}" if port else ""
-    return (
-        f"to report: `radarcore sensor selftest{words} -o report.json`, and attach that file to an issue of the project"
-    )
 
 
 def _descriptors() -> dict[str, Any]:
@@ -403,15 +388,9 @@ def run_serve(
         check.positive("duration", duration, "s")
     frames, settings = _served(source)
     chip, language = _BOARDS[protocol]
+    settings_of_board = {"protocol": protocol, "speed": speed, "threads": threads, "receiver": receiver}
     with (
-        virtual_board(
-            frames,
-            protocol=protocol,
-            speed=speed,
-            threads=threads,
-            receiver=receiver,
-            latency=latency,
-        ) as board,
+        virtual_board(frames, latency=latency, **settings_of_board) as board,
         PtyPort(board, link=link, replace_link=force) as port,
     ):
         try:
@@ -419,21 +398,16 @@ def run_serve(
             print(f"listening on {name}")
             print(f"{source} as a {chip}, protocol {language}; {settings}")
             print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
-            _print_news(duration, board.news)
+            deadline = math.inf if duration is None else time.monotonic() + duration
+            while time.monotonic() < deadline:
+                time.sleep(0.2)
+                for line in board.news():
+                    print(line, file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
         finally:
             board.close()  # before the port, which waits for answers and thus for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
-
-
-def _print_news(duration: float | None, news: Callable[[], list[str]]) -> None:
-    """Print news as they come, for a duration or until an interrupt."""
-    deadline = math.inf if duration is None else time.monotonic() + duration
-    while time.monotonic() < deadline:
-        time.sleep(0.2)
-        for line in news():
-            print(line, file=sys.stderr, flush=True)
 
 
 def _served(path: Path) -> tuple[Simulation | Recording, str]:
@@ -443,8 +417,7 @@ def _served(path: Path) -> tuple[Simulation | Recording, str]:
 
         return load_scene(path), "the client sets samples, chirps and rate"
     recording = Recording.load(path)
-    raw = recording.raw
-    if raw is None or len(raw) == 0:
+    if (raw := recording.raw) is None or len(raw) == 0:
         raise ValueError(
             f"{path}: expected at least one frame with codes of an ADC, got none; of a simulated recording, serve the "
             "scene file"

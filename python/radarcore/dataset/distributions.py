@@ -7,8 +7,9 @@ machine, of a normal distribution with the same version of SciPy.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from itertools import accumulate
 from math import ceil, floor, inf, isfinite
 from typing import Any, Protocol
@@ -52,6 +53,10 @@ class Uniform:
     step: float | None = None
     kind = "uniform"
 
+    def __post_init__(self) -> None:
+        _check_order(self)
+        _check_step(self.step, self.high - self.low, "ends")
+
     @property
     def ends(self) -> tuple[float, float]:
         """Smallest and largest value."""
@@ -87,6 +92,19 @@ class Normal:
     step: float | None = None
     kind = "normal"
 
+    def __post_init__(self) -> None:
+        check.positive("normal: standard deviation", self.deviation)
+        if not self.min < self.max:
+            raise ValueError(f"max: expected more than min, {self.min:g}, got {self.max:g}")
+        _check_step(self.step, self.max - self.min, "bounds")
+        _, low, high = self._probabilities
+        if abs(high - low) < _SMALLEST_SHARE:
+            raise ValueError(
+                f"{'min' if self.min > self.mean else 'max'}: expected bounds that keep some of the distribution, got "
+                f"{self.min:g} to {self.max:g} for a mean of {self.mean:g} and a standard deviation of "
+                f"{self.deviation:g}"
+            )
+
     @property
     def ends(self) -> tuple[float, ...]:
         """The bounds that there are, and the mean if it lies between them."""
@@ -112,12 +130,6 @@ class Normal:
         return float(f"{self.mean + k * self.step:.12g}")
 
     @property
-    def share(self) -> float:
-        """Probability between the bounds of the distribution that is not cut."""
-        _, low, high = self._probabilities
-        return abs(high - low)
-
-    @property
     def _probabilities(self) -> tuple[float, float, float]:
         """A sign, and the probabilities of values below both bounds, or above them with sign -1: exact far above."""
         sign = -1.0 if self.min > self.mean else 1.0
@@ -132,6 +144,10 @@ class LogUniform:
     low: float
     high: float
     kind = "log_uniform"
+
+    def __post_init__(self) -> None:
+        check.positive("log_uniform", self.low)
+        _check_order(self)
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -151,6 +167,12 @@ class Integers:
     high: int
     kind = "integers"
 
+    def __post_init__(self) -> None:
+        if not (isinstance(self.low, int) and isinstance(self.high, int)):
+            raise ValueError(f"integers: expected two integers, got [{self.low}, {self.high}]")
+        if self.low != self.high:
+            _check_order(self)
+
     @property
     def ends(self) -> tuple[int, int]:
         """Smallest and largest value."""
@@ -165,9 +187,19 @@ class Integers:
 class Choice:
     """One of several values, which may be tables and lists."""
 
-    values: tuple[Value, ...]
-    weights: tuple[float, ...]
+    values: Sequence[Value]
+    weights: Sequence[float] = ()
+    """One per value; default: all alike."""
     kind = "choice"
+
+    def __post_init__(self) -> None:
+        values, weights = self.values, self.weights or [1.0] * len(self.values)
+        if not isinstance(weights, Sequence) or len(weights) != len(values):
+            raise ValueError(f"weights: expected a list of {len(values)} numbers, one per value, got {weights!r}")
+        if sum(check.non_negative("weights", weight) for weight in weights) == 0.0:
+            raise ValueError(f"weights: expected one above zero, got {weights!r}")
+        object.__setattr__(self, "values", tuple(values))
+        object.__setattr__(self, "weights", tuple(map(float, weights)))
 
     @property
     def ends(self) -> tuple[Value, ...]:
@@ -191,80 +223,39 @@ def is_distribution(value: object) -> bool:
     return isinstance(value, Mapping) and any(name in value for name in DISTRIBUTIONS)
 
 
+_KINDS: dict[str, Callable[..., Distribution]] = {
+    each.kind: each for each in (Uniform, Normal, LogUniform, Integers, Choice)
+}
+
+
 def distribution_of(table: Mapping[str, Value]) -> Distribution:
     """The distribution of a table such as ``{ uniform = [0.5, 2.0] }``; a ValueError says what is wrong."""
     kind, *others = [name for name in DISTRIBUTIONS if name in table]
     if others:
         raise ValueError(f"{others[0]}: expected one distribution, got {kind} as well")
-    options = {
-        "uniform": ("step",),
-        "normal": ("min", "max", "step"),
-        "log_uniform": (),
-        "integers": (),
-        "choice": ("weights",),
-    }[kind]
-    for name in table:
-        if name != kind and name not in options:
-            known = check.near_names(name, (kind, *options))
-            raise ValueError(f"unknown key {name!r} of a distribution; {known}")
+    value, options = table[kind], {name: option for name, option in table.items() if name != kind}
+    known = [name for name in signature(_KINDS[kind]).parameters if name in ("step", "min", "max", "weights")]
+    for name in options:
+        if name not in known:
+            raise ValueError(f"unknown key {name!r} of a distribution; {check.near_names(name, (kind, *known))}")
     if kind == "choice":
-        return _choice(table)
-    pair = _pair(kind, table[kind])
-    if kind == "normal":
-        return _normal(pair, table)
-    low, high = pair
-    if not low < high and not (kind == "integers" and low == high):
-        raise ValueError(f"{kind}: expected the smaller end first, got [{low}, {high}]")
-    if kind == "integers":
-        for end in pair:
-            if not isinstance(end, int):
-                raise ValueError(f"integers: expected two integers, got [{low}, {high}]")
-        return Integers(int(low), int(high))
-    if kind == "log_uniform":
-        return LogUniform(check.positive("log_uniform", low), float(high))
-    step = check.positive("step", table["step"]) if "step" in table else None
-    if step is not None and step > high - low:
-        raise ValueError(f"step: expected at most {high - low:g}, the distance of the ends, got {step:g}")
-    return Uniform(float(low), float(high), step)
-
-
-def _pair(kind: str, value: Value) -> tuple[float, float]:
-    meaning = "the mean and the standard deviation" if kind == "normal" else "the smallest and the largest value"
+        if not isinstance(value, list) or not value:
+            raise ValueError(f"choice: expected a list of values, got {value!r}")
+        return Choice(value, **options)
     is_pair = isinstance(value, list) and len(value) == 2
     if not is_pair or any(isinstance(end, bool) or not isinstance(end, int | float) for end in value):
+        meaning = "the mean and the standard deviation" if kind == "normal" else "the smallest and the largest value"
         raise ValueError(f"{kind}: expected two numbers, {meaning}, got {value!r}")
-    for end in value:
-        check.number(kind, end)
-    return value[0], value[1]
+    numbers = [check.number(kind, end) for end in value]
+    ends = value if kind == "integers" else numbers
+    return _KINDS[kind](*ends, **{name: check.number(name, option) for name, option in options.items()})
 
 
-def _normal(pair: tuple[float, float], table: Mapping[str, Value]) -> Normal:
-    mean, deviation = float(pair[0]), check.positive("normal: standard deviation", pair[1])
-    bounds = {name: check.number(name, table[name]) for name in ("min", "max") if name in table}
-    step = check.positive("step", table["step"]) if "step" in table else None
-    normal = Normal(mean, deviation, **bounds, step=step)
-    if not normal.min < normal.max:
-        raise ValueError(f"max: expected more than min, {normal.min:g}, got {normal.max:g}")
-    if step is not None and step > normal.max - normal.min:
-        raise ValueError(
-            f"step: expected at most {normal.max - normal.min:g}, the distance of the bounds, got {step:g}"
-        )
-    if normal.share < _SMALLEST_SHARE:
-        raise ValueError(
-            f"{'min' if normal.min > mean else 'max'}: expected bounds that keep some of the distribution, got "
-            f"{normal.min:g} to {normal.max:g} for a mean of {mean:g} and a standard deviation of {deviation:g}"
-        )
-    return normal
+def _check_order(of: Uniform | LogUniform | Integers) -> None:
+    if not of.low < of.high:
+        raise ValueError(f"{of.kind}: expected the smaller end first, got [{of.low}, {of.high}]")
 
 
-def _choice(table: Mapping[str, Value]) -> Choice:
-    values = table["choice"]
-    if not isinstance(values, list) or not values:
-        raise ValueError(f"choice: expected a list of values, got {values!r}")
-    weights = table.get("weights", [1.0] * len(values))
-    if not isinstance(weights, list) or len(weights) != len(values):
-        raise ValueError(f"weights: expected a list of {len(values)} numbers, one per value, got {weights!r}")
-    checked = tuple(check.non_negative("weights", weight) for weight in weights)
-    if sum(checked) == 0.0:
-        raise ValueError(f"weights: expected one above zero, got {weights!r}")
-    return Choice(tuple(values), checked)
+def _check_step(step: float | None, width: float, between: str) -> None:
+    if step is not None and check.positive("step", step) > width:
+        raise ValueError(f"step: expected at most {width:g}, the distance of the {between}, got {step:g}")

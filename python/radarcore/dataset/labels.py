@@ -171,41 +171,38 @@ def dims_of(radar: Radar, body_names: Sequence[str], settings: Labels | None = N
     (('doppler', 'range'), (64, 65))
     """
     settings, names = _checked(settings), checked_names(body_names)
-    num_bodies = len(names)
+    lengths = {"body": len(names), "xyz": 3, "joint": len(JOINTS)}
     layouts: dict[str, LabelLayout] = {}
-    attrs: dict[str, Any]
+
+    def add(name: str, dims: tuple[str, ...], units: str, long_name: str, **more: Any) -> None:
+        attrs = {"units": units, "long_name": long_name, **more}
+        layouts[name] = LabelLayout(dims, tuple(lengths[axis] for axis in dims), np.dtype(np.float64), attrs)
+
     if settings.truth:
-        seen_from = "nearest visible point, from the centre of the array; NaN: not visible"
-        units = dict(zip(TRUTH_FIELDS, ("m", "m/s", "rad", "rad"), strict=True))
-        signs = {"velocity": "receding positive", "azimuth": "positive to the left", "elevation": "positive up"}
-        for name in TRUTH_FIELDS:
-            attrs = {"units": units[name], "long_name": f"true {name}", "description": seen_from}
-            layouts[f"true_{name}"] = _floats(("body",), (num_bodies,), attrs | _sign(signs.get(name)))
+        point = {"description": "nearest visible point, from the centre of the array; NaN: not visible"}
+        add("true_range", ("body",), "m", "true range", **point)
+        add("true_velocity", ("body",), "m/s", "true velocity", **point, positive="receding positive")
+        add("true_azimuth", ("body",), "rad", "true azimuth", **point, positive="positive to the left")
+        add("true_elevation", ("body",), "rad", "true elevation", **point, positive="positive up")
     if settings.boxes:
-        for name, text in (("center", "middle"), ("size", "edges")):
-            attrs = {"units": "m", "long_name": f"{text} of the box around the mesh", "description": _AXES}
-            layouts[f"box_{name}"] = _floats(("body", "xyz"), (num_bodies, 3), attrs)
+        add("box_center", ("body", "xyz"), "m", "middle of the box around the mesh", description=_AXES)
+        add("box_size", ("body", "xyz"), "m", "edges of the box around the mesh", description=_AXES)
     if settings.visibility:
-        attrs = {"units": "1", "long_name": "share of the energy of the echo alone that is received"}
-        layouts["visibility"] = _floats(("body",), (num_bodies,), attrs)
+        add("visibility", ("body",), "1", "share of the energy of the echo alone that is received")
     if settings.joints:
-        attrs = {"units": "m", "long_name": "position of the joint", "description": _AXES, "joints": list(JOINTS)}
-        layouts["joint_position"] = _floats(("body", "joint", "xyz"), (num_bodies, len(JOINTS), 3), attrs)
+        joints = {"description": _AXES, "joints": list(JOINTS)}
+        add("joint_position", ("body", "joint", "xyz"), "m", "position of the joint", **joints)
     if settings.cells:
         echoes.require_map(radar)
-        if num_bodies > _MOST_NAMES:
-            raise ValueError(f"body_names: expected at most {_MOST_NAMES} for labels of cells, got {num_bodies}")
-        attrs = {
-            "units": "1",
-            "long_name": "body with the strongest echo",
-            "description": (
-                f"index into body; -1 below the mean power of the noise, {echoes.DEPTH_DB:g} dB below the strongest "
-                f"cell, and where two bodies are within {echoes.TIE_DB:g} dB"
-            ),
-        }
-        layouts["strongest_body"] = LabelLayout(
-            ("doppler", "range"), echoes.map_shape(radar), np.dtype(np.int16), attrs
+        if len(names) > _MOST_NAMES:
+            raise ValueError(f"body_names: expected at most {_MOST_NAMES} for labels of cells, got {len(names)}")
+        text = (
+            f"index into body; -1 below the mean power of the noise, {echoes.DEPTH_DB:g} dB below the strongest cell, "
+            f"and where two bodies are within {echoes.TIE_DB:g} dB"
         )
+        attrs = {"units": "1", "long_name": "body with the strongest echo", "description": text}
+        shape, dtype = echoes.map_shape(radar), np.dtype(np.int16)
+        layouts["strongest_body"] = LabelLayout(("doppler", "range"), shape, dtype, attrs)
     return layouts
 
 
@@ -329,11 +326,3 @@ def _checked(settings: object) -> Labels:
     if settings is None:
         return Labels()
     return check.instance("settings", settings, Labels)
-
-
-def _floats(dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> LabelLayout:
-    return LabelLayout(dims, shape, np.dtype(np.float64), attrs)
-
-
-def _sign(text: str | None) -> dict[str, str]:
-    return {} if text is None else {"positive": text}

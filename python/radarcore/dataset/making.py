@@ -13,6 +13,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import zip_longest
 from os import PathLike
 from pathlib import Path
 from threading import Thread, get_ident
@@ -330,26 +331,17 @@ def _settings_before(target: Path, resume: bool) -> dict[str, Any] | None:
 def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
     """Refuse to continue with other settings; a ValueError names the differences."""
     differing: list[str] = []
-    for name, value in before.items():
-        if name == "scene":
-            differing += [] if now[name] == value else [_differing_line(value, now[name])]
-        elif isinstance(value, dict):
-            keys = [key for key in sorted({*value, *now[name]}) if value.get(key) != now[name].get(key)]
-            if name == "files":
-                differing += [f"another file {key}" for key in keys]
-            else:
-                differing += [f"{name}.{key} = {now[name].get(key)!r}, not {value.get(key)!r}" for key in keys]
-        elif now.get(name) != value:
-            differing.append(f"{name} = {now.get(name)!r}, not {value!r}")
+    for name, old in before.items():
+        new = now.get(name)
+        if name == "scene" and old != new:
+            lines = enumerate(zip_longest(old.splitlines(), str(new).splitlines(), fillvalue=""), 1)
+            number, (was, line) = next((k, pair) for k, pair in lines if pair[0] != pair[1])
+            differing.append(f"another scene (line {number}: {line.strip()!r}, not {was.strip()!r})")
+        elif name == "files":
+            differing += [f"another file {key}" for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
+        elif isinstance(old, dict):
+            differing += [f"{name}.{key} = {new[key]!r}, not {old[key]!r}" for key in old if old[key] != new[key]]
+        elif old != new:
+            differing.append(f"{name} = {new!r}, not {old!r}")
     if differing:
         raise ValueError(f"{target}: expected the settings that it was begun with, got {'; '.join(differing)}")
-
-
-def _differing_line(before: str, now: str) -> str:
-    """The first line of a scene file that has changed."""
-    old, new = before.splitlines(), now.splitlines()
-    same = next(
-        (k for k, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]), min(len(old), len(new))
-    )
-    texts = [repr(lines[same].strip()) if same < len(lines) else "nothing" for lines in (new, old)]
-    return f"another scene (line {same + 1}: {texts[0]}, not {texts[1]})"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
-from radarcore.dataset.distributions import Choice, Distribution, Integers, distribution_of, is_distribution
+from radarcore.dataset.distributions import Choice, Distribution, distribution_of, is_distribution
 from radarcore.scenefile.read import located
 from radarcore.scenefile.tables import SceneTable
 
@@ -104,7 +104,7 @@ def _default_name(kind: str) -> str | None:
 
 def _count(value: Any, path: str) -> Distribution:
     with located(f"{path}: "):
-        found = distribution_of(value) if is_distribution(value) else Integers(value, value)
+        found = distribution_of(value) if is_distribution(value) else Choice([value])
         if any(isinstance(end, bool) or not isinstance(end, int) for end in found.ends):
             raise ValueError(f"expected an integer, or a distribution of integers, got {value!r}")
         if min(found.ends) < 0 or max(found.ends) > _MOST_COPIES:
