@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -145,20 +145,15 @@ class Settings:
     has_test_pattern: bool = False
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        for name, unit in (
-            ("start_frequency", "Hz"),
-            ("end_frequency", "Hz"),
-            ("sample_rate", "Hz"),
-            ("chirp_time", "s"),
-            ("frame_time", "s"),
-            ("highpass_cutoff", "Hz"),
-        ):
-            put(self, name, check.number(name, getattr(self, name), unit))
-        for name in ("num_samples", "num_chirps", "rx_mask", "tx_power_level", "if_gain_db", "num_frames"):
-            put(self, name, check.count(name, getattr(self, name), -sys.maxsize))
-        for name in ("is_transmitting", "has_test_pattern"):
-            put(self, name, check.flag(name, getattr(self, name)))
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if entry.type == "float":
+                value = check.number(entry.name, value)
+            elif entry.type == "int":
+                value = check.count(entry.name, value, -sys.maxsize)
+            else:
+                value = check.flag(entry.name, value)
+            object.__setattr__(self, entry.name, value)
 
     @property
     def rx_indices(self) -> tuple[int, ...]:

@@ -134,16 +134,8 @@ def unpack_msb(data: bytes) -> NDArray[np.uint16]:
     """
     if len(data) % 3:
         raise ValueError(f"data: expected a multiple of 3 bytes, got {len(data)}")
-    triples = np.frombuffer(data, np.uint8).reshape(-1, 3)
-    middle = triples[:, 1]
-    codes = np.empty((len(triples), 2), np.uint16)
-    codes[:, 0] = triples[:, 0]
-    codes[:, 0] <<= 4
-    codes[:, 0] |= middle >> 4
-    codes[:, 1] = middle & 0x0F
-    codes[:, 1] <<= 8
-    codes[:, 1] |= triples[:, 2]
-    return codes.reshape(-1)
+    first, middle, last = np.frombuffer(data, np.uint8).reshape(-1, 3).T.astype(np.uint16)
+    return np.stack([first << 4 | middle >> 4, (middle & 0x0F) << 8 | last], axis=1).reshape(-1)
 
 
 def pack_msb(codes: ArrayLike) -> bytes:
@@ -163,8 +155,5 @@ def pack_msb(codes: ArrayLike) -> bytes:
     if values.size % 2:
         raise ValueError(f"codes: expected an even number of them, got {values.size}")
     first, second = values[0::2], values[1::2]
-    triples = np.empty((len(first), 3), np.uint8)
-    triples[:, 0] = first >> 4
-    triples[:, 1] = (first & 0x0F) << 4 | second >> 8
-    triples[:, 2] = second & 0xFF
-    return triples.tobytes()
+    triples = np.stack([first >> 4, (first & 0x0F) << 4 | second >> 8, second & 0xFF], axis=1)
+    return triples.astype(np.uint8).tobytes()
