@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
-
 from doubles.usb_bus import Stall
 from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.strata import Controller
@@ -19,12 +16,10 @@ class VendorBoard:
         self.controller = controller
         self._is_gone = False
         self._answer: tuple[tuple[int, int, int], Response] | None = None
-        self._asked = -math.inf  # when
 
     def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
         """A write, or the first half of a transfer."""
         self._check()
-        self._asked = time.monotonic()
         asked = Request(request_type, request, value, index, len(data), data)
         response = self.controller.handle(asked)
         if request_type == Kind.TRANSFER:
@@ -34,45 +29,29 @@ class VendorBoard:
         """A read, the second half of a transfer, or the status of what was before."""
         self._check()
         if (request_type, request, value) == (Kind.READ, Code.BOARD_INFO, Info.STATUS):
-            self._take_time()
             return self.controller.last_status
         if request_type == Kind.FETCH:
-            self._take_time()
             answer, self._answer = self._answer, None
             if answer is None or answer[0] != (request, value, index) or answer[1].status != 0:
                 raise Stall
             return answer[1].payload[:length]
-        self._asked = time.monotonic()
         response = self.controller.handle(Request(request_type, request, value, index, length, b""))
-        self._take_time()
         if response.status != 0:
             raise Stall
         return response.payload
 
-    def _take_time(self) -> None:
-        """Wait until the last request may be answered."""
-        if (left := self._asked + self.controller.latency - time.monotonic()) > 0.0:
-            time.sleep(left)
-
     def send(self, size: int, timeout: float) -> bytes:
         """Data packet."""
-        deadline = time.monotonic() + timeout
-        arrived = self.controller.arrived
-        with arrived:
-            while True:
-                self._check()
-                packet = self.controller.take_packet()
-                if packet is not None:
-                    encoded = packets.encode_data(packet, with_crc=False)
-                    faults = self.controller.faults
-                    if faults.happens("unplug"):
-                        self._is_gone = True
-                        raise Unplugged
-                    return faults.damage(encoded)[:size]
-                left = deadline - time.monotonic()
-                if left <= 0.0:
-                    return b""
-                arrived.wait(left)
+        with self.controller.arrived:
+            packet = self.controller.arrived.wait_for(lambda: self._is_gone or self.controller.take_packet(), timeout)
+            self._check()
+        if packet is None:
+            return b""
+        encoded = packets.encode_data(packet, with_crc=False)
+        if self.controller.faults.happens("unplug"):
+            self._is_gone = True
+            raise Unplugged
+        return self.controller.faults.damage(encoded)[:size]
 
     def unplug(self) -> None:
         """The board is gone."""
