@@ -338,6 +338,11 @@ class _Array:
         about_mean: _Reals = slopes - slopes.mean(axis=-2, keepdims=True)
         return about_mean
 
+    @cached_property
+    def plane_inverse(self) -> _Reals:
+        """`inverse_information` of a flat array."""
+        return self.inverse_information(self.across)
+
     def inverse_information(self, slopes: _Reals) -> _Reals:
         """Covariance of both sines times twice the SNR, ([...,] 2, 2), by `slopes`; 1 for an unobservable one."""
         information = slopes.mT @ slopes + np.diag(~np.array(self.observable))
@@ -469,7 +474,7 @@ def _least_covariance(array: _Array, sines: _Reals, snr: _Reals) -> _Reals:
     by_sines[:, 0, 0] = 1.0 / np.maximum(array.forward(sines), _TINY)
     by_sines[:, 0, 1] = by_sines[:, 0, 0] * y * z / square
     by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
-    inverse = array.inverse_information(array.slopes(sines))
+    inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
     covariance: _Reals = by_sines @ inverse @ by_sines.mT * (0.5 / snr)[:, None, None]
     unobservable = ~np.array(array.observable)
     covariance[:, unobservable] = covariance[:, :, unobservable] = np.nan

@@ -261,7 +261,9 @@ def groups(values: Array, level: Array, covariance: Array, labels: Indices, peri
     if len(order) == 0:
         none = np.zeros(0)
         return labels, Groups(values[:0], covariance[:0], covariance[:0], none, none.astype(np.int64))
-    names, starts, group, counts = np.unique(labels[order], return_index=True, return_inverse=True, return_counts=True)
+    is_first = np.diff(labels[order], prepend=-1) > 0
+    starts, group = is_first.nonzero()[0], is_first.cumsum() - 1
+    names, counts = labels[order][starts], np.bincount(group)
 
     # Weights of each coordinate, adding up to 1 over the detections that tell it.
     values, level = values[order], level[order]

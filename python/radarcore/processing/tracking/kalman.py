@@ -34,9 +34,12 @@ def white_acceleration(interval: float, density: float, num_dimensions: int) -> 
     -------
     transition, noise : (2 d, 2 d) float64
     """
-    t, axes = interval, np.eye(num_dimensions)
-    transition = np.block([[axes, t * axes], [0.0 * axes, axes]])
-    noise = density * np.block([[t**3 / 3.0 * axes, t**2 / 2.0 * axes], [t**2 / 2.0 * axes, t * axes]])
+    t, d, axes = interval, num_dimensions, np.eye(num_dimensions)
+    transition, noise = np.eye(2 * d), np.empty((2 * d, 2 * d))
+    transition[:d, d:] = t * axes
+    noise[:d, :d] = density * t**3 / 3.0 * axes
+    noise[:d, d:] = noise[d:, :d] = density * t**2 / 2.0 * axes
+    noise[d:, d:] = density * t * axes
     return transition, noise
 
 
