@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes.util import find_library
 from functools import cache
 from typing import Any
 
@@ -10,8 +11,11 @@ import pytest
 
 import radarcore as rc
 from radarcore.adapters.mujoco import spec_from_urdf
+from radarcore.adapters.mujoco.model import gl_context
 from radarcore.models import robots
 from radarcore.models.robots.named import UR10, data_file
+
+BACK_ENDS = {name: library for name, library in (("egl", "EGL"), ("osmesa", "OSMesa")) if find_library(library)}
 
 mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pip install radarcore[mujoco]")
 
@@ -19,7 +23,9 @@ mujoco: Any = pytest.importorskip("mujoco", reason="needs the extra `mujoco`: pi
 @cache
 def _why_nothing_is_drawn() -> str | None:
     try:
-        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16).close()
+        context = gl_context(16, 16)
+        context.make_current()
+        context.free()
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     return None

@@ -34,8 +34,7 @@ def test_page_on_rendered_depth_runs() -> None:
     exec(compile(first + drawn, "mujoco.md", "exec"), names)
     frame = names["frame"]
     assert isinstance(frame, rc.Frame)
-    peak = rc.strongest_peak(frame, max_velocity=-1.0)
-    assert peak is not None
-    # Past the loop of 75 ms: at 2 m/s from 2.8 m.
-    assert peak.range == pytest.approx(2.65, abs=0.05)
-    assert peak.velocity == pytest.approx(-2.0, abs=0.1)
+    assert frame.truth is not None
+    # Past the loop of 75 ms: at 2 m/s from 2.8 m, and up to half of a frame.
+    assert frame.truth.range[1] == pytest.approx(2.8 - 2.0 * frame.time, abs=0.03)
+    assert frame.truth.velocity[1] == pytest.approx(-2.0, abs=0.05)

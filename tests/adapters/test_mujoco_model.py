@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from mujoco_models import CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10, skip_without_graphics
-from radarcore.adapters import images
+from mujoco_models import CAMERA, RADAR, compiled, mujoco, polyhedron, posed_ur10
 from radarcore.adapters.mujoco import LiveModel, frames, spec_from_urdf
 from radarcore.models import RobotArm
 
@@ -51,36 +50,6 @@ def test_surface_of_a_geom_is_where_mujocos_rays_hit_it(kind: str) -> None:
     depth = 5e-5 if kind in ("sphere", "capsule", "ellipsoid", "cylinder") else 1e-6
     error = np.abs(exact[both] - image.distance[both])
     assert (error <= depth / image.cos_incidence[both] + 1e-6).mean() > 0.99  # but at edges
-
-
-def test_rendered_depth_is_that_of_our_own_rays() -> None:
-    """Up on the left a stone, below a box, behind both a wall; nothing at the right."""
-    skip_without_graphics()
-    stone = '<body pos="1.6 0.45 1.25" euler="10 20 30"><geom type="mesh" mesh="stone 1"/></body>'
-    box = '<body pos="1.9 -0.3 0.7" euler="0 20 10"><geom type="box" size=".2 .15 .1"/></body>'
-    wall = '<geom type="box" size=".05 .8 1" pos="3 0.7 1"/>'
-    model, data = compiled(CAMERA + stone + box + wall, top=f"<asset>{polyhedron(1)}</asset>")
-    live = LiveModel(model)
-    simulator = rc.Simulator(
-        live.scene, RADAR, radar_motion=live.motion(camera="radar"), field_of_view_deg=(50, 50), resolution=90
-    )
-    own = simulator.depth_image()
-    with mujoco.Renderer(model, *own.distance.shape) as renderer:
-        renderer.enable_depth_rendering()
-        renderer.update_scene(data, "radar")
-        far = model.vis.map.zfar * model.stat.extent
-        seen = images.from_mujoco_renderer(renderer.render(), fovy_deg=float(model.cam_fovy[0]), far=far)
-    # Pixels whose neighbours show the same body.
-    inside = own.body >= 0
-    inside[[0, -1]] = inside[:, [0, -1]] = False
-    for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        inside &= own.body == np.roll(own.body, shift, axis)
-    assert inside.sum() > 2000
-    assert set(own.body[inside].tolist()) == {0, 1, 2}
-    planar = own.distance / seen.camera.slant(*own.distance.shape)
-    # Ridges of a stone are silhouettes of its facets.
-    assert np.quantile(np.abs(seen.depth[inside] - planar[inside]), 0.99) < 1e-5
-    assert (seen.valid == (own.body >= 0)).mean() > 0.99
 
 
 def test_vertices_of_a_mesh_stay_where_the_model_has_them() -> None:

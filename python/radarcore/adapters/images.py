@@ -64,7 +64,7 @@ def from_mujoco_renderer(depth: ArrayLike, *, fovy_deg: float, far: float, time:
     See Also
     --------
     adapters.images.from_mujoco_pixels : Of ``mjr_readPixels``.
-    adapters.mujoco.LiveModel : Meshes of the model in place of images.
+    adapters.mujoco.DepthView : Draws depth, bodies and their motion.
     frame_from_depth : Frame from the image.
 
     Examples

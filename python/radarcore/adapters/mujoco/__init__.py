@@ -1,4 +1,4 @@
-"""MuJoCo models as radarcore scenes: live poses and the loop of physics and frames (extra `mujoco`)."""
+"""MuJoCo models as radarcore scenes: live poses, or rendered depth (extra `mujoco`)."""
 
 from radarcore.lazy import attach
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.util import find_spec
 from itertools import count
 from math import ceil
@@ -50,6 +49,12 @@ _KINDS = {"camera": "cam"}
 """Kinds that MuJoCo's arrays shorten."""
 
 
+GL_HINT = (
+    "an OpenGL library that draws without a display: Debian packages libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, or "
+    "libosmesa6, and MUJOCO_GL=egl or MUJOCO_GL=osmesa in the environment before mujoco is imported"
+)
+
+
 def is_available() -> bool:
     """True when the extra `mujoco` is installed.
 
@@ -69,7 +74,25 @@ def mujoco_module() -> ModuleType:
     """The package, or an ImportError that names the extra."""
     if not is_available():
         raise ImportError("MuJoCo models need mujoco: pip install radarcore[mujoco]")
-    return import_module("mujoco")
+    try:
+        import mujoco
+    except Exception as error:  # what MUJOCO_GL asks for is loaded here; every back end fails in its own way
+        raise no_graphics(error) from error
+    module: ModuleType = mujoco
+    return module
+
+
+def gl_context(columns: int, rows: int) -> Any:
+    """A new context to draw into images of up to this size; where there is none, every library fails in its own way."""
+    # A context that could not be made has nothing to free, and says nothing about it.
+    return type("Context", (mujoco_module().GLContext,), {"_context": None})(columns, rows)
+
+
+def no_graphics(error: object) -> ImportError:
+    """The error where nothing can be drawn."""
+    chosen = os.environ.get("MUJOCO_GL")
+    setting = "MUJOCO_GL is not set" if chosen is None else f"MUJOCO_GL={chosen}"
+    return ImportError(f"rendering needs {GL_HINT}; {setting}: {' '.join(str(error).split())}")
 
 
 Floats = NDArray[np.float64]
@@ -242,7 +265,7 @@ class LiveModel:
     --------
     adapters.mujoco.frames : The loop of physics and frames.
     adapters.mujoco.spec_from_urdf : Models of robots.
-    adapters.images.from_mujoco_renderer : Rendered depth in place of meshes.
+    adapters.mujoco.DepthView : Rendered depth in place of meshes.
     LiveGroup : Motions of other programs.
 
     Examples
