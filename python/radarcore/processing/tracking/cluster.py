@@ -200,7 +200,8 @@ def pairs_within(values: Array, distance: float | None, velocity: float | None, 
     """
     from scipy.spatial.distance import pdist  # here: importing radarcore imports numpy and nothing heavier
 
-    one, other = np.triu_indices(len(values), 1)
+    number = np.arange(len(values))
+    one, other = np.nonzero(number[:, None] < number)
     is_near = np.ones(len(one), dtype=bool)
     if distance is not None:
         points = values[:, :1]
