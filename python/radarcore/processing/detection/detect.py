@@ -164,10 +164,11 @@ def detect(
     cells, power = _map(samples, wf, layout, settings)
     trained = _with_noise(power[:, search.first : search.last])
     doubles = power.astype(np.float64)
-    peaks = search.cells[_core.local_maxima(doubles, search.cells, is_cyclic=layout.is_iq)]
-    least = search.thresholds(trained, peaks)
-    is_above = doubles[*peaks.T] > least
-    peaks, least = np.ascontiguousarray(peaks[is_above]), least[is_above]
+    thresholds = search.thresholds(trained)
+    is_above = search.is_tested & (doubles[:, search.first : search.last] > thresholds)
+    peaks = np.ascontiguousarray(np.argwhere(is_above) + np.array([0, search.first]))
+    peaks = peaks[_core.local_maxima(doubles, peaks, is_cyclic=layout.is_iq)]
+    least = thresholds[peaks[:, 0], peaks[:, 1] - search.first]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
 
     # Without sidelobes, and without what rounding of the samples may be.

@@ -299,20 +299,18 @@ class Search:
     """Threshold over the background, inf without training cells, (row, column from `first` on)."""
 
     @cached_property
-    def cells(self) -> NDArray[np.int64]:
-        """Rows and columns of the cells that are tested: with noise and with training cells, (cell, 2)."""
-        is_tested = (self.layout.row_gain > LEAST_GAIN)[:, None] & np.isfinite(self.factor)
-        return np.ascontiguousarray(np.argwhere(is_tested) + np.array([0, self.first]))
+    def is_tested(self) -> NDArray[np.bool_]:
+        """True for cells with noise and with training cells, (row, column from `first` on)."""
+        return np.isfinite(self.factor) & (self.layout.row_gain > LEAST_GAIN)[:, None]
 
-    def thresholds(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Thresholds of some cells (cell, 2) of a map of the searched columns."""
-        rows, columns = cells.T - [[0], [self.first]]
+    def thresholds(self, power: NDArray[Any]) -> NDArray[np.float64]:
+        """Thresholds of the cells of a map of the searched columns, 0 where none is tested."""
         limited = np.minimum(power, _CLIPPED_ABOVE * _levels(power, self.guards[1] + self.trainings[1]))
         background = training_means(limited, self.guards, self.trainings, self.counts)
-        return np.asarray(self.factor[rows, columns] * background[rows, columns])
+        return np.asarray(np.where(self.is_tested, self.factor, 0.0) * background)
 
     def medians(self, power: NDArray[Any], cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Medians of the training cells of some cells, likewise."""
+        """Medians of the training cells of some cells (cell, 2) of such a map."""
         searched = np.ascontiguousarray(power, np.float64), cells - np.array([0, self.first])
         return _core.training_medians(*searched, guards=self.guards, trainings=self.trainings)
 
