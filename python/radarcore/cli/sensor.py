@@ -388,7 +388,7 @@ def run_serve(
         check.positive("duration", duration, "s")
     frames, settings = _served(source)
     chip, language = _BOARDS[protocol]
-    settings_of_board = {"protocol": protocol, "speed": speed, "threads": threads, "receiver": receiver}
+    settings_of_board: dict[str, Any] = {"protocol": protocol, "speed": speed, "threads": threads, "receiver": receiver}
     with (
         virtual_board(frames, latency=latency, **settings_of_board) as board,
         PtyPort(board, link=link, replace_link=force) as port,

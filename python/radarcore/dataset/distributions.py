@@ -163,8 +163,8 @@ class LogUniform:
 class Integers:
     """Integers of equal probability, both ends among them."""
 
-    low: int
-    high: int
+    low: Any
+    high: Any
     kind = "integers"
 
     def __post_init__(self) -> None:
@@ -180,7 +180,7 @@ class Integers:
 
     def at(self, share: float) -> int:
         """Quantile."""
-        return self.low + int(share * (self.high - self.low + 1))
+        return int(self.low) + int(share * (self.high - self.low + 1))
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class Choice:
     """One of several values, which may be tables and lists."""
 
     values: Sequence[Value]
-    weights: Sequence[float] = ()
+    weights: Any = ()
     """One per value; default: all alike."""
     kind = "choice"
 

@@ -332,7 +332,7 @@ def _check_same(target: Path, before: dict[str, Any], now: dict[str, Any]) -> No
     """Refuse to continue with other settings; a ValueError names the differences."""
     differing: list[str] = []
     for name, old in before.items():
-        new = now.get(name)
+        new: Any = now.get(name)
         if name == "scene" and old != new:
             lines = enumerate(zip_longest(old.splitlines(), str(new).splitlines(), fillvalue=""), 1)
             number, (was, line) = next((k, pair) for k, pair in lines if pair[0] != pair[1])

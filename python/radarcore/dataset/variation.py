@@ -327,7 +327,7 @@ def _shape_of(radar: Radar) -> tuple[int, int, int, bool]:
 
 def _values(distribution: Distribution) -> tuple[Any, ...]:
     """Ends of a distribution, and all options of a choice, those of no weight too."""
-    return distribution.values if isinstance(distribution, Choice) else distribution.ends
+    return tuple(distribution.values) if isinstance(distribution, Choice) else distribution.ends
 
 
 def _text(end: Any) -> str:
