@@ -212,14 +212,18 @@ def test_long_title_takes_no_room_from_the_picture(tmp_path: Path) -> None:
     live.save(tmp_path / "view.png")  # matplotlib warns of a layout without room for axes
 
 
-def test_updates_add_no_artists() -> None:
+def test_updates_add_no_artists_and_redraw_no_background(tmp_path: Path) -> None:
     live = plot.LiveView(RADAR, history=2.0)
-    counts = []
-    for i in range(6):
+    counts, redrawn = [], []
+    live.figure.canvas.mpl_connect("draw_event", redrawn.append)
+    for i in range(4):
         live.update(frame(0.8 - 0.002 * i, -0.9, i))
         live.draw()
+        live.save(tmp_path / f"{i}.png")
         counts.append(len(live.figure.findobj()))
     assert len(set(counts[1:])) == 1
+    assert len(redrawn) == 1
+    assert not np.array_equal(imread(tmp_path / "2.png"), imread(tmp_path / "3.png"))
 
 
 def test_partial_drawing_leaves_the_picture_of_a_whole_one() -> None:

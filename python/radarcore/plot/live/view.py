@@ -7,6 +7,7 @@ import queue
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,6 +40,9 @@ OUTPUT = Path("out/view")
 
 STATIC_KEY = "m"
 """Key that removes and shows what stands still; matplotlib has no use for it."""
+
+_TEXT_INTERVAL = 0.25
+"""Time between two paintings of the headline and the list [s]: letters take as long as the maps."""
 
 _WAITING = 16
 """Frames that wait for the window at most; then the source waits."""
@@ -121,9 +125,12 @@ class LiveView:
         )
         self.figure: Figure = canvas.new_figure(*SIZE) if figure is None else figure
         self._limits = (0.0, 0.0)  # of the colours, set by the first frame
-        self._background: Any = None  # painted beneath the artists that change
-        self._changing: list[Artist] = [*self._make_pictures(title), *self._make_marks(max_detections)]
-        for artist in self._changing:
+        self._background: Any = None  # painted beneath all artists that change
+        self._with_texts: Any = None  # the background with the texts, painted beneath the pictures
+        self._texts_due = 0.0
+        self._pictures, self._texts = self._make_axes(title)
+        self._pictures += self._make_marks(max_detections)
+        for artist in [*self._pictures, *self._texts]:
             artist.set_animated(self.figure.canvas.supports_blit)
             artist.set_in_layout(False)
         self.figure.canvas.mpl_connect("draw_event", self._on_draw)
@@ -173,7 +180,7 @@ class LiveView:
         self._show()
 
     def draw(self) -> None:
-        """Paint the changes of `update` over a background; everything if the scale changed.
+        """Paint the changes of `update`: maps at once, texts a few times per second; everything if the scale changed.
 
         See Also
         --------
@@ -193,7 +200,6 @@ class LiveView:
         if self._background is None:
             painting.draw()
         else:
-            painting.restore_region(self._background)
             self._paint()
             painting.blit(self.figure.bbox)
 
@@ -221,11 +227,19 @@ class LiveView:
         >>> os.path.getsize("live.png") > 0
         True
         """
-        with new_file(Path(path), overwrite=overwrite, kind=".png") as part:
-            self.figure.savefig(part, dpi=self.figure.dpi)
+        from matplotlib.image import imsave
 
-    def _make_pictures(self, title: str) -> list[Artist]:
-        """Make the axes; the artists in them that change."""
+        painting: Any = self.figure.canvas
+        with new_file(Path(path), overwrite=overwrite, kind=".png") as part:
+            if painting.supports_blit:  # the painted pixels, several times faster than `savefig`
+                self._texts_due = 0.0
+                self.draw()
+                imsave(part, painting.buffer_rgba(), format="png", dpi=self.figure.dpi)
+            else:
+                self.figure.savefig(part, dpi=self.figure.dpi)
+
+    def _make_axes(self, title: str) -> tuple[list[Artist], list[Artist]]:
+        """Make the axes; the pictures and the texts in them that change."""
         stream = self._stream
         axes = self.figure.subplot_mosaic(
             [["headline", "headline"], ["now", "history"], ["list", "list"]],
@@ -258,7 +272,7 @@ class LiveView:
         style |= {"fontsize": 10, "linespacing": 1.4, "family": "monospace"}
         bottom.text(0.0, 1.0, "Detection\nRange [m]\nVelocity [m/s]\nOver noise [dB]", **style)
         self._list = bottom.text(0.12, 1.0, "", **style)
-        return [self._history, self._newest, self._status, self._list]
+        return [self._history, self._newest], [self._status, self._list]
 
     def _make_marks(self, number: int) -> list[Artist]:
         """Rings with numbers, out of sight until something is detected."""
@@ -316,12 +330,21 @@ class LiveView:
         self._background = None
         if painting.supports_blit and not painting.is_saving():
             self._background = painting.copy_from_bbox(self.figure.bbox)
+            self._texts_due = 0.0
             self._paint()
 
     def _paint(self) -> None:
-        """Paint the artists that change."""
-        for artist in self._changing:
-            self.figure.draw_artist(artist)
+        """Paint the artists that change over the background."""
+        painting: Any = self.figure.canvas
+        if (now := time.perf_counter()) >= self._texts_due:
+            painting.restore_region(self._background)
+            for text in self._texts:
+                self.figure.draw_artist(text)
+            self._with_texts = painting.copy_from_bbox(self.figure.bbox)
+            self._texts_due = now + _TEXT_INTERVAL
+        painting.restore_region(self._with_texts)
+        for picture in self._pictures:
+            self.figure.draw_artist(picture)
 
 
 def _image(ax: Axes, levels: NDArray[np.float32], extent: tuple[float, float, float, float]) -> Any:
