@@ -7,14 +7,27 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from chip_settings import V1, image, triangle
+import radarcore as rc
+from chip_settings import (
+    V1,
+    V1_SETTINGS,
+    V2_CHANGES,
+    V2_SETTINGS,
+    V3_CHANGES,
+    V3_SETTINGS,
+    image,
+    legal_settings,
+    triangle,
+)
 from doubles.boards import Numbered, numbered
 from doubles.comlib_boards import Ramp
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60 import registers as reg
-from radarcore.sensor.bgt60.settings import settings_of
+from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
 from radarcore.sensor.comlib.messages import Message
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.sequence import sequence_of, tx_power_dbm
@@ -137,16 +150,78 @@ def test_answers_of_a_byte_stream_take_their_time(protocol: str, latency: float)
 # Ramps.
 
 
-def test_registers_of_one_ramp_are_the_radar_of_the_settings() -> None:
-    registers = image(V1)
-    sequence, settings = sequence_of(registers), settings_of(registers)
+@pytest.mark.parametrize(
+    ("wanted", "changes"),
+    [(V1_SETTINGS, ""), (V2_SETTINGS, V2_CHANGES), (V3_SETTINGS, V3_CHANGES)],
+    ids=["V1", "V2", "V3"],
+)
+def test_registers_of_one_ramp_are_the_radar_of_the_settings(wanted: Settings, changes: str) -> None:
+    sequence, back = sequence_of(image(V1) | image(changes)), achieved(wanted)
     (ramps,) = sequence.ramps
-    assert ramps.radar.waveform == settings.to_radar().waveform
-    assert (ramps.if_gain_db, ramps.radar.receiver.high_pass) == (23, 80e3)
+    assert ramps.radar.waveform == back.to_radar().waveform
+    assert (ramps.if_gain_db, ramps.radar.receiver.high_pass) == (back.if_gain_db, back.highpass_cutoff)
     assert ramps.radar.tx_power_dbm == 4.0
-    assert sequence.frame_size == settings.frame_size
-    assert sequence.frame_time == settings.frame_time
-    np.testing.assert_allclose(sequence.ends, settings.chirp_time * np.arange(1, 65), rtol=1e-12)
+    assert (sequence.frame_size, sequence.frame_time) == (back.frame_size, back.frame_time)
+    assert sequence.num_frames == back.num_frames
+    ends = back.chirp_time * np.arange(1, back.num_chirps + 1)
+    np.testing.assert_allclose(sequence.ends, ends, rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:receiver.high_pass")  # of the slowest sample rates
+@given(wanted=legal_settings())
+@settings(deadline=None, max_examples=50)
+def test_registers_of_settings_are_the_achieved_radar(wanted: Settings) -> None:
+    sequence, back = sequence_of(registers_of(wanted, 2)), achieved(wanted)
+    assert sequence.ramps[0].radar.waveform == back.to_radar().waveform
+    assert sequence.frame_time == back.frame_time
+
+
+def test_chip_at_power_up_has_the_default_settings() -> None:
+    # The frame ends idle with the timer (195, 11), and unused shapes have a delay but are off.
+    power_up = image(V1) | {0x2D: 10 | 1 << 9 | 195 << 11 | 11 << 19, 0x3F: 0x393B00, 0x47: 0x393B00, 0x4F: 0x393B00}
+    sequence = sequence_of(power_up)
+    default = Settings()
+    assert sequence.frame_time == 6181508 / 80e6 == pytest.approx(default.frame_time, rel=1e-7)
+    assert sequence.ramps[0].radar.waveform.chirp_interval == pytest.approx(default.chirp_time, rel=1e-7)
+
+
+def test_other_timing_counts_by_the_samples() -> None:
+    def waveform(changes: dict[int, int]) -> rc.Waveform:
+        return sequence_of(image(V1) | changes).ramps[0].radar.waveform
+
+    good, normal = image(V1), waveform({})
+    # Power on 8 cycles later and the ramp 16 cycles later: the first sample sees 8 cycles less of the ramp.
+    later = waveform({0x2F: good[0x2F] + 1, 0x2D: good[0x2D] + 2})
+    assert normal.start_frequency - later.start_frequency == pytest.approx(8 * 3208 * 640e6 / 2**20, abs=1e-3)
+    assert round((later.chirp_interval - normal.chirp_interval) * 80e6) == 16  # the ramp is the longer path
+    # Delays after the rising and the falling ramp: 8 d + 5 instead of 2.
+    delayed = waveform({0x32: good[0x32] | 2 << 16, 0x36: 1 << 16})
+    assert round((delayed.chirp_interval - normal.chirp_interval) * 80e6) == (21 - 2) + (13 - 2)
+    # Fast down ramp by its mode, and none at all, instead of 6.
+    for mode, cycles in enumerate((0, 40, 56, 24)):
+        ramp = waveform({0x05: 0x080034 | mode << 6})
+        assert round((ramp.chirp_interval - normal.chirp_interval) * 80e6) == cycles - 6
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of filters at slow sample rates
+@given(
+    changes=st.dictionaries(st.integers(0, 0x5F), st.integers(0, 0xFFFFFF), max_size=12),
+    flips=st.lists(st.tuples(st.sampled_from(sorted(image(V1))), st.integers(0, 23)), max_size=2),
+    is_complete=st.booleans(),
+)
+@settings(deadline=None)
+def test_any_registers_are_frames_or_refused(
+    changes: dict[int, int], flips: list[tuple[int, int]], is_complete: bool
+) -> None:
+    registers = (image(V1) if is_complete else {}) | changes
+    for address, bit in flips:
+        registers[address] = registers.get(address, 0) ^ 1 << bit
+    try:
+        sequence = sequence_of(registers)
+    except ValueError:
+        return
+    assert sequence.frame_size >= 1
+    assert sequence.frame_time >= sequence.ends[0]
 
 
 def test_power_of_the_transmitter_is_that_of_the_registers() -> None:
@@ -211,6 +286,9 @@ def test_shapes_take_turns_and_repeat() -> None:
     ("changes", "message"),
     [
         ({reg.PLL1_7: 0}, "shape 1 to be on"),
+        ({0x12: 1 << 24}, "expected 24 bits"),
+        ({0x12: -1}, "expected 24 bits"),
+        ({0x60: 0}, "expected 24 bits"),
         ({reg.PLL1_3: 0}, "samples of a receiver"),
         ({reg.CSU1_1: 0x0FF41F}, "samples of a receiver"),
         ({0x01: 0x000210}, "ADC_DIV of at least 20"),

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,22 +25,21 @@ from radarcore.radar.bgt60_chip import (
     LOWEST_FREQUENCY,
     MAX_CHIRPS,
     MAX_SAMPLES,
-    MIN_DIVIDER,
 )
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.radar.bgt60_receiver import HIGHPASS_CUTOFFS, gain_stages, highpass_index
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60 import registers as reg
-from radarcore.sensor.bgt60.registers import PLL_RANGE, image_of, signed
+from radarcore.sensor.bgt60.registers import PLL_RANGE, image_of
 from radarcore.sensor.bgt60.timing import (
     Delay,
     LimitError,
-    RegisterImage,
     delay_of,
     divider_of,
     frequency_of,
     out_of_range,
     pll_steps,
+    rate_of,
     rest_of,
     step_of,
     text_of,
@@ -218,7 +218,7 @@ class Settings:
         )
         # A limit of the chip is reported in the words of the radar.
         try:
-            registers_of(settings, 2)
+            _plan(settings)
         except LimitError as error:
             raise LimitError(_NAMES_OF_RADAR.get(error.argument, error.argument), error.text) from None
         return settings
@@ -265,6 +265,46 @@ _NAMES_OF_RADAR = {
 }
 
 
+class _Plan(NamedTuple):
+    """Settings in the chip's whole numbers: frequencies in steps of the PLL, times in cycles."""
+
+    divider: int
+    start: int
+    step: int
+    ramp_time: int  # in 8 cycles
+    chirp_end: Delay
+    frame_end: Delay
+    chirp_time: int
+    frame_time: int
+
+
+def _plan(settings: Settings) -> _Plan:
+    """Whole numbers of settings, or a LimitError with the nearest possible value."""
+    n = settings.num_chirps
+    within("num_chirps", n, 1, MAX_CHIRPS)
+    within("rx_mask", settings.rx_mask, 1, 7)
+    within("tx_power_level", settings.tx_power_level, 0, 31)
+    within("num_frames", settings.num_frames, 0, _MAX_FRAMES)
+    divider = divider_of(settings.sample_rate)
+    start, step, ramp_time = _ramp(settings, divider)
+
+    # Delays after every chirp, and after the frame.
+    chirp = max(settings.num_samples * divider + 489, 8 * ramp_time + 213) + 4
+    samples = f"{settings.num_samples} samples at {text_of(settings.sample_rate, 'Hz')}"
+    chirp_end = delay_of(rest_of("chirp_time", settings.chirp_time, chirp, f"for {samples}"))
+    chirps = n * chirp + (n - 1) * chirp_end.cycles
+    interval = text_of((chirp + chirp_end.cycles) / CLOCK, "s")
+    why = f"for {n} chirps every {interval}" if n > 1 else f"for a chirp of {samples}"
+    frame_end = delay_of(rest_of("frame_time", settings.frame_time, chirps, why))
+    chirp_time = chirp + chirp_end.cycles if n > 1 else chirp
+
+    within("if_gain_db", settings.if_gain_db, IF_GAINS_DB[0], IF_GAINS_DB[-1], "dB")
+    if settings.highpass_cutoff < 0.0:
+        text = f"expected 0 Hz or more, got {text_of(settings.highpass_cutoff, 'Hz')}; the nearest is "
+        raise LimitError("highpass_cutoff", text + text_of(HIGHPASS_CUTOFFS[0], "Hz"))
+    return _Plan(divider, start, step, ramp_time, chirp_end, frame_end, chirp_time, chirps + frame_end.cycles)
+
+
 def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     """Registers of settings, by ascending address; MAIN without FRAME_START.
 
@@ -283,19 +323,13 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
     within("slice_size", size, 2, reg.FIFO_SIZE)
     if size % 2:
         raise LimitError("slice_size", f"expected an even number, got {size}; the nearest are {size - 1}, {size + 1}")
-    within("num_chirps", settings.num_chirps, 1, MAX_CHIRPS)
-    within("rx_mask", settings.rx_mask, 1, 7)
-    within("tx_power_level", settings.tx_power_level, 0, 31)
-    within("num_frames", settings.num_frames, 0, _MAX_FRAMES)
-    divider = divider_of(settings.sample_rate)
-    start, step, ramp_time = _ramp(settings, divider)
-    sampling = settings.num_samples * divider
-    chirp_end, frame_end = _delays(settings, sampling, ramp_time)
+    plan = _plan(settings)
+    divider = plan.divider
     rx, tx = settings.rx_mask, settings.is_transmitting
     values = {
         reg.ADC0: (0x210 if divider >= 28 else 0x010) | divider << 14,
         reg.SFCTL: (size // 2 - 1) | 1 << 13 | 1 << 20 | (reg.LFSR_EN if settings.has_test_pattern else 0),
-        reg.SADC_CTRL: 0x010100 | _sadc_speed(sampling),
+        reg.SADC_CTRL: 0x010100 | _sadc_speed(settings.num_samples * divider),
         reg.CSU1_0: 0x100050
         | (1 if tx else 0)
         | (1 << 10 if rx & 0b101 else 0)
@@ -304,105 +338,41 @@ def registers_of(settings: Settings, slice_size: int) -> dict[int, int]:
         reg.CSU1_1: 0x0FF400 | rx << 20 | (settings.tx_power_level if tx else 0),
         reg.CSU1_2: _baseband(settings),
         reg.CCR0: 0x11BC0E | 1 << 9,
-        reg.CCR1: 10 | frame_end.field,
+        reg.CCR1: 10 | plan.frame_end.field,
         reg.CCR2: (settings.num_chirps - 1) << 12 | settings.num_frames,
-        reg.PLL1_0: start & 0xFFFFFF,
-        reg.PLL1_1: step & 0xFFFFFF,
-        reg.PLL1_2: ramp_time,
+        reg.PLL1_0: (plan.start - LEAD * plan.step) & 0xFFFFFF,
+        reg.PLL1_1: plan.step & 0xFFFFFF,
+        reg.PLL1_2: plan.ramp_time,
         reg.PLL1_3: settings.num_samples,
-        reg.PLL1_7: 0x110 | chirp_end.field,
+        reg.PLL1_7: 0x110 | plan.chirp_end.field,
     }
     return dict(sorted((_ALWAYS | values).items()))
 
 
-def settings_of(registers: Mapping[int, int] | RegisterImage) -> Settings:
-    """Settings that registers stand for, in exact numbers.
-
-    Times are whole cycles of the clock; `end_frequency` is where the ramp's steps lead and may lie beyond 63.5 GHz by
-    less than their rounding; `sample_rate` is ``80 MHz / divider`` in whole Hz, as the vendor's host reads it back.
-    Of gains and filters those of the first receiver in use count. With a single chirp, `chirp_time` is its length.
-
-    Parameters
-    ----------
-    registers : mapping of addresses to values, or RegisterImage
-        Registers by address; missing ones have their values after a reset.
-
-    Raises
-    ------
-    ValueError
-        For registers from which no frame of one ramp follows.
-    """
-    image = registers if isinstance(registers, RegisterImage) else RegisterImage(registers)
-    field = image.field
-
-    def require(condition: bool, expected: str, address: int) -> None:
-        if not condition:
-            raise image.error(expected, address)
-
-    # One shape of one ramp, with a channel set that samples.
-    require(field(reg.PLL1_7, 4, 4) == 1, "shape 1 to be on (PLL1_7.SH_EN)", reg.PLL1_7)
-    require(field(reg.PLL1_7, 3, 0) == 0, "no repetition of shape 1 (PLL1_7.REPS)", reg.PLL1_7)
-    for address in (reg.PLL2_7, reg.PLL3_7, reg.PLL4_7):
-        require(field(address, 4, 4) == 0, "shapes 2 to 4 to be off (SH_EN)", address)
-    require(field(reg.PLL1_3, 23, 12) == 0, "no samples in the ramp back (PLL1_3.APD)", reg.PLL1_3)
-    require(field(reg.PLL1_6, 13, 0) == 0, "no ramp back (PLL1_6.RTD)", reg.PLL1_6)
-    require(field(reg.CSC1, 4, 4) == 1 and field(reg.CSC1, 3, 0) == 0, "one use of channel set 1 (CSC1)", reg.CSC1)
-    require(field(reg.CSU1_1, 10, 10) == 1, "the ADC to be on (CSU1_1.MADC_EN)", reg.CSU1_1)
-    require(1 <= field(reg.CSU1_1, 23, 20) <= 7, "some of three receivers (CSU1_1.BBCH_SEL)", reg.CSU1_1)
-    require(field(reg.ADC0, 23, 14) >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}", reg.ADC0)
-    require(field(reg.PLL1_3, 11, 0) >= 1, "at least one sample (PLL1_3.APU)", reg.PLL1_3)
-    require(field(reg.PACR2, 4, 0) == 20, "DIVSET of 20", reg.PACR2)
-    require(field(reg.PLL1_7, 10, 9) < 3, "a power mode of 0 to 2 (PLL1_7.PD_MODE)", reg.PLL1_7)
-    require(field(reg.CCR1, 10, 9) < 3, "a power mode of 0 to 2 (CCR1.PD_MODE)", reg.CCR1)
-
-    # Frequencies, counted from the time that lies 249 cycles before the first sample.
-    divider, num_samples = image.divider, image.num_samples(0, 0)
-    ramp_start, first_sample = image.ramp_start, image.first_sample
-    ramp, step, ramp_time = signed(image[reg.PLL1_0]), signed(image[reg.PLL1_1]), field(reg.PLL1_2, 13, 0)
-    require(-PLL_RANGE <= ramp + 8 * step * ramp_time < PLL_RANGE, "a ramp in the PLL's range", reg.PLL1_1)
-    last_sample = first_sample + (num_samples - 1) * divider
-    require(ramp_start <= first_sample, "a ramp that starts before the first sample", reg.CCR1)
-    require(ramp_start + 8 * ramp_time >= last_sample, "a ramp that lasts to the last sample", reg.PLL1_2)
-    start = ramp + step * (first_sample - FIRST_SAMPLE - ramp_start)
-    end = start + step * (FIRST_SAMPLE + num_samples * divider)
-
-    # Cycles from chirp to chirp and from frame to frame: the end of the last chirp is replaced by that of the frame.
-    chirp = image.chirp_cycles(0, 0) + image.end_delay(0, 1)
-    chirp_end, frame_end = image.pause_cycles(reg.PLL1_7), image.pause_cycles(reg.CCR1)
-    num_chirps = field(reg.CCR2, 23, 12) + 1
-    frame = num_chirps * (chirp + chirp_end) - chirp_end + frame_end
-
-    # Gain and filter.
-    rx_mask = field(reg.CSU1_1, 23, 20)
-    rx = (rx_mask & -rx_mask).bit_length() - 1
-    vga = field(reg.CSU1_2, 5 * rx + 4, 5 * rx + 2)
-    require(vga <= 6, "VGA_GAIN of at most 6", reg.CSU1_2)
-    return Settings(
-        start_frequency=frequency_of(start),
-        end_frequency=frequency_of(end),
-        sample_rate=float((160_000_000 // divider + 1) // 2),
-        num_samples=num_samples,
-        num_chirps=num_chirps,
-        chirp_time=(chirp + chirp_end if num_chirps > 1 else chirp) / CLOCK,
-        frame_time=frame / CLOCK,
-        rx_mask=rx_mask,
-        tx_power_level=field(reg.CSU1_1, 4, 0),
-        is_transmitting=bool(field(reg.CSU1_0, 0, 0)),
-        if_gain_db=(18 if field(reg.CSU1_2, 20 + rx, 20 + rx) else 30) + 5 * vga,
-        highpass_cutoff=HIGHPASS_CUTOFFS[field(reg.CSU1_2, 5 * rx + 1, 5 * rx)],
-        num_frames=field(reg.CCR2, 11, 0),
-        has_test_pattern=bool(image[reg.SFCTL] & reg.LFSR_EN),
-    )
-
-
 def achieved(settings: Settings) -> Settings:
-    """Settings as the chip realises them.
+    """Settings as the chip realises them, in exact numbers.
 
-    Times move to the timers' steps: the chirp's and the frame's by up to 6 cycles, or 0.4 % of the delay after them.
+    Times are whole cycles of the clock in the timers' steps: the chirp's and the frame's move by up to 6 cycles, or
+    0.4 % of the delay after them. With a single chirp, `chirp_time` is its length. `end_frequency` is where the ramp's
+    steps lead and may lie beyond 63.5 GHz by less than their rounding. `sample_rate` is ``80 MHz / divider`` in whole
+    Hz, as the vendor's host reads it back.
+
     Achieved settings are realised without a change, but for times, which a host takes in float32: they can
     move by another 1e-7 of themselves.
     """
-    return settings_of(registers_of(settings, 2))
+    plan = _plan(settings)
+    first_gain, vga = gain_stages(settings.if_gain_db)
+    return replace(
+        settings,
+        start_frequency=frequency_of(plan.start),
+        end_frequency=frequency_of(plan.start + plan.step * (FIRST_SAMPLE + settings.num_samples * plan.divider)),
+        sample_rate=rate_of(plan.divider),
+        chirp_time=plan.chirp_time / CLOCK,
+        frame_time=plan.frame_time / CLOCK,
+        tx_power_level=settings.tx_power_level if settings.is_transmitting else 0,
+        if_gain_db=first_gain + 5 * vga,
+        highpass_cutoff=HIGHPASS_CUTOFFS[highpass_index(settings.highpass_cutoff)],
+    )
 
 
 def slice_size_of(registers: Mapping[int, int]) -> int:
@@ -422,7 +392,7 @@ def choose_slice_size(settings: Settings) -> int:
     ValueError
         For settings beyond the chip's limits, and for odd frames of more than 4096 samples.
     """
-    registers_of(settings, 2)
+    _plan(settings)
     frame = settings.frame_size
     pair = 2 if frame % 2 else 1
     fitting = MAX_SLICE_SIZE // (pair * frame) * pair
@@ -441,32 +411,19 @@ def choose_slice_size(settings: Settings) -> int:
     return next(size for size in range(MAX_SLICE_SIZE, 0, -2) if frame % size == 0)
 
 
-def _delays(settings: Settings, sampling: int, ramp_time: int) -> tuple[Delay, Delay]:
-    """Delays after every chirp, and after the frame."""
-    n = settings.num_chirps
-    chirp = max(sampling + 489, 8 * ramp_time + 213) + 4
-    samples = f"{settings.num_samples} samples at {text_of(settings.sample_rate, 'Hz')}"
-    chirp_end = delay_of(rest_of("chirp_time", settings.chirp_time, chirp, f"for {samples}"))
-    chirps = n * (chirp + chirp_end.cycles) - chirp_end.cycles
-    interval = text_of((chirp + chirp_end.cycles) / CLOCK, "s")
-    why = f"for {n} chirps every {interval}" if n > 1 else f"for a chirp of {samples}"
-    return chirp_end, delay_of(rest_of("frame_time", settings.frame_time, chirps, why))
-
-
 def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
-    """First frequency of the ramp and its step per cycle, in steps of the PLL, and its length in 8 cycles."""
+    """Start frequency and step per cycle of the ramp, in steps of the PLL, and its length in 8 cycles."""
     # The ramp must end before its counter does.
     within("num_samples", settings.num_samples, 1, MAX_SAMPLES)
     length = settings.num_samples * divider + FIRST_SAMPLE
     ramp_time = -(-(length + LEAD) // 8)
     if 8 * ramp_time > LONGEST_RAMP:
         longest = LONGEST_RAMP - FIRST_SAMPLE - LEAD
-        most, slowest = longest // divider, longest // settings.num_samples
-        rate = (160_000_000 // slowest + 1) // 2
+        most, slowest = longest // divider, rate_of(longest // settings.num_samples)
         raise LimitError(
             "num_samples",
             f"expected 1 to {most} at {text_of(settings.sample_rate, 'Hz')} (ramps of at most 1.6383 ms), got "
-            f"{settings.num_samples}; the nearest is {most}, or a sample_rate of at least {text_of(rate, 'Hz')}",
+            f"{settings.num_samples}; the nearest is {most}, or a sample_rate of at least {text_of(slowest, 'Hz')}",
         )
 
     # Frequencies, in kHz. What the steps made of a legal end is legal again.
@@ -479,8 +436,7 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
         if khz != legal and (name == "start_frequency" or step_of(start, khz, length) != step_of(start, legal, length)):
             raise LimitError(name, out_of_range(hertz, _MIN_KHZ * 1e3, _MAX_KHZ * 1e3, "Hz"))
     step = step_of(start, end, length)
-    first = pll_steps(start) - LEAD * step
-    if not -PLL_RANGE <= first < PLL_RANGE:
+    if not -PLL_RANGE <= pll_steps(start) - LEAD * step < PLL_RANGE:
         steepest = (PLL_RANGE + pll_steps(start)) // LEAD if step > 0 else -((PLL_RANGE - 1 - pll_steps(start)) // LEAD)
         nearest = text_of(round(frequency_of(pll_steps(start) + steepest * length), -3), "Hz")
         raise LimitError(
@@ -489,7 +445,7 @@ def _ramp(settings: Settings, divider: int) -> tuple[int, int, int]:
             f"begins {text_of(LEAD / CLOCK, 's')} before start_frequency, within 56.32 to 66.56 GHz), got "
             f"{text_of(settings.end_frequency, 'Hz')}; the nearest is {nearest}, or take more samples",
         )
-    return first, step, ramp_time
+    return pll_steps(start), step, ramp_time
 
 
 def _sadc_speed(sampling: int) -> int:
@@ -510,10 +466,6 @@ def _sadc_speed(sampling: int) -> int:
 
 def _baseband(settings: Settings) -> int:
     """Filters and gains, the same for the three receivers."""
-    within("if_gain_db", settings.if_gain_db, IF_GAINS_DB[0], IF_GAINS_DB[-1], "dB")
-    if settings.highpass_cutoff < 0.0:
-        text = f"expected 0 Hz or more, got {text_of(settings.highpass_cutoff, 'Hz')}; the nearest is "
-        raise LimitError("highpass_cutoff", text + text_of(HIGHPASS_CUTOFFS[0], "Hz"))
     cutoff = highpass_index(settings.highpass_cutoff)
     first, vga = gain_stages(settings.if_gain_db)
     each = cutoff | vga << 2

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from radarcore.radar.bgt60_chip import CLOCK
-from radarcore.sensor.bgt60 import registers as reg
 
 
 class LimitError(ValueError):
@@ -134,6 +132,11 @@ def rest_of(name: str, time: float, cycles: int, why: str) -> float:
     return max(float(np.float32(time)) - least, 0.0)
 
 
+def rate_of(divider: int) -> float:
+    """Sample rate of so many cycles per sample, in the whole Hz that the vendor's host reads back."""
+    return float((160_000_000 // divider + 1) // 2)
+
+
 def divider_of(sample_rate: float) -> int:
     """Cycles per sample."""
     rate = math.trunc(sample_rate)
@@ -157,76 +160,3 @@ def pll_steps(khz: int) -> int:
 def frequency_of(steps: int) -> float:
     """Frequency of the PLL [Hz]."""
     return 640e6 * (96 + steps / (1 << 20))
-
-
-class RegisterImage:
-    """Fields of a whole register image, and times that follow from them in cycles of the clock.
-
-    Registers that are not given are as after a reset. Shapes count from 0; side 0 is the first ramp of a shape, 1 the
-    second.
-    """
-
-    def __init__(self, registers: Mapping[int, int]) -> None:
-        self._registers = reg.image_of(registers)
-        self.divider: int = self.field(reg.ADC0, 23, 14)
-        """Cycles per sample."""
-
-    def __getitem__(self, address: int) -> int:
-        """Value of a register."""
-        return self._registers[address]
-
-    def field(self, address: int, high: int, low: int) -> int:
-        """Bits of a register."""
-        return self._registers[address] >> low & (1 << high - low + 1) - 1
-
-    def error(self, expected: str, address: int) -> ValueError:
-        """Error for the value of a register."""
-        return ValueError(f"registers: expected {expected}, got 0x{self[address]:06X} at 0x{address:02X}")
-
-    def is_triangle(self, shape: int) -> bool:
-        """True where a true ramp follows the first one, and not only a return."""
-        base = reg.PLL1_0 + 8 * shape
-        return bool(self[base + 4] or self[base + 5] or self.field(base + 6, 13, 0))
-
-    def chirp_cycles(self, shape: int, side: int) -> int:
-        """Cycles of a ramp: the longer one of sampling and ramp, and the delay at its end."""
-        fast_down = 0
-        if not self.is_triangle(shape) and (mode := self.field(reg.PACR2, 7, 6)):
-            timer = self.field(reg.PACR2, 16, 8)
-            fast_down = timer + 1 if timer else {1: 40, 2: 56, 3: 24}[mode]
-        ramp_time = 8 * self.field(reg.PLL1_0 + 8 * shape + 2 + 4 * side, 13, 0)
-        sampling = self.first_sample + self.num_samples(shape, side) * self.divider
-        ramp = self.ramp_start + ramp_time + fast_down + 8 * self.field(reg.CCR0, 8, 0) + 5
-        return max(sampling, ramp) + self.end_delay(shape, side)
-
-    def return_cycles(self, shape: int) -> int:
-        """Cycles of the delay after a return that is no ramp."""
-        return 0 if self.is_triangle(shape) else self.end_delay(shape, 1)
-
-    def end_delay(self, shape: int, side: int) -> int:
-        """Cycles of the delay after a ramp."""
-        delay = self.field(reg.PLL1_0 + 8 * shape + 2 + 4 * side, 23, 16)
-        return 8 * delay + 5 if delay else 2
-
-    def pause_cycles(self, address: int) -> int:
-        """Cycles of the delay in a register, waking included."""
-        init = timer_cycles(self.field(reg.CCR0, 21, 14), self.field(reg.CCR0, 23, 22)) + timer_cycles(
-            self.field(reg.CCR3, 21, 14), self.field(reg.CCR3, 23, 22)
-        )
-        wake_up = timer_cycles(self.field(reg.MAIN, 11, 4), self.field(reg.MAIN, 15, 12))
-        waking = (0, init, init + wake_up, init + wake_up)[self.field(address, 10, 9)]
-        return timer_cycles(self.field(address, 18, 11), self.field(address, 23, 19)) + waking
-
-    @property
-    def ramp_start(self) -> int:
-        """Cycles from the start of a chirp to that of its ramp."""
-        return 8 * self.field(reg.CCR1, 8, 0) + 10
-
-    @property
-    def first_sample(self) -> int:
-        """Cycles from the start of a chirp to its first sample."""
-        return 8 * self.field(reg.CCR3, 8, 0) + 8 * self.field(reg.CCR3, 13, 9) + 1
-
-    def num_samples(self, shape: int, side: int) -> int:
-        """APU or APD."""
-        return self.field(reg.PLL1_0 + 8 * shape + 3, *((11, 0), (23, 12))[side])

@@ -9,7 +9,9 @@ signs of the slopes. Either has its own samples, frequencies and channel set.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +24,8 @@ from radarcore.radar.receiver import Receiver
 from radarcore.radar.waveform import Waveform
 from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.registers import signed
-from radarcore.sensor.bgt60.settings import ADC_DELAY, NUM_RX, settings_of
-from radarcore.sensor.bgt60.timing import RegisterImage, frequency_of
+from radarcore.sensor.bgt60.settings import ADC_DELAY, NUM_RX
+from radarcore.sensor.bgt60.timing import frequency_of, timer_cycles
 from radarcore.sensor.emulator.source import NO_POWER_DBM
 
 _POWER_RANGE_DB = 15.0
@@ -137,64 +139,116 @@ def constant_wave_of(registers: Mapping[int, int]) -> Sequence:
     """
     image = _Frames(registers)
     image.check()
-    ramps = image.ramps(0, 0, [0], step=0)
+    ramps = image.ramps(0, 0, [0], image.chirp_cycles(0, 0), step=0)
     if ramps is None:
-        raise ValueError(
-            f"registers: expected samples of a receiver, got 0x{image[reg.CSU1_1]:06X} at 0x{reg.CSU1_1:02X}"
-        )
+        raise image.error("samples of a receiver", reg.CSU1_1)
     waveform = ramps.radar.waveform
     end = float(waveform.sample_times[-1])
     return Sequence((ramps,), np.zeros(1, np.intp), np.array([end]), end + _PAUSE, 1)
 
 
-class _Frames(RegisterImage):
-    """Frames of a register image."""
+class _Frames:
+    """Frames of a whole register image, and times that follow from it in cycles of the clock.
+
+    Registers that are not given are as after a reset. Shapes count from 0; side 0 is the first ramp of a shape, 1 the
+    second.
+    """
+
+    def __init__(self, registers: Mapping[int, int]) -> None:
+        self._registers = reg.image_of(registers)
+        self.divider: int = self.field(reg.ADC0, 23, 14)
+        """Cycles per sample."""
+
+    def __getitem__(self, address: int) -> int:
+        """Value of a register."""
+        return self._registers[address]
+
+    def field(self, address: int, high: int, low: int) -> int:
+        """Bits of a register."""
+        return self._registers[address] >> low & (1 << high - low + 1) - 1
+
+    def error(self, expected: str, address: int) -> ValueError:
+        """Error for the value of a register."""
+        return ValueError(f"registers: expected {expected}, got 0x{self[address]:06X} at 0x{address:02X}")
+
+    def is_triangle(self, shape: int) -> bool:
+        """True where a true ramp follows the first one, and not only a return."""
+        base = reg.PLL1_0 + 8 * shape
+        return bool(self[base + 4] or self[base + 5] or self.field(base + 6, 13, 0))
+
+    def chirp_cycles(self, shape: int, side: int) -> int:
+        """Cycles of a ramp: the longer one of sampling and ramp, and the delay at its end."""
+        fast_down = 0
+        if not self.is_triangle(shape) and (mode := self.field(reg.PACR2, 7, 6)):
+            timer = self.field(reg.PACR2, 16, 8)
+            fast_down = timer + 1 if timer else {1: 40, 2: 56, 3: 24}[mode]
+        ramp_time = 8 * self.field(reg.PLL1_0 + 8 * shape + 2 + 4 * side, 13, 0)
+        sampling = self.first_sample + self.num_samples(shape, side) * self.divider
+        ramp = self.ramp_start + ramp_time + fast_down + 8 * self.field(reg.CCR0, 8, 0) + 5
+        return max(sampling, ramp) + self.end_delay(shape, side)
+
+    def return_cycles(self, shape: int) -> int:
+        """Cycles of the delay after a return that is no ramp."""
+        return 0 if self.is_triangle(shape) else self.end_delay(shape, 1)
+
+    def end_delay(self, shape: int, side: int) -> int:
+        """Cycles of the delay after a ramp."""
+        delay = self.field(reg.PLL1_0 + 8 * shape + 2 + 4 * side, 23, 16)
+        return 8 * delay + 5 if delay else 2
+
+    def pause_cycles(self, address: int) -> int:
+        """Cycles of the delay in a register, waking included."""
+        init = sum(timer_cycles(self.field(each, 21, 14), self.field(each, 23, 22)) for each in (reg.CCR0, reg.CCR3))
+        wake_up = timer_cycles(self.field(reg.MAIN, 11, 4), self.field(reg.MAIN, 15, 12))
+        waking = (0, init, init + wake_up, init + wake_up)[self.field(address, 10, 9)]
+        return timer_cycles(self.field(address, 18, 11), self.field(address, 23, 19)) + waking
+
+    @property
+    def ramp_start(self) -> int:
+        """Cycles from the start of a chirp to that of its ramp."""
+        return 8 * self.field(reg.CCR1, 8, 0) + 10
+
+    @property
+    def first_sample(self) -> int:
+        """Cycles from the start of a chirp to its first sample."""
+        return 8 * self.field(reg.CCR3, 8, 0) + 8 * self.field(reg.CCR3, 13, 9) + 1
+
+    def num_samples(self, shape: int, side: int) -> int:
+        """APU or APD."""
+        return self.field(reg.PLL1_0 + 8 * shape + 3, *((11, 0), (23, 12))[side])
 
     def check(self) -> None:
         """Refuse what gives no samples, or none of which anything is known."""
-        for address, is_good, expected in (
-            (reg.ADC0, self.divider >= MIN_DIVIDER, f"ADC_DIV of at least {MIN_DIVIDER}"),
-            (reg.PACR2, self.field(reg.PACR2, 4, 0) == _DIVSET, f"DIVSET of {_DIVSET}"),
-        ):
-            if not is_good:
-                raise self.error(expected, address)
+        if self.divider < MIN_DIVIDER:
+            raise self.error(f"ADC_DIV of at least {MIN_DIVIDER}", reg.ADC0)
+        if self.field(reg.PACR2, 4, 0) != _DIVSET:
+            raise self.error(f"DIVSET of {_DIVSET}", reg.PACR2)
 
     def sequence(self) -> Sequence:
         """Frames of all shapes."""
         self.check()
-        shapes = []
-        for shape in range(4):
-            if not self.field(reg.PLL1_7 + 8 * shape, 4, 4):
-                break  # the chip goes back to the first one
-            shapes.append(shape)
+        # Behind a shape that is off, the chip goes back to the first one.
+        shapes = list(takewhile(lambda shape: self.field(reg.PLL1_7 + 8 * shape, 4, 4), range(4)))
         if not shapes:
             raise self.error("shape 1 to be on (PLL1_7.SH_EN)", reg.PLL1_7)
         starts, order, frame = self._starts(shapes)
         ramps: list[Ramps] = []
         numbers: dict[tuple[int, int], int] = {}
         for key, times in starts.items():
-            if (found := self.ramps(*key, times)) is not None:
+            if (found := self.ramps(*key, times, frame)) is not None:
                 numbers[key] = len(ramps)
                 ramps.append(found)
         sampled = [numbers[key] for key, _ in order if key in numbers]
         if not sampled:
-            raise ValueError(
-                f"registers: expected samples of a receiver, got 0x{self[reg.CSU1_1]:06X} at 0x{reg.CSU1_1:02X}"
-            )
+            raise self.error("samples of a receiver", reg.CSU1_1)
         # The last one pauses as one before it would, whatever the frame's end is.
         (last, _), start = order[-1]
         pause = self.pause_cycles(reg.PLL1_7 + 8 * last) if len(order) > 1 else 0
-        overs = [start for _, start in order[1:]] + [
-            start + self.chirp_cycles(*order[-1][0]) + self.return_cycles(last) + pause
-        ]
+        overs = [start for _, start in order[1:]]
+        overs.append(start + self.chirp_cycles(*order[-1][0]) + self.return_cycles(last) + pause)
         ends = [over / CLOCK for (key, _), over in zip(order, overs, strict=True) if key in numbers]
-        return Sequence(
-            tuple(self._exact(one, frame) for one in ramps),
-            np.array(sampled, np.intp),
-            np.array(ends),
-            frame / CLOCK,
-            self.field(reg.CCR2, 11, 0),
-        )
+        num_frames = self.field(reg.CCR2, 11, 0)
+        return Sequence(tuple(ramps), np.array(sampled, np.intp), np.array(ends), frame / CLOCK, num_frames)
 
     def _starts(
         self, shapes: list[int]
@@ -225,8 +279,8 @@ class _Frames(RegisterImage):
         each = max(NUM_RX * sum(self.num_samples(shape, side) for side in (0, 1)), _LEAST_SIZE)
         return each << self.field(reg.PLL1_7 + 8 * shape, 3, 0)
 
-    def ramps(self, shape: int, side: int, starts: list[int], *, step: int | None = None) -> Ramps | None:
-        """Ramps that start at some cycles of a frame; None without samples, ADC or receivers."""
+    def ramps(self, shape: int, side: int, starts: list[int], frame: int, *, step: int | None = None) -> Ramps | None:
+        """Ramps that start at some cycles of a frame of so many; None without samples, ADC or receivers."""
         channel_set = 7 * shape + 3 * side
         switches, levels, baseband = (self[address + channel_set] for address in (reg.CSU1_0, reg.CSU1_1, reg.CSU1_2))
         rx_mask = levels >> 20 & (1 << NUM_RX) - 1
@@ -236,17 +290,22 @@ class _Frames(RegisterImage):
         rx = (rx_mask & -rx_mask).bit_length() - 1
         base = reg.PLL1_0 + 8 * shape + 4 * side
         step = signed(self[base + 1]) if step is None else step
-        # Frequencies count from the time that lies 249 cycles before the first sample.
+        # Frequencies count from the time that lies 249 cycles before the first sample, up to one sample after the last.
+        length = FIRST_SAMPLE + num_samples * self.divider
         start = signed(self[base]) + step * (self.first_sample - FIRST_SAMPLE - self.ramp_start)
-        slope = step * (frequency_of(1) - frequency_of(0)) * CLOCK
+        alone = self.chirp_cycles(shape, side) + self.return_cycles(shape)
+        interval = starts[1] - starts[0] if len(starts) > 1 else alone
+        spacing: dict[str, Any] = {"chirp_times": np.array(starts) / CLOCK}
+        if starts == list(range(0, len(starts) * interval, interval)):
+            spacing = {"chirp_interval": interval / CLOCK}
         waveform = Waveform(
             start_frequency=frequency_of(start),
-            slope=slope,
+            slope=(frequency_of(start + step * length) - frequency_of(start)) / (length / CLOCK),
             sample_rate=CLOCK / self.divider,
             num_samples=num_samples,
             num_chirps=len(starts),
-            chirp_times=np.array(starts) / CLOCK,
-            frame_interval=(starts[-1] + self.chirp_cycles(shape, side)) / CLOCK,
+            **spacing,
+            frame_interval=frame / CLOCK,
             adc_delay=ADC_DELAY,
         )
         preset = bgt60tr13c()
@@ -266,11 +325,3 @@ class _Frames(RegisterImage):
         # Gains beyond 30 dB are not the second amplifier's.
         vga = min(baseband >> 5 * rx + 2 & 0b111, 6)
         return Ramps(radar, (18 if baseband >> 20 + rx & 1 else 30) + 5 * vga, bool(rx_mask & 1))
-
-    def _exact(self, ramps: Ramps, frame: int) -> Ramps:
-        """Ramps in a frame of so many cycles; the waveform of the settings where these say as much."""
-        try:
-            waveform = settings_of(self).to_radar().waveform
-        except ValueError:
-            waveform = replace(ramps.radar.waveform, frame_interval=frame / CLOCK)
-        return replace(ramps, radar=replace(ramps.radar, waveform=waveform))
