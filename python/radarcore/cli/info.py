@@ -98,7 +98,7 @@ def _bag_facts(path: Path) -> dict[str, Any]:
 def _show_mesh(path: Path, scale: float, as_json: bool) -> None:
     report = mesh_report(load_mesh(path, scale=scale))
     if as_json:
-        print(json.dumps({"mesh": str(path), **report.facts(), "verdicts": report.verdicts}, indent=2))
+        print(json.dumps({"mesh": str(path), **report.facts(), "verdict": report.verdict}, indent=2))
     else:
         show(report)
 

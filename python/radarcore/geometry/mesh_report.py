@@ -15,17 +15,6 @@ from radarcore.units import SPEED_OF_LIGHT
 _WANTED_SAGITTA = 1e-4
 """Facets that are within it of the curved surface are fine enough at 60 GHz [m]."""
 
-_FINDINGS = {
-    "num_open_edges": "open edges: a sheet, or a body that rays can get into.",
-    "num_nonmanifold_edges": "edges of more than two triangles: sharp there, whatever the crease angle.",
-    "num_inconsistent_edges": "edges between triangles of opposite winding: sharp there, whatever the crease angle.",
-    "num_duplicates": "triangles in the place of another: merge them.",
-    "num_thin": "triangles over 100 times longer than high: their normals are uncertain.",
-    "num_merged": "triangles listed again in the other winding: left out.",
-    "num_dropped": "triangles without area: left out.",
-}
-"""Meaning of numbers that are not zero."""
-
 _THIN = 100.0
 """Ratio of longest edge to height from which on a triangle is thin."""
 
@@ -41,7 +30,7 @@ _PLANE_ANGLE = 1e-3
 
 @dataclass(frozen=True)
 class MeshReport:
-    """Quality of a mesh; `str` has it line by line, with `verdicts` at the end.
+    """Quality of a mesh; `str` has it line by line, with `verdict` at the end.
 
     Vertices at equal positions count as one. Smooth facets approximate a curved surface: they meet others at an angle
     below the mesh's crease angle. A mesh with `shading="flat"` is examined as if it were smooth.
@@ -86,11 +75,6 @@ class MeshReport:
     frequency: float
 
     @property
-    def flat_share(self) -> float:
-        """Part of the area that is flat, 0 to 1."""
-        return 1.0 - self.smooth_share
-
-    @property
     def largest_phase(self) -> float:
         """Two-way phase error of the largest sagitta [rad]."""
         return self._phase(self.largest_sagitta)
@@ -105,26 +89,18 @@ class MeshReport:
         return 4.0 * np.pi * self.frequency / SPEED_OF_LIGHT * sagitta
 
     @property
-    def verdicts(self) -> tuple[str, ...]:
-        """Consequences for a simulation, one sentence each."""
-        found = [f"{number} {text}" for name, text in _FINDINGS.items() if (number := getattr(self, name))]
+    def verdict(self) -> str:
+        """Consequence of the sagitta for a simulation, in a sentence."""
         if self.num_triangles == 0:
-            return ("No triangle has an area: the radar sees nothing.", *found)
-        return (self._about_shape(), *found)
-
-    def _about_shape(self) -> str:
+            return "No triangle has an area: the radar sees nothing."
         if self.smooth_share == 0.0:
             return "All facets are flat: the radar sees them as they are."
         largest, mean = (f"{1e3 * sagitta:.2g} mm" for sagitta in (self.largest_sagitta, self.mean_sagitta))
         off = f"facets are up to {largest} off the curved surface, {mean} in the mean (wanted: below 0.1 mm)"
         if self.largest_sagitta <= _WANTED_SAGITTA:
             return f"Fine enough: {off}."
-        place = "Coarse" if self.mean_sagitta > _WANTED_SAGITTA else "Coarse in places"
-        return f"{place}: {off}. Use a finer mesh; expect peak errors of about {self._peak_error_db:.1f} dB."
-
-    @property
-    def _peak_error_db(self) -> float:
-        return float(20.0 * np.log10(1.0 + self.mean_phase))
+        error_db = 20.0 * np.log10(1.0 + self.mean_phase)
+        return f"Coarse: {off}. Use a finer mesh; expect peak errors of about {error_db:.1f} dB."
 
     def facts(self) -> dict[str, Any]:
         """Numbers of the report, by name with unit."""
@@ -140,7 +116,6 @@ class MeshReport:
             "thin triangles": self.num_thin,
             "area [m^2]": self.area,
             "smooth part of the area": self.smooth_share,
-            "flat part of the area": self.flat_share,
             "largest sagitta [m]": self.largest_sagitta,
             "mean sagitta [m]": self.mean_sagitta,
             "frequency [Hz]": self.frequency,
@@ -152,7 +127,7 @@ class MeshReport:
         facts = self.facts()
         width = max(map(len, facts))
         texts = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in facts.items()}
-        return "\n".join([*(f"{name:<{width}}  {text}" for name, text in texts.items()), *self.verdicts])
+        return "\n".join([*(f"{name:<{width}}  {text}" for name, text in texts.items()), self.verdict])
 
 
 def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
@@ -223,8 +198,11 @@ def _sagittas(
     proportional to the distances of their circumcentres from the edge, as on a sphere. A triangle much higher than its
     neighbour is straight up to the edge, such as the side of a tube up to a chamfer.
     """
-    order, edge = _sides_by_edge(corners)
-    pairs = order[(np.bincount(edge, minlength=1) == 2)[edge]].reshape(-1, 2).T
+    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    keys = np.minimum(starts, ends) * (corners.max(initial=0) + 1) + np.maximum(starts, ends)
+    _, edge, num_sides = np.unique(keys, return_inverse=True, return_counts=True)
+    order = np.argsort(edge, kind="stable")
+    pairs = order[num_sides[edge[order]] == 2].reshape(-1, 2).T
     triangle, side = np.divmod(pairs, 3)
     is_consistent = corners[triangle[0], side[0]] != corners[triangle[1], side[1]]
     normal, along = normals[triangle], sides[triangle[0], side[0]]
@@ -244,15 +222,3 @@ def _sagittas(
     np.add.at(sums, triangle, heights * parts * angle)
     is_smooth[triangle[:, np.abs(angle) > _PLANE_ANGLE]] = True
     return np.where(is_smooth, np.abs(sums) / 4.5, 0.0), is_smooth
-
-
-def _sides_by_edge(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Sides of triangles in the order of their edges, and the number of the edge of each, (3 triangle,) both.
-
-    `corners` (triangle, 3) are numbers of positions. Side ``3 t + k`` runs from corner k of triangle t to the next one.
-    """
-    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    key = np.minimum(starts, ends) * (corners.max(initial=0) + 1) + np.maximum(starts, ends)
-    order = key.argsort(kind="stable")
-    key = key[order]
-    return order, np.concatenate([[0], np.cumsum(key[1:] != key[:-1])])[: len(key)]
