@@ -26,7 +26,14 @@ SHAPE: dict[str, Any] = {
     "tx_antennas": [1],
     "tx_power_level": 31,
 }
-SENSOR = {"adc_resolution": 12, "description": "BGT60TR13C FMCW Radar Sensor", "uuid": "2810588487792"}
+SENSOR = {
+    "adc_resolution": 12,
+    "description": "BGT60TR13C FMCW Radar Sensor",
+    "firmware_version": "2.6.0",
+    "sdk_version": "3.6.4",
+    "uuid": "2810588487792",
+}
+PLACE = dict.fromkeys(("hostname", "machine", "os", "os_version", "username"), "")
 OLD_NAMES = {"rx_mask": 5, "tx_mask": 1} | {k: v for k, v in SHAPE.items() if not k.endswith("_antennas")}
 
 
@@ -61,7 +68,7 @@ def folder(path: Path, **files: bytes | None) -> Path:
         for name in ("format.version", "meta.json", "config.json", "radar.npy")
     }
     contents: dict[str, bytes | None] = {
-        "top": text({"date_captured": "2026-01-06T15:16:15+0800", "hostname": "unknown", "ifxdaq_version": "1.0.0"}),
+        "top": text(PLACE | {"date_captured": "2026-01-06T15:16:15+0800", "ifxdaq_version": "1.0.0"}),
         "format_version": b"1.0.0\n",
         "meta_json": text(SENSOR),
         "config_json": config(),

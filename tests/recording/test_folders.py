@@ -48,7 +48,7 @@ def test_info_lists_the_recordings_of_a_folder(several: Path, capsys: pytest.Cap
     assert main(["info", str(several)]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert lines[0] == f"folder {several}"
-    assert lines[1] == "a 5 frames of 3 x 4 x 16, 0.386 s, 58 GHz, BGT60TR13C FMCW Radar Sensor"
+    assert lines[1] == "a 5 frames of 3 x 4 x 16, 0.386 s, 58 GHz, BGT60TR13C FMCW Radar Sensor, firmware 2.6.0"
     assert lines[2].startswith("b 3 frames of 2 x 4 x 16, 0.05")
     assert lines[2].endswith(" GHz, Radar Baseboard MCU7, firmware 2.6.0")
     assert lines[4].startswith("d.npy expected the radar's settings, got an array (4, 3, 4, 16) of uint16")

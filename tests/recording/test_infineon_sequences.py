@@ -54,11 +54,7 @@ def test_sequences_and_older_names_are_the_same_settings(
     assert rec.radar == expected
     assert rc.load_radar(path / FOLDER / "config.json") == expected
     rec.save(tmp_path / "same", "infineon")
-    assert (tmp_path / "same" / FOLDER / "config.json").read_bytes() == text(values)
-    # With another radar the settings are written by today's names.
-    one = rc.Radar(expected.waveform, tx=expected.tx, rx=expected.rx[1:], receiver=expected.receiver)
-    rc.Recording(rec.cube[:, 1:], rec.time, one, None, rec.source).save(tmp_path / "two", "infineon")
-    assert rc.Recording.load(tmp_path / "two").radar.rx.tolist() == expected.rx[1:].tolist()
+    assert rc.Recording.load(tmp_path / "same").radar == expected
     main(["info", str(path)])
     assert "33" in next(line for line in capsys.readouterr().out.splitlines() if "gain" in line)
 

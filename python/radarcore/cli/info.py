@@ -21,7 +21,6 @@ from radarcore.dataset.variation import Variation
 from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.mesh_report import mesh_report
 from radarcore.recording.bare import NO_DESCRIPTION, Description
-from radarcore.recording.infineon import settings_of
 from radarcore.recording.recording import Recording, facts_of_frames, recordings_in
 from radarcore.scene.body import Body
 from radarcore.scenefile.load import load_scene
@@ -131,15 +130,12 @@ def _range(parameter: Varying) -> str:
 def _recording_facts(path: Path, config: Description) -> dict[str, Any]:
     """Content of a recording, by name with unit; samples of files are not read."""
     recording = load_recording(path, config)
-    source = dict(recording.source)
-    if isinstance(kept := source.get("infineon"), dict):  # the texts of its files are long
-        source["infineon"] = {name: entry for name, entry in kept.items() if name != "texts"}
     return {
         "recording": str(path),
         **facts_of_frames(recording),
         **measured_facts(recording.source),
         "lost frames": "not counted" if recording.lost is None else int(recording.lost.sum()),
-        "source": source,
+        "source": recording.source,
     }
 
 
@@ -168,13 +164,9 @@ def _recording(place: Path, config: Description) -> Recording:
 
 
 def measured_facts(source: Mapping[str, Any]) -> dict[str, Any]:
-    """Board, date, receivers and gains by name with unit, if a sensor made the recording.
-
-    Settings are in the texts of Infineon's folders, and beside the frames of `Sensor.record`.
-    """
-    known: dict[str, Any] = {}
-    for part in _settings(source.get("infineon")):
-        known |= part
+    """Board, date, receivers and gains by name with unit, if a sensor made the recording."""
+    kept = source.get("infineon")
+    known: dict[str, Any] = kept if isinstance(kept, dict) else {}
     sensor: Any = source.get("sensor")
     firmware = known.get("firmware_version")
     if isinstance(sensor, dict):
@@ -189,18 +181,3 @@ def measured_facts(source: Mapping[str, Any]) -> dict[str, Any]:
         "transmit power level": known.get("tx_power_level"),
     }
     return {name: value for name, value in facts.items() if value is not None}
-
-
-def _settings(kept: Any) -> Iterator[dict[str, Any]]:
-    """Settings that are kept beside the frames, and those in the texts of a folder."""
-    if not isinstance(kept, dict):
-        return
-    yield kept
-    for name, text in (kept.get("texts") or {}).items():
-        if name.endswith(".json"):
-            try:
-                values = settings_of(text, name) if name.endswith("config.json") else json.loads(text)
-            except ValueError:  # a file of the user
-                continue
-            if isinstance(values, dict):
-                yield values

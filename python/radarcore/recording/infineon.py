@@ -1,4 +1,4 @@
-"""Recording folders of Infineon's tools: codes of the ADC with the settings of the chip, read and written losslessly.
+"""Recording folders of Infineon's tools: codes of the ADC with the settings of the chip, read and written.
 
 The folder has a fixed layout (Strata, ifxDAQ recording folder)::
 
@@ -9,7 +9,7 @@ The folder has a fixed layout (Strata, ifxDAQ recording folder)::
         config.json                what was asked of the chip
         radar.npy                  codes [frame, receiver, chirp, sample], uint16
 
-Its texts are kept as they are in ``source["infineon"]``, and written again as long as they fit the radar.
+The values of its texts are kept in ``source["infineon"]`` and written again; settings follow the radar.
 """
 
 from __future__ import annotations
@@ -44,16 +44,32 @@ _HEADER_BYTES = 1024
 _CHUNK = 64
 """Frames that are written at once."""
 
-# Content of the texts of a recording that has none, unless source["infineon"] says otherwise; the chip's
-# settings are those it wakes up with (Strata, factory default).
-_SETTINGS: dict[str, Any] = {"aaf_cutoff_Hz": 500000, "hp_cutoff_Hz": 80000, "if_gain_dB": 23, "tx_power_level": 31}
-_SENSOR = {
+# Content of the texts of a recording, unless source["infineon"] says otherwise; the chip's settings are those it wakes
+# up with (Strata, factory default).
+_SETTINGS: dict[str, Any] = {
+    "aaf_cutoff_Hz": 500000,
+    "hp_cutoff_Hz": 80000,
+    "if_gain_dB": 23,
+    "mimo_mode": "off",
+    "tx_antennas": [1],
+    "tx_power_level": 31,
+}
+_SENSOR: dict[str, Any] = {
+    "adc_resolution": 12,
     "description": "BGT60TR13C FMCW Radar Sensor",
     "firmware_version": "unknown",
     "sdk_version": f"radarcore {_core.__version__}",
     "uuid": "0",
 }
-_PLACE = {"hostname": "unknown", "username": ""}
+_PLACE = {
+    "date_captured": "",
+    "hostname": "unknown",
+    "ifxdaq_version": "1.0.0",
+    "machine": platform.machine(),
+    "os": platform.system(),
+    "os_version": "",
+    "username": "",
+}
 
 _SEQUENCES = frozenset(("sequence", "loop"))
 """Keys of a sequence."""
@@ -92,24 +108,28 @@ def opened(path: Path) -> Stored:
     Warns of frames that its writer did not finish.
     """
     folder = _sensor_folder(path)
-    texts = _read_texts(folder)
-    if (config := texts.get(f"{folder.name}/config.json")) is None:
+    if not (folder / "config.json").is_file():
         raise ValueError(f"{folder}: expected a recording, got one without config.json")
-    _check_version(texts.get(f"{folder.name}/format.version", "1"), str(folder / "format.version"))
-    description = _check_sensor(texts.get(f"{folder.name}/meta.json", "{}"), str(folder / "meta.json"))
-    radar = radar_of(config, str(folder / "config.json"))
+    if (file := folder / "format.version").is_file():
+        _check_version(_text(file), str(file))
+    sensor = _values(folder / "meta.json")
+    description = _check_sensor(sensor, str(folder / "meta.json"))
+    where = str(folder / "config.json")
+    settings = settings_of(_text(folder / "config.json"), where)
+    radar = _radar(settings, where)
 
     # Whole frames, whatever number of them the header says.
     if not (folder / "radar.npy").is_file():
         raise ValueError(f"{folder}: expected a recording, got one without radar.npy")
-    file = ArrayFile(folder / "radar.npy", frame_shape(radar), ("uint16",), "config.json")
-    num_frames = file.num_rows or 0
-    warn_of_missing(path, num_frames, file.header_rows, closed=file.header_rows == num_frames)
-    codes = file.read(num_frames, mmap=True)
-    cube: Any = Converted(codes, to_samples, file.path)
+    array = ArrayFile(folder / "radar.npy", frame_shape(radar), ("uint16",), "config.json")
+    num_frames = array.num_rows or 0
+    warn_of_missing(path, num_frames, array.header_rows, closed=array.header_rows == num_frames)
+    codes = array.read(num_frames, mmap=True)
+    cube: Any = Converted(codes, to_samples, array.path)
 
-    # With its texts the same folder can be written again.
-    kept = {"folder": folder.name, "texts": texts}
+    # A sensor's folder by another name: what is around it is not known.
+    place = _values(folder.parent / "meta.json") if _FOLDER.fullmatch(folder.name) else {}
+    kept = {**place, **sensor, **settings, "folder": folder.name}
     source = {"sensor": description, "cube_unit": FULL_SCALE, "infineon": kept}
     time = radar.waveform.frame_interval * np.arange(num_frames, dtype=np.float64)
     return Stored(cube, time, radar, None, source)
@@ -133,15 +153,14 @@ def save(path: Path, stored: Stored, overwrite: bool) -> None:
 
     # Everything is written beside its place before anything is put there.
     is_new = [place for place in (path / folder, path) if not place.exists()]
-    files = {path / name: text.encode("utf-8", "surrogateescape") for name, text in texts.items()}
     try:
         make_folder(path / folder)
         with Lock(path / folder), ExitStack() as stack:
             # The first file is renamed last.
             with stack.enter_context(new_file(path / folder / "radar.npy", overwrite=overwrite)).open("wb") as out:
                 out.writelines(_array_bytes(stored.cube))
-            for file, data in files.items():
-                stack.enter_context(new_file(file, overwrite=True)).write_bytes(data)
+            for file, text in texts.items():
+                stack.enter_context(new_file(path / file, overwrite=True)).write_bytes(text.encode())
     except BaseException:  # a full disk, Ctrl-C
         for place in is_new:
             with suppress(OSError):  # something is in it, or it was never made
@@ -179,33 +198,26 @@ def _sensor_folder(path: Path) -> Path:
     return path.absolute() / folders[0]
 
 
-def _text_names(folder: str) -> tuple[str, ...]:
-    """Texts of a recording by their path within it."""
-    return ("meta.json", *(f"{folder}/{name}" for name in ("format.version", "meta.json", "config.json")))
+def _text(file: Path) -> str:
+    return file.read_bytes().decode("utf-8-sig", "replace")
 
 
-def _read_texts(folder: Path) -> dict[str, str]:
-    """The texts that are there, to the last byte: what is no UTF-8 is kept as surrogates."""
-    names = _text_names(folder.name)
-    if not _FOLDER.fullmatch(folder.name):  # a sensor's folder by another name: what is around it is not known
-        names = names[1:]
-    files = {name: folder.parent / name for name in names}
-    return {
-        name: file.read_bytes().decode("utf-8", "surrogateescape") for name, file in files.items() if file.is_file()
-    }
+def _values(file: Path) -> dict[str, Any]:
+    """Values of a meta.json; none if there is no such file."""
+    values = parsed_json(_text(file), str(file)) if file.is_file() else {}
+    if not isinstance(values, dict):
+        raise ValueError(f"{file}: expected an object, got {type(values).__name__}")
+    return values
 
 
 def _check_version(text: str, where: str) -> None:
-    version = text.removeprefix("\ufeff").strip()
+    version = text.strip()
     if version.split(".")[0] != "1":
         raise ValueError(f"{where}: expected version 1, got {version[:20]!r}")  # of what may be no text at all
 
 
-def _check_sensor(text: str, where: str) -> str:
+def _check_sensor(meta: dict[str, Any], where: str) -> str:
     """The description of the sensor; refuses an ADC of other than 12 bits, warns of another chip."""
-    meta = parsed_json(text.removeprefix("\ufeff"), where)
-    if not isinstance(meta, dict):
-        raise ValueError(f"{where}: expected an object, got {type(meta).__name__}")
     if (resolution := meta.get("adc_resolution", 12)) != 12:
         raise ValueError(f"{where}: expected an adc_resolution of 12 bits, got {resolution!r}")
     description = str(meta.get("description", ""))
@@ -217,7 +229,7 @@ def _check_sensor(text: str, where: str) -> str:
 
 def settings_of(config: str, where: str) -> dict[str, Any]:
     """Settings of a chirp in the text of a config.json, by present names, with the numbers of the receivers."""
-    values = parsed_json(config.removeprefix("\ufeff"), where)
+    values = parsed_json(config, where)
     given = values.get("device_config", values) if isinstance(values, dict) else values
     if isinstance(given, list) or (isinstance(given, dict) and not _SEQUENCES.isdisjoint(given)):
         given = _of_sequence(given, where)
@@ -292,37 +304,20 @@ def _receivers(shape: dict[str, Any]) -> list[int]:
 
 
 def _texts(radar: Radar, kept: dict[str, Any], folder: str) -> dict[str, str]:
-    """Texts by path: kept ones, new ones in place of others and of settings that do not fit the radar."""
+    """Texts by path: values of the source, settings of the radar."""
     now = datetime.now().astimezone().strftime("%Y-%m-%dT%H:%M:%S%z")
-    place = {"date_captured": now, "ifxdaq_version": "1.0.0", "machine": platform.machine(), "os": platform.system()}
-    texts = {
-        "meta.json": _json({**place, "os_version": "", **_given(kept, {**_PLACE, "date_captured": now})}),
+    place, sensor = ({name: kept.get(name, default) for name, default in part.items()} for part in (_PLACE, _SENSOR))
+    others = {name: value for name, value in kept.items() if name not in {*_PLACE, *_SENSOR, "folder"}}
+    settings = _SETTINGS | others | _settings(radar, kept.get("rx_antennas"))
+    return {
+        "meta.json": _json(place | {"date_captured": kept.get("date_captured", now)}),
         f"{folder}/format.version": "1.0.0\n",
-        f"{folder}/meta.json": _json({"adc_resolution": 12, **_given(kept, _SENSOR)}),
-        f"{folder}/config.json": "",
+        f"{folder}/meta.json": _json(sensor),
+        f"{folder}/config.json": _json({"device_config": {"fmcw_single_shape": settings}}),
     }
-    found = kept.get("texts")
-    if isinstance(found, dict):
-        texts |= {name: text for name, text in found.items() if name in texts and isinstance(text, str)}
-    texts[f"{folder}/config.json"] = _config(radar, kept, texts[f"{folder}/config.json"])
-    return texts
 
 
-def _config(radar: Radar, kept: dict[str, Any], text: str) -> str:
-    """Text of a config.json: the given one if it fits the radar, else with settings of the radar."""
-    shape = {"mimo_mode": "off", "tx_antennas": [1], **_given(kept, _SETTINGS)}
-    waveform, receivers = None, None
-    if text:
-        where = "source, config.json"
-        shape = settings_of(text, where)
-        waveform, receivers = _radar(shape, where).waveform, _receivers(shape)
-    settings = _settings(radar, receivers)
-    if waveform == radar.waveform and receivers == settings["rx_antennas"]:
-        return text
-    return _json({"device_config": {"fmcw_single_shape": shape | settings}})
-
-
-def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
+def _settings(radar: Radar, receivers: object) -> dict[str, Any]:
     """Settings of a radar for config.json; ValueError for one that it cannot describe.
 
     `receivers` are the numbers its antennas have if their positions are not those of the chip.
@@ -344,11 +339,11 @@ def _settings(radar: Radar, receivers: list[int] | None) -> dict[str, Any]:
     return settings | {"rx_antennas": _numbers_of(radar.rx, receivers)}
 
 
-def _numbers_of(positions: NDArray[np.float64], otherwise: list[int] | None) -> list[int]:
+def _numbers_of(positions: NDArray[np.float64], otherwise: object) -> list[int]:
     """Numbers of the chip's receivers at some positions [m]; in increasing order, as the data have to be."""
     distance = np.linalg.norm(positions[:, None] - bgt60tr13c().rx, axis=-1)
     numbers = [int(number) for number in distance.argmin(axis=1) + 1]
-    if distance.min(axis=1).max() > 1e-6 and otherwise is not None and len(otherwise) == len(positions):
+    if distance.min(axis=1).max() > 1e-6 and isinstance(otherwise, list) and len(otherwise) == len(positions):
         return otherwise
     if distance.min(axis=1).max() > 1e-6 or sorted(set(numbers)) != numbers:
         raise ValueError(
@@ -356,10 +351,6 @@ def _numbers_of(positions: NDArray[np.float64], otherwise: list[int] | None) -> 
             f"{positions.tolist()}"
         )
     return numbers
-
-
-def _given(kept: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    return {name: kept.get(name, default) for name, default in defaults.items()}
 
 
 def _whole(value: float) -> float | int:

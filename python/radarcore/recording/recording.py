@@ -318,9 +318,9 @@ class Recording(Stored):
             A directory (no suffix) or an ``.npz`` file; missing parents are made.
         format : "npz" or "infineon", optional
             Default: by the suffix of `path`. ``"infineon"`` is the recording folder of Infineon's tools, for real
-            samples in full scale of a BGT60TR13C: codes of the ADC and settings of the chip. What was loaded from
-            such a folder comes out as the recorder wrote it, to the last byte. It holds neither the times of frames
-            nor truth nor lost frames; warns if that matters.
+            samples in full scale of a BGT60TR13C: codes of the ADC and settings of the chip, with the values of a
+            folder that was loaded. It holds neither the times of frames nor truth nor lost frames; warns if that
+            matters.
         overwrite : bool
             Replace a recording that is already there.
 
