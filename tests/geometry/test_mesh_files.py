@@ -26,6 +26,14 @@ FILES = {
     "nothing.stl": (b"solid nothing\nendsolid nothing\n", STL_FORMS + "begins with 'solid nothing"),
     "zeros.stl": (b"\0" * 80 + struct.pack("<I", 0), STL_FORMS + "begins with the bytes 00 00 00 00"),
     "empty.stl": (b"", STL_FORMS + "is empty"),
+    "count.stl": (
+        b"made by hand".ljust(80) + struct.pack("<I", 5) + bytes(600),
+        STL_FORMS + "begins with 'made by hand",
+    ),
+    "cut.stl": (
+        b"made by hand".ljust(80) + struct.pack("<I", 12) + bytes(501),
+        STL_FORMS + "begins with 'made by hand",
+    ),
     "points.ply": (POINTS, "expected faces, got none; the file begins with 'ply"),
     "words.ply": (b"words", "; the file begins with 'words'"),
     "notes.txt": (b"words", "expected a mesh file (.obj, .stl, .ply, .off, .glb, .gltf, .dae, .3mf), got .txt: "),
@@ -159,35 +167,6 @@ def test_3mf_without_its_objects_is_refused(tmp_path: Path, items: str, more: st
     with pytest.raises(ValueError, match=message) as caught:
         rc.load_mesh(write_3mf(tmp_path / "box.3mf", items, more=more))
     assert str(caught.value).startswith(str(tmp_path / "box.3mf"))
-
-
-@pytest.mark.parametrize(
-    ("stated", "rest", "read"),
-    [(0, b"", 12), (13, b"", 12), (5, b"", 12), (12, b"made by hand", 12), (7, b"made by hand", 7)],
-)
-def test_stl_with_a_wrong_count_or_more_bytes_is_read_with_a_warning(
-    tmp_path: Path, stated: int, rest: bytes, read: int
-) -> None:
-    corners = BOX.vertices[BOX.triangles].astype("<f4")
-    facets = b"".join(bytes(12) + facet.tobytes() + bytes(2) for facet in corners)
-    path = tmp_path / "box.stl"
-    path.write_bytes(b"made by hand".ljust(80) + struct.pack("<I", stated) + facets + rest)
-    expected = (
-        rf"expected {84 + 50 * stated} bytes for {stated} facets by the file's count, got {684 + len(rest)}; {read} "
-    )
-    with pytest.warns(UserWarning, match=expected):
-        mesh = rc.load_mesh(path)
-    if read == 12:
-        assert_box(mesh)
-    else:
-        np.testing.assert_array_equal(mesh.vertices[mesh.triangles], corners[:read])
-
-
-def test_stl_that_ends_within_a_facet_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("trimesh", reason="needs the extra `mesh`: pip install radarcore[mesh]")
-    (tmp_path / "cut.stl").write_bytes(b"made by hand".ljust(80) + struct.pack("<I", 12) + bytes(501))
-    with pytest.raises(ValueError, match=r"cut\.stl: "):
-        rc.load_mesh(tmp_path / "cut.stl")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import _core, check, notice
+from radarcore import _core, check
 from radarcore.geometry.mesh import Mesh
 
 SUFFIXES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf", ".dae", ".3mf")
@@ -28,9 +28,6 @@ _Y_UP = (".glb", ".gltf")
 
 STEP_SUFFIXES = (".step", ".stp")
 """Suffixes of STEP files, which trimesh reads with cascadio, in metres."""
-
-_STL_HEAD, _STL_FACET = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-"""Bytes before the facets of a binary STL file (the last four are their number), and one facet."""
 
 _BEGINNING = 40
 """Bytes of a file that are shown."""
@@ -170,8 +167,6 @@ def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
 
 def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     kind = path.suffix.lower()
-    if kind == ".stl" and (corners := _miscounted_stl(path)) is not None:
-        return corners.reshape(-1, 3).astype(np.float64), np.arange(3 * len(corners)).reshape(-1, 3)
     try:
         import trimesh
 
@@ -186,28 +181,6 @@ def _load_with_trimesh(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     if mesh.units is not None:
         vertices = vertices * trimesh.units.unit_conversion(mesh.units, "m")
     return vertices @ _TO_Z_UP["Y_UP"].T if kind in _Y_UP else vertices, np.asarray(mesh.faces)
-
-
-def _miscounted_stl(path: Path) -> NDArray[np.float32] | None:
-    """Corners (facet, 3, 3) of a binary STL file whose size does not fit its facet count, with a warning.
-
-    None for every other file, and for one that ends within a facet.
-    """
-    with path.open("rb") as file:
-        start = file.read(_STL_HEAD + _STL_FACET.itemsize)
-    if len(start) < _STL_HEAD + _STL_FACET.itemsize or _is_text(start):
-        return None
-    number = int.from_bytes(start[_STL_HEAD - 4 : _STL_HEAD], "little")
-    num_whole, left_over = divmod(path.stat().st_size - _STL_HEAD, _STL_FACET.itemsize)
-    if (number, 0) == (num_whole, left_over) or (left_over and not 0 < number <= num_whole):
-        return None
-    num_facets = number if left_over else num_whole
-    notice.warn(
-        f"{path}: expected {_STL_HEAD + number * _STL_FACET.itemsize} bytes for {number} facets by the file's count, "
-        f"got {path.stat().st_size}; {num_facets} facets are read"
-    )
-    corners: NDArray[np.float32] = np.fromfile(path, _STL_FACET, num_facets, offset=_STL_HEAD)["corners"]
-    return corners
 
 
 def _has_vertices(path: Path) -> bool:
