@@ -305,25 +305,13 @@ def checked_maps(name: str, values: ArrayLike, number: int) -> Matrix:
     rotations, positions = maps[:, :, :3], maps[:, :, 3]
     if (farthest := float(np.abs(positions).max(initial=0.0))) > _FARTHEST:
         raise ValueError(f"{name}: expected coordinates within {_FARTHEST:g} m, got {farthest:g}")
-    error = _deviations(rotations)
-    if len(error) == 0 or (worst := error.max()) <= 1e-15:
-        return maps.copy()
-    if worst > 1e-6:
-        k = int((error > 1e-6).argmax())
+    with np.errstate(over="ignore", invalid="ignore"):  # huge numbers are no rotations either
+        error = np.abs(np.swapaxes(rotations, 1, 2) @ rotations - np.eye(3)).max(axis=(1, 2))
+        is_rotation = (error <= 1e-6) & (np.linalg.det(rotations) > 0.0)
+    if not is_rotation.all():
+        k = int(is_rotation.argmin())
         raise ValueError(f"{name}: expected rotation matrices (orthonormal, determinant +1), got another at index {k}")
-    # The nearest rotations, by two of Newton's steps: from 1e-6 to 1e-12 to rounding.
-    for _ in range(2):
-        rotations = 0.5 * rotations @ (3.0 * np.eye(3) - np.swapaxes(rotations, 1, 2) @ rotations)
-    return transforms(rotations, positions)
-
-
-def _deviations(rotations: Matrix) -> Matrix:
-    """Largest deviation of each of the matrices (n, 3, 3) from a rotation, (n,); infinite for mirrors and huge ones."""
-    # Entries of a rotation are at most 1; products of huge ones overflow.
-    huge = np.abs(rotations).max(axis=(1, 2)) > 2.0
-    if huge.any():
-        rotations = np.where(huge[:, None, None], 0.0, rotations)
-    products = np.swapaxes(rotations, 1, 2) @ rotations
-    largest: Matrix = np.abs(products - np.eye(3)).max(axis=(1, 2))
-    largest[huge | (np.linalg.det(rotations) < 0.0)] = np.inf
-    return largest
+    if error.max(initial=0.0) <= 1e-15:
+        return maps.copy()
+    u, _, vt = np.linalg.svd(rotations)
+    return transforms(u @ vt, positions)

@@ -418,31 +418,22 @@ class Between:
 
 
 def poses_at(updates: Sequence[Update], times: Matrix) -> Matrix:
-    """``[rotation | position]`` at times (n,) [s], (n, body, 3, 4).
-
-    Before the first and after the last update motion goes on at the rates there.
-    """
-    last = updates[-1]
-    if times.min(initial=np.inf) >= last.time:
-        return last.continued.poses_at(times - last.time)
-    return _pieces(updates, times, lambda end, elapsed: end.poses_at(elapsed), Between.poses)
+    """Poses (time, body, 3, 4) at times [s]."""
+    return _values_at(updates, times, ConstantTwist.poses_at, Between.poses)
 
 
 def rates_at(updates: Sequence[Update], times: Matrix) -> Matrix:
     """Time derivatives of `poses_at`."""
-    last = updates[-1]
-    if times.min(initial=np.inf) >= last.time:
-        return last.continued.rates_at(times - last.time)
-    return _pieces(updates, times, lambda end, elapsed: end.rates_at(elapsed), Between.rates)
+    return _values_at(updates, times, ConstantTwist.rates_at, Between.rates)
 
 
-def _pieces(
+def _values_at(
     updates: Sequence[Update],
     times: Matrix,
     of_end: Callable[[ConstantTwist, Matrix], Matrix],
     of_segments: Callable[[Between], Matrix],
 ) -> Matrix:
-    """Poses or rates at times, before the first update, between updates, and after the last: (time, body, 3, 4)."""
+    """Values before the first update, between updates, and after the last one."""
     found = np.empty((len(times), *updates[0].maps.shape))
     place = np.searchsorted([update.time for update in updates], times, side="right")
     for number, end in ((0, updates[0]), (len(updates), updates[-1])):

@@ -79,6 +79,11 @@ class RobotArm:
         self._numbers = {link: i for i, link in enumerate(self.links)}
         self._parents = [self._numbers[joint.parent] for joint in ordered]
         self._slots = np.array([ordered.index(joint) for joint in moving], dtype=np.intp)
+        self._axes = np.array([joint.axis for joint in moving], dtype=np.float64).reshape(-1, 3)
+        # True for joints between the root and each link, (link, moving joint).
+        self._carries = np.zeros((len(self.links), len(moving)), dtype=bool)
+        for k, parent in enumerate(self._parents):
+            self._carries[k + 1] = self._carries[parent] | (self._slots == k)
         self._turns = np.array([joint.kind == "revolute" for joint in ordered], dtype=bool)
         self._fixed, self._first, self._second = np.zeros((3, len(ordered), 4, 4))
         for k, joint in enumerate(ordered):
@@ -327,25 +332,13 @@ class RobotArm:
         return result
 
     def jacobian_at(self, number: int, poses: Matrix) -> Matrix:
-        """`jacobian` of a link by its number, from `link_poses`; neither is checked."""
-        columns = np.zeros((6, len(self.joint_names)))
-        moves = {int(slot): column for column, slot in enumerate(self._slots)}
-        joints = {joint.child: joint for joint in self.joints}
-        names = list(self.links)
-        end, k = poses[number, :3, 3], number
-        while k > 0:
-            if (column := moves.get(k - 1)) is not None:
-                joint = joints[names[k]]
-                assert joint.axis is not None  # it moves
-                axis = poses[k, :3, :3] @ joint.axis
-                if joint.kind == "revolute":
-                    (x, y, z), (a, b, c) = axis.tolist(), (end - poses[k, :3, 3]).tolist()
-                    columns[:3, column] = y * c - z * b, z * a - x * c, x * b - y * a  # np.cross takes 20 times longer
-                    columns[3:, column] = axis
-                else:
-                    columns[:3, column] = axis
-            k = self._parents[k - 1]
-        return columns
+        """`jacobian` of a link by its number, from the poses of all links (link, 4, 4)."""
+        joints = poses[self._slots + 1]
+        turns = self._turns[self._slots][:, None]
+        axes = (joints[:, :3, :3] @ self._axes[..., None])[..., 0]
+        linear = np.where(turns, np.cross(axes, poses[number, :3, 3] - joints[:, :3, 3]), axes)
+        columns: Matrix = np.hstack([linear, np.where(turns, axes, 0.0)]) * self._carries[number][:, None]
+        return columns.T
 
     def __repr__(self) -> str:
         return f"<RobotArm {self.name!r}: {len(self.links)} links, joints {', '.join(self.joint_names) or 'none'}>"
