@@ -190,13 +190,6 @@ def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
     assert replace(radar, tx_power_dbm=1.0).waveforms == radar.waveforms
 
 
-def test_radar_of_a_file_from_before_polarization_and_patterns_of_elements_has_none() -> None:
-    values = RADARS[1].to_dict()
-    for name in ("polarization", "tx_patterns", "rx_patterns"):
-        del values[name]
-    assert rc.Radar.from_dict(values) == RADARS[1]
-
-
 def test_polarization_is_a_word_or_a_unit_vector() -> None:
     vectors = {"vertical": (0.0, 0.0, 1.0), "horizontal": (0.0, 1.0, 0.0), None: None}
     for word, vector in vectors.items():

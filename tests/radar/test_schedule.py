@@ -95,12 +95,6 @@ def test_radars_of_sub_sequences_have_the_times_of_the_whole() -> None:
     assert alone.sequences() == (alone,)
 
 
-def test_radars_that_could_be_described_before_are_described_as_then() -> None:
-    values = radar_of().to_dict()
-    assert not {"schedule", "more_waveforms"} & values.keys()
-    assert rc.Radar.from_dict(values) == radar_of()
-
-
 def test_weights_cannot_be_changed() -> None:
     weights = np.array([1.0, 1.0])
     schedule = rc.Schedule.steered(weights)

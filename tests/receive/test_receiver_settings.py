@@ -127,12 +127,6 @@ def test_receivers_survive_files_pickle_and_comparison(tmp_path: Path) -> None:
     assert rc.Recording.load(tmp_path / "r").radar == recording.radar == radar
 
 
-def test_files_from_before_the_settings_load() -> None:
-    values = rc.Radar(WAVEFORM, receiver=rc.Receiver(output="real", noise_figure_db=12.0)).to_dict()
-    assert values["receiver"] == {"output": "real", "noise_figure_db": 12.0}
-    assert rc.Radar.from_dict(values).receiver == rc.Receiver(output="real", noise_figure_db=12.0)
-
-
 @pytest.mark.parametrize(
     ("filters", "warning"),
     [

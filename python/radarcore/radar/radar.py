@@ -305,7 +305,7 @@ class Radar:
 
     def to_dict(self) -> dict[str, Any]:
         """Radar as plain numbers, lists and texts, for JSON."""
-        values: dict[str, Any] = {
+        return {
             "waveform": self.waveform.to_dict(),
             "tx": self.tx.tolist(),
             "rx": self.rx.tolist(),
@@ -315,13 +315,9 @@ class Radar:
             "tx_power_dbm": self.tx_power_dbm,
             "receiver": None if self.receiver is None else self.receiver.to_dict(),
             "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
+            "schedule": None if self.schedule is None else self.schedule.to_dict(),
+            "more_waveforms": [waveform.to_dict() for waveform in self.more_waveforms],
         }
-        # Radars that could be described before have the same description as then.
-        if self.schedule is not None:
-            values["schedule"] = self.schedule.to_dict()
-        if self.more_waveforms:
-            values["more_waveforms"] = [waveform.to_dict() for waveform in self.more_waveforms]
-        return values
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
         """Patterns of elements for JSON; None if all have the one of the radar."""
@@ -330,22 +326,18 @@ class Radar:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Radar:
         """The radar that `to_dict` described."""
-        receiver = values["receiver"]
-        own = {  # files from before them have none
-            name: [pattern_from_dict(entry) for entry in values[name]]
-            for name in ("tx_patterns", "rx_patterns")
-            if values.get(name) is not None
-        }
+        receiver, schedule = values["receiver"], values.get("schedule")
         return cls(
             Waveform(**values["waveform"]),
             tx=values["tx"],
             rx=values["rx"],
             pattern=pattern_from_dict(values["pattern"]),
-            **own,
+            tx_patterns=_patterns_from_dicts(values["tx_patterns"]),
+            rx_patterns=_patterns_from_dicts(values["rx_patterns"]),
             tx_power_dbm=values["tx_power_dbm"],
             receiver=None if receiver is None else Receiver.from_dict(receiver),
-            polarization=values.get("polarization"),  # files from before it have none
-            schedule=Schedule.from_dict(values["schedule"]) if values.get("schedule") is not None else None,
+            polarization=values["polarization"],
+            schedule=None if schedule is None else Schedule.from_dict(schedule),
             more_waveforms=[Waveform(**entry) for entry in values.get("more_waveforms", ())],
         )
 
@@ -354,6 +346,10 @@ class Radar:
 
     def __hash__(self) -> int:
         return hash((self.waveform, *self.tx.ravel().tolist(), *self.rx.ravel().tolist()))
+
+
+def _patterns_from_dicts(values: list[dict[str, Any]] | None) -> list[Pattern] | None:
+    return None if values is None else [pattern_from_dict(entry) for entry in values]
 
 
 def _band_text(waveform: Waveform) -> str:

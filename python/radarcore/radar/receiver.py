@@ -331,13 +331,8 @@ class Receiver:
         return power if self.output == "iq" else 0.5 * power
 
     def to_dict(self) -> dict[str, Any]:
-        """Output, noise figure and all settings that are not the default, for JSON."""
-        always = ("output", "noise_figure_db")
-        return {
-            name: value
-            for name, value in asdict(self).items()
-            if name in always or getattr(self, name) != _DEFAULTS[name]
-        }
+        """All settings, for JSON."""
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Receiver:
