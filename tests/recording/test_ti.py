@@ -198,7 +198,7 @@ def test_zeros_in_place_of_lost_packets_are_counted(tmp_path: Path) -> None:
 
 def test_lost_packets_and_counters_are_named(tmp_path: Path) -> None:
     data, config = write(tmp_path, np.delete(WORDS, slice(5 * 728, 6 * 728)), commands(SCENE))
-    with pytest.warns(UserWarning, match="no whole frame; 1456 bytes are missing, 1 of the DCA1000's packets, and all"):
+    with pytest.warns(UserWarning, match="no whole frame"):
         rc.Recording.load(data, config=config)
     # User's Guide 5.2: the packet's number from 1 in 32 bits, the bytes before it in 48, both with the lowest first.
     sent = WORDS.tobytes()
@@ -233,11 +233,6 @@ def test_samples_of_12_bits_get_their_sign(tmp_path: Path) -> None:
     assert cube.min() < -900.0
 
 
-def profile(idle: float, ramp_end: float) -> dict[str, str]:
-    """A profile with other times [us]."""
-    return {"profileCfg": f"profileCfg 0 77 {idle} 6 {ramp_end} 0 0 60 1 64 6000 0 0 30"}
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -252,9 +247,10 @@ def profile(idle: float, ramp_end: float) -> dict[str, str]:
         ({"adcCfg": "adcCfg 2 0"}, "of the samples that adcbufCfg has"),
         ({"frameCfg": "frameCfg 0 2 16 0 50 1 0", "chirp2": "chirpCfg 2 2 0 0 0 0 0 1"}, "got TX1, TX3, TX1"),
         ({"profileCfg": "profileCfg 1 77 7 6 40 0 0 60 1 64 6000 0 0 30"}, "expected profileCfg 0"),
-        (profile(-5, 17), "between the ramps of transmitters in turn"),
-        (profile(7, 12), r"last sample, 16\.6667 us after its start \(6 us and 64 .*, got a ramp of 12 us"),
-        (profile(7, 80), r"76 to 81 GHz.*, got 77 to 81\.8 GHz at 60"),
+        (
+            {"profileCfg": "profileCfg 0 77 -5 6 17 0 0 60 1 64 6000 0 0 30"},
+            "between the ramps of transmitters in turn",
+        ),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0 1 0"}, "expected 9 or 17 or 25 or 33 numbers .*, got 3"),
         ({"compensation": "compRangeBiasAndRxChanPhase 0.0" + 12 * " 0 0"}, "without zeros, got one for a channel"),
         ({"profileCfg": "chirpComnCfg 8 0 0 256 4 28 0"}, "got chirpComnCfg of the mmWave L-SDK for low-power chips"),

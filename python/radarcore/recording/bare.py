@@ -12,7 +12,6 @@ import math
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import permutations
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -128,19 +127,9 @@ def _with_axes(
         except ValueError:
             raise ValueError(f"{expected}, got {len(values)} numbers") from None
     if not check.fits(values.shape, lengths):
-        raise ValueError(f"{expected}, got {values.shape}{_advice(values.shape, radar) if shape is None else ''}")
+        advice = "; name its axes in their order, as shape='frame,rx,chirp,sample', --shape" if shape is None else ""
+        raise ValueError(f"{expected}, got {values.shape}{advice}")
     return values, names
-
-
-def _advice(shape: tuple[int, ...], radar: Radar) -> str:
-    """Message about an array in another order, with the order if only one fits."""
-    names = _WITHOUT_NAMES.get(len(shape))
-    if names is None:
-        return "; say what its axes are, as shape='frame,rx,chirp,sample', --shape"
-    fitting = [order for order in permutations(names) if check.fits(shape, _lengths(order, radar))]
-    if len(fitting) == 1:
-        return f"; shape={','.join(fitting[0])!r} (--shape) would fit"
-    return f"; say the order of its axes, as shape={','.join(names)!r}, --shape"
 
 
 def in_order(values: NDArray[Any], axes: tuple[str, ...]) -> NDArray[Any]:

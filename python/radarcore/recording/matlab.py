@@ -48,14 +48,11 @@ def _of_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
             f"{path}: MAT files of version 7.3 need h5py: pip install radarcore[mat] "
             "(or save them with '-v7' in MATLAB)"
         ) from error
-    with readable(path, "a MAT file"):
-        file = h5py.File(path, "r")
-    with file:
-        with readable(path, "a MAT file"):
-            shapes = {name: tuple(item.shape[::-1]) for name, item in file.items() if isinstance(item, h5py.Dataset)}
-        name = chosen(path, shapes, variable)
-        with readable(path, "a MAT file"):
-            values: NDArray[Any] = file[name][()]
+    with readable(path, "a MAT file"), h5py.File(path, "r") as file:
+        shapes = {name: tuple(item.shape[::-1]) for name, item in file.items() if isinstance(item, h5py.Dataset)}
+    name = chosen(path, shapes, variable)
+    with readable(path, "a MAT file"), h5py.File(path, "r") as file:
+        values: NDArray[Any] = file[name][()]
     return values.transpose()
 
 

@@ -197,14 +197,7 @@ def _whole_frames(files: tuple[Path, ...], words: _Words) -> tuple[NDArray[np.in
     Warns of an incomplete last frame and of zeros in place of packets.
     """
     if words.left_over:
-        num_missing = words.num_frame_bytes - words.left_over
-        message = f"{files[-1]}: {len(words)} frames, the last {words.left_over} bytes are no whole frame"
-        if num_missing % _PACKET_BYTES == 0:
-            message += (
-                f"; {num_missing} bytes are missing, {num_missing // _PACKET_BYTES} of the DCA1000's packets, and all "
-                "samples after the gap are in wrong places"
-            )
-        notice.warn(message)
+        notice.warn(f"{files[-1]}: {len(words)} frames, the last {words.left_over} bytes are no whole frame")
     shares = words.shares_of_zeros()
     kept = np.flatnonzero(shares < 1.0)
     if not shares.any():

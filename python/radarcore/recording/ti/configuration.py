@@ -29,12 +29,6 @@ _BITS = (12, 14, 16)
 NUM_RX, _NUM_TX = 4, 4
 """Most receivers and transmitters of a chip."""
 
-_BANDS = ((57.0, 64.0), (76.0, 81.0))
-"""Frequencies of the chips [GHz] (TI, data sheets of xWR1xxx, xWR2xxx and xWR6xxx)."""
-
-_MAX_SLOPE = 266.0
-"""Steepest ramp of any chip (AWR2243) [MHz/us]; 60 GHz chips reach 250 MHz/us."""
-
 _NUM_CHIRPS = 512
 """Chirps that a chip has at most, from 0 on."""
 
@@ -125,7 +119,6 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         raise ValueError(f"{where}: expected bits and format of samples of 0 to 2, got {got}")
     is_real = settings.output == 0
     _check_lanes(settings, len(receivers), where)
-    _check_ramp(profile, where)
     numbers, repetitions = _turns(settings.tx_masks, where)
     used = sorted(numbers)
     turns = tuple(used.index(number) for number in numbers)
@@ -176,25 +169,6 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         **compensation,
     )
     return radar, capture
-
-
-def _check_ramp(profile: Profile, where: str) -> None:
-    """Refuse ramps that no chip can make, and ramps that end before the last sample."""
-    last = profile.adc_start + 1e3 * profile.num_samples / profile.rate if profile.rate > 0 else 0.0
-    if last > profile.ramp_end * (1.0 + 1e-9):
-        raise ValueError(
-            f"{where}: expected a ramp that ends after the last sample, {last:.6g} us after its start "
-            f"({profile.adc_start:g} us and {profile.num_samples:g} samples at {profile.rate:g} kHz), got a ramp of "
-            f"{profile.ramp_end:g} us"
-        )
-    ends = sorted((profile.start, profile.start + 1e-3 * profile.slope * profile.ramp_end))
-    is_in_band = any(low <= ends[0] and ends[1] <= high for low, high in _BANDS)
-    if abs(profile.slope) > _MAX_SLOPE or not is_in_band:
-        bands = " or ".join(f"{low:g} to {high:g} GHz" for low, high in _BANDS)
-        raise ValueError(
-            f"{where}: expected a ramp that a chip can make, within {bands} and up to {_MAX_SLOPE:g} MHz/us, "
-            f"got {ends[0]:.6g} to {ends[1]:.6g} GHz at {profile.slope:g} MHz/us"
-        )
 
 
 def _compensation(settings: Settings, used: list[int], receivers: list[int], where: str) -> dict[str, Any]:
