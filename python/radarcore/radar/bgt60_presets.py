@@ -166,11 +166,8 @@ def _wished(wishes: dict[str, float], others: dict[str, Any]) -> Waveform:
     slow, fast = map(bgt60_chip.divider_of, _SAMPLE_RATES)
     try:
         return _designed(slow, wishes, others)
-    except design.WishError as at_slow:
-        try:
-            return _designed(fast, wishes, others)
-        except design.WishError as at_fast:
-            raise (at_slow if at_slow.is_better_than(at_fast) else at_fast) from None
+    except design.WishError:
+        return _designed(fast, wishes, others)
 
 
 def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) -> Waveform:

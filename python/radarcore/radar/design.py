@@ -60,12 +60,6 @@ class WishError(ValueError):
         side = "at least" if is_least else "at most"
         return f"{wish}: expected {side} {number:.6g} {_UNITS[wish]}{beside}, got {got:g}"
 
-    def is_better_than(self, other: WishError) -> bool:
-        """True if more can be had of the same wish than by another error."""
-        if self.wish != other.wish:
-            return False
-        return self.possible < other.possible if self.wish in _LEAST else self.possible > other.possible
-
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:

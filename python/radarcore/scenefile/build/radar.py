@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from radarcore import check
 from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
+from radarcore.radar.design import WISHES
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.schedule import Schedule
@@ -18,19 +20,7 @@ from radarcore.scenefile.build.cache import BuildCache
 from radarcore.scenefile.read import located
 from radarcore.scenefile.tables import DdmTable, PatternTable, RadarTable, SteeredTable, TdmTable
 
-_WAVEFORM_KEYS = (
-    "start_frequency",
-    "stop_frequency",
-    "slope",
-    "sample_rate",
-    "num_samples",
-    "num_chirps",
-    "chirp_interval",
-    "chirp_times",
-    "frame_interval",
-    "adc_delay",
-)
-_WISHES = ("max_range", "max_velocity", "range_resolution", "velocity_resolution", "rate")
+_WAVEFORM_KEYS = {"stop_frequency", *WISHES, *(field.name for field in fields(Waveform))}
 
 
 def radar_of(table: RadarTable, directory: Path, kept: BuildCache) -> Radar:
@@ -40,10 +30,8 @@ def radar_of(table: RadarTable, directory: Path, kept: BuildCache) -> Radar:
 
 def _radar(table: RadarTable, directory: Path) -> Radar:
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
-    waveform = {name: given[name] for name in (*_WAVEFORM_KEYS, *_WISHES) if name in given}
-    others: dict[str, Any] = {
-        name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization") if name in given
-    }
+    waveform = {name: value for name, value in given.items() if name in _WAVEFORM_KEYS}
+    others = {name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization", "receiver") if name in given}
     if table.pattern is not None:
         with located("pattern."):
             others["pattern"] = _pattern(table.pattern, directory)
@@ -53,8 +41,6 @@ def _radar(table: RadarTable, directory: Path) -> Radar:
             for k, entry in enumerate(given[name]):
                 with located(f"{name}[{k}]."):
                     others[name].append(_pattern(entry, directory))
-    if table.receiver is not None:
-        others["receiver"] = table.receiver
     measured = _measured(table)
     if table.schedule is not None:
         with located("schedule."):
@@ -83,13 +69,13 @@ def _schedule(table: TdmTable | DdmTable | SteeredTable) -> Schedule:
         return Schedule.tdm(table.interval, table.order)
     if isinstance(table, DdmTable):
         return Schedule.ddm(table.turns)
-    phases, azimuth, elevation = table.phases_deg, table.azimuth_deg, table.elevation_deg
-    if phases is None:
-        angles = {"azimuth": azimuth, "elevation": elevation}
-        told = {name: check.degrees(f"{name}_deg", angle) for name, angle in angles.items() if angle is not None}
-        given: dict[str, Any] = {name: np.deg2rad(angle) for name, angle in told.items()}
-        return Schedule.steered(**(given or {"azimuth": 0.0}))
-    if azimuth is not None or elevation is not None:
+    angles = table.model_dump(include={"azimuth_deg", "elevation_deg"}, exclude_none=True)
+    if (phases := table.phases_deg) is None:
+        directions = {
+            name.removesuffix("_deg"): np.deg2rad(check.degrees(name, value)) for name, value in angles.items()
+        }
+        return Schedule.steered(**(directions or {"azimuth": 0.0}))
+    if angles:
         raise ValueError("phases_deg: expected either phases or angles of the beam, got both")
     if len({np.size(row) for row in phases}) > 1:
         raise ValueError(f"phases_deg: expected equally many per chirp, got {phases}")
@@ -110,7 +96,7 @@ def _measured(table: RadarTable) -> dict[str, Any]:
 
 
 def _waveform(values: dict[str, Any]) -> Waveform:
-    if any(name in values for name in _WISHES):
+    if not values.keys().isdisjoint(WISHES):
         taken = set(signature(Waveform.design).parameters)
         if other := [name for name in values if name not in taken]:
             raise ValueError(f"{other[0]}: expected none beside wishes, which decide it, got {values[other[0]]}")
@@ -125,26 +111,23 @@ def _waveform(values: dict[str, Any]) -> Waveform:
 
 
 def _pattern(table: PatternTable, directory: Path) -> Pattern:
-    given = table.model_fields_set
+    given = table.model_dump(exclude_none=True)
     if "path" in given:
-        if other := given - {"path"}:
+        if other := given.keys() - {"path"}:
             raise ValueError(f"path: expected it alone, got {' and '.join(sorted(other))} as well")
         with located("path: "):
             return TabulatedPattern.load(directory / str(table.path))
-    azimuth, elevation = table.azimuth_deg, table.elevation_deg
-    widths = table.beamwidth_azimuth_deg, table.beamwidth_elevation_deg
-    if azimuth is not None or elevation is not None or isinstance(table.gain_db, list):
-        if azimuth is None or elevation is None or not isinstance(table.gain_db, list):
-            missing = "azimuth_deg" if azimuth is None else "elevation_deg" if elevation is None else "gain_db"
-            got = "none" if getattr(table, missing) is None else getattr(table, missing)
-            raise ValueError(f"{missing}: expected a list, as all three keys of a table are, got {got}")
-        if widths != (None, None):
+    widths = [given.get(name) for name in ("beamwidth_azimuth_deg", "beamwidth_elevation_deg")]
+    if isinstance(table.gain_db, list) or "azimuth_deg" in given or "elevation_deg" in given:
+        for name in ("azimuth_deg", "elevation_deg", "gain_db"):
+            if not isinstance(value := given.get(name, "none"), list):
+                raise ValueError(f"{name}: expected a list, as all three keys of a table are, got {value}")
+        if widths != [None, None]:
             raise ValueError("azimuth_deg: expected either a table or beam widths, got both")
-        return TabulatedPattern.from_degrees(azimuth, elevation, table.gain_db)
-    gain_db = 0.0 if table.gain_db is None else table.gain_db
-    if widths == (None, None):
-        return IsotropicPattern(gain_db)
-    if widths[0] is None or widths[1] is None:
+        return TabulatedPattern.from_degrees(**given)
+    if widths == [None, None]:
+        return IsotropicPattern(**given)
+    if None in widths:
         missing = "beamwidth_azimuth_deg" if widths[0] is None else "beamwidth_elevation_deg"
         raise ValueError(f"{missing}: expected both beam widths or none [degrees], got one")
-    return GaussianPattern(gain_db, widths[0], widths[1])
+    return GaussianPattern(**{"gain_db": 0.0} | given)
