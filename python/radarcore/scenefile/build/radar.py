@@ -31,7 +31,8 @@ def radar_of(table: RadarTable, directory: Path, kept: BuildCache) -> Radar:
 def _radar(table: RadarTable, directory: Path) -> Radar:
     given = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
     waveform = {name: value for name, value in given.items() if name in _WAVEFORM_KEYS}
-    others = {name: given[name] for name in ("tx", "rx", "tx_power_dbm", "polarization", "receiver") if name in given}
+    names = ("tx", "rx", "tx_power_dbm", "polarization", "receiver")
+    others: dict[str, Any] = {name: given[name] for name in names if name in given}
     if table.pattern is not None:
         with located("pattern."):
             others["pattern"] = _pattern(table.pattern, directory)
@@ -71,7 +72,7 @@ def _schedule(table: TdmTable | DdmTable | SteeredTable) -> Schedule:
         return Schedule.ddm(table.turns)
     angles = table.model_dump(include={"azimuth_deg", "elevation_deg"}, exclude_none=True)
     if (phases := table.phases_deg) is None:
-        directions = {
+        directions: dict[str, Any] = {
             name.removesuffix("_deg"): np.deg2rad(check.degrees(name, value)) for name, value in angles.items()
         }
         return Schedule.steered(**(directions or {"azimuth": 0.0}))
