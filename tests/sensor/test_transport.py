@@ -133,6 +133,19 @@ def test_port_is_opened_once() -> None:
         SerialStream(port.path).close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells whether a port is exclusive")
+@pytest.mark.parametrize("is_pty", [True, False])
+def test_ports_of_hardware_refuse_programs_without_locks(is_pty: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl
+
+    monkeypatch.setattr(serialport, "is_pty", lambda path: is_pty)
+    with PtyPort(Loopback()) as port:
+        stream = SerialStream(port.path)
+        answer = fcntl.ioctl(stream._serial.fileno(), 0x80045440, bytes(4))  # TIOCGEXCL
+        assert answer == (not is_pty).to_bytes(4, "little")
+        stream.close()
+
+
 @pytest.mark.parametrize("end", ["unplugged", "port closed"])
 def test_end_of_a_port_ends_a_read_that_waits_and_all_later_calls(end: str) -> None:
     peripheral = Loopback()

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorNotFoundError, SensorTimeoutError
@@ -22,9 +22,10 @@ BAUD_RATES = (921_600, 1_000_000, 115_200)
 
 
 class SerialStream:
-    """A serial port: 8N1, raw, no flow control, locked against programs that lock it too.
+    """A serial port: 8N1, raw, no flow control, locked against other programs.
 
-    The lock is that of files, which a killed program gives back.
+    Programs that lock ports are refused by a lock of the file, and others by the port itself, unless it is a pty.
+    A killed program gives both back.
 
     Parameters
     ----------
@@ -107,8 +108,19 @@ def _opened(path: str) -> Serial:
                 raise known from error
             refused = refused or error
         else:
+            _make_exclusive(port)
             return port  # type: ignore[no-any-return]  # pyserial is imported late, and so Any
     raise SensorError(f"{path}: no serial port, or none that can be set up ({refused})") from refused
+
+
+def _make_exclusive(port: Serial) -> None:
+    """Refuse the port to programs without locks, but for root's. A pty would stay so when its client is killed."""
+    if sys.platform != "win32" and not is_pty(port.port):
+        import fcntl
+        import termios
+
+        with suppress(OSError):  # a driver without such a flag
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
 
 
 def is_pty(path: str) -> bool:
