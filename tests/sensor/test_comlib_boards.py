@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
-from radarcore.sensor.interface import Lost, RawFrame
+from radarcore.sensor.interface import RawFrame
 
 
 def configurable(**options: Any) -> ComLibBoard:
@@ -147,17 +147,9 @@ class Lying(ComLibEmulator):
         super().__init__(Ramp(), **options)
         self.lies = lies
 
-    def _base(self, payload: bytes) -> list[comlib.Message]:
-        return self.lie(1, payload, super()._base)
-
-    def _fmcw(self, payload: bytes) -> list[comlib.Message]:
-        return self.lie(2, payload, super()._fmcw)
-
-    def lie(
-        self, endpoint: int, payload: bytes, truth: Callable[[bytes], list[comlib.Message]]
-    ) -> list[comlib.Message]:
-        lie = self.lies.get((endpoint, payload[0]))
-        return truth(payload) if lie is None else [comlib.Message(endpoint, lie)]
+    def _messages(self, request: comlib.Message) -> list[comlib.Message]:
+        lie = self.lies.get((request.endpoint, request.code))
+        return super()._messages(request) if lie is None else [comlib.Message(request.endpoint, lie)]
 
 
 @pytest.mark.parametrize(
@@ -260,10 +252,10 @@ def test_frames_that_were_over_are_reported():
     emulator.now = 0.06  # [s], an interval takes 50 ms
     (first,) = board.read(60.0)
     emulator.now = 10.0
-    lost, second = board.read(60.0)
-    assert isinstance(lost, Lost)
-    assert first.index == 0
-    assert second.index == 1 + lost.num_frames > 100
+    (second,) = board.read(60.0)
+    assert (first.index, first.lost_reasons) == (0, ())
+    assert second.index > 100
+    assert second.lost_reasons == (f"between frames 0 and {second.index} of the board: asked for late, or damaged",)
 
 
 def test_late_frame_is_that_of_the_next_read():
@@ -323,8 +315,8 @@ def test_host_finds_step_again_after_damage():
     with pytest.raises(ProtocolError, match="pipe: not ComLib: bad start"):
         board.read(60.0)
     pipe.change = lambda data: data
-    lost, frame = board.read(60.0)
-    assert (lost.num_frames, frame.index) == (1, 2)
+    (frame,) = board.read(60.0)
+    assert (frame.index, len(frame.lost_reasons)) == (2, 1)
 
 
 def test_host_waits_for_a_board_that_has_lost_step():

@@ -16,7 +16,7 @@ from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_siz
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.source import Noise
 from radarcore.sensor.emulator.strata import Controller
-from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame
+from radarcore.sensor.interface import BoardInfo, Damage, RawFrame
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.packets import Avian, Code, Component, DataPacket, Kind, Request
 from radarcore.sensor.strata.slices import pack_msb
@@ -65,6 +65,7 @@ class Measuring:
         self.board = StrataBoard(self.link)
         self.radar = self.board.configure(radar)
         self.board.start()
+        self.last, self.losses = -1, []
         settings = Settings.from_radar(radar)
         self.slice_size = choose_slice_size(settings)
         self.frame_size = settings.frame_size
@@ -97,19 +98,16 @@ class Measuring:
 
     def read(self, *packets):
         self.link.waiting = [packet for group in packets for packet in (group if isinstance(group, list) else [group])]
-        return self.board.read(0.0)
+        items = self.board.read(0.0)
+        indices = [self.last, *(item.index for item in items)]
+        self.last = indices[-1]
+        gaps = [later - earlier - 1 for earlier, later in pairwise(indices)]
+        self.losses = [(gap, ", ".join(item.lost_reasons)) for gap, item in zip(gaps, items, strict=True) if gap]
+        return items
 
 
 def frames_of(items):
-    return [(item.index, number_of(item.codes)) for item in items if isinstance(item, RawFrame)]
-
-
-def lost_of(items):
-    return [item.num_frames for item in items if isinstance(item, Lost)]
-
-
-def reasons_of(items):
-    return [(item.num_frames, item.reason) for item in items if isinstance(item, Lost)]
+    return [(item.index, number_of(item.codes)) for item in items]
 
 
 def at(number, **options):
@@ -160,7 +158,7 @@ def test_frames_and_losses_are_counted(radar, options, sent, frames, lost):
     given = Measuring(radar, **options)
     items = given.read(*(given.packets(number, **change) for number, change in sent))
     assert frames_of(items) == [(index, index % 4096) for index in frames]
-    assert lost_of(items) == lost
+    assert [number for number, _ in given.losses] == lost
     assert given.link.num_starts == 1
 
 
@@ -174,7 +172,7 @@ def test_damage_before_the_first_frame_is_a_loss_of_unknown_length():
     given = Measuring(SMALL)
     items = given.read(Damage(100, "bad CRC"), given.packets(5), given.packets(6))
     assert frames_of(items) == [(1, 5), (2, 6)]
-    assert reasons_of(items) == [(1, "bad CRC")]
+    assert given.losses == [(1, "bad CRC")]
 
 
 def test_parts_of_two_frames_are_never_put_together():
@@ -182,9 +180,9 @@ def test_parts_of_two_frames_are_never_put_together():
     given = Measuring(LARGE)
     items = given.read(given.packets(1, counter=7), given.packets(2, counter=8))
     assert frames_of(items) == []
-    assert lost_of(items) == [1]
     assert given.link.num_starts == 2, "measured anew"
     assert frames_of(given.read(given.packets(0, stamp=9.0), given.packets(1, stamp=9.0))) == [(1, 0)]
+    assert given.losses == [(1, "packets are missing; measuring was started anew")]
 
 
 def test_what_was_on_its_way_before_the_start_is_no_frame_of_it():
@@ -204,11 +202,11 @@ def test_what_was_on_its_way_before_the_start_is_no_frame_of_it():
 
 def test_reason_is_that_of_the_loss_it_is_told_with():
     given = Measuring(SMALL)
-    items = given.read(given.packets(0), Damage(9, "bad CRC"), given.packets(2), given.packets(3), given.packets(5))
-    assert reasons_of(items) == [(1, "bad CRC"), (1, "expected packet 4, got 5")]
+    given.read(given.packets(0), Damage(9, "bad CRC"), given.packets(2), given.packets(3), given.packets(5))
+    assert given.losses == [(1, "bad CRC"), (1, "expected packet 4, got 5")]
     # Damage that was no part of a slice, such as an answer, costs nothing, and is no reason for what comes later.
-    items = given.read(Damage(9, "bad CRC"), given.packets(6), given.packets(8))
-    assert reasons_of(items) == [(1, "expected packet 7, got 8")]
+    given.read(Damage(9, "bad CRC"), given.packets(6), given.packets(8))
+    assert given.losses == [(1, "expected packet 7, got 8")]
 
 
 def test_slice_of_another_length_is_lost():
@@ -216,7 +214,7 @@ def test_slice_of_another_length_is_lost():
     (whole,) = given.packets(1)
     items = given.read(given.packets(0), replace(whole, payload=whole.payload[:-3]), given.packets(2))
     assert frames_of(items) == [(0, 0), (2, 2)]
-    assert reasons_of(items) == [(1, "a slice of 1149 bytes")]
+    assert given.losses == [(1, "a slice of 1149 bytes")]
 
 
 @pytest.mark.parametrize(
@@ -235,19 +233,22 @@ def test_error_of_the_board_starts_anew_and_counts_the_frames_meanwhile(error, t
     (whole,) = given.packets(1)
     given.read(given.packets(0))
     now[0] += 20.2 * given.frame_time
-    (lost,) = given.read(replace(whole, payload=b"", error=error))
-    assert lost.num_frames == 20
-    assert lost.reason.startswith("the board stopped: ")
-    assert lost.reason.endswith(f"{text}; measuring was started anew")
+    assert given.read(replace(whole, payload=b"", error=error)) == []
+    assert given.board.damage().endswith(f"{text}; measuring was started anew")
     assert given.link.num_starts == 2
     assert frames_of(given.read(given.packets(0, stamp=1.0))) == [(21, 0)]
+    ((number, reason),) = given.losses
+    assert number == 20
+    assert reason.startswith("the board stopped: ")
+    assert reason.endswith(f"{text}; measuring was started anew")
+    assert given.board.damage() == ""
 
 
 def test_board_that_always_fails_is_given_up_and_one_that_gives_frames_is_not():
     given = Measuring(SMALL)
     error = DataPacket(b"", 0, error=0x07)
     for _ in range(12):
-        assert len(given.read(error, given.packets(0))) == 1
+        assert given.read(error, given.packets(0)) == []
         assert len(given.read(given.packets(0))) == 1
     for _ in range(10):
         given.read(error)
@@ -291,8 +292,8 @@ class Clocked:
 INTERVAL = SMALL.waveform.frame_interval
 
 
-def raw(index, device_time):
-    return RawFrame(np.zeros((3, 8, 32), np.uint16), index, 0.0, device_time)
+def raw(index, device_time, *lost_reasons):
+    return RawFrame(np.zeros((3, 8, 32), np.uint16), index, 0.0, device_time, lost_reasons)
 
 
 @pytest.mark.parametrize(
@@ -311,6 +312,7 @@ def raw(index, device_time):
         ({0: None, 1: 51.0, 2: None, 3: 53.2}, [0, 1, 2, 3.2]),
     ],
 )
+@pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")
 def test_frame_times_grow_with_a_clock_of_any_kind(stamps, expected):
     frames = [raw(i, None if stamp is None else stamp * INTERVAL) for i, stamp in stamps.items()]
     with Sensor(Clocked(frames)) as sensor:
@@ -322,7 +324,7 @@ def test_frame_times_grow_with_a_clock_of_any_kind(stamps, expected):
 
 
 def test_losses_are_warned_of_once_a_measurement_and_counted_anew_in_the_next():
-    items = [raw(0, None), Lost(2, "damage"), raw(3, None), Lost(1, "damage"), raw(5, None)]
+    items = [raw(0, None), raw(3, None, "damage"), raw(5, None, "damage")]
     with Sensor(Clocked(items)) as sensor:
         sensor.configure(SMALL)
         for _ in range(2):

@@ -21,7 +21,7 @@ from radarcore.sensor.emulator import chip
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import Controller, Identity
-from radarcore.sensor.interface import Lost
+from radarcore.sensor.interface import RawFrame
 from radarcore.sensor.selftest import pace_of
 from radarcore.sensor.strata import board as strata_board
 from radarcore.sensor.strata.packets import Version
@@ -220,7 +220,8 @@ def test_lost_frames_are_counted():
 
 
 def test_reasons_of_losses_are_the_first_of_many():
-    losses = [Lost(1, f"between frames {number} and {number + 2}") for number in (3, 3, 7, 9, 12, 20)]
+    reasons = [f"between frames {number} and {number + 2}" for number in (3, 3, 7, 9, 12, 20)]
+    losses = [RawFrame(np.zeros((1, 1, 1), np.uint16), 0, 0.0, lost_reasons=(reason,)) for reason in reasons]
     text = reasons_of(losses)
     assert text == "between frames 3 and 5, between frames 7 and 9, between frames 9 and 11 and 2 more"
     assert reasons_of(losses[:3]) == "between frames 3 and 5, between frames 7 and 9"

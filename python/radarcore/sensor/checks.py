@@ -17,7 +17,7 @@ from radarcore.sensor.bgt60.registers import test_pattern
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.messages import unpack_bits
 from radarcore.sensor.errors import SensorError
-from radarcore.sensor.interface import Board, Lost, RawFrame
+from radarcore.sensor.interface import Board, RawFrame
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.slices import pack_msb
 
@@ -106,38 +106,31 @@ def set_to(board: Board, radar: Radar, **options: Any) -> float:
         raise SensorError(f"{board.info.port}: the board's own settings are beyond its limits: {error}") from error
 
 
-def reasons_of(lost: list[Lost]) -> str:
-    """Reasons of losses in words: the first ones, as each may have numbers of its own."""
-    reasons = list(dict.fromkeys(loss.reason for loss in lost))
+def reasons_of(frames: list[RawFrame]) -> str:
+    """Reasons of losses between frames in words: the first ones, as each may have numbers of its own."""
+    reasons = list(dict.fromkeys(reason for frame in frames for reason in frame.lost_reasons))
     more = f" and {len(reasons) - _MANY_REASONS} more" if len(reasons) > _MANY_REASONS else ""
     return ", ".join(reasons[:_MANY_REASONS]) + more
 
 
-def measure(board: Board, num_frames: int, interval: float) -> tuple[list[RawFrame], list[Lost]]:
-    """Some frames of a board every `interval` [s], and losses among them; SensorError where they take far too long."""
+def measure(board: Board, num_frames: int, interval: float) -> list[RawFrame]:
+    """Some frames of a board every `interval` [s]; SensorError where they take far too long."""
     frames: list[RawFrame] = []
-    lost: list[Lost] = []
+    longest = 2.0 + 1.5 * num_frames * interval
     board.start()
     try:
-        deadline = time.monotonic() + 2.0 + 1.5 * num_frames * interval
+        deadline = time.monotonic() + longest
         while len(frames) < num_frames:
-            for item in board.read(0.1):
-                if len(frames) == num_frames:
-                    break  # what comes behind the last one is not about them
-                if isinstance(item, RawFrame):
-                    frames.append(item)
-                else:
-                    lost.append(item)
+            frames += board.read(0.1)
             if len(frames) < num_frames and time.monotonic() > deadline:
-                reasons = reasons_of(lost)
+                reasons = "; ".join(filter(None, [reasons_of(frames), board.damage()]))
                 raise SensorError(
                     f"{board.info.port}: {len(frames)} of {num_frames} frames, which take "
-                    f"{num_frames * interval:.2g} s, came in "
-                    f"{2.0 + 1.5 * num_frames * interval:.1f} s{': ' + reasons if reasons else ''}"
+                    f"{num_frames * interval:.2g} s, came in {longest:.1f} s{': ' + reasons if reasons else ''}"
                 )
     finally:
         board.stop()
-    return frames, lost
+    return frames[:num_frames]
 
 
 def with_rx(radar: Radar, indices: list[int]) -> Radar:
@@ -148,7 +141,7 @@ def with_rx(radar: Radar, indices: list[int]) -> Radar:
 def pattern_checks(board: StrataBoard) -> Iterator[Check]:
     """The chip's own sequence in place of RX1's samples: what has been changed between the chip and here."""
     radar = bgt60tr13c(num_samples=64, num_chirps=128, chirp_interval=100e-6, frame_interval=50e-3)
-    frames, _ = measure(board, 3, set_to(board, with_rx(radar, [0]), has_test_pattern=True))
+    frames = measure(board, 3, set_to(board, with_rx(radar, [0]), has_test_pattern=True))
     words = np.array([frame.codes.reshape(-1) for frame in frames])
     size = words.shape[1]
     running = np.array([test_pattern(size, frame.index * size) for frame in frames])
@@ -242,7 +235,7 @@ def any_noise_checks(board: Board) -> Iterator[Check]:
 
 def _codes(board: Board, radar: Radar, **options: Any) -> NDArray[np.uint16]:
     """Codes of five frames, (frame, rx, chirp, sample); the first frame of a measurement is left out."""
-    frames, _ = measure(board, 6, set_to(board, radar, **options))
+    frames = measure(board, 6, set_to(board, radar, **options))
     return np.array([frame.codes for frame in frames[1:]])
 
 

@@ -9,7 +9,7 @@ from _thread import start_new_thread
 from collections import deque
 from collections.abc import Collection, Generator, Iterator
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from os import PathLike
 from time import monotonic
@@ -24,7 +24,7 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
-from radarcore.sensor.interface import Board, BoardInfo, Lost, RawFrame, check_options
+from radarcore.sensor.interface import Board, BoardInfo, RawFrame, check_options
 from radarcore.sensor.selftest import GROUPS, run_checks
 
 _POLL = 0.02
@@ -174,7 +174,7 @@ class Sensor:
         times = _FrameTimes(radar.waveform.frame_interval)
         if timeout is None:
             timeout = radar.waveform.frame_interval + _SILENCE
-        num_given = 0
+        num_given, last_index = 0, -1
         reader: _Reader | None = None
         try:
             with self._board_lock.waiting, self._board_lock.used:
@@ -183,18 +183,17 @@ class Sensor:
             reader.start()
             self._check_open()  # another thread may have closed it meanwhile
             while wanted is None or num_given < wanted:
-                taken = reader.take(timeout)
-                if taken is None:
+                raw = reader.take(timeout)
+                if raw is None:
                     break
-                raw, losses = taken
-                lost, is_first_loss = losses.num_frames, self.num_lost == 0
-                if lost > 0:
-                    self.num_lost += lost
-                    if is_first_loss:
-                        notice.warn(f"{self.info.port}: {losses}", FramesLostWarning)
+                lost, last_index = raw.index - last_index - 1, raw.index
                 stats: dict[str, Any] = {"index": raw.index, "lost_before": lost, "host_time": raw.host_time}
                 if lost > 0:
-                    stats["lost_reason"] = ", ".join(losses.reasons)
+                    stats["lost_reason"] = ", ".join(raw.lost_reasons)
+                    is_first_loss = self.num_lost == 0
+                    self.num_lost += lost
+                    if is_first_loss:
+                        notice.warn(f"{self.info.port}: {lost} lost: {stats['lost_reason']}", FramesLostWarning)
                 if raw.device_time is not None:
                     stats["device_time"] = raw.device_time
                 yield frame_of(to_samples(raw.codes), times.of(raw), radar, stats=stats, raw=raw.codes)
@@ -474,8 +473,7 @@ class _Reader:
         self._lock = threading.Lock()
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._over: queue.SimpleQueue[None] = queue.SimpleQueue()
-        self._frames: deque[tuple[RawFrame, _Losses]] = deque()
-        self._losses = _Losses()  # since the newest frame
+        self._frames: deque[RawFrame] = deque()
         self._failure: Exception | None = None
         self._is_running = False
         self.is_over = False
@@ -487,8 +485,8 @@ class _Reader:
         """Begin to take frames, once somebody can end it."""
         start_new_thread(self._read, ())
 
-    def take(self, timeout: float) -> tuple[RawFrame, _Losses] | None:
-        """The next frame, and what was lost before it; None if measuring was ended."""
+    def take(self, timeout: float) -> RawFrame | None:
+        """The next frame; None if measuring was ended."""
         deadline = monotonic() + timeout
         while True:
             with self._lock:
@@ -502,9 +500,9 @@ class _Reader:
                     raise self._failure
                 remaining = deadline - monotonic()
                 if remaining <= 0.0:
-                    reasons = [str(self._losses) if self._losses.num_frames else "", self._board.damage()]
-                    because = "".join(f"; {reason}" for reason in reasons if reason)
-                    raise SensorTimeoutError(f"{self._board.info.port}: no frame within {timeout:.3g} s{because}")
+                    because = self._board.damage()
+                    text = f"no frame within {timeout:.3g} s{'; ' if because else ''}{because}"
+                    raise SensorTimeoutError(f"{self._board.info.port}: {text}")
             with suppress(queue.Empty):
                 self._news.get(timeout=remaining)
 
@@ -530,10 +528,10 @@ class _Reader:
                 with self._board_lock.waiting:
                     pass
                 with self._board_lock.used:
-                    items = self._board.read(_POLL)
-                for item in items:
+                    frames = self._board.read(_POLL)
+                for frame in frames:
                     with self._lock:
-                        self._put(item)
+                        self._put(frame)
                     self._tell()
         except Exception as error:  # for whoever takes frames
             with self._lock:
@@ -543,30 +541,13 @@ class _Reader:
             self._over.put(None)
             self._tell()
 
-    def _put(self, item: RawFrame | Lost) -> None:
-        if isinstance(item, Lost):
-            self._losses += _Losses(item.num_frames, (item.reason,))
-            return
-        self._frames.append((item, self._losses))
-        self._losses = _Losses()
+    def _put(self, frame: RawFrame) -> None:
+        self._frames.append(frame)
         if len(self._frames) > self._size:
-            _, before = self._frames.popleft()
-            frame, losses = self._frames[0]
-            self._frames[0] = (frame, before + _Losses(1, ("frames were not taken in time",)) + losses)
-
-
-@dataclass(frozen=True)
-class _Losses:
-    """Number of lost frames, and reasons."""
-
-    num_frames: int = 0
-    reasons: tuple[str, ...] = ()
-
-    def __add__(self, other: _Losses) -> _Losses:
-        return _Losses(self.num_frames + other.num_frames, tuple(dict.fromkeys(self.reasons + other.reasons)))
-
-    def __str__(self) -> str:
-        return f"{self.num_frames} lost: {', '.join(self.reasons)}"
+            dropped = self._frames.popleft()
+            oldest = self._frames[0]
+            reasons = (*dropped.lost_reasons, "frames were not taken in time", *oldest.lost_reasons)
+            self._frames[0] = replace(oldest, lost_reasons=tuple(dict.fromkeys(reasons)))
 
 
 def _with_phases(radar: Radar, known: Receiver | None) -> Radar:

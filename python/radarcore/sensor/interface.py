@@ -1,4 +1,4 @@
-"""Interface of a board, whatever its protocol: identity, frames of ADC codes, and losses between them."""
+"""Interface of a board, whatever its protocol: identity, and frames of ADC codes."""
 
 from __future__ import annotations
 
@@ -64,28 +64,15 @@ class RawFrame:
         When it arrived, seconds since 1970 by the clock of the host.
     device_time : float or None
         Time stamp of the board [s], from an origin of its own.
+    lost_reasons : tuple of str
+        Reasons of the losses just before it.
     """
 
     codes: NDArray[np.uint16]
     index: int
     host_time: float
     device_time: float | None = None
-
-
-@dataclass(frozen=True)
-class Lost:
-    """Lost frames.
-
-    Attributes
-    ----------
-    num_frames : int
-        Number of lost frames, at least one.
-    reason : str
-        Reason of the loss.
-    """
-
-    num_frames: int
-    reason: str
+    lost_reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -117,14 +104,14 @@ class Board(Protocol):
     def start(self) -> None:
         """Begin to measure; frames count from 0."""
 
-    def read(self, timeout: float) -> list[RawFrame | Lost]:
-        """Frames and losses since the last call, in order; empty when nothing arrives within `timeout` [s]."""
+    def read(self, timeout: float) -> list[RawFrame]:
+        """Frames since the last call, in order; empty when none arrives within `timeout` [s]."""
 
     def stop(self, *, is_silent: bool = False) -> None:
         """End measuring; does nothing where nothing is measured. A board that is silent is told, but not waited for."""
 
     def damage(self) -> str:
-        """Damage that was counted since the last frame, in words; empty where there is none."""
+        """Losses and damage since the last frame, in words; empty where there are none."""
 
     def details(self) -> dict[str, Any]:
         """Entries of `Recording.source`: facts about the board that the radar does not hold."""

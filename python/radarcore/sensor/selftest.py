@@ -26,7 +26,7 @@ from radarcore.sensor.checks import (
 )
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.errors import SensorDisconnectedError, SensorError, SensorTimeoutError
-from radarcore.sensor.interface import Board, Lost, RawFrame
+from radarcore.sensor.interface import Board, RawFrame
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.transport.ports import KNOWN_BOARDS
 
@@ -207,7 +207,7 @@ def _registers(board: StrataBoard) -> Iterator[Check]:
 def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
     wanted = set_to(board, radar)
     num_frames = max(8, round(duration / wanted))
-    frames, lost = measure(board, num_frames, wanted)
+    frames = measure(board, num_frames, wanted)
     numbers = [frame.index for frame in frames]
     by_host, jitter = pace_of(numbers, [frame.host_time for frame in frames])
     # A slope through N points over T has a deviation of sqrt(12 / N) / T of theirs, half of the jitter; three of these.
@@ -225,7 +225,7 @@ def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
         measured += ", no time stamps of the board"
     expected = f"{1.0 / wanted:.3f} Hz within {tolerance:.1%}, {_CLOCK_TOLERANCE:.1%} by the board's clock"
     yield judged("frame rate", is_good, measured, expected, values)
-    yield _lost("frames lost", frames, lost)
+    yield _lost("frames lost", frames)
 
 
 def pace_of(indices: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
@@ -249,12 +249,12 @@ def pace_of(indices: Sequence[int], times: Sequence[float]) -> tuple[float, floa
 def _slices(board: StrataBoard) -> Iterator[Check]:
     """Frames that need two slices each."""
     radar = board.configure(bgt60tr13c(num_samples=64, num_chirps=64, frame_interval=75e-3))
-    frames, lost = measure(board, 12, radar.waveform.frame_interval)
+    frames = measure(board, 12, radar.waveform.frame_interval)
     size, last = board.slice_size, board.last_slice
     num_slices = frames[0].codes.size // size
     parts = 0 if last is None else last.num_packets
     stamps = "without" if last is None or last.timestamp is None else "with"
-    check = _lost("slices", frames, lost)
+    check = _lost("slices", frames)
     facts = f"{num_slices} slices a frame of {size} samples in {parts} packets, {stamps} time stamps"
     values = {"slice_size": size, "packets_per_slice": parts, "has_time_stamps": stamps == "with"}
     yield replace(check, measured=f"{facts}; {check.measured}", values=check.values | values)
@@ -265,9 +265,9 @@ def _usual_radar() -> Radar:
     return bgt60tr13c(num_samples=128, num_chirps=16, frame_interval=25e-3)
 
 
-def _lost(name: str, frames: list[RawFrame], lost: list[Lost]) -> Check:
-    number = sum(loss.num_frames for loss in lost)
-    reasons = reasons_of(lost)
+def _lost(name: str, frames: list[RawFrame]) -> Check:
+    number = frames[-1].index + 1 - len(frames)
+    reasons = reasons_of(frames)
     because = f": {reasons}" if reasons else ""
     text = f"{number} of {len(frames) + number} frames lost{because}"
     return judged(name, number == 0, text, "0 lost", {"lost": number, "frames": len(frames), "reasons": reasons})

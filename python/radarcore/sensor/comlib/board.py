@@ -43,7 +43,7 @@ from radarcore.sensor.comlib.messages import (
     encode_number,
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame, check_single_ramp
+from radarcore.sensor.interface import BoardInfo, Damage, RawFrame, check_single_ramp
 from radarcore.sensor.transport.stream import Stream
 
 _Decoded = TypeVar("_Decoded")
@@ -114,9 +114,9 @@ class ComLibBoard:
         self._is_out_of_step = True
         self._is_board_confused = False
         self._is_measuring = self._is_frame_due = False
-        self._ready: list[RawFrame | Lost] = []
+        self._ready: list[RawFrame] = []
         self._last_number: int | None = None
-        self._index = 0
+        self._index = -1  # of the last frame
         self._interval_us = 0
         self._shape = (0, 0, 0)
         self._closed = False
@@ -248,7 +248,7 @@ class ComLibBoard:
         if not self._interval_us:
             raise SensorError(f"{self.info.port}: not configured; call configure first")
         self._stop()
-        self._last_number = None
+        self._last_number, self._index = None, -1
         self._is_measuring = True
         try:
             self._exchange(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
@@ -257,8 +257,8 @@ class ComLibBoard:
             self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
             self._exchange(self._base, encode_number(Base.SET_INTERVAL, self._interval_us))
 
-    def read(self, timeout: float) -> list[RawFrame | Lost]:
-        """Frames that have come since the last call, with what was lost between them, in order.
+    def read(self, timeout: float) -> list[RawFrame]:
+        """Frames that have come since the last call, in order.
 
         Waits up to `timeout` [s] for one; a frame that comes later is that of a later call.
         """
@@ -448,19 +448,15 @@ class ComLibBoard:
                 f"{self._stream.name}: expected a frame of [rx, chirp, sample] {self._shape}, got {codes.shape}"
             )
         # The number of the first frame after a start is not known; a board without trigger may repeat a number.
-        if self._last_number is None:
-            self._index = 0
-        else:
-            step = (frame.number - self._last_number) % 2**32
-            if 1 < step < 2**31:
-                between = (
-                    f"between frames {self._last_number} and {frame.number} of the board: asked for late, or damaged"
-                )
-                self._ready.append(Lost(step - 1, between))
-                self._index += step - 1
-            self._index += 1
+        step = 1 if self._last_number is None else (frame.number - self._last_number) % 2**32
+        reasons: tuple[str, ...] = ()
+        if 1 < step < 2**31:
+            between = f"between frames {self._last_number} and {frame.number} of the board"
+            reasons = (f"{between}: asked for late, or damaged",)
+            self._index += step - 1
+        self._index += 1
         self._last_number = frame.number
-        self._ready.append(RawFrame(codes, self._index, host_time))
+        self._ready.append(RawFrame(codes, self._index, host_time, lost_reasons=reasons))
 
     # Conversation
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from enum import IntEnum
 
 import numpy as np
 
@@ -38,8 +38,15 @@ from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.source import FrameSource
 from radarcore.sensor.interface import Damage
 
-_BASE, _FMCW, _ADC = 1, 2, 3
-"""Numbers of the endpoints."""
+
+class _At(IntEnum):
+    """Numbers of the endpoints."""
+
+    PROTOCOL = 0
+    BASE = 1
+    FMCW = 2
+    ADC = 3
+
 
 _OVERHEAD_NS = 22_000
 """A chirp lasts longer than its samples: 150 us were measured with 256 samples at 2 MHz."""
@@ -49,23 +56,6 @@ _MIN_RATE, _MAX_RATE = 20_000, 3_000_000
 
 _RX = 1.75e-3 * np.array([[0, -1, 1], [0, 1, 1], [0, -1, -1], [0, 1, -1]])
 """Receivers of the BGT60TR24, a square of 3.5 mm [m]: RX1 is taken to be the upper right one, seen along the beam."""
-
-_BASE_SIZES: dict[int, int] = {
-    Base.GET_FRAME: 2,
-    Base.SET_INTERVAL: 5,
-    Base.TEST: 8,
-    Base.GET_VERSION: 1,
-    Base.GET_INFO: 1,
-    Base.GET_TEMPERATURE: 2,
-    Base.GET_TX_POWER: 2,
-    Base.GET_CHIRP_DURATION: 1,
-    Base.GET_MIN_INTERVAL: 1,
-    Base.GET_FORMAT: 1,
-    Base.FORMAT: 11,
-}
-_FMCW_SIZES: dict[int, int] = {Fmcw.GET_SETTINGS: 1, Fmcw.SETTINGS: 11, Fmcw.SLOPE: 1}
-_ADC_SIZES: dict[int, int] = {Adc.GET_SETTINGS: 1, Adc.SETTINGS: 7}
-"""Bytes of every request."""
 
 
 class _Refused(Exception):  # noqa: N818  # what has happened
@@ -133,7 +123,6 @@ class ComLibEmulator:
         self._info = Info(56_000_000, 64_000_000, 2, len(_RX), 31, 1, 1, 0, int(is_interleaved), 0, "BGT60TR24B")
         types = [EndpointType.RBAS, EndpointType.RFMC, EndpointType.RADX][: 3 if has_adc else 2]
         self._endpoints = [Endpoint(letters) for letters in types]
-        self._handlers: list[Callable[[bytes], list[Message]]] = [self._protocol, self._base, self._fmcw, self._adc]
         self._parser = Parser(len(types), check.count("buffer_size", buffer_size))
         self._changed = threading.Condition()
         self._is_unplugged = False
@@ -239,11 +228,9 @@ class ComLibEmulator:
 
     def _answer(self, request: Message) -> None:
         try:
-            messages = self._handlers[request.endpoint](request.payload)
-            status = Status.OK.value
+            messages, status = self._messages(request), Status.OK.value
         except _Refused as refused:
-            messages = []
-            status = refused.status
+            messages, status = [], refused.status
         for message in messages:
             self._out += message.encode()
         self._out += StatusMessage(request.endpoint, status).encode()
@@ -270,7 +257,7 @@ class ComLibEmulator:
 
     def _answer_in(self, request: Message) -> float:
         """Time until a request can be answered [s]: none, or until a frame is ready."""
-        is_frame = request.endpoint == _BASE and request.code == Base.GET_FRAME and len(request.payload) == 2
+        is_frame = request.endpoint == _At.BASE and request.code == Base.GET_FRAME and len(request.payload) == 2
         return self._ready_in if is_frame and decode_byte(request.payload) else 0.0
 
     @property
@@ -310,7 +297,7 @@ class ComLibEmulator:
             self._format.rx_mask,
             is_interleaved=self._is_interleaved,
         )
-        messages = [Message(_BASE, frame.encode())]
+        messages = [Message(_At.BASE, frame.encode())]
         self.num_frames += 1
         self.num_lost += num_over
         if self.temperature != self._told_temperature:
@@ -319,13 +306,13 @@ class ComLibEmulator:
 
     def _tell_temperature(self) -> Message:
         self._told_temperature = self.temperature
-        return Message(_BASE, Temperature(0, round(self.temperature * 1e3)).encode())
+        return Message(_At.BASE, Temperature(0, round(self.temperature * 1e3)).encode())
 
     # Endpoints
 
     @property
     def _has_adc(self) -> bool:
-        return len(self._endpoints) >= _ADC
+        return len(self._endpoints) >= _At.ADC
 
     @property
     def _chirp_duration(self) -> int:
@@ -339,62 +326,71 @@ class ComLibEmulator:
 
     def _tell_timing(self) -> list[Message]:
         return [
-            Message(_BASE, encode_number(Base.CHIRP_DURATION, self._chirp_duration)),
-            Message(_BASE, encode_number(Base.MIN_INTERVAL, self._min_interval)),
+            Message(_At.BASE, encode_number(Base.CHIRP_DURATION, self._chirp_duration)),
+            Message(_At.BASE, encode_number(Base.MIN_INTERVAL, self._min_interval)),
         ]
 
     def _tell_slope(self) -> Message:
         # kHz per ns are 1e6 MHz per s.
         slope = round((self._ramp.upper_khz - self._ramp.lower_khz) / self._chirp_duration * 1e6)
-        return Message(_FMCW, encode_number(Fmcw.SLOPE, slope))
+        return Message(_At.FMCW, encode_number(Fmcw.SLOPE, slope))
 
     def _tell_power(self, tx_index: int) -> Message:
         # Step 10 is about 0 dBm; 0.4 dB a step is a guess.
         power = TxPower(tx_index, 400 * (self._ramp.tx_power - 10))
-        return Message(_BASE, power.encode())
+        return Message(_At.BASE, power.encode())
 
-    def _protocol(self, payload: bytes) -> list[Message]:
-        """Answer a message to endpoint 0."""
-        _check_size(payload, dict.fromkeys(ProtocolCode, 1))
-        match payload[0]:
-            case ProtocolCode.ENDPOINTS:
-                return [Message(0, encode_endpoints(self._endpoints))]
-            case ProtocolCode.FIRMWARE:
-                return [Message(0, Firmware(1, 0, 0, "BGT60TR24B radar board, emulated").encode())]
-        self._reset()
-        return []
-
-    def _base(self, payload: bytes) -> list[Message]:
-        """Answer a message to the endpoint RBAS."""
-        _check_size(payload, _BASE_SIZES)
-        match payload[0]:
-            case Base.GET_FRAME:
+    def _messages(self, request: Message) -> list[Message]:
+        """Messages of the answer to a request, which is known by its endpoint, code and size."""
+        payload, info = request.payload, self._info
+        match request.endpoint, request.code, len(payload):
+            case _At.PROTOCOL, ProtocolCode.ENDPOINTS, 1:
+                return [Message(_At.PROTOCOL, encode_endpoints(self._endpoints))]
+            case _At.PROTOCOL, ProtocolCode.FIRMWARE, 1:
+                firmware = Firmware(1, 0, 0, "BGT60TR24B radar board, emulated")
+                return [Message(_At.PROTOCOL, firmware.encode())]
+            case _At.PROTOCOL, ProtocolCode.RESET, 1:
+                self._reset()
+                return []
+            case _At.BASE, Base.GET_FRAME, 2:
                 return self._take_frame()
-            case Base.SET_INTERVAL:
+            case _At.BASE, Base.SET_INTERVAL, 5:
                 interval = decode_number(payload)
                 _check(interval == 0 or interval >= self._min_interval, Status.UNSUPPORTED_INTERVAL)
                 self._set_interval(interval)
                 return []
-            case Base.GET_VERSION:
-                return [Message(_BASE, bytes([Base.VERSION, 1, 0, 0]))]
-            case Base.GET_INFO:
-                return [Message(_BASE, self._info.encode())]
-            case Base.GET_TEMPERATURE:
-                _check(decode_byte(payload) < self._info.num_sensors, Status.NO_SUCH_SENSOR)
+            case _At.BASE, Base.GET_VERSION, 1:
+                return [Message(_At.BASE, bytes([Base.VERSION, 1, 0, 0]))]
+            case _At.BASE, Base.GET_INFO, 1:
+                return [Message(_At.BASE, info.encode())]
+            case _At.BASE, Base.GET_TEMPERATURE, 2:
+                _check(decode_byte(payload) < info.num_sensors, Status.NO_SUCH_SENSOR)
                 return [self._tell_temperature()]
-            case Base.GET_TX_POWER:
-                _check(decode_byte(payload) < self._info.num_tx, Status.NO_SUCH_ANTENNA)
+            case _At.BASE, Base.GET_TX_POWER, 2:
+                _check(decode_byte(payload) < info.num_tx, Status.NO_SUCH_ANTENNA)
                 return [self._tell_power(decode_byte(payload))]
-            case Base.GET_CHIRP_DURATION:
+            case _At.BASE, Base.GET_CHIRP_DURATION, 1:
                 return self._tell_timing()[:1]
-            case Base.GET_MIN_INTERVAL:
+            case _At.BASE, Base.GET_MIN_INTERVAL, 1:
                 return self._tell_timing()[1:]
-            case Base.GET_FORMAT:
-                return [Message(_BASE, self._format.encode())]
-            case Base.FORMAT:
+            case _At.BASE, Base.GET_FORMAT, 1:
+                return [Message(_At.BASE, self._format.encode())]
+            case _At.BASE, Base.FORMAT, 11:
                 return self._set_format(Format.decode(payload))
-        # A constant wave is nothing that a source of frames could show.
-        raise _Refused(Status.NOT_POSSIBLE)
+            case _At.BASE, Base.TEST, 8:
+                # A constant wave is nothing that a source of frames could show.
+                raise _Refused(Status.NOT_POSSIBLE)
+            case _At.FMCW, Fmcw.GET_SETTINGS, 1:
+                return [Message(_At.FMCW, self._ramp.encode())]
+            case _At.FMCW, Fmcw.SETTINGS, 11:
+                return self._set_ramp(FmcwSettings.decode(payload))
+            case _At.FMCW, Fmcw.SLOPE, 1:
+                return [self._tell_slope()]
+            case _At.ADC, Adc.GET_SETTINGS, 1:
+                return [Message(_At.ADC, self._converter.encode())]
+            case _At.ADC, Adc.SETTINGS, 7:
+                return self._set_converter(AdcSettings.decode(payload))
+        raise _Refused(Status.UNKNOWN_MESSAGE)
 
     def _set_format(self, form: Format) -> list[Message]:
         _check(0 < form.rx_mask < 1 << self._info.num_rx, Status.NO_SUCH_ANTENNA)
@@ -402,47 +398,28 @@ class ComLibEmulator:
         num_codes = form.num_samples * form.num_chirps * form.rx_mask.bit_count()
         _check(num_codes > 0 and 18 + (num_codes * 12 + 7) // 8 <= MAX_PAYLOAD, Status.UNSUPPORTED_FORMAT)
         self._format = form
-        messages = [Message(_BASE, form.encode()), *self._tell_timing()]
+        messages = [Message(_At.BASE, form.encode()), *self._tell_timing()]
         if self._has_adc:
-            messages.append(Message(_ADC, self._converter.encode()))
+            messages.append(Message(_At.ADC, self._converter.encode()))
         return [*messages, self._tell_slope()]
 
-    def _fmcw(self, payload: bytes) -> list[Message]:
-        """Answer a message to the endpoint RFMC."""
-        _check_size(payload, _FMCW_SIZES)
-        match payload[0]:
-            case Fmcw.SETTINGS:
-                ramp = FmcwSettings.decode(payload)
-                limits = self._info
-                is_inside = limits.min_frequency_khz <= ramp.lower_khz < ramp.upper_khz <= limits.max_frequency_khz
-                _check(is_inside, Status.FREQUENCY_OUT_OF_RANGE)
-                _check(ramp.direction in (Direction.UP, Direction.DOWN), Status.UNSUPPORTED_DIRECTION)
-                _check(ramp.tx_power <= limits.max_tx_power, Status.TX_POWER_OUT_OF_RANGE)
-                self._ramp = ramp
-                powers = [self._tell_power(tx_index) for tx_index in range(limits.num_tx)]
-                return [*powers, Message(_FMCW, ramp.encode())]
-            case Fmcw.SLOPE:
-                return [self._tell_slope()]
-        return [Message(_FMCW, self._ramp.encode())]
+    def _set_ramp(self, ramp: FmcwSettings) -> list[Message]:
+        limits = self._info
+        is_inside = limits.min_frequency_khz <= ramp.lower_khz < ramp.upper_khz <= limits.max_frequency_khz
+        _check(is_inside, Status.FREQUENCY_OUT_OF_RANGE)
+        _check(ramp.direction in (Direction.UP, Direction.DOWN), Status.UNSUPPORTED_DIRECTION)
+        _check(ramp.tx_power <= limits.max_tx_power, Status.TX_POWER_OUT_OF_RANGE)
+        self._ramp = ramp
+        powers = [self._tell_power(tx_index) for tx_index in range(limits.num_tx)]
+        return [*powers, Message(_At.FMCW, ramp.encode())]
 
-    def _adc(self, payload: bytes) -> list[Message]:
-        """Answer a message to the endpoint RADX."""
-        _check_size(payload, _ADC_SIZES)
-        messages = []
-        if payload[0] == Adc.SETTINGS:
-            converter = AdcSettings.decode(payload)
-            _check(_MIN_RATE <= converter.sample_rate <= _MAX_RATE, Status.SAMPLE_RATE_OUT_OF_RANGE)
-            _check(converter.resolution == 12, Status.UNSUPPORTED_RESOLUTION)
-            self._converter = converter
-            messages = self._tell_timing()
-        return [*messages, Message(_ADC, self._converter.encode())]
+    def _set_converter(self, converter: AdcSettings) -> list[Message]:
+        _check(_MIN_RATE <= converter.sample_rate <= _MAX_RATE, Status.SAMPLE_RATE_OUT_OF_RANGE)
+        _check(converter.resolution == 12, Status.UNSUPPORTED_RESOLUTION)
+        self._converter = converter
+        return [*self._tell_timing(), Message(_At.ADC, converter.encode())]
 
 
 def _check(is_good: bool, status: int) -> None:
     if not is_good:
         raise _Refused(status)
-
-
-def _check_size(payload: bytes, sizes: Mapping[int, int]) -> None:
-    """Known code, and a payload of its size."""
-    _check(sizes.get(payload[0]) == len(payload), Status.UNKNOWN_MESSAGE)

@@ -25,7 +25,7 @@ from radarcore.sensor.bgt60.registers import (
 )
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Damage, Lost, RawFrame, check_options
+from radarcore.sensor.interface import BoardInfo, Damage, RawFrame, check_options
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError, unpack_msb
@@ -81,6 +81,7 @@ class StrataBoard:
         self._assembler: SliceAssembler | None = None
         self._is_running = False
         self._damage = DamageCount()  # since the last frame
+        self._lost_reasons: list[str] = []  # likewise
         self._temperature: tuple[float, float] = (-np.inf, np.nan)
         self.info: BoardInfo = self._open(timeout)
 
@@ -148,6 +149,7 @@ class StrataBoard:
         self._index = 0
         self._num_restarts = 0
         self._damage = DamageCount()
+        self._lost_reasons = []
         self._begin()
 
     def _begin(self) -> None:
@@ -183,9 +185,9 @@ class StrataBoard:
         self._missing = ""  # why packets are missing since the last slice
         self._arrived = time.monotonic()
 
-    def read(self, timeout: float) -> list[RawFrame | Lost]:
-        """Frames since the last call, and what was lost between them."""
-        found: list[RawFrame | Lost] = []
+    def read(self, timeout: float) -> list[RawFrame]:
+        """Frames since the last call."""
+        found: list[RawFrame] = []
         assembler = self._assembler
         if assembler is None:
             raise SensorError(f"{self._link.name}: expected start() before frames are read")
@@ -201,7 +203,7 @@ class StrataBoard:
                 elif isinstance(item, StreamError):
                     code = item.error
                     text = code if isinstance(code, str) else packets.status_text(code)
-                    found.append(self._restart(f"the board stopped: {text}"))
+                    self._restart(f"the board stopped: {text}")
                     return found
                 elif len(item.data) != self._slice_size * 3 // 2:
                     self._missing = self._missing or f"a slice of {len(item.data)} bytes"
@@ -211,22 +213,21 @@ class StrataBoard:
                         return found
         return found
 
-    def _frames(self, item: Slice) -> list[RawFrame | Lost]:
+    def _frames(self, item: Slice) -> list[RawFrame]:
         """Frames that are whole with a slice."""
-        found: list[RawFrame | Lost] = []
         settings = self._running
         num_samples = self._samples_per_frame
         gap = 0 if self._expected is None else (item.first_counter - self._expected) % 65536
         if item == self._last:
             return []  # sent twice
         if self._slice_size < num_samples and not self._is_in_step(item, gap, num_samples // self._slice_size):
-            return [self._restart(self._missing or "packets are missing")]
+            self._restart(self._missing or "packets are missing")
+            return []
         if gap > 0 or (self._missing and self._expected is None):
             frames_per_slice = self._slice_size // num_samples
             lost = self._num_lost(item, gap) * frames_per_slice
             if lost > 0:
-                found.append(Lost(lost, self._missing or "packets are missing"))
-                self._index += lost
+                self._lose(lost, self._missing or "packets are missing")
         self._missing = ""
         self._expected = (item.first_counter + item.num_packets) % 65536
         self._last = item
@@ -234,21 +235,23 @@ class StrataBoard:
 
         self._parts.append(item)
         if len(self._parts) * self._slice_size < num_samples:
-            return found
+            return []
         samples = np.concatenate([unpack_msb(part.data) for part in self._parts])
         self._parts = []
         self._damage = DamageCount()
         self._num_restarts = 0
         shape = (settings.num_chirps, settings.num_samples, settings.rx_mask.bit_count())
         number = len(samples) // num_samples
+        found = []
         now = time.time()
         for first, frame in enumerate(samples.reshape(number, *shape)):
             # The time stamp is that of the end of the slice.
             left = (number - 1 - first) * settings.frame_time + settings.num_chirps * settings.chirp_time
             stamp = None if item.timestamp is None else 1e-6 * item.timestamp - left
             cube = np.ascontiguousarray(frame.transpose(2, 0, 1))
-            found.append(RawFrame(cube, self._index, now, stamp))
+            found.append(RawFrame(cube, self._index, now, stamp, tuple(self._lost_reasons)))
             self._index += 1
+            self._lost_reasons = []
         return found
 
     def _num_lost(self, item: Slice, gap: int) -> int:
@@ -278,7 +281,13 @@ class StrataBoard:
         nearest_is_between = abs(elapsed - between) < abs(elapsed - within)
         return nearest_is_between == is_first or abs(between - within) < _JITTER
 
-    def _restart(self, reason: str) -> Lost:
+    def _lose(self, num_frames: int, reason: str) -> None:
+        """Count lost frames."""
+        self._index += num_frames
+        if reason not in self._lost_reasons:
+            self._lost_reasons.append(reason)
+
+    def _restart(self, reason: str) -> None:
         """Begin anew; the frames that would have been measured meanwhile are lost."""
         self._num_restarts += 1
         if self._num_restarts > _MOST_RESTARTS:
@@ -287,8 +296,7 @@ class StrataBoard:
         self.stop()
         self._begin()
         lost = max(1, round((time.monotonic() - began) / self._running.frame_time))
-        self._index += lost
-        return Lost(lost, f"{reason}; measuring was started anew")
+        self._lose(lost, f"{reason}; measuring was started anew")
 
     def stop(self, *, is_silent: bool = False) -> None:
         """Stop the data, then the chip, and discard packets still on their way."""
@@ -305,8 +313,8 @@ class StrataBoard:
         self._link.discard()
 
     def damage(self) -> str:
-        """Damage of the data since the last frame; empty for none."""
-        return self._damage.text(self._link.num_held)
+        """Reasons of losses since the last frame, and damage of the data; empty for none."""
+        return "; ".join(filter(None, [*self._lost_reasons, self._damage.text(self._link.num_held)]))
 
     def details(self) -> dict[str, Any]:
         """Settings of the chip, under the names that Infineon's recordings have for them."""

@@ -108,14 +108,14 @@ def _opened(path: str) -> Serial:
                 raise known from error
             refused = refused or error
         else:
-            _make_exclusive(port)
+            _make_exclusive(path, port)
             return port  # type: ignore[no-any-return]  # pyserial is imported late, and so Any
     raise SensorError(f"{path}: no serial port, or none that can be set up ({refused})") from refused
 
 
-def _make_exclusive(port: Serial) -> None:
+def _make_exclusive(path: str, port: Serial) -> None:
     """Refuse the port to programs without locks, but for root's. A pty would stay so when its client is killed."""
-    if sys.platform != "win32" and not is_pty(port.port):
+    if sys.platform != "win32" and not is_pty(path):
         import fcntl
         import termios
 
