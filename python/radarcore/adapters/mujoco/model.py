@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import count
 from math import ceil
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from radarcore import check, notice
 from radarcore.adapters.depth import radar_in_camera
-from radarcore.adapters.mujoco.tessellation import Meshes, kind_of, mesh_of
+from radarcore.adapters.mujoco.tessellation import kind_of, mesh_of, meshes_of
 from radarcore.geometry.pose import as_pose, transforms
 from radarcore.motion.attached import Attached
 from radarcore.motion.live import KEPT, LiveGroup
@@ -99,49 +98,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 KINDS = {"geom": "geom", "camera": "cam", "site": "site"}
-"""Objects that have a pose, and the names of their fields in MjModel and MjData."""
+"""Objects that have a pose, one kind after the other, and the names of their fields in MjModel and MjData."""
 
 _FIXED = 0
 """mjCAMLIGHT_FIXED: a camera that sits on its body."""
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Geoms, cameras and sites, one after the other.
-
-    Attributes
-    ----------
-    bodies : (place,) int
-        Body that each is on.
-    is_own_way : (place,) bool
-        True for cameras that follow or look at a body instead of sitting on theirs.
-    starts : dict
-        Index of the first geom, camera and site.
-    """
-
-    bodies: Ints
-    is_own_way: NDArray[np.bool_]
-    starts: dict[str, int]
-
-    @classmethod
-    def of(cls, model: Any) -> Places:
-        """All places of a model."""
-        bodies = [np.asarray(getattr(model, f"{kind}_bodyid"), dtype=np.intp) for kind in KINDS.values()]
-        free = [np.zeros(len(some), dtype=np.bool_) for some in bodies]
-        free[list(KINDS).index("camera")][:] = np.asarray(model.cam_mode) != _FIXED
-        starts = np.cumsum([0, *(len(some) for some in bodies)]).tolist()
-        return cls(np.concatenate(bodies), np.concatenate(free), dict(zip(KINDS, starts, strict=False)))
-
-    def move(self, model: Any) -> NDArray[np.bool_]:
-        """True for places that ever move, (place,)."""
-        is_welded = np.asarray(model.body_weldid)[self.bodies] == 0
-        moves: NDArray[np.bool_] = ~is_welded | self.is_carried_by_mocap(model) | self.is_own_way
-        return moves
-
-    def is_carried_by_mocap(self, model: Any) -> NDArray[np.bool_]:
-        """True for places on mocap bodies and their children, whose velocities MuJoCo does not know, (place,)."""
-        carried: NDArray[np.bool_] = np.asarray(model.body_mocapid)[np.asarray(model.body_rootid)[self.bodies]] >= 0
-        return carried
 
 
 def settle(model: Any, data: Any) -> None:
@@ -308,23 +268,28 @@ class LiveModel:
             notice.warn(f"groups: expected some with geoms that are seen, got {self.groups}; the model has {there}")
 
         # Poses of what is at rest; all else moves with the group.
-        self._places = Places.of(model)
-        moving = self._places.move(model)
-        self._moving = np.flatnonzero(moving)
+        bodies = [np.asarray(getattr(model, f"{kind}_bodyid"), dtype=np.intp) for kind in KINDS.values()]
+        self._starts = dict(zip(KINDS, np.cumsum([0, *map(len, bodies)]).tolist(), strict=False))
+        body_of = np.concatenate(bodies)
+        # MuJoCo knows no velocities of what mocap bodies carry, and of cameras that follow or look at another body.
+        is_unknown = np.asarray(model.body_mocapid)[np.asarray(model.body_rootid)[body_of]] >= 0
+        is_unknown[self._starts["camera"] : self._starts["site"]] |= np.asarray(model.cam_mode) != _FIXED
+        is_moving = is_unknown | (np.asarray(model.body_weldid)[body_of] != 0)
+        self._moving = np.flatnonzero(is_moving)
+        self._moving_bodies, self._unknown = body_of[is_moving], is_unknown[is_moving]
         at_rest = mujoco.MjData(model)
         settle(model, at_rest)
         self._group = LiveGroup(len(self._moving)) if len(self._moving) > 0 else None
         members = dict(zip(self._moving.tolist(), self._group.motions if self._group else (), strict=True))
         still = poses(at_rest)
-        self._motions: list[Motion] = [members.get(place) or as_pose(still[place]) for place in range(len(moving))]
-        unknown = self._places.is_carried_by_mocap(model) | self._places.is_own_way
-        self._unknown = unknown[self._moving]
+        self._motions: list[Motion] = [members.get(place) or as_pose(still[place]) for place in range(len(still))]
 
-        meshes, names = Meshes(model, plane_size, sagitta), _body_names(model, self.geoms)
+        meshes = meshes_of(model, self.geoms, plane_size=plane_size, sagitta=sagitta)
+        names = _body_names(model, self.geoms)
         coats = geom_materials(model, self.geoms, materials, default)
         self.bodies: tuple[Body, ...] = tuple(
-            Body(meshes.of(geom), material=coat, motion=self._motions[geom], name=name)
-            for geom, coat, name in zip(self.geoms, coats, names, strict=True)
+            Body(mesh, material=coat, motion=self._motions[geom], name=name)
+            for mesh, geom, coat, name in zip(meshes, self.geoms, coats, names, strict=True)
         )
         self.scene: Scene = Scene(self.bodies)
 
@@ -369,7 +334,7 @@ class LiveModel:
         if self._by_differences if by_differences is None else by_differences:
             self._group.update(data.time, maps)
             return
-        linear, angular = rates(self.model, data, self._places.bodies[self._moving], maps[:, :, 3])
+        linear, angular = rates(self.model, data, self._moving_bodies, maps[:, :, 3])
         linear[self._unknown] = np.nan
         angular = np.where(self._unknown[:, None], np.nan, angular)
         self._group.update(data.time, maps, velocities=linear, angular_velocities=angular)
@@ -418,7 +383,7 @@ class LiveModel:
         if len(given) != 1:
             raise ValueError(f"camera: expected a camera or a site, got {'both' if given else 'neither'}")
         ((kind, name),) = given
-        motion = self._motions[self._places.starts[kind] + number_of(self.model, kind, name)]
+        motion = self._motions[self._starts[kind] + number_of(self.model, kind, name)]
         return Attached(motion, radar_in_camera("opengl")) if kind == "camera" else motion
 
     def geom_motion(self, geom: str) -> Motion:

@@ -157,24 +157,21 @@ class DepthView:
         self._number[list(live.geoms)] = np.arange(len(live.geoms), dtype=np.int32)
 
         # A context without smoothed edges, which would mix depths and colours of neighbours.
-        quality = model.vis.quality
-        saved = {name: getattr(quality, name) for name in ("offsamples", "numslices", "numstacks", "shadowsize")}
-        wanted = {"offsamples": 0, "numslices": facets, "numstacks": facets // 2, "shadowsize": 0}
-        size = model.vis.global_
-        saved_size = size.offwidth, size.offheight
+        quality, size = model.vis.quality, model.vis.global_
+        wanted = [(quality, "offsamples", 0), (quality, "numslices", facets), (quality, "numstacks", facets // 2)]
+        wanted += [(quality, "shadowsize", 0), (size, "offwidth", self.columns), (size, "offheight", self.rows)]
+        saved = [(owner, name, getattr(owner, name)) for owner, name, _ in wanted]
         try:
-            for name, value in wanted.items():
-                setattr(quality, name, value)
-            size.offwidth, size.offheight = self.columns, self.rows
+            for setting in wanted:
+                setattr(*setting)
             self._gl = gl_context(self.columns, self.rows)
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # every back end fails in its own way
             raise no_graphics(error) from error
         finally:
-            for name, value in saved.items():
-                setattr(quality, name, value)
-            size.offwidth, size.offheight = saved_size
+            for setting in saved:
+                setattr(*setting)
         self._close = weakref.finalize(self, _free, self._gl, self._context)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -86,22 +86,17 @@ def mesh_of(model: Any, geom: int) -> int:
     return int(model.geom_dataid[geom]) if kind_of(model, geom) in ("mesh", "sdf") else -1
 
 
-class Meshes:
+def meshes_of(model: Any, geoms: Iterable[int], **settings: float) -> list[Mesh]:
     """Meshes of geoms, each built once: geoms of the same file, or of the same type and size, share one."""
-
-    def __init__(self, model: Any, plane_size: float, sagitta: float) -> None:
-        self._model, self._settings = model, {"plane_size": plane_size, "sagitta": sagitta}
-        self._made: dict[tuple[Any, ...], Mesh] = {}
-
-    def of(self, geom: int) -> Mesh:
-        """Mesh of a geom."""
-        model, kind = self._model, kind_of(self._model, geom)
-        of_file = kind in ("mesh", "sdf", "hfield")
-        what = (int(model.geom_dataid[geom]),) if of_file else tuple(model.geom_size[geom].tolist())
-        key = (kind, *what)
-        if key not in self._made:
-            self._made[key] = geom_mesh(model, geom, **self._settings)
-        return self._made[key]
+    made: dict[tuple[Any, ...], Mesh] = {}
+    keys = []
+    for geom in geoms:
+        kind = kind_of(model, geom)
+        is_of_file = kind in ("mesh", "sdf", "hfield")
+        keys.append((kind, model.geom_dataid[geom] if is_of_file else tuple(model.geom_size[geom].tolist())))
+        if keys[-1] not in made:
+            made[keys[-1]] = geom_mesh(model, geom, **settings)
+    return [made[key] for key in keys]
 
 
 def _own_mesh(model: Any, number: int) -> Mesh:

@@ -24,44 +24,39 @@ AXES = ("z_up", "z_up_world", "unchanged")
 """
 
 _HALF = np.sqrt(0.5)
+_UNCHANGED = np.eye(4)
+_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+_POSITIONS = {"z_up": _UP, "z_up_world": _UP, "unchanged": _UNCHANGED[:3, :3]}
+"""Motive's positions in the world of radarcore, by the choice of axes."""
+
+_QUATERNIONS = {
+    # q_R q q_R^-1, where q_R turns by 90 degrees about x: the rotation vector is turned.
+    "z_up": np.block([[np.eye(1), np.zeros((1, 3))], [np.zeros((3, 1)), _UP]]),
+    # q_R q
+    "z_up_world": _HALF * np.array([[1, -1, 0, 0], [1, 1, 0, 0], [0, 0, 1, -1], [0, 0, 1, 1]]),
+    "unchanged": _UNCHANGED,
+}
+"""Motive's quaternions, order (w, x, y, z), in the world of radarcore."""
 
 
 def positions_of(positions: Array, axes: str) -> Array:
     """Positions (..., 3) of Motive, in the world of radarcore."""
-    if check.choice("axes", axes, AXES) == "unchanged":
-        return positions
-    x, y, z = np.moveaxis(positions, -1, 0)
-    return np.stack([x, -z, y], axis=-1)
+    return np.asarray(positions @ _POSITIONS[check.choice("axes", axes, AXES)].T)
 
 
 def quaternions_of(quaternions: Array, axes: str) -> Array:
     """Quaternions (..., 4), order (w, x, y, z), of bodies in Motive, in the world of radarcore."""
-    if check.choice("axes", axes, AXES) == "unchanged":
-        return quaternions
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    if axes == "z_up":  # q_R q q_R^-1, where q_R turns by 90 degrees about x: the rotation vector is turned
-        return np.stack([w, x, -z, y], axis=-1)
-    turned: Array = _HALF * np.stack([w - x, w + x, y - z, y + z], axis=-1)  # q_R q
-    return turned
+    return np.asarray(quaternions @ _QUATERNIONS[check.choice("axes", axes, AXES)].T)
 
 
 def motive_positions(positions: Array, axes: str) -> Array:
-    """Positions (..., 3) in the world of radarcore, in that of Motive: inverse of `positions_of`."""
-    if check.choice("axes", axes, AXES) == "unchanged":
-        return positions
-    x, y, z = np.moveaxis(positions, -1, 0)
-    return np.stack([x, z, -y], axis=-1)
+    """Positions (..., 3) in the world of radarcore, in Motive's world: inverse of `positions_of`."""
+    return np.asarray(positions @ _POSITIONS[check.choice("axes", axes, AXES)])
 
 
 def motive_quaternions(quaternions: Array, axes: str) -> Array:
     """Quaternions (..., 4), order (w, x, y, z), of radarcore's poses, as Motive has them."""
-    if check.choice("axes", axes, AXES) == "unchanged":
-        return quaternions
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    if axes == "z_up":
-        return np.stack([w, x, z, -y], axis=-1)
-    turned: Array = _HALF * np.stack([w + x, x - w, y + z, z - y], axis=-1)
-    return turned
+    return np.asarray(quaternions @ _QUATERNIONS[check.choice("axes", axes, AXES)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -113,7 +113,8 @@ class Follower:
     def __init__(self, frames: Iterator[CapturedFrame], axes: str, *, keep: bool) -> None:
         self._frames, self._axes, self._keep = frames, axes, keep
         self._kept: list[CapturedFrame] = []
-        self._newest: CapturedFrame | None = None
+        self.newest: CapturedFrame | None = None
+        """The newest frame, or None before the first."""
         self._count = 0
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
@@ -122,11 +123,6 @@ class Follower:
     def __len__(self) -> int:
         """Number of frames that have come."""
         return self._count
-
-    @property
-    def newest(self) -> CapturedFrame | None:
-        """The newest frame, or None before the first."""
-        return self._newest
 
     def capture(self) -> MotionCapture:
         """All frames so far, up to the end of the take; an error of the stream is raised."""
@@ -155,7 +151,7 @@ class Follower:
             for frame in one_take(self._frames) if self._keep else self._frames:
                 if self._keep:
                     self._kept.append(replace(frame, poses={}))  # a tenth as large
-                self._newest = frame
+                self.newest = frame
                 self._count += 1
         except Exception as error:  # raised where the user sees it
             self._error = error
