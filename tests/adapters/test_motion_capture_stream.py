@@ -29,6 +29,18 @@ def swing(t: float) -> rc.Pose:
 MOTIONS = {"radar": swing, "person": rc.Pose([4.0, 0.0, 1.0])}
 
 
+@contextmanager
+def connected(
+    *, axes: str = "z_up", timeout: float = 2.0, **options: Any
+) -> Iterator[tuple[MotionCaptureServer, MotionCaptureClient]]:
+    """A server of `MOTIONS`, and its client."""
+    with (
+        MotionCaptureServer(MOTIONS, axes=axes, **options) as server,
+        MotionCaptureClient(command_port=server.command_port, axes=axes, timeout=timeout) as client,
+    ):
+        yield server, client
+
+
 class Told:
     """A motion that writes down its updates, as `Live` takes them."""
 
@@ -55,10 +67,7 @@ def sent(server: MotionCaptureServer, times: Any, client: MotionCaptureClient, *
     ("version", "axes"), [((3, 0), "z_up"), ((4, 0), "z_up_world"), ((4, 1), "unchanged"), ((4, 2), "z_up")]
 )
 def test_poses_arrive_as_they_were(version: made.Version, axes: str) -> None:
-    with (
-        MotionCaptureServer(MOTIONS, version=version, axes=axes, clock_offset=100.0) as server,
-        MotionCaptureClient(command_port=server.command_port, axes=axes) as client,
-    ):
+    with connected(version=version, axes=axes, clock_offset=100.0) as (server, client):
         assert client.names == ("radar", "person")
         assert client.info.version == version
         frames = sent(server, [0.25, 0.5], client)
@@ -71,10 +80,7 @@ def test_poses_arrive_as_they_were(version: made.Version, axes: str) -> None:
 
 def test_occluded_bodies_have_no_pose_and_do_not_update_motions() -> None:
     told = Told()
-    with (
-        MotionCaptureServer(MOTIONS, occlusions={"radar": [(0.1, 0.3)]}) as server,
-        MotionCaptureClient(command_port=server.command_port) as client,
-    ):
+    with connected(occlusions={"radar": [(0.1, 0.3)]}) as (server, client):
         frames = sent(server, [0.0, 0.1, 0.2, 0.3], client, motions={"radar": told})
     assert ["radar" in frame.poses for frame in frames] == [True, False, False, True]
     assert all("person" in frame.poses for frame in frames)
@@ -85,11 +91,7 @@ def test_occluded_bodies_have_no_pose_and_do_not_update_motions() -> None:
 
 
 def test_recorded_stream_is_a_capture_with_gaps() -> None:
-    with (
-        MotionCaptureServer(MOTIONS, occlusions={"radar": [(0.2, 0.4)]}) as server,
-        MotionCaptureClient(command_port=server.command_port) as client,
-        client.follow() as follower,
-    ):
+    with connected(occlusions={"radar": [(0.2, 0.4)]}) as (server, client), client.follow() as follower:
         for k in range(73):
             server.send(k / 120.0)
         follower.wait(73)
@@ -105,10 +107,7 @@ def test_recorded_stream_is_a_capture_with_gaps() -> None:
 
 
 def test_server_in_the_background_keeps_its_rate_and_loses_its_share() -> None:
-    with (
-        MotionCaptureServer(MOTIONS, rate=200.0, drop_rate=0.25, seed=3) as server,
-        MotionCaptureClient(command_port=server.command_port) as client,
-    ):
+    with connected(rate=200.0, drop_rate=0.25, seed=3) as (server, client):
         server.start(5.0)
         before = time.time()
         capture = client.record(0.4)
@@ -122,8 +121,8 @@ def test_server_in_the_background_keeps_its_rate_and_loses_its_share() -> None:
 
 
 @contextmanager
-def fake_server(answers: dict[int, list[bytes]]) -> Iterator[int]:
-    """A socket that answers kinds of packets by others; its port."""
+def client_of(answers: dict[int, list[bytes]], timeout: float = PATIENT) -> Iterator[MotionCaptureClient]:
+    """Client of a socket that answers kinds of packets by others."""
     stop = threading.Event()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
@@ -141,7 +140,8 @@ def fake_server(answers: dict[int, list[bytes]]) -> Iterator[int]:
         thread = threading.Thread(target=serve)
         thread.start()
         try:
-            yield int(one.getsockname()[1])
+            with MotionCaptureClient(command_port=one.getsockname()[1], timeout=timeout) as client:
+                yield client
         finally:
             stop.set()
             thread.join()
@@ -158,10 +158,7 @@ def test_late_frames_and_other_packets_are_left_out() -> None:
     times = [1.0, 1.01, 1.03, 1.02, 1.03, 1.04]
     packets = [made.frame((4, 1), k, [BODY], t) for k, t in enumerate(times)]
     packets.insert(3, made.packet(8, b"hello\0"))
-    with (
-        fake_server(answers((4, 1), *packets)) as port,
-        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
-    ):
+    with client_of(answers((4, 1), *packets)) as client:
         frames = client.frames()
         assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.03, 1.04]
 
@@ -171,10 +168,7 @@ def test_stray_and_damaged_packets_do_not_end_the_stream() -> None:
     cut, overfull = packets[0][:60], packets[0].replace(made.pack("<i", 1), made.pack("<i", 2**30), 1)
     stray = [b"\x07", cut, made.packet(7, b"\0\0"), made.packet(5, b"\xff" * 9), overfull, b""]
     mixed = [packet for pair in zip(stray, packets + packets[3:] * 2, strict=True) for packet in pair]
-    with (
-        fake_server(answers((4, 1), *mixed)) as port,
-        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
-    ):
+    with client_of(answers((4, 1), *mixed), QUIET) as client:
         frames = client.frames()
         assert [round(next(frames).time, 6) for _ in range(4)] == [1.0, 1.01, 1.02, 1.03]
         with pytest.raises(TimeoutError, match="no frame"):
@@ -187,10 +181,7 @@ def test_frames_of_other_senders_are_ignored() -> None:
             stranger.bind(("127.0.0.2", 0))
         except OSError:
             pytest.skip("this system has one loopback address alone")
-        with (
-            MotionCaptureServer(MOTIONS) as server,
-            MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
-        ):
+        with connected(timeout=QUIET) as (server, client):
             assert client._command is not None
             stranger.sendto(
                 made.frame((4, 1), 9, [(1, (9.0, 9.0, 9.0), BODY[2], True)], 5.0), client._command.getsockname()
@@ -227,11 +218,7 @@ TAKE = np.arange(50) / 100.0
 @pytest.mark.parametrize("times", [np.tile(TAKE, 200), TAKE, np.r_[TAKE, np.full(5000, TAKE[-1])]])
 def test_a_recording_ends_with_the_take(times: Any) -> None:
     """A take in a loop, a take that ends, and a take that stops at its last frame."""
-    with (
-        MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
-        sending(server, times),
-    ):
+    with connected(timeout=QUIET) as (server, client), sending(server, times):
         before = time.monotonic()
         with pytest.warns(UserWarning, match=r"duration: expected 60 s of frames, got 0\.4\d* s: the take ended"):
             capture = client.record(60.0)
@@ -242,11 +229,7 @@ def test_a_recording_ends_with_the_take(times: Any) -> None:
 
 def test_live_motions_begin_again_with_the_take_and_keep_the_newest_frame_alone() -> None:
     live = rc.Live()
-    with (
-        MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port, timeout=PATIENT) as client,
-        client.follow({"radar": live}) as follower,
-    ):
+    with connected(timeout=PATIENT) as (server, client), client.follow({"radar": live}) as follower:
         for t in np.tile(TAKE, 3):
             server.send(float(t))
         follower.wait(150)
@@ -260,10 +243,7 @@ def test_live_motions_begin_again_with_the_take_and_keep_the_newest_frame_alone(
 
 def test_skeletons_and_assets_have_names_with_their_owner() -> None:
     sent_frame = made.frame((4, 1), 1, [BODY], 1.0, everything=True)
-    with (
-        fake_server(answers((4, 1), sent_frame)) as port,
-        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
-    ):
+    with client_of(answers((4, 1), sent_frame)) as client:
         assert client.names == ("radar", "Fred:Hip", "Fred:Chest", "Tool:Grip")
         assert list(next(client.frames()).poses) == ["radar", "Fred:Hip", "Tool:Grip"]
 
@@ -271,10 +251,7 @@ def test_skeletons_and_assets_have_names_with_their_owner() -> None:
 def test_takes_that_are_played_back_have_the_time_of_the_take() -> None:
     packet = made.frame((3, 0), 1, [BODY], 0.0)
     packet = packet[:-38] + made.pack("<d3Qhi", 7.25, 0, 0, 0, 0, 0)
-    with (
-        fake_server(answers((3, 0), packet)) as port,
-        MotionCaptureClient(command_port=port, timeout=PATIENT) as client,
-    ):
+    with client_of(answers((3, 0), packet)) as client:
         assert next(client.frames()).time == 7.25
         assert client.clock_offset is None
 
@@ -288,21 +265,13 @@ def free_port() -> int:
 def test_missing_server_is_an_error_with_its_address_within_the_time_out() -> None:
     port = free_port()
     before = time.monotonic()
-    with (
-        pytest.raises(
-            TimeoutError, match=rf"no answer .* server at 127\.0\.0\.1:{port} within 0\.5 s: does Motive run"
-        ),
-        MotionCaptureClient(command_port=port, timeout=QUIET),
-    ):
-        pass
+    with pytest.raises(TimeoutError, match=rf"no answer .* at 127\.0\.0\.1:{port} within 0\.5 s: does Motive run"):
+        MotionCaptureClient(command_port=port, timeout=QUIET).connect()
     assert time.monotonic() - before < QUIET + 1.0
 
 
 def test_server_without_frames_is_an_error_with_a_hint() -> None:
-    with (
-        MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port, timeout=QUIET) as client,
-    ):
+    with connected(timeout=QUIET) as (_, client):
         with pytest.raises(TimeoutError, match=r"no frame from .* within 0\.5 s \(to this client alone\): is it live"):
             next(client.frames())
         with pytest.raises(TimeoutError, match="no frame"), client.follow() as follower:
@@ -318,31 +287,31 @@ def test_server_without_frames_is_an_error_with_a_hint() -> None:
     ],
 )
 def test_damaged_and_old_streams_are_refused(given: dict[int, list[bytes]], message: str) -> None:
-    with (
-        fake_server(given) as port,
-        pytest.raises(NatNetError, match=message),
-        MotionCaptureClient(command_port=port, timeout=QUIET) as client,
-    ):
+    with pytest.raises(NatNetError, match=message), client_of(given, QUIET) as client:
         next(client.frames())
 
 
-def test_wrong_requests_are_errors_that_name_them() -> None:
-    with pytest.raises(ConnectionError, match="server: expected an address, got 'no such host'"):
-        MotionCaptureClient("no such host").connect()
-    # 192.0.2.0/24 is for documentation: nobody has such an address.
-    with pytest.raises(
-        ConnectionError, match=r"local_address: expected an address of this computer, got '192\.0\.2\.1'"
-    ):
-        MotionCaptureClient(local_address="192.0.2.1").connect()
-    with pytest.raises(ValueError, match="command_port: expected at most 65535, got 99999"):
-        MotionCaptureClient(command_port=99_999)
-    with pytest.raises(ValueError, match="client: expected a connection, got none"):
-        MotionCaptureClient().frames()
-    with (
-        MotionCaptureServer(MOTIONS) as server,
-        MotionCaptureClient(command_port=server.command_port) as client,
-        pytest.raises(ValueError, match="motions: no body 'rader' in the stream; did you mean 'radar'"),
-    ):
+# 192.0.2.0/24 is for documentation: nobody has such an address.
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: MotionCaptureClient("no such host").connect(), ConnectionError, "server: .* got 'no such host'"),
+        (
+            lambda: MotionCaptureClient(local_address="192.0.2.1").connect(),
+            ConnectionError,
+            r"local_address: expected an address of this computer, got '192\.0\.2\.1'",
+        ),
+        (lambda: MotionCaptureClient(command_port=99_999), ValueError, "command_port: expected at most 65535, got 99"),
+        (lambda: MotionCaptureClient().frames(), ValueError, "client: expected a connection, got none"),
+    ],
+)
+def test_wrong_requests_are_errors_that_name_them(call: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_unknown_body_is_an_error_that_suggests_near_names() -> None:
+    with connected() as (_, client), pytest.raises(ValueError, match="no body 'rader' in the stream; did you mean 'ra"):
         client.frames({"rader": Told()})
 
 

@@ -121,27 +121,8 @@ def test_truncated_file_is_read_up_to_its_last_whole_frame(num_bytes: int, tmp_p
 
 def test_missing_unit_can_be_given(tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES, unit=None)
-    with pytest.raises(
-        ValueError, match=r"t1.csv: expected 'Length Units' in the first line, got none; give length_unit="
-    ):
-        read_motive_csv(path)
     there = read_motive_csv(path, length_unit="millimeters")["person"].position
     np.testing.assert_allclose(1000.0 * there, read_motive_csv(path, length_unit="meters")["person"].position)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"Rotation_Type": "XYZ"}, "expected the Rotation Type Quaternion, got 'XYZ'; export the take with"),
-        ({"Coordinate_Space": "Local"}, "expected the Coordinate Space Global, got 'Local'"),
-        ({"Length_Units": "Feet"}, "expected Length Units Meters, Centimeters or Millimeters, got 'feet'"),
-        ({"Format_Version": None}, "expected 'Format Version' in the first line .* got 'Take Name'"),
-    ],
-)
-def test_other_exports_are_refused_with_advice(settings: dict[str, Any], message: str, tmp_path: Path) -> None:
-    path = motive_file(tmp_path / "t1.csv", BODIES, TIMES, **settings)
-    with pytest.raises(ValueError, match=f"t1.csv: {message}"):
-        read_motive_csv(path)
 
 
 @pytest.mark.parametrize(
@@ -149,22 +130,21 @@ def test_other_exports_are_refused_with_advice(settings: dict[str, Any], message
     [
         (b"Frame,Time (Seconds)", b"F,T", "expected a line that begins with 'Frame', got none: truncated"),
         (b",Position,Position", b",Place,Place", "expected a column 'Position X' of Rigid Body 'radar', got none"),
-        (
-            b"Position,Mean Marker",
-            b"Place,Mean Marker",
-            "expected a column 'Position Z' of Rigid Body 'radar', got none",
-        ),
-        (
-            b",Z,W,",
-            b",Z,,",
-            "expected a column 'Rotation W' of Rigid Body 'radar', got none; export the take with quat",
-        ),
+        (b"Position,Mean Marker", b"Place,Mean Marker", "expected a column 'Position Z' of Rigid Body 'radar', got no"),
+        (b",Z,W,", b",Z,,", "a column 'Rotation W' of Rigid Body 'radar', got none; export the take with quaternions"),
         (b",Type,", b",Kind,", r"expected a line labelled 'Type', got \['kind', 'name', 'id'\]"),
         (b"\r\n7,2.558333,", b"\r\n7,2.558333,x", "line 15: expected numbers, got 'x"),
         (b"\r\n7,2.558333,", b"\r\n7,2.558333,inf", "line 15: expected numbers, got 'inf"),
         (b"Format Version", b"x" * 140_000, "t1.csv: expected text in cells between commas, got something else"),
         (b"\r\n7,2.558333,", b"\r\n7,,", r"line 15: expected a time in the second cell, got none"),
         (b"\r\n7,2.558333,", b"\r\n7,1.0,", r"Time: expected increasing times \[s\], got 2.55 and then 1 at index 7"),
+        (b"Quaternion", b"XYZ", "expected the Rotation Type Quaternion, got 'XYZ'; export the take with"),
+        (b"Global", b"Local", "expected the Coordinate Space Global, got 'Local'"),
+        (b"Meters", b"Feet", "expected Length Units Meters, Centimeters or Millimeters, got 'feet'"),
+        (b"Length Units", b"Lengths", r"expected 'Length Units' in the first line, got none; give length_unit="),
+        (b"Format Version,1.23,", b"", "expected 'Format Version' in the first line .* got 'Take Name'"),
+        (b",", b";", "expected 'Format Version' in the first line and commas"),
+        (b",", b"\t", "expected 'Format Version' in the first line and commas"),
     ],
 )
 def test_damaged_file_is_an_error_that_names_the_place(old: bytes, new: bytes, message: str, tmp_path: Path) -> None:
@@ -188,23 +168,20 @@ def test_warning_names_types_that_are_not_read(tmp_path: Path) -> None:
         assert read_motive_csv(path).names == ("radar", "person")
 
 
-@pytest.mark.parametrize("mark", [";", "\t"])
-def test_files_of_spreadsheets_are_refused(tmp_path: Path, mark: str) -> None:
+def test_mark_of_the_encoding_is_left_out(tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
-    path.write_text("\ufeff" + path.read_text())  # a mark of the encoding
+    path.write_text("\ufeff" + path.read_text())
     assert read_motive_csv(path).names == ("radar", "person")
-    path.write_text(path.read_text().replace(",", mark).replace(".", ","))
-    with pytest.raises(ValueError, match=r"t1.csv: expected 'Format Version' in the first line and commas"):
-        read_motive_csv(path)
 
 
-def test_file_without_frames_is_an_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("num_lines", "message"),
+    [(7, "expected frames below the line 'Frame', got none"), (0, "expected 'Format Version' in the first line")],
+)
+def test_file_without_frames_is_an_error(num_lines: int, message: str, tmp_path: Path) -> None:
     path = motive_file(tmp_path / "t1.csv", BODIES, TIMES)
-    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:7]))
-    with pytest.raises(ValueError, match=r"t1.csv: expected frames below the line 'Frame', got none"):
-        read_motive_csv(path)
-    path.write_bytes(b"")
-    with pytest.raises(ValueError, match=r"t1.csv: expected 'Format Version' in the first line"):
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:num_lines]))
+    with pytest.raises(ValueError, match=f"t1.csv: {message}"):
         read_motive_csv(path)
 
 
@@ -213,9 +190,7 @@ def test_wrong_requests_are_errors_that_name_them(tmp_path: Path) -> None:
     capture = read_motive_csv(path)
     with pytest.raises(KeyError, match=r"no body 'persn' in the capture; did you mean 'person'\?"):
         capture["persn"]
-    with pytest.raises(
-        ValueError, match="name: expected a body that was seen in at least two frames, got 'radar', in 1"
-    ):
+    with pytest.raises(ValueError, match=r"name: expected a body .* seen in at least two frames, got 'radar', in 1"):
         capture.trajectory("radar")
     with pytest.raises(ValueError, match="axes: expected"):
         read_motive_csv(path, axes="y_up")

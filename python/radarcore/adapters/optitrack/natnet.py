@@ -207,9 +207,13 @@ class Kind(IntEnum):
 
     CONNECT = 0
     SERVER_INFO = 1
+    REQUEST = 2
+    RESPONSE = 3
     REQUEST_MODEL = 4
     MODEL = 5
+    REQUEST_FRAME = 6
     FRAME = 7
+    MESSAGE = 8
     DISCONNECT = 9
     KEEP_ALIVE = 10
 
