@@ -8,7 +8,10 @@ import subprocess
 import sys
 import tracemalloc
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +63,22 @@ def copied(bag: Path, folder: Path) -> Path:
     return Path(copy(bag, folder / bag.name))
 
 
+@contextmanager
+def foreign_mcap(path: Path, **options: Any) -> Iterator[tuple[Any, Callable[..., int]]]:
+    """MCAP file by another library: its writer, and a function that adds a topic of a type and definition."""
+    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install radarcore[ros]")
+    with path.open("wb") as file:
+        other = writer.Writer(file, **options)
+        other.start(profile="ros2")
+
+        def add(topic: str, kind: str, definition: str, encoding: str = "ros2msg", message: str = "cdr") -> int:
+            schema = other.register_schema(kind, encoding, definition.encode())
+            return int(other.register_channel(topic, message, schema))
+
+        yield other, add
+        other.finish()
+
+
 # --- Round trip
 
 
@@ -105,21 +124,11 @@ def test_a_single_file_and_a_folder_without_metadata_are_bags_too(tmp_path: Path
 
 def test_topics_of_other_encodings_are_left_out(tmp_path: Path) -> None:
     """Foxglove and others put JSON beside messages of ROS into an MCAP file."""
-    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
     store = typestore()
     data = bytes(store.serialize_cdr(typed(store, "std_msgs/msg/String", {"data": "x"}), "std_msgs/msg/String"))
-    with (tmp_path / "a.mcap").open("wb") as file:
-        other = writer.Writer(file)
-        other.start(profile="ros2")
-        numbers = [
-            other.register_channel("/json", "json", other.register_schema("a", "jsonschema", b"{}")),
-            other.register_channel(
-                "/text", "cdr", other.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-            ),
-        ]
-        for number, content in zip(numbers, (b"{}", data), strict=True):
-            other.add_message(number, log_time=5, publish_time=5, data=content)
-        other.finish()
+    with foreign_mcap(tmp_path / "a.mcap") as (other, add):
+        other.add_message(add("/json", "a", "{}", "jsonschema", "json"), 5, b"{}", 5)
+        other.add_message(add("/text", "std_msgs/msg/String", "string data"), 5, data, 5)
     with BagReader(tmp_path / "a.mcap") as bag:
         assert bag.topics == {"/text": Topic("/text", "std_msgs/msg/String", 1)}
         assert [(m.time_ns, m.message.data) for m in bag.messages()] == [(5, "x")]
@@ -134,19 +143,14 @@ module geometry_msgs {{ module msg {{ struct {kind} {{ double x; double y; doubl
 @pytest.mark.parametrize("is_cut", [False, True])
 def test_definitions_in_idl_are_understood(tmp_path: Path, is_cut: bool) -> None:
     """Of one type, and of several with lines between them."""
-    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install mcap mcap-ros2-support")
     store, path = typestore(), tmp_path / "a.mcap"
     data = bytes(store.serialize_cdr(typed(store, POINT, {"x": 1.0, "y": 2.0, "z": 3.0}), POINT))
     one = POINT_IDL.format(name=POINT, kind="Point")
     line = "=" * 80 + "\n"
     several = f"{line}{one}{line}{POINT_IDL.format(name='geometry_msgs/msg/Other', kind='Other')}"
-    with path.open("wb") as file:
-        other = writer.Writer(file)
-        other.start(profile="ros2")
+    with foreign_mcap(path) as (other, add):
         for number, text in enumerate((one.partition("\n")[2], several)):
-            schema = other.register_schema(POINT, "ros2idl", text.encode())
-            other.add_message(other.register_channel(f"/{number}", "cdr", schema), 5, data, 5)
-        other.finish()
+            other.add_message(add(f"/{number}", POINT, text, "ros2idl"), 5, data, 5)
     if is_cut:
         path.write_bytes(path.read_bytes()[:-30])
     with warnings.catch_warnings(record=True) as caught:
@@ -186,19 +190,14 @@ def test_latched_topics_say_so(tmp_path: Path, format: str) -> None:
 @pytest.mark.parametrize("packed", [None, "LZ4", "ZSTD"])
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_a_cut_mcap_is_read_up_to_the_chunk_with_the_cut(tmp_path: Path, share: float, packed: str | None) -> None:
-    writer = pytest.importorskip("mcap.writer", reason="needs mcap: pip install radarcore[ros]")
-    kind = writer.CompressionType[packed or "NONE"]
+    kind = pytest.importorskip("mcap.writer").CompressionType[packed or "NONE"]
     store, path = typestore(), tmp_path / "a.mcap"
     sent = np.random.default_rng(0).integers(-(2**15), 2**15, (NUM, 600)).astype(np.int16)
-    with path.open("wb") as file:
-        other = writer.Writer(file, chunk_size=12_000, compression=kind)  # some ten messages
-        other.start(profile="ros2")
-        schema = other.register_schema(ARRAY, "ros2msg", store.generate_msgdef(ARRAY, ros_version=2)[0].encode())
-        channel = other.register_channel("/array", "cdr", schema)
+    with foreign_mcap(path, chunk_size=12_000, compression=kind) as (other, add):  # chunks of some ten messages
+        channel = add("/array", ARRAY, store.generate_msgdef(ARRAY, ros_version=2)[0])
         for k in range(NUM):
             message = typed(store, ARRAY, array_of(k) | {"data": sent[k]})
             other.add_message(channel, k, bytes(store.serialize_cdr(message, ARRAY)), k)
-        other.finish()
     cut(path, share)
     with pytest.warns(UserWarning, match="cut or damaged") as caught, BagReader(path) as bag:
         found = [m.message.data for m in bag.messages()]

@@ -256,13 +256,8 @@ def to_pose_stamped(pose: Pose, *, time_ns: int, frame_id: str = "world", types:
     >>> message.pose.position.y, message.header.stamp.sec, message.header.stamp.nanosec
     (2.0, 5, 250000000)
     """
-    w, x, y, z = quaternion_of(pose.rotation).tolist()
-    placed = make(
-        types,
-        "geometry_msgs/msg/Pose",
-        position=_vector(types, "Point", pose),
-        orientation=make(types, "geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
-    )
+    position, orientation = _vector(types, "Point", pose), _quaternion(types, pose)
+    placed = make(types, "geometry_msgs/msg/Pose", position=position, orientation=orientation)
     stamped = header(None, time_ns, frame_id, types)
     return make(types, "geometry_msgs/msg/PoseStamped", header=stamped, pose=placed)
 
@@ -283,13 +278,8 @@ def to_transforms(poses: dict[str, Pose], *, time_ns: int, frame_id: str = "worl
     """
     sent = []
     for name, pose in poses.items():
-        w, x, y, z = quaternion_of(pose.rotation).tolist()
-        placed = make(
-            types,
-            "geometry_msgs/msg/Transform",
-            translation=_vector(types, "Vector3", pose),
-            rotation=make(types, "geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
-        )
+        translation, rotation = _vector(types, "Vector3", pose), _quaternion(types, pose)
+        placed = make(types, "geometry_msgs/msg/Transform", translation=translation, rotation=rotation)
         stamped = header(None, time_ns, frame_id, types)
         name_of_type = "geometry_msgs/msg/TransformStamped"
         sent.append(make(types, name_of_type, header=stamped, child_frame_id=name, transform=placed))
@@ -468,3 +458,8 @@ def _stamp(message: Any) -> int:
 def _vector(types: Types, kind: str, pose: Pose) -> Any:
     x, y, z = pose.position.tolist()
     return make(types, f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
+
+
+def _quaternion(types: Types, pose: Pose) -> Any:
+    w, x, y, z = quaternion_of(pose.rotation).tolist()
+    return make(types, "geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
