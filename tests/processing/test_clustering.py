@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -158,3 +159,12 @@ def test_no_detections_are_no_clusters() -> None:
     assert found.labels.shape == (0,)
     assert found.extent.shape == (0, 4)
     assert len(cluster(detections([NAN, 1.0, NAN]))) == 3
+
+
+def test_memory_does_not_grow_with_the_number_of_all_pairs() -> None:
+    far_apart = detections(np.arange(5000.0))
+    tracemalloc.start()
+    cluster(far_apart, distance=0.3)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20e6, "the indices of all pairs alone have 200 MB"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import re
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -252,6 +254,32 @@ def test_board_that_is_gone_fails_one_check_and_skips_the_rest():
 
 
 # The chip's test pattern
+
+
+def test_board_answers_another_thread_between_the_checks():
+    with opened(Controller(Receivers())) as sensor:
+        is_over = threading.Event()
+
+        def asks():
+            while not is_over.is_set():
+                assert 20.0 < sensor.temperature() < 30.0
+                time.sleep(0.001)
+
+        with ThreadPoolExecutor(1) as others:
+            asked = others.submit(asks)
+            results = {check.result for _ in range(5) for check in sensor.selftest(["identity"])}
+            is_over.set()
+            asked.result()
+        assert results == {"PASS"}
+
+
+def test_closing_from_another_thread_ends_a_self_test():
+    with opened(Controller(Receivers())) as sensor:
+        checks = sensor.selftest()
+        next(checks)
+        threading.Timer(0.1, sensor.close).start()
+        with pytest.raises(SensorError, match="expected an open sensor, got one that is closed"):
+            list(checks)
 
 
 def test_pattern_is_one_sequence_which_every_start_begins_anew():

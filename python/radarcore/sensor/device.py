@@ -369,7 +369,18 @@ class Sensor:
         seconds = check.positive("duration", duration, "s")
         self.stop()
         self.radar = None
-        return run_checks(self._board, groups, duration=seconds)
+        return self._checks(run_checks(self._board, groups, duration=seconds))
+
+    def _checks(self, checks: Iterator[Check]) -> Iterator[Check]:
+        """Checks, each with the board for itself: meanwhile other threads wait."""
+        is_done = False
+        while not is_done:
+            with self._board_lock.waiting, self._board_lock.used:
+                self._check_open()
+                found = next(checks, None)
+            is_done = found is None
+            if found is not None:
+                yield found
 
     def close(self) -> None:
         """End measuring and give the port back; may be called twice.

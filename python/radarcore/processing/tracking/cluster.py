@@ -198,20 +198,21 @@ def pairs_within(values: Array, distance: float | None, velocity: float | None, 
     `values` are range, velocity and perhaps azimuth and elevation, (detection, 2 to 4). An unknown velocity is within
     any difference.
     """
-    from scipy.spatial.distance import pdist  # here: importing radarcore imports numpy and nothing heavier
+    if distance is None:
+        one, other = np.triu_indices(len(values), 1)
+    else:
+        from scipy.spatial import cKDTree  # here: importing radarcore imports numpy and nothing heavier
 
-    number = np.arange(len(values))
-    one, other = np.nonzero(number[:, None] < number)
-    is_near = np.ones(len(one), dtype=bool)
-    if distance is not None:
         points = values[:, :1]
         if values.shape[1] > 2 and not np.isnan(values[:, 2]).any():
             elevation = np.nan_to_num(values[:, 3]) if values.shape[1] > 3 else 0.0
             points = points * unit_vectors(values[:, 2], elevation)
-        is_near &= pdist(points) <= distance
+        known = np.flatnonzero(np.isfinite(points).all(axis=1))
+        one, other = known[cKDTree(points[known]).query_pairs(distance, output_type="ndarray")].T
     if velocity is not None:
-        is_near &= ~(np.abs(wrapped(values[one, 1] - values[other, 1], periods[1])) > velocity)
-    return np.array([one[is_near], other[is_near]])
+        is_near = ~(np.abs(wrapped(values[one, 1] - values[other, 1], periods[1])) > velocity)
+        one, other = one[is_near], other[is_near]
+    return np.array([one, other])
 
 
 def _pairs_within_deviations(values: Array, covariance: Array, num_deviations: float, periods: Array) -> Indices:
