@@ -274,76 +274,50 @@ _MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 """Metres per unit."""
 
-_MOST_PARTS = 10_000
-"""Largest number of objects in a build: nested components may multiply without limit."""
-
 
 def _load_3mf(path: Path) -> _Part:
-    """Vertices (n, 3) [m] and triangles (m, 3) of all items of a file's build, each at its place.
-
-    Supports are left out. Parts with a mirroring transform keep their normals outwards.
-    """
+    """Vertices [m] and triangles of a build; parts of it may be in other files of the package."""
     with zipfile.ZipFile(path) as package:
         relations = ET.fromstring(package.read("_rels/.rels"))
-        root = next(
-            (each.get("Target", "") for each in relations.iter(_RELATIONSHIP) if each.get("Type") == _MODEL), ""
-        )
-        build = _Build(package)
-        model = build.model(root)
-        unit = model.get("unit", "millimeter")
-        if unit not in _UNITS:
-            raise ValueError(f"unit: expected {', '.join(_UNITS)}, got {unit!r}")
-        build.unit = _UNITS[unit]
-        for item in model.iterfind(f"{_CORE}build/{_CORE}item"):
-            build.add(item, root, np.eye(4))
-    return _joined(build.parts)
+        models = {f"/{name}": ET.fromstring(package.read(name)) for name in package.namelist() if ".model" in name}
+    root = next((each.get("Target", "") for each in relations.iter(_RELATIONSHIP) if each.get("Type") == _MODEL), "")
+    root = f"/{root.lstrip('/')}"
+    objects = {
+        (name, one.get("id")): one
+        for name, model in models.items()
+        for one in model.iterfind(f"{_CORE}resources/{_CORE}object")
+    }
+    unit = models[root].get("unit", "millimeter")
+    if unit not in _UNITS:
+        raise ValueError(f"unit: expected {', '.join(_UNITS)}, got {unit!r}")
+    parts: list[_Part] = []
 
-
-class _Build:
-    """Collects the objects of a build, each transformed to its place."""
-
-    def __init__(self, package: zipfile.ZipFile) -> None:
-        self.package = package
-        self.unit = 1.0
-        self.parts: list[_Part] = []
-        self._models: dict[str, ET.Element] = {}
-        self._meshes: dict[int, _Part] = {}
-
-    def model(self, name: str) -> ET.Element:
-        """Root of a part of the package."""
-        if name not in self._models:
-            self._models[name] = ET.fromstring(self.package.read(name.lstrip("/")))
-        return self._models[name]
-
-    def add(
-        self, reference: ET.Element, name: str, placed: NDArray[np.float64], above: tuple[ET.Element, ...] = ()
-    ) -> None:
+    def add(reference: ET.Element, name: str, placed: NDArray[np.float64]) -> None:
         """Add the object that an item or a component refers to."""
         name = reference.get(f"{_PRODUCTION}path", name)
-        wanted = reference.get("objectid")
-        found = (one for one in self.model(name).iterfind(f"{_CORE}resources/{_CORE}object") if one.get("id") == wanted)
-        if (element := next(found, None)) is None or element in above:
-            raise ValueError(f"expected an object {wanted!r}, got {'one within itself' if above else 'none'}")
+        if (element := objects.get((name, reference.get("objectid")))) is None:
+            raise ValueError(f"expected an object {reference.get('objectid')!r}, got none")
         if element.get("type") in ("support", "solidsupport"):
             return
         placed = placed @ _transform(reference.get("transform"))
         for component in element.iterfind(f"{_CORE}components/{_CORE}component"):
-            self.add(component, name, placed, (*above, element))
+            add(component, name, placed)
         if (mesh := element.find(f"{_CORE}mesh")) is not None:
-            if len(self.parts) >= _MOST_PARTS:
-                raise ValueError(f"expected at most {_MOST_PARTS} objects in the build, got more")
-            self.parts.append(transformed(*self._mesh(mesh), self.unit * placed[:3]))
+            parts.append(transformed(*_mesh_of(mesh), _UNITS[unit] * placed[:3]))
 
-    def _mesh(self, mesh: ET.Element) -> _Part:
-        if id(mesh) not in self._meshes:
-            corners = [[vertex.attrib[axis] for axis in "xyz"] for vertex in mesh.iter(f"{_CORE}vertex")]
-            rows = [[face.attrib[corner] for corner in ("v1", "v2", "v3")] for face in mesh.iter(f"{_CORE}triangle")]
-            vertices = np.array(corners, np.float64).reshape(-1, 3)
-            triangles = np.array(rows, np.int64).reshape(-1, 3)
-            if ((triangles < 0) | (triangles >= len(vertices))).any():
-                raise ValueError(f"expected vertex numbers from 0 to {len(vertices) - 1}, got {triangles.max()}")
-            self._meshes[id(mesh)] = vertices, triangles
-        return self._meshes[id(mesh)]
+    for item in models[root].iterfind(f"{_CORE}build/{_CORE}item"):
+        add(item, root, np.eye(4))
+    return _joined(parts)
+
+
+def _mesh_of(mesh: ET.Element) -> _Part:
+    """Vertices and triangles of an element."""
+    corners = [[vertex.attrib[axis] for axis in "xyz"] for vertex in mesh.iter(f"{_CORE}vertex")]
+    rows = [[face.attrib[corner] for corner in ("v1", "v2", "v3")] for face in mesh.iter(f"{_CORE}triangle")]
+    vertices, triangles = np.array(corners, np.float64).reshape(-1, 3), np.array(rows, np.int64).reshape(-1, 3)
+    if ((triangles < 0) | (triangles >= len(vertices))).any():
+        raise ValueError(f"expected vertex numbers from 0 to {len(vertices) - 1}, got {triangles.max()}")
+    return vertices, triangles
 
 
 def _transform(text: str | None) -> NDArray[np.float64]:

@@ -9,26 +9,24 @@ from xml.etree import ElementTree as ET
 
 from radarcore import notice
 
-_XACRO = re.compile(rb"</?(?:\{[^}]*xacro/?\}|xacro:)|\$\{|\$\((?:find|arg|eval|env|optenv) ")
+_XACRO = re.compile(rb'xmlns:ns\d+="[^"]*xacro/?"|</?xacro:|\$\{|\$\((?:find|arg|eval|env|optenv) ')
 """Elements of xacro, with and without a declared namespace, and its expressions."""
 
 
 def parsed(path: str | PathLike[str]) -> ET.Element:
     """The <robot> of a URDF file."""
+    content = Path(path).read_bytes()
     try:
-        root = ET.parse(path).getroot()
+        root = ET.fromstring(content)
     except ET.ParseError as error:
-        if _XACRO.search(Path(path).read_bytes()):
-            raise _unexpanded(path) from None
-        raise ValueError(f"{fspath(path)}:{error.position[0]}: {error}") from None
-    if root.tag != "robot":
-        raise ValueError(f"{fspath(path)}: expected <robot>, got <{root.tag}>")
-    if any(
-        _XACRO.search(text.encode())
-        for element in root.iter()
-        for text in (f"<{element.tag}", *element.attrib.values())
-    ):
-        raise _unexpanded(path)
+        fault = f":{error.position[0]}: {error}"
+    else:
+        content = ET.tostring(root)  # without comments
+        fault = "" if root.tag == "robot" else f": expected <robot>, got <{root.tag}>"
+    if _XACRO.search(content):
+        fault = ": expected a URDF file, got one with macros of xacro; expand it first: xacro FILE > robot.urdf"
+    if fault:
+        raise ValueError(f"{fspath(path)}{fault}")
     return root
 
 
@@ -40,9 +38,3 @@ def warn_of_no_shapes(path: str | PathLike[str], root: ET.Element, geometry: str
             f"{fspath(path)}: no link has a <{geometry}> shape, so the robot has no bodies; {argument}={other!r} takes "
             f"its {len(shapes)} of kind <{other}>"
         )
-
-
-def _unexpanded(path: str | PathLike[str]) -> ValueError:
-    return ValueError(
-        f"{fspath(path)}: expected a URDF file, got one with macros of xacro; expand it first: xacro FILE > robot.urdf"
-    )
