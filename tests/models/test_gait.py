@@ -9,20 +9,17 @@ from radarcore.models.people import gait
 SPEEDS = (0.05, 0.5, 0.8, 1.3, 3.0)
 # Between their control points smooth curves differ from the paper's by less than this [degrees].
 SMOOTHING = 0.2
-FUNCTIONS = (gait.limb_angles, gait.trunk_angles, gait.root_translation)
+ANGLES = ("hip", "knee", "ankle", "shoulder", "elbow", "roll", "torsion", "thorax", "lean")
 
 
 def every_angle(phase, relative_speed, derivative=0):
-    """Limb and trunk angles, (angle, phase) [degrees]."""
-    limb = gait.limb_angles(phase, relative_speed, derivative)
-    trunk = gait.trunk_angles(phase, relative_speed, derivative)
-    return np.array([*limb, *trunk])
+    """Angles of the right limbs and the trunk, (angle, phase) [degrees]."""
+    return gait.posture(phase, relative_speed, derivative + 1).angles[derivative, ..., 5:].T
 
 
 def joint_angle(name, phase, relative_speed):
-    """Angle of a joint or of the thorax by its name [degrees]."""
-    limb, trunk = gait.limb_angles(phase, relative_speed), gait.trunk_angles(phase, relative_speed)
-    return getattr(limb if name in limb._fields else trunk, name)
+    """Angle of a joint or of the trunk by its name [degrees]."""
+    return every_angle(phase, relative_speed)[ANGLES.index(name)]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +51,7 @@ def test_curves_pass_through_their_control_points(relative_speed):
         phase, expected = np.array(points).T
         # Phases are kept to 1e-12 of a cycle, in which an angle changes by less than 1e-9 degrees.
         np.testing.assert_allclose(joint_angle(name, phase, relative_speed), expected, atol=1e-9, err_msg=name)
-    roll = gait.trunk_angles([0.0, 0.15, 0.5, 0.65], relative_speed).roll
+    roll = joint_angle("roll", [0.0, 0.15, 0.5, 0.65], relative_speed)
     np.testing.assert_allclose(roll, 3.32 * relative_speed * np.array([0.0, -1.0, 0.0, 1.0]), atol=1e-12)
 
 
@@ -80,17 +77,16 @@ def test_roll_is_near_the_papers_four_pieces(relative_speed):
         a * (1 + np.cos(2 * np.pi * (t - 0.65) * 10 / 7)),
     ]
     expected = np.select([t < 0.15, t < 0.5, t < 0.65, t >= 0.65], pieces)
-    np.testing.assert_allclose(gait.trunk_angles(t, relative_speed).roll, expected, atol=SMOOTHING)
+    np.testing.assert_allclose(joint_angle("roll", t, relative_speed), expected, atol=SMOOTHING)
 
 
 @pytest.mark.parametrize("relative_speed", SPEEDS)
-@pytest.mark.parametrize("function", FUNCTIONS)
-def test_derivatives_are_those_of_the_values(function, relative_speed):
+def test_derivatives_are_those_of_the_values(relative_speed):
     t, step = np.random.default_rng(1).random(500), 1e-6
-    later, earlier = (np.array(function(t + h, relative_speed)) for h in (step, -step))
-    derivative = np.array(function(t, relative_speed, 1))
+    later, earlier, here = (np.dstack(gait.posture(t + h, relative_speed, 2)) for h in (step, -step, 0.0))
+    derivative = here[1]
     # Third derivatives reach 1e6 degrees, which times the square of the step is 1e-6; rounding is 1e-8.
-    np.testing.assert_allclose((later - earlier) / (2 * step), derivative, atol=1e-5)
+    np.testing.assert_allclose((later - earlier)[0] / (2 * step), derivative, atol=1e-5)
 
 
 @pytest.mark.parametrize("relative_speed", SPEEDS)
@@ -106,14 +102,10 @@ def test_all_derivatives_are_continuous(relative_speed):
 
 
 @pytest.mark.parametrize("relative_speed", SPEEDS)
-def test_posture_is_all_angles_of_both_sides_at_once(relative_speed):
+def test_left_limbs_follow_the_right_ones_half_a_cycle_later(relative_speed):
     t = np.random.default_rng(2).uniform(-1.0, 2.0, 20)
-    posture = gait.posture(t, relative_speed, orders=2)
-    for order in (0, 1):
-        left, right = (np.array(gait.limb_angles(t + shift, relative_speed, order)) for shift in (0.5, 0.0))
-        expected = np.concatenate([left, right, gait.trunk_angles(t, relative_speed, order)])
-        np.testing.assert_allclose(posture.angles[order].T, expected, atol=1e-9)
-        np.testing.assert_allclose(posture.root[order], gait.root_translation(t, relative_speed, order), atol=1e-12)
+    left = gait.posture(t, relative_speed).angles[..., :5]
+    np.testing.assert_allclose(left, gait.posture(t + 0.5, relative_speed).angles[..., 5:10], atol=1e-9)
 
 
 def test_speed_changes_angles_without_a_jump_except_the_hips_at_1_3():
@@ -122,7 +114,7 @@ def test_speed_changes_angles_without_a_jump_except_the_hips_at_1_3():
         jumps = np.abs(every_angle(t, change + 1e-9) - every_angle(t, change - 1e-9)).max(axis=1)
         assert jumps[0] == pytest.approx(hips_jump, abs=1e-3)  # a doubled point parts there and changes its slope
         assert jumps[1:].max() < 1e-6  # 1e-9 of a change of speed
-        root = np.abs(gait.root_translation(t, change + 1e-9) - gait.root_translation(t, change - 1e-9))
+        root = np.abs(gait.posture(t, change + 1e-9).root - gait.posture(t, change - 1e-9).root)
         assert root.max() < 1e-9
 
 
@@ -137,7 +129,6 @@ def test_cycle_of_a_walk_at_1_4_m_per_s():
 
 
 @pytest.mark.parametrize("relative_speed", [0.0, -1.0, 3.01, float("nan")])
-@pytest.mark.parametrize("function", FUNCTIONS)
-def test_speed_outside_the_model_is_named(function, relative_speed):
+def test_speed_outside_the_model_is_named(relative_speed):
     with pytest.raises(ValueError, match="relative_speed: expected more than 0 and at most 3 hip heights per second"):
-        function(0.0, relative_speed)
+        gait.posture(0.0, relative_speed)

@@ -75,7 +75,7 @@ def test_joints_at_the_right_heel_strike_are_where_the_published_chain_has_them(
         "head": (0.0447, 0.0157, 1.7107),
     }
     # The lift is the same for all: taken from the pelvis, which the gait puts at a known height.
-    root = 0.53 * 1.75 * (1.0 + gait.root_translation(0.0, human.relative_speed)[2])
+    root = 0.53 * 1.75 * (1.0 + gait.posture(0.0, human.relative_speed).root[0, 2])
     lift = place(human, "pelvis", 0.0) - [0, 0, root]
     for name, position in expected.items():
         segment, point = POINTS[name]
@@ -144,10 +144,10 @@ def test_pelvis_follows_the_path_and_faces_along_it():
     human = Human(path=CURVED, start_time=2.0)
     sway = 0.04 * 1.75  # 0.021 and 0.032 hip heights
     for time in np.linspace(0.0, 10.0, 40):
-        point = human.path.at(1.4 * (time - 2.0))
+        (place,), (heading,), _ = human.path.points_at([1.4 * (time - 2.0)])
         pose = human.segment_motion("pelvis").at(time)
-        assert np.hypot(*(pose.position[:2] - [point.position.real, point.position.imag])) < sway
-        ahead = np.array([np.cos(point.heading), np.sin(point.heading), 0.0])
+        assert np.hypot(*(pose.position[:2] - [place.real, place.imag])) < sway
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
         assert pose.rotation[:, 0] @ ahead > np.cos(np.deg2rad(8.0))  # torsion of 4 degrees RV
 
 
@@ -231,18 +231,16 @@ def test_fastest_speed_is_the_one_the_message_names(height):
     assert np.isfinite(human.segment_motion("head").at(1.0).position).all()
 
 
+LIMB = ("hip", "knee", "ankle", "shoulder", "elbow")
+
+
 def urdf_angles(human, time):
     """Angles [rad] of the real man's joints, by name, for the gait at a time."""
     phase, relative_speed = time / human.cycle_duration, human.relative_speed
-    trunk = gait.trunk_angles(phase, relative_speed)
-    angles = {
-        "middle_lumbar_Z": -trunk.lean,
-        "middle_lumbar_X": -trunk.roll,
-        "middle_thoracic_Y": trunk.torsion - trunk.thorax,
-    }
-    for side, shift in (("right", 0.0), ("left", 0.5)):
-        limb = gait.limb_angles(phase + shift, relative_speed)
-        angles |= {f"{side}_{joint}_Z": getattr(limb, joint) for joint in limb._fields}
+    left, right, (roll, torsion, thorax, lean) = np.split(gait.posture(phase, relative_speed).angles[0], [5, 10])
+    angles = {"middle_lumbar_Z": -lean, "middle_lumbar_X": -roll, "middle_thoracic_Y": torsion - thorax}
+    for side, limb in (("right", right), ("left", left)):
+        angles |= {f"{side}_{joint}_Z": angle for joint, angle in zip(LIMB, limb, strict=True)}
     return {joint: float(np.deg2rad(angle)) for joint, angle in angles.items()}
 
 

@@ -11,14 +11,14 @@ WINDING = [[0, 0], [3, 0], [3, 3], [1, 5], [-4, 5], [-5, 4.9]]
 def test_path_without_turns_is_the_line_through_its_waypoints():
     path = FloorPath([[1, 2], [2, 2], [4, 2]])
     assert path.length == 3.0
-    for distance in (-2.0, 0.0, 1.5, 3.0, 10.0):
-        assert path.at(distance) == (1 + 2j + distance, 0.0, 0.0)
+    distance = np.array([-2.0, 0.0, 1.5, 3.0, 10.0])
+    np.testing.assert_array_equal(path.points_at(distance), [1 + 2j + distance, 0.0 * distance, 0.0 * distance])
 
 
 def test_path_begins_and_ends_at_its_first_and_last_waypoint():
     path = FloorPath(WINDING)
-    assert path.at(0.0).position == 0.0
-    assert path.at(path.length).position == pytest.approx(-5 + 4.9j, abs=1e-12)
+    positions, _, _ = path.points_at([0.0, path.length])
+    np.testing.assert_allclose(positions, [0.0, -5 + 4.9j], atol=1e-12)
     # Shorter than the polygon, longer than its corners cut square.
     polygon = np.linalg.norm(np.diff(WINDING, axis=0), axis=1).sum()
     assert 0.9 * polygon < path.length < polygon
@@ -61,4 +61,4 @@ def test_right_angle_takes_1_8_radii_of_each_leg():
 
 def test_full_round_ends_with_its_heading_a_whole_turn_later():
     path = FloorPath([[0, 0], [2, 0], [2, 2], [0, 2], [0, -2]])
-    assert path.at(path.length).heading == pytest.approx(1.5 * np.pi, abs=1e-12)
+    assert path.points_at([path.length])[1] == pytest.approx(1.5 * np.pi, abs=1e-12)

@@ -273,23 +273,6 @@ def as_pose(matrix: Matrix) -> Pose:
     return Pose._unchecked(matrix[:3, 3].copy(), matrix[:3, :3].copy())
 
 
-def relative_poses(bodies: Matrix, sensor: Matrix) -> Matrix:
-    """Maps of body coordinates to a sensor's frame, (..., body, 3, 4).
-
-    From ``[rotation | position]`` of `bodies` (..., body, 3, 4) and of the `sensor` (..., 3, 4) in the world.
-    """
-    to_sensor = np.swapaxes(sensor[..., :3], -1, -2)
-    seen: Matrix = to_sensor[..., None, :, :] @ (bodies - _moved_only(sensor)[..., None, :, :])
-    return seen
-
-
-def _moved_only(maps: Matrix) -> Matrix:
-    """Positions alone, as maps (..., 3, 4) without a rotation."""
-    moved = np.zeros_like(maps)
-    moved[..., 3] = maps[..., 3]
-    return moved
-
-
 def transforms(rotations: Matrix, positions: Matrix) -> Matrix:
     """Maps ``[rotation | position]``, (..., 3, 4)."""
     return np.concatenate([rotations, positions[..., None]], axis=-1)

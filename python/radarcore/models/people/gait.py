@@ -5,8 +5,8 @@ The Visual Computer 6 (1990) 344-358. Periodic, with one parameter: the relative
 just above 0 to 3 per second (measured up to about 2.3).
 
 Phase 0 is the right heel strike and a cycle of two steps is 1; any phase is taken modulo 1. Angles are in **degrees**,
-as in the paper, and translations in hip heights. Every function takes arrays of phases; ``derivative=1`` gives the
-exact derivative by phase instead of the value.
+as in the paper, and translations in hip heights. `posture` takes arrays of phases; ``orders=2`` also gives the exact
+derivative by phase.
 
 All curves are Fourier series, and so are all their derivatives. The paper's curves through its control points (monotone
 cubics, PCHIP; half cosines for the roll of the pelvis) have accelerations that jump; they are smoothed by a Gaussian of
@@ -42,29 +42,6 @@ _NUM_SAMPLES = 1024
 _SAMPLE_PHASES = np.arange(_NUM_SAMPLES) / _NUM_SAMPLES
 
 
-class LimbAngles(NamedTuple):
-    """Angles of one leg and one arm [degrees]; flexion is positive."""
-
-    hip: _Floats
-    knee: _Floats
-    ankle: _Floats
-    shoulder: _Floats
-    elbow: _Floats
-
-
-class TrunkAngles(NamedTuple):
-    """Angles of pelvis and thorax [degrees].
-
-    ``roll`` and ``torsion`` turn the pelvis, ``Rz(-torsion) Rx(roll)``, ``thorax`` and ``lean`` the trunk above it,
-    ``Rz(-thorax) Ry(-lean)``, with x forward, y left, z up. Negative lean is forward.
-    """
-
-    roll: _Floats
-    torsion: _Floats
-    thorax: _Floats
-    lean: _Floats
-
-
 def cycle_duration(relative_speed: float) -> float:
     """Duration of two steps [s], for a relative speed [1/s] above 0 and up to 3."""
     if not 0.0 < relative_speed <= MAX_RELATIVE_SPEED:
@@ -81,34 +58,21 @@ def stance_fraction(relative_speed: float) -> float:
     return (0.752 * duration - 0.143) / duration
 
 
-def limb_angles(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> LimbAngles:
-    """Angles of the right limbs; the left ones follow half a cycle later, at ``phase + 0.5``."""
-    return LimbAngles(*np.moveaxis(_series(relative_speed).at(phase, derivative + 1)[derivative, ..., _RIGHT], -1, 0))
-
-
-def trunk_angles(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> TrunkAngles:
-    """Angles of pelvis and thorax."""
-    return TrunkAngles(*np.moveaxis(_series(relative_speed).at(phase, derivative + 1)[derivative, ..., _TRUNK], -1, 0))
-
-
-def root_translation(phase: ArrayLike, relative_speed: float, derivative: int = 0) -> _Floats:
-    """Deviation of the pelvis from even forward motion at hip height: forward, left, up, (..., 3) [hip heights]."""
-    return _series(relative_speed).at(phase, derivative + 1)[derivative, ..., _ROOT]
-
-
 class Posture(NamedTuple):
     """Whole body at some phases; the first axis holds the values and, with two orders, the derivatives by phase."""
 
     angles: _Floats
-    """Angles of left limbs, right limbs (as `LimbAngles`) and trunk (as `TrunkAngles`), (order, ..., 14) [deg]."""
+    """Angles, (order, ..., 14) [degrees]: hip, knee, ankle, shoulder and elbow on the left and the right, where flexion
+    is positive; roll, torsion, thorax and lean of the trunk. The pelvis turns by ``Rz(-torsion) Rx(roll)``, the trunk
+    above it by ``Rz(-thorax) Ry(-lean)``, with x forward, y left, z up. Negative lean is forward."""
     root: _Floats
-    """Translation as `root_translation`, (order, ..., 3) [hip heights]."""
+    """Deviation of the pelvis from even forward motion: forward, left, up, (order, ..., 3) [hip heights]."""
 
 
 def posture(phase: ArrayLike, relative_speed: float, orders: int = 1) -> Posture:
     """Posture: both sides, trunk and root together; with ``orders=2`` their derivatives too."""
     curves = _series(relative_speed).at(phase, orders)
-    return Posture(curves[..., : _TRUNK.stop], curves[..., _ROOT])
+    return Posture(curves[..., :14], curves[..., 14:])
 
 
 def control_points(relative_speed: float) -> dict[str, _Points]:
@@ -143,10 +107,6 @@ def control_points(relative_speed: float) -> dict[str, _Points]:
         elbow = [(0.05, 14.0 - 6.0 * k), (0.51 + 0.04 * k, 44.0 + 26.0 * k), (0.9 - 0.1 * k, 17.0 - 6.0 * k)]
     thorax = [(0.1, 4.0 / 3.0 * RV), (0.4, -1.5 * RV), (0.6, -4.0 / 3.0 * RV), (0.9, 1.5 * RV)]
     return {"hip": hip, "knee": knee, "ankle": ankle, "elbow": elbow, "thorax": thorax}
-
-
-# Columns of the series.
-_RIGHT, _TRUNK, _ROOT = slice(5, 10), slice(10, 14), slice(14, 17)
 
 
 class _FourierSeries:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
 from math import degrees, inf, pi, tan
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -59,17 +58,6 @@ _PIECE = np.dtype(
         ("length", float),  # of half of the turn [m]
     ]
 )
-
-
-class PathPoint(NamedTuple):
-    """Point of a path at a distance from its start."""
-
-    position: complex
-    """x + i y [m]."""
-    heading: float
-    """Angle of the direction of travel from the x axis, anticlockwise [rad]."""
-    curvature: float
-    """Derivative of the heading by distance [1/m]; positive to the left."""
 
 
 @sealed
@@ -143,13 +131,8 @@ class FloorPath:
         self._bends = np.array([_bend(turn) for turn in (self._pieces["forward"] * self._pieces["turn"]).tolist()])
         self.length = distance
 
-    def at(self, distance: float) -> PathPoint:
-        """Position, heading and curvature at a distance along the path [m]; straight on before 0 and after `length`."""
-        position, heading, curvature = self.points_at([distance])
-        return PathPoint(complex(position[0]), float(heading[0]), float(curvature[0]))
-
     def points_at(self, distances: ArrayLike) -> tuple[_Phasors, _Floats, _Floats]:
-        """Positions x + i y [m], headings [rad] and curvatures [1/m] at several distances (n,) [m], as of `at`."""
+        """Positions x + i y [m], headings [rad] and curvatures [1/m] at several distances (n,) [m]."""
         distance = np.asarray(distances, dtype=np.float64)
         number = np.maximum(np.searchsorted(self._pieces["start"], distance, side="right") - 1, 0)
         piece = self._pieces[number]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
@@ -11,13 +11,16 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from radarcore import notice
+from radarcore import check, notice
 from radarcore.geometry import shapes
 from radarcore.geometry.mesh import Mesh, merged_mesh
 from radarcore.geometry.mesh_files import load_mesh, transformed
 from radarcore.geometry.pose import Pose
 from radarcore.geometry.urdf_files import parsed, warn_of_no_shapes
 from radarcore.models.robots.joint import Joint
+
+_SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+"""Attributes of shapes, as their functions take them, and how many numbers each has."""
 
 
 class Part(NamedTuple):
@@ -111,12 +114,9 @@ class _Reader:
         quaternion = origin.get("quat_xyzw")  # URDF 1.1
         if quaternion is not None and "rpy" in origin.attrib:
             raise self.error(f"{where}, origin: expected rpy or quat_xyzw, got both")
-        try:
-            if quaternion is not None:
-                return Pose.from_quaternion(xyz, xyzw=self.numbers(quaternion, 4, f"{where}, quat_xyzw"))
-            return Pose.from_rpy(xyz, rpy)
-        except ValueError as error:
-            raise self.error(f"{where}, origin: {error}") from error
+        numbers = None if quaternion is None else self.numbers(quaternion, 4, f"{where}, quat_xyzw")
+        with check.located(f"{self.path}: {where}, origin"):
+            return Pose.from_rpy(xyz, rpy) if numbers is None else Pose.from_quaternion(xyz, xyzw=numbers)
 
     def joint(self, element: ET.Element) -> Joint:
         name = self.attribute(element, "name", "joint")
@@ -138,21 +138,19 @@ class _Reader:
 
         axis = element.find("axis")
         direction = self.numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"{where}, axis")
-        if not direction.any():
-            raise self.error(f"{where}, axis: expected a direction, got zero")
         limit = element.find("limit")
-        limits, max_velocity = None, None
+        limits: Any = None
+        max_velocity = None
         if limit is not None:
             if kind != "continuous":
-                lower, upper = (
-                    float(self.numbers(limit.get(bound, "0"), 1, f"{where}, {bound}")[0])
-                    for bound in ("lower", "upper")
+                limits = tuple(
+                    self.numbers(limit.get(bound, "0"), 1, f"{where}, {bound}").item() for bound in ("lower", "upper")
                 )
-                limits = (lower, upper)
             if (velocity := limit.get("velocity")) is not None:
-                max_velocity = float(self.numbers(velocity, 1, f"{where}, velocity")[0])
+                max_velocity = self.numbers(velocity, 1, f"{where}, velocity").item()
         turns = cast(Literal["revolute", "prismatic"], "revolute" if kind == "continuous" else kind)
-        return Joint(name, *ends, origin, direction, turns, limits, max_velocity)
+        with check.located(f"{self.path}: {where}"):
+            return Joint(name, *ends, origin, direction, turns, limits, max_velocity)
 
     def part(self, element: ET.Element, link: str) -> Part:
         where = f"link {link!r}, {element.tag}"
@@ -167,28 +165,17 @@ class _Reader:
         return Part(source, factors, self.origin(element, where))
 
     def source(self, shape: ET.Element, where: str) -> Path | Mesh:
-        def sizes(name: str, count: int = 1) -> NDArray[np.float64]:
-            values = self.numbers(self.attribute(shape, name, where), count, f"{where}, {name}")
-            if not (values > 0.0).all():
-                raise self.error(f"{where}, {name}: expected positive numbers, got {shape.get(name)!r}")
-            return values
-
-        def made(make: Callable[..., Mesh], *values: Any) -> Mesh:
-            try:
-                return make(*values)
-            except ValueError as error:
-                raise self.error(f"{where}: {error}") from error
-
-        match shape.tag:
-            case "mesh":
-                return self.mesh_file(self.attribute(shape, "filename", where))
-            case "box":
-                return made(shapes.box, sizes("size", 3))
-            case "cylinder":
-                return made(shapes.cylinder, float(sizes("radius")[0]), float(sizes("length")[0]))
-            case "sphere":
-                return made(shapes.sphere, float(sizes("radius")[0]))
-        raise self.error(f"{where}: expected mesh, box, cylinder or sphere, got <{shape.tag}>")
+        if shape.tag == "mesh":
+            return self.mesh_file(self.attribute(shape, "filename", where))
+        if shape.tag not in _SIZES:
+            raise self.error(f"{where}: expected mesh, box, cylinder or sphere, got <{shape.tag}>")
+        sizes = [
+            self.numbers(self.attribute(shape, name, where), count, f"{where}, {name}")
+            for name, count in _SIZES[shape.tag].items()
+        ]
+        with check.located(f"{self.path}: {where}"):
+            mesh: Mesh = getattr(shapes, shape.tag)(*(size if len(size) > 1 else size.item() for size in sizes))
+        return mesh
 
     def mesh_file(self, filename: str) -> Path:
         """Path of a mesh: ``package://name/...``, ``file://...``, or relative to the URDF file."""
