@@ -24,7 +24,7 @@ from types import SimpleNamespace
 from typing import Any, NoReturn, Protocol
 
 from radarcore.sensor.emulator.pty import StreamPeripheral, Unplugged
-from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, require_pyusb
+from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort, require_pyusb, usb_devices
 
 _FULL_SPEED, _HIGH_SPEED = 2, 3  # as libusb numbers them
 
@@ -494,13 +494,18 @@ def bus_with(*devices: EmulatedDevice) -> EmulatedBus:
     return bus
 
 
+def on_bus(bus: EmulatedBus, number: int = 1) -> Any:
+    """The device at usb:1-NUMBER, as pyusb has it."""
+    return usb_devices(bus)[number - 1]
+
+
 def stream_to(peripheral: StreamPeripheral, **options: Any) -> tuple[UsbStream, EmulatedBus, EmulatedDevice]:
     device = cdc_device(peripheral, **options)
     bus = bus_with(device)
-    return UsbStream("usb:1-1", usb_backend=bus), bus, device
+    return UsbStream(on_bus(bus)), bus, device
 
 
 def vendor_port_to(peripheral: VendorPeripheral, **options: Any) -> tuple[UsbVendorPort, EmulatedBus, EmulatedDevice]:
     device = vendor_device(peripheral, **options)
     bus = bus_with(device)
-    return UsbVendorPort("usb:1-1", usb_backend=bus), bus, device
+    return UsbVendorPort(on_bus(bus)), bus, device

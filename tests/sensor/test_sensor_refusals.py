@@ -14,7 +14,6 @@ import radarcore as rc
 from chip_settings import power_up
 from doubles.boards import Numbered, opened
 from doubles.comlib_boards import Pipe, Ramp, radar
-from doubles.usb_bus import EmulatedBus
 from radarcore.sensor.bgt60.registers import start_words, temperature_code, temperature_of, write_word
 from radarcore.sensor.bgt60.settings import Settings, registers_of
 from radarcore.sensor.comlib.board import ComLibBoard
@@ -25,7 +24,7 @@ from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import DataPacket
 from radarcore.sensor.transport.capture import Replay
-from radarcore.sensor.transport.ports import open_stream, open_vendor_port
+from radarcore.sensor.transport.serialport import SerialStream
 
 Row = tuple[Callable[[], object], str]
 
@@ -105,13 +104,8 @@ COMLIB: list[Row] = [
     (lambda: frame_of(Small()), r"frame: expected codes of 12 bit, uint16 \(4, 16, 64\), got uint16 \(1, 2, 3\)"),
 ]
 PORTS: list[Row] = [
-    (lambda: open_stream(""), "path: expected the path of a serial port"),
-    (lambda: open_stream("a\0b"), "path: expected the path of a serial port"),
-    *(
-        (lambda path=path: open_stream(path, usb_backend=EmulatedBus()), "port: expected usb:BUS-ADDRESS or usb:VID:")
-        for path in ("usb:", "usb:1-2-3", "usb:xyz:1", "usb:1:2:3")
-    ),
-    (lambda: open_vendor_port("/dev/tty", usb_backend=EmulatedBus()), "got '/dev/tty'"),
+    (lambda: SerialStream(""), "path: expected the path of a serial port"),
+    (lambda: SerialStream("a\0b"), "path: expected the path of a serial port"),
     (lambda: Controller(Numbered(), latency=-1.0), "latency: expected .*, got -1"),
 ]
 

@@ -9,14 +9,13 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
 import pytest
 
 from doubles.small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, list_serial_ports, read_all
-from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, stream_to, vendor_device, vendor_port_to
+from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, on_bus, stream_to, vendor_device, vendor_port_to
 from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,
@@ -24,7 +23,8 @@ from radarcore.sensor.errors import (
     SensorNotFoundError,
     SensorTimeoutError,
 )
-from radarcore.sensor.transport.ports import Port, describe_usb, find_ports, open_stream, open_vendor_port
+from radarcore.sensor.opening import _port_of
+from radarcore.sensor.transport.ports import Port, describe_usb, find_ports
 from radarcore.sensor.transport.stream import Stalled
 from radarcore.sensor.transport.usbport import UDEV_RULE, UsbStream, UsbVendorPort
 
@@ -100,44 +100,21 @@ def test_missing_libusb_or_pyusb_is_said(monkeypatch: pytest.MonkeyPatch) -> Non
         find_ports(usb_backend=EmulatedBus(), with_serial=False)
 
 
-def test_device_is_opened_by_its_place_or_its_ids() -> None:
+def test_board_is_named_by_its_place_or_its_ids() -> None:
     bus = bus_with(cdc_device(Loopback()), vendor_device(Requests()))
-    for port in ("usb:1-1", "usb:058b:0251", "usb:058B:251", find_ports(usb_backend=bus, with_serial=False)[0]):
-        stream = open_stream(port, usb_backend=bus)
-        assert stream.name == "usb:1-1"
-        stream.close()
-    for port in ("usb:1-2", "usb:058b:0252", find_ports(usb_backend=bus, with_serial=False)[1]):
-        vendor_port = open_vendor_port(port, usb_backend=bus)
-        assert (vendor_port.name, vendor_port.product) == ("usb:1-2", "Radar Baseboard MCU7")
-        vendor_port.close()
+    names = ("usb:1-1", "usb:058b:0251", "usb:1-2", "usb:058B:0252")
+    assert [_port_of(name, bus).path for name in names] == ["usb:1-1", "usb:1-1", "usb:1-2", "usb:1-2"]
+    for name in ("usb:1-7", "usb:058b:0058", "usb:", "usb:xyz:1"):
+        with pytest.raises(SensorNotFoundError, match=f"{name}: expected a radar board on USB, got none; there is"):
+            _port_of(name, bus)
 
 
-def port_of(bus: EmulatedBus, number: int) -> Port:
-    return find_ports(usb_backend=bus, with_serial=False)[number]
-
-
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda bus: open_stream("usb:1-7", usb_backend=bus), SensorNotFoundError, "is the board plugged in"),
-        (lambda bus: open_stream("usb:058b:0058", usb_backend=bus), SensorNotFoundError, "is the board plugged in"),
-        (lambda bus: open_stream("usb:058b:0251", usb_backend=bus), SensorError, "one of the 2: usb:1-1, usb:1-2"),
-        (lambda bus: open_stream("usb:1-3", usb_backend=bus), SensorError, "expected a CDC device"),
-        (lambda bus: open_vendor_port("usb:1-1", usb_backend=bus), SensorError, "expected a vendor-class device"),
-        (lambda bus: open_stream(port_of(bus, 2), usb_backend=bus), ValueError, "a byte stream, got usb:1-3"),
-        (
-            lambda bus: open_vendor_port(port_of(bus, 0), usb_backend=bus),
-            ValueError,
-            "vendor-class device, got usb:1-1",
-        ),
-    ],
-)
-def test_other_devices_are_refused_and_closed(
-    call: Callable[[EmulatedBus], object], error: type[Exception], message: str
-) -> None:
-    bus = bus_with(cdc := cdc_device(Loopback()), cdc_device(Loopback()), vendor := vendor_device(Requests()))
-    with pytest.raises(error, match=message):
-        call(bus)
+def test_devices_without_what_is_needed_are_refused_and_closed() -> None:
+    bus = bus_with(cdc := cdc_device(Loopback()), vendor := vendor_device(Requests()))
+    with pytest.raises(SensorError, match="expected a CDC device"):
+        UsbStream(on_bus(bus, 2))
+    with pytest.raises(SensorError, match="expected a vendor-class device"):
+        UsbVendorPort(on_bus(bus, 1))
     assert cdc.driver_is_bound
     assert not cdc.claimed_interfaces | vendor.claimed_interfaces
 
@@ -176,7 +153,7 @@ def test_open_board_is_taken_from_the_driver_and_given_back() -> None:
 def test_board_without_line_coding_is_opened_nevertheless() -> None:
     device = cdc_device(Loopback())
     device.answers_class_requests = False
-    stream = UsbStream("usb:1-1", usb_backend=bus_with(device))
+    stream = UsbStream(on_bus(bus_with(device)))
     assert echoes(stream)
     stream.close()
     assert device.driver_is_bound
@@ -185,11 +162,11 @@ def test_board_without_line_coding_is_opened_nevertheless() -> None:
 def test_board_in_use_is_refused_and_left_as_it_is() -> None:
     stream, bus, device = stream_to(Loopback())
     with pytest.raises(SensorError, match="in use by another program"):
-        UsbStream("usb:1-1", usb_backend=bus)
+        UsbStream(on_bus(bus))
     assert device.claimed_interfaces == {0, 1}
     assert echoes(stream)
     stream.close()
-    UsbStream("usb:1-1", usb_backend=bus).close()
+    UsbStream(on_bus(bus)).close()
 
 
 def test_failed_claim_gives_the_driver_back() -> None:
@@ -200,7 +177,7 @@ def test_failed_claim_gives_the_driver_back() -> None:
     other.detach_kernel_driver(0)
     usb.util.claim_interface(other, 1)
     with pytest.raises(SensorError, match="in use by another program"):
-        UsbStream("usb:1-1", usb_backend=bus)
+        UsbStream(on_bus(bus))
     assert device.claimed_interfaces == {1}
     usb.util.release_interface(other, 1)
     other.attach_kernel_driver(0)
@@ -216,7 +193,7 @@ def test_failed_line_coding_gives_the_board_back(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(bus, "ctrl_transfer", silent)
     with pytest.raises(SensorTimeoutError, match="usb:1-1: the board did not answer in time") as raised:
-        UsbStream("usb:1-1", usb_backend=bus)
+        UsbStream(on_bus(bus))
     assert device.driver_is_bound  # although the error still knows the stream
     assert device.claimed_interfaces == set()
     assert raised.tb is not None
@@ -226,7 +203,7 @@ def test_missing_permission_shows_the_udev_rule() -> None:
     cdc, vendor = cdc_device(Loopback()), vendor_device(Requests())
     cdc.is_denied = vendor.is_denied = True
     bus = bus_with(cdc, vendor)
-    for call in (lambda: open_stream("usb:1-1", usb_backend=bus), lambda: open_vendor_port("usb:1-2", usb_backend=bus)):
+    for call in (lambda: UsbStream(on_bus(bus, 1)), lambda: UsbVendorPort(on_bus(bus, 2))):
         with pytest.raises(SensorError, match="no permission to open the device") as raised:
             call()
         if sys.platform == "linux":
@@ -240,11 +217,11 @@ import atexit, sys
 import radarcore.sensor.transport
 print({'usb', 'serial', 'libusb_package'} & set(sys.modules))
 atexit.register(lambda: print(device.driver_is_bound))  # the first is called last
-from doubles.usb_bus import EmulatedBus, cdc_device
-from radarcore.sensor.transport.ports import open_stream
+from doubles.usb_bus import EmulatedBus, cdc_device, on_bus
+from radarcore.sensor.transport.usbport import UsbStream
 bus, device = EmulatedBus(), cdc_device(None)
 bus.plug(device)
-stream = open_stream("usb:1-1", usb_backend=bus)
+stream = UsbStream(on_bus(bus))
 print(device.driver_is_bound)
 raise SystemExit
 """
@@ -302,8 +279,8 @@ def test_board_plugged_in_anew_has_a_new_address_and_opens() -> None:
     stream.close()
     assert device.driver_is_bound  # the old stream has nothing to say to the new connection
     with pytest.raises(SensorNotFoundError):
-        UsbStream("usb:1-1", usb_backend=bus)
-    again = UsbStream("usb:058b:0251", usb_backend=bus)
+        _port_of("usb:1-1", bus)
+    again = UsbStream(_port_of("usb:058b:0251", bus).device)
     assert again.name == "usb:1-2"
     assert echoes(again)
     again.close()
@@ -374,7 +351,7 @@ def test_packet_cut_by_the_end_of_a_wait_is_put_together() -> None:
 
     bus = Cut()
     bus.plug(vendor_device(Requests(b"b" * 300, b"c")))
-    port = UsbVendorPort("usb:1-1", usb_backend=bus)
+    port = UsbVendorPort(on_bus(bus))
     assert port.read_packet(1024, 0.02) == b"a" * 512 + b"b" * 300
     assert port.read_packet(1024, HANG) == b"c"
     port.close()

@@ -12,6 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -338,7 +339,7 @@ def _descriptors() -> dict[str, Any]:
 
     found: dict[str, Any] = {}
     try:
-        found["ports"] = [vars(port) for port in ports.find_ports()]
+        found["ports"] = [vars(replace(port, device=None)) for port in ports.find_ports()]
         found["usb"] = ports.describe_usb()
     except (SensorError, ImportError) as error:
         found["errors"] = [str(error)]

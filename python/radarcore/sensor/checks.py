@@ -82,9 +82,10 @@ class Check:
     values: dict[str, Any] = field(default_factory=dict)
 
 
-def judged(name: str, is_good: bool, measured: str, expected: str, values: dict[str, Any] | None = None) -> Check:
-    """A check that passes if what was measured is good."""
-    return Check(name, "PASS" if is_good else "FAIL", measured, expected, values or {})
+def judged(name: str, is_good: object, measured: str, expected: str, /, **values: Any) -> Check:
+    """A check that passes if what was measured is good, and is skipped where that is None."""
+    result: Result = "SKIP" if is_good is None else "PASS" if is_good else "FAIL"
+    return Check(name, result, measured, expected, values)
 
 
 def present_radar(board: Board, interval: float) -> Radar:
@@ -153,13 +154,8 @@ def pattern_checks(board: StrataBoard) -> Iterator[Check]:
     else:
         text = _difference(words.reshape(-1), running.reshape(-1))
     begin = [f"{word:03X}" for word in words[0, :12].tolist()]
-    yield judged(
-        "test pattern",
-        text.startswith("all"),
-        text,
-        "001 800 400 200 100 880 440 220 ..., a word per sample",
-        {"first_words": begin, "num_words": words.size},
-    )
+    expected = "001 800 400 200 100 880 440 220 ..., a word per sample"
+    yield judged("test pattern", text.startswith("all"), text, expected, first_words=begin, num_words=words.size)
 
 
 def _difference(words: NDArray[np.uint16], expected: NDArray[np.uint16]) -> str:
@@ -189,48 +185,38 @@ def noise_checks(board: StrataBoard) -> Iterator[Check]:
     off: dict[int, NDArray[np.uint16]] = {}
     for gain, usual in _NOISE.items():
         off[gain] = _codes(board, wide if gain == 23 else narrow, if_gain_db=gain, is_transmitting=False)
-        noise = chirp_noise(off[gain])
-        low, high = usual / _BAND, usual * _BAND
-        yield judged(
-            f"noise, {gain} dB, TX off",
-            bool(np.all((low <= noise) & (noise <= high))),
-            f"{_list(noise)} codes",
-            f"{low:.2g} to {high:.2g} codes",
-            {"noise": noise.tolist(), "if_gain_db": gain, "is_transmitting": False},
-        )
+        limits = (usual / _BAND, usual * _BAND)
+        yield _noise_within(f"noise, {gain} dB, TX off", off[gain], limits, if_gain_db=gain, is_transmitting=False)
     for gain, radar in ((23, wide), (50, narrow)):
         on = _codes(board, radar, if_gain_db=gain)
         noise, least = chirp_noise(on), _QUIETER * chirp_noise(off[gain])
-        name = f"noise, {gain} dB, TX on"
         values = {"noise": noise.tolist(), "if_gain_db": gain, "is_transmitting": True, "clipped": clipped(on)}
+        is_good: bool | None = bool(np.all(noise >= least))
+        text = f"{_list(noise)} codes"
         if clipped(on) > _MOST_CLIPPED:
+            is_good = None
             text = f"{100.0 * clipped(on):.0f} % of the samples at an end of the ADC: nothing may be near the board"
-            yield Check(name, "SKIP", text, f"at least {_list(least)} codes", values)
-        else:
-            is_good = bool(np.all(noise >= least))
-            yield judged(name, is_good, f"{_list(noise)} codes", f"at least {_list(least)} codes", values)
+        yield judged(f"noise, {gain} dB, TX on", is_good, text, f"at least {_list(least)} codes", **values)
         if gain == 23:
             change = leakage(on, off[gain])
-            yield judged(
-                "leakage, 23 dB, TX on",
-                bool(np.all(change >= _LEAST_LEAKAGE)),
-                f"{_list(change)} codes peak to peak",
-                f"at least {_LEAST_LEAKAGE:g} codes; 360 to 1240 were seen",
-                {"leakage": change.tolist()},
-            )
+            text = f"{_list(change)} codes peak to peak"
+            expected = f"at least {_LEAST_LEAKAGE:g} codes; 360 to 1240 were seen"
+            is_good = bool(np.all(change >= _LEAST_LEAKAGE))
+            yield judged("leakage, 23 dB, TX on", is_good, text, expected, leakage=change.tolist())
 
 
 def any_noise_checks(board: Board) -> Iterator[Check]:
     """Noise of a board with ComLib, at the gain that it has."""
-    noise = chirp_noise(_codes(board, present_radar(board, 50e-3)))
-    low, high = _COMLIB_NOISE
-    yield judged(
-        "noise",
-        bool(np.all((low <= noise) & (noise <= high))),
-        f"{_list(noise)} codes",
-        f"{low:g} to {high:g} codes: receivers neither dead nor saturated",
-        {"noise": noise.tolist()},
-    )
+    check = _noise_within("noise", _codes(board, present_radar(board, 50e-3)), _COMLIB_NOISE)
+    yield replace(check, expected=f"{check.expected}: receivers neither dead nor saturated")
+
+
+def _noise_within(name: str, codes: NDArray[np.uint16], limits: tuple[float, float], **values: Any) -> Check:
+    """Noise of all receivers within limits [codes]."""
+    noise, (low, high) = chirp_noise(codes), limits
+    is_good = bool(np.all((low <= noise) & (noise <= high)))
+    expected = f"{low:.2g} to {high:.3g} codes"
+    return judged(name, is_good, f"{_list(noise)} codes", expected, noise=noise.tolist(), **values)
 
 
 def _codes(board: Board, radar: Radar, **options: Any) -> NDArray[np.uint16]:

@@ -13,14 +13,22 @@ from radarcore import check, notice
 from radarcore.output import claimed
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.device import Sensor
-from radarcore.sensor.errors import ProtocolError, SensorError, SensorNotFoundError, SensorTimeoutError
+from radarcore.sensor.errors import (
+    ProtocolError,
+    SensorDisconnectedError,
+    SensorError,
+    SensorNotFoundError,
+    SensorTimeoutError,
+)
 from radarcore.sensor.interface import Board, BoardInfo
 from radarcore.sensor.strata.board import StrataBoard
 from radarcore.sensor.strata.stream import Link, StreamLink, VendorLink
 from radarcore.sensor.transport import ports
 from radarcore.sensor.transport.capture import Capture, Replay
 from radarcore.sensor.transport.ports import Port
+from radarcore.sensor.transport.serialport import SerialStream
 from radarcore.sensor.transport.stream import Stream
+from radarcore.sensor.transport.usbport import UsbStream, UsbVendorPort
 
 _Made = TypeVar("_Made")
 
@@ -130,39 +138,28 @@ def open_sensor(
     """
     if protocol is not None:
         check.choice("protocol", protocol, PROTOCOLS)
-    with nullcontext() if capture is None else claimed(Path(capture)):
-        return _opened(port, protocol, queue_size, capture, usb_backend)
-
-
-def _opened(
-    port: str | Port | None,
-    protocol: str | None,
-    queue_size: int,
-    capture: str | PathLike[str] | None,
-    usb_backend: Any,
-) -> Sensor:
-    """The sensor at a port, or at the first with a board."""
-    if port is not None:
-        return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
     failures, reasons = [], []
-    for found in ports.find_ports(usb_backend=usb_backend):
-        try:
-            return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
-        except SensorError as error:
-            failures.append(error)
-            if _is_of_board(found, error):
-                reasons.append(error)
-    if len(reasons) == 1:
-        raise reasons[0]
-    if reasons:
-        raise SensorError(f"expected a radar board that can be opened, got{_listed(reasons)}")
-    tried = f"; tried:{_listed(failures)}" if failures else ": no known USB device and no serial port of one"
-    raise SensorNotFoundError(f"no radar board found{tried}")
+    with nullcontext() if capture is None else claimed(Path(capture)):
+        if port is not None:
+            return Sensor(_connect(port, protocol, usb_backend, capture), queue_size=queue_size)
+        for found in ports.find_ports(usb_backend=usb_backend):
+            try:
+                return Sensor(_connect(found, protocol, usb_backend, capture), queue_size=queue_size)
+            except SensorError as error:
+                failures.append(error)
+                if _is_of_board(found, error):
+                    reasons.append(error)
+        if len(reasons) == 1:
+            raise reasons[0]
+        if reasons:
+            raise SensorError(f"expected a radar board that can be opened, got{_listed(reasons)}")
+        tried = f"; tried:{_listed(failures)}" if failures else ": no known USB device and no serial port of one"
+        raise SensorNotFoundError(f"no radar board found{tried}")
 
 
 def _is_of_board(port: Port, error: SensorError) -> bool:
     """True for a failure of what is there and a radar board for certain: by its answer, or by its USB ids."""
-    if isinstance(error, SensorNotFoundError):
+    if isinstance(error, SensorNotFoundError | SensorDisconnectedError):
         return False  # unplugged meanwhile
     ids = (port.vendor_id, port.product_id)
     if ids == _XMC and isinstance(error, (SensorTimeoutError, ProtocolError)):
@@ -188,16 +185,17 @@ def _connect(
         if port.kind == "usb-vendor":
             if capture is not None:
                 raise ValueError(f"capture: expected a port with a byte stream, got {port.path}, which has none")
-            link = VendorLink(ports.open_vendor_port(port, usb_backend=usb_backend))
+            link = VendorLink(UsbVendorPort(port.device))
             return _or_close(link, partial(StrataBoard, link))
         place, protocols = port.path, _protocols_of(port)
-        open_stream = partial(ports.open_stream, port, usb_backend=usb_backend)
+        is_usb = port.kind == "usb-cdc"
+        open_stream = partial(UsbStream, port.device) if is_usb else partial(SerialStream, port.path)
     if protocol is not None:
         protocols = (protocol,)
     timeout = _PROBE_TIMEOUT if len(protocols) > 1 else 1.0
     failures: dict[str, SensorError] = {}
     for name in protocols:
-        stream = open_stream()
+        stream: Stream = open_stream()
         if capture is not None:
             stream = _or_close(stream, partial(Capture, stream, capture))
         try:

@@ -94,64 +94,51 @@ def run_checks(board: Board, groups: Collection[str] = GROUPS, *, duration: floa
 
 def _identity(board: StrataBoard) -> Iterator[Check]:
     told, again = board.identity(), board.identity()
-    ids, name = told["usb_ids"], told["name"]
+    ids, name, version, chip_id, uuid = (told[key] for key in ("usb_ids", "name", "version", "chip_id", "uuid"))
     known = ", ".join(f"{vendor:04x}:{product:04x}" for vendor, product in KNOWN_BOARDS)
     if ids is None:
-        yield Check("USB ids", "SKIP", "the board does not tell", known)
+        yield judged("USB ids", None, "the board does not tell", known)
     else:
         text = f"{ids[0]:04x}:{ids[1]:04x}"
-        yield judged("USB ids", tuple(ids) in KNOWN_BOARDS, text, f"one of {known}", {"usb_ids": list(ids)})
-    yield judged("board name", bool(name), repr(name), "a text", {"name": name})
+        yield judged("USB ids", tuple(ids) in KNOWN_BOARDS, text, f"one of {known}", usb_ids=list(ids))
+    yield judged("board name", name, repr(name), "a text", name=name)
 
-    version = told["version"]
-    extended = f" ({told['extended_version']})" if told["extended_version"] else ""
-    yield judged(
-        "firmware",
-        version[:3] != (0, 0, 0),
-        version.firmware + extended,
-        "a version; 2.5.5, 2.6.0 and 2.9.0 were seen",
-        {"firmware": version.firmware, "extended_version": told["extended_version"]},
-    )
+    extended = told["extended_version"]
+    text = f"{version.firmware} ({extended})" if extended else version.firmware
+    expected = "a version; 2.5.5, 2.6.0 and 2.9.0 were seen"
+    values = {"firmware": version.firmware, "extended_version": extended}
+    yield judged("firmware", version[:3] != (0, 0, 0), text, expected, **values)
     protocol = f"{version.protocol_major}.{version.protocol_minor}"
-    yield judged("protocol", version.protocol_major == 4, f"Strata {protocol}", "Strata 4", {"protocol": protocol})
-    chip_id = told["chip_id"]
-    yield judged(
-        "chip id",
-        chip_id == 0x000303 and again["chip_id"] == chip_id,
-        f"0x{chip_id:06X}, {chip_name(chip_id)}",
-        "0x000303, BGT60TR13C, twice",
-        {"chip_id": chip_id},
-    )
-    uuid = told["uuid"]
+    yield judged("protocol", version.protocol_major == 4, f"Strata {protocol}", "Strata 4", protocol=protocol)
+    is_good = chip_id == 0x000303 == again["chip_id"]
+    text = f"0x{chip_id:06X}, {chip_name(chip_id)}"
+    yield judged("chip id", is_good, text, "0x000303, BGT60TR13C, twice", chip_id=chip_id)
     if uuid is None or not uuid.strip("0-"):
-        yield Check("UUID", "SKIP", "the board has none", "the same twice")
+        yield judged("UUID", None, "the board has none", "the same twice")
     else:
-        yield judged("UUID", again["uuid"] == uuid, uuid, "the same twice", {"uuid": uuid})
+        yield judged("UUID", again["uuid"] == uuid, uuid, "the same twice", uuid=uuid)
 
 
 def _names(board: Board) -> Iterator[Check]:
     info = board.info
-    yield judged("board name", bool(info.name), repr(info.name), "a text", {"name": info.name})
-    yield judged("firmware", info.firmware != "0.0.0", info.firmware, "a version", {"firmware": info.firmware})
+    yield judged("board name", info.name, repr(info.name), "a text", name=info.name)
+    yield judged("firmware", info.firmware != "0.0.0", info.firmware, "a version", firmware=info.firmware)
     yield Check("protocol", "PASS", "ComLib with RBAS and RFMC", "ComLib with RBAS and RFMC")
-    yield judged("chip id", info.chip != "", repr(info.chip), "a chip in the descriptions", {"chip": info.chip})
+    yield judged("chip id", info.chip, repr(info.chip), "a chip in the descriptions", chip=info.chip)
 
 
 def _temperature(board: Board) -> Iterator[Check]:
     if isinstance(board, ComLibBoard) and not board.has_temperature:
-        yield Check("temperature", "SKIP", "the board has no sensor", "")
+        yield judged("temperature", None, "the board has no sensor", "")
         return
-    values = [board.temperature()]
+    first = board.temperature()
     time.sleep(0.15)  # a temperature is not asked for more often
-    values.append(board.temperature())
+    second = board.temperature()
     low, high = _TEMPERATURES
-    yield judged(
-        "temperature",
-        all(low <= value <= high for value in values) and abs(values[1] - values[0]) <= _TEMPERATURE_STEP,
-        f"{values[0]:.1f} and {values[1]:.1f} deg C",
-        f"{low:g} to {high:g} deg C, within {_TEMPERATURE_STEP:g} deg C of each other",
-        {"temperatures": values},
-    )
+    is_good = low <= min(first, second) and max(first, second) <= high and abs(second - first) <= _TEMPERATURE_STEP
+    text = f"{first:.1f} and {second:.1f} deg C"
+    expected = f"{low:g} to {high:g} deg C, within {_TEMPERATURE_STEP:g} deg C of each other"
+    yield judged("temperature", is_good, text, expected, temperatures=[first, second])
 
 
 # The chip's registers and its link
@@ -189,16 +176,10 @@ def _registers(board: StrataBoard) -> Iterator[Check]:
     if unusual:
         others = ", ".join(f"0x{address:02X}" for address in list(unusual)[:4])
         measured += f"; {len(unusual)} unlike published values after a reset: {others}"
-    yield judged(
-        "registers",
-        not wrong,
-        measured,
-        "all as written, but for reserved bits",
-        {
-            "wrong_bits": {f"0x{address:02X}": f"0x{bits:06X}" for address, bits in wrong.items()},
-            "after_reset": {f"0x{address:02X}": f"0x{value:06X}" for address, value in resets.items()},
-        },
-    )
+    wrong_bits = {f"0x{address:02X}": f"0x{bits:06X}" for address, bits in wrong.items()}
+    after_reset = {f"0x{address:02X}": f"0x{value:06X}" for address, value in resets.items()}
+    expected = "all as written, but for reserved bits"
+    yield judged("registers", not wrong, measured, expected, wrong_bits=wrong_bits, after_reset=after_reset)
 
 
 # Frames
@@ -224,7 +205,7 @@ def _rate(board: Board, radar: Radar, duration: float) -> Iterator[Check]:
     else:
         measured += ", no time stamps of the board"
     expected = f"{1.0 / wanted:.3f} Hz within {tolerance:.1%}, {_CLOCK_TOLERANCE:.1%} by the board's clock"
-    yield judged("frame rate", is_good, measured, expected, values)
+    yield judged("frame rate", is_good, measured, expected, **values)
     yield _lost("frames lost", frames)
 
 
@@ -270,4 +251,4 @@ def _lost(name: str, frames: list[RawFrame]) -> Check:
     reasons = reasons_of(frames)
     because = f": {reasons}" if reasons else ""
     text = f"{number} of {len(frames) + number} frames lost{because}"
-    return judged(name, number == 0, text, "0 lost", {"lost": number, "frames": len(frames), "reasons": reasons})
+    return judged(name, number == 0, text, "0 lost", lost=number, frames=len(frames), reasons=reasons)

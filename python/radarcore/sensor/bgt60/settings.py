@@ -59,29 +59,16 @@ MAX_SLICE_SIZE = 8192
 """Samples of a slice that leave the host half the memory's time to fetch it."""
 
 _ALWAYS = {
+    **dict.fromkeys((reg.CSI_0, reg.CSI_1, reg.CSI_2, reg.CSDS_0, reg.CSDS_1, reg.CSDS_2), 0),
+    **dict.fromkeys((reg.PLL1_4, reg.PLL1_5, reg.PLL1_6, reg.RFT1, reg.SDFT0), 0),
+    **dict.fromkeys((reg.CSC2, reg.CSC3, reg.CSC4), 0x000480),
+    **dict.fromkeys((reg.PLL2_7, reg.PLL3_7, reg.PLL4_7), 0x000100),
     reg.PACR1: 0xE967FD,
     reg.PACR2: 0x0805B4,
-    reg.CSI_0: 0,
-    reg.CSI_1: 0,
-    reg.CSI_2: 0,
     reg.CSCI: 0x000BE0,
-    reg.CSDS_0: 0,
-    reg.CSDS_1: 0,
-    reg.CSDS_2: 0,
     reg.CSCDS: 0x000B60,
     reg.CSC1: 0x000490,
-    reg.CSC2: 0x000480,
-    reg.CSC3: 0x000480,
-    reg.CSC4: 0x000480,
     reg.CCR3: 0x787E1E,
-    reg.PLL1_4: 0,
-    reg.PLL1_5: 0,
-    reg.PLL1_6: 0,
-    reg.PLL2_7: 0x000100,
-    reg.PLL3_7: 0x000100,
-    reg.PLL4_7: 0x000100,
-    reg.RFT1: 0,
-    reg.SDFT0: 0,
     reg.MAIN: 0x1E8270,
 }
 
@@ -247,13 +234,9 @@ class Settings:
             frame_interval=self.frame_time,
             adc_delay=ADC_DELAY,
         )
+        rx, power = radar.rx[list(self.rx_indices)], radar.tx_power_dbm
         return Radar(
-            radar.waveform,
-            tx=radar.tx,
-            rx=radar.rx[list(self.rx_indices)],
-            pattern=radar.pattern,
-            tx_power_dbm=radar.tx_power_dbm,
-            receiver=radar.receiver,
+            radar.waveform, tx=radar.tx, rx=rx, pattern=radar.pattern, tx_power_dbm=power, receiver=radar.receiver
         )
 
 

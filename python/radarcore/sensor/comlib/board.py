@@ -214,16 +214,8 @@ class ComLibBoard:
         form = Format(wave.num_samples, wave.num_chirps, rx_mask)
         achieved = _waveform_of(ramp, slope, form, sample_rate, duration, self._interval_us / 1e6)
         noise_figure_db = None if radar.receiver is None else radar.receiver.noise_figure_db
-        return Radar(
-            achieved,
-            tx=radar.tx,
-            rx=radar.rx,
-            pattern=radar.pattern,
-            tx_patterns=radar.tx_patterns,
-            rx_patterns=radar.rx_patterns,
-            tx_power_dbm=radar.tx_power_dbm,
-            receiver=Receiver(output="real", noise_figure_db=noise_figure_db),
-        )
+        receiver = Receiver(output="real", noise_figure_db=noise_figure_db)
+        return replace(radar, waveform=achieved, receiver=receiver)
 
     def present_radar(self) -> Radar:
         """The radar that the board is set to: `configure` finds nothing to change. Its antennas stand in one place."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import select
 import sys
@@ -209,13 +208,8 @@ def _make_link(link: Path, path: str, replace: bool) -> None:
         link.unlink()
     try:
         link.symlink_to(path)
-    except FileExistsError:
-        kind = "link" if link.is_symlink() else "folder" if link.is_dir() else "file"
-        remedy = "; --force (replace_link=True) replaces a link that a killed server has left" if kind == "link" else ""
-        reason = f"expected a name that is free, got the name of a {kind}{remedy}"
-        raise FileExistsError(errno.EEXIST, reason, str(link)) from None
-    except FileNotFoundError as error:
-        reason = f"expected a link in a folder that exists, got none named {link.parent}"
-        raise FileNotFoundError(error.errno, reason, str(link)) from None
     except OSError as error:
-        raise OSError(error.errno, f"no link can be made there: {error.strerror}", str(link)) from None
+        remedy = (
+            "; --force (replace_link=True) replaces a link that a killed server has left" if link.is_symlink() else ""
+        )
+        raise OSError(error.errno, f"{error.strerror}{remedy}", str(link)) from None

@@ -231,16 +231,15 @@ class _Frames:
         shapes = list(takewhile(lambda shape: self.field(reg.PLL1_7 + 8 * shape, 4, 4), range(4)))
         if not shapes:
             raise self.error("shape 1 to be on (PLL1_7.SH_EN)", reg.PLL1_7)
-        starts, order, frame = self._starts(shapes)
-        ramps: list[Ramps] = []
-        numbers: dict[tuple[int, int], int] = {}
-        for key, times in starts.items():
-            if (found := self.ramps(*key, times, frame)) is not None:
-                numbers[key] = len(ramps)
-                ramps.append(found)
-        sampled = [numbers[key] for key, _ in order if key in numbers]
-        if not sampled:
+        order, frame = self._order(shapes)
+        starts: dict[tuple[int, int], list[int]] = {}
+        for key, start in order:
+            starts.setdefault(key, []).append(start)
+        ramps = {key: found for key, times in starts.items() if (found := self.ramps(*key, times, frame)) is not None}
+        if not ramps:
             raise self.error("samples of a receiver", reg.CSU1_1)
+        numbers = {key: number for number, key in enumerate(ramps)}
+        sampled = [numbers[key] for key, _ in order if key in numbers]
         # The last one pauses as one before it would, whatever the frame's end is.
         (last, _), start = order[-1]
         pause = self.pause_cycles(reg.PLL1_7 + 8 * last) if len(order) > 1 else 0
@@ -248,14 +247,11 @@ class _Frames:
         overs.append(start + self.chirp_cycles(*order[-1][0]) + self.return_cycles(last) + pause)
         ends = [over / CLOCK for (key, _), over in zip(order, overs, strict=True) if key in numbers]
         num_frames = self.field(reg.CCR2, 11, 0)
-        return Sequence(tuple(ramps), np.array(sampled, np.intp), np.array(ends), frame / CLOCK, num_frames)
+        return Sequence(tuple(ramps.values()), np.array(sampled, np.intp), np.array(ends), frame / CLOCK, num_frames)
 
-    def _starts(
-        self, shapes: list[int]
-    ) -> tuple[dict[tuple[int, int], list[int]], list[tuple[tuple[int, int], int]], int]:
-        """Starts of the ramps by (shape, 0 up or 1 down), all of them in order, and the time of a frame [cycles]."""
+    def _order(self, shapes: list[int]) -> tuple[list[tuple[tuple[int, int], int]], int]:
+        """All ramps of a frame as (shape, 0 up or 1 down) and their starts, and its duration [cycles]."""
         groups = self.field(reg.CCR2, 23, 12) + 1
-        starts: dict[tuple[int, int], list[int]] = {}
         order: list[tuple[tuple[int, int], int]] = []
         now, size = 0, sum(self._group_size(shapes[group % len(shapes)]) for group in range(groups))
         if size > _MOST_SAMPLES:
@@ -266,13 +262,12 @@ class _Frames:
             shape = shapes[group % len(shapes)]
             for _ in range(1 << self.field(reg.PLL1_7 + 8 * shape, 3, 0)):
                 for side in (0, 1) if self.is_triangle(shape) else (0,):
-                    starts.setdefault((shape, side), []).append(now)
                     order.append(((shape, side), now))
                     now += self.chirp_cycles(shape, side)
                 now += self.return_cycles(shape)
             is_last = group == groups - 1
             now += self.pause_cycles(reg.CCR1 if is_last else reg.PLL1_7 + 8 * shape)
-        return starts, order, now
+        return order, now
 
     def _group_size(self, shape: int) -> int:
         """Samples of a shape and its repetitions, about."""

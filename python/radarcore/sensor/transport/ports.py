@@ -1,25 +1,17 @@
-"""Boards that are plugged in, and opening one by name."""
+"""Boards that are plugged in."""
 
 from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, Literal
 
 from radarcore import notice
 from radarcore.sensor.errors import SensorError
-from radarcore.sensor.transport.serialport import SerialStream, is_pty, serial_ports
-from radarcore.sensor.transport.stream import Stream, VendorPort
-from radarcore.sensor.transport.usbport import (
-    UsbStream,
-    UsbVendorPort,
-    device_path,
-    require_pyusb,
-    usb_devices,
-    usb_strings,
-)
+from radarcore.sensor.transport.serialport import is_pty, serial_ports
+from radarcore.sensor.transport.usbport import device_path, require_pyusb, usb_devices, usb_strings
 
 Kind = Literal["serial", "usb-cdc", "usb-vendor"]
 
@@ -52,6 +44,8 @@ class Port:
         Name that the device reports; empty if unknown.
     description : str
         Text for people: the board by its ids, and obstacles to reading more.
+    device : device of pyusb or None
+        None for a serial port.
     """
 
     kind: Kind
@@ -61,6 +55,7 @@ class Port:
     product: str
     serial_number: str
     description: str
+    device: Any = field(default=None, repr=False, compare=False)
 
 
 def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Port]:
@@ -95,7 +90,7 @@ def find_ports(*, usb_backend: Any = None, with_serial: bool = True) -> list[Por
     for device in devices:
         if (device.idVendor, device.idProduct) in KNOWN_BOARDS:
             port = _usb_port(device)
-            if not any(_is_same(port, device, tty) for tty in ttys):
+            if not any(_is_same(port, tty) for tty in ttys):
                 ports.append(port)
     return ports
 
@@ -134,37 +129,6 @@ def may_be_usb(port: Port) -> bool:
     return port.vendor_id is not None or is_pty(place) or PurePath(place).name.startswith("ttyACM")
 
 
-def open_stream(port: Port | str, *, usb_backend: Any = None) -> Stream:
-    """Open a serial port or a CDC board.
-
-    Parameters
-    ----------
-    port : Port or str
-        One that was found, a device file, ``COM3``, ``usb:BUS-ADDRESS`` such as ``usb:1-5``, or ``usb:VID:PID`` such
-        as ``usb:058b:0251``.
-    usb_backend : backend of pyusb, optional
-        As in `find_ports`.
-
-    Raises
-    ------
-    SensorNotFoundError
-        Nothing is there.
-    SensorError
-        It may not be opened, is in use, or is something else.
-    """
-    if isinstance(port, Port) and port.kind == "usb-vendor":
-        raise ValueError(f"port: expected one with a byte stream, got {port.path}, which is a vendor-class device")
-    path = port.path if isinstance(port, Port) else port
-    return UsbStream(path, usb_backend=usb_backend) if path.startswith("usb:") else SerialStream(path)
-
-
-def open_vendor_port(port: Port | str, *, usb_backend: Any = None) -> VendorPort:
-    """Open a vendor-class board; parameters and errors are those of `open_stream`."""
-    if isinstance(port, Port) and port.kind != "usb-vendor":
-        raise ValueError(f"port: expected a vendor-class device, got {port.path}, which has a byte stream")
-    return UsbVendorPort(port.path if isinstance(port, Port) else port, usb_backend=usb_backend)
-
-
 def _usb_port(device: Any) -> Port:
     kind, board = KNOWN_BOARDS[device.idVendor, device.idProduct]
     try:
@@ -172,7 +136,8 @@ def _usb_port(device: Any) -> Port:
     except SensorError as error:
         strings, board = {}, f"{board} ({error})"
     product, serial_number = strings.get(device.iProduct, ""), strings.get(device.iSerialNumber, "")
-    return Port(kind, device_path(device), device.idVendor, device.idProduct, product, serial_number, board)
+    path = device_path(device)
+    return Port(kind, path, device.idVendor, device.idProduct, product, serial_number, board, device)
 
 
 def _serial_port(tty: Any) -> Port:
@@ -195,12 +160,12 @@ def _may_be_board(tty: Any) -> bool:
     return (tty.vid, tty.pid) in KNOWN_BOARDS
 
 
-def _is_same(port: Port, device: Any, tty: Any) -> bool:
+def _is_same(port: Port, tty: Any) -> bool:
     """True when a tty is the kernel's view of a USB device."""
     if (tty.vid, tty.pid) != (port.vendor_id, port.product_id):
         return False
-    if tty.location and device.port_numbers:
+    if tty.location and port.device.port_numbers:
         # Linux has "1-2.3:1.0": bus, ports of the hubs, configuration and interface.
         place: str = tty.location.partition(":")[0]
-        return place == f"{device.bus}-{'.'.join(map(str, device.port_numbers))}"
+        return place == f"{port.device.bus}-{'.'.join(map(str, port.device.port_numbers))}"
     return (tty.serial_number or "") == port.serial_number

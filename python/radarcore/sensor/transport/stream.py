@@ -37,7 +37,6 @@ class VendorPort(Protocol):
     """
 
     name: str
-    product: str
 
     def control_write(
         self, request_type: int, request: int, value: int, index: int, data: bytes, timeout: float

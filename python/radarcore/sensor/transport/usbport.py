@@ -16,7 +16,6 @@ from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,
     SensorError,
-    SensorNotFoundError,
     SensorTimeoutError,
 )
 from radarcore.sensor.transport.stream import Stalled
@@ -85,25 +84,6 @@ def usb_strings(device: Any, indices: set[int]) -> dict[int, str]:
     return strings
 
 
-def find_device(path: str, usb_backend: Any = None) -> Any:
-    """The device at ``usb:BUS-ADDRESS`` (decimal), or the only one of ``usb:VID:PID`` (hexadecimal)."""
-    kind, _, place = path.partition(":")
-    separator, base = (":", 16) if ":" in place else ("-", 10)
-    try:
-        first, second = (int(word, base) for word in place.split(separator))
-        if kind != "usb":
-            raise ValueError(kind)
-    except ValueError as error:
-        raise ValueError(f"port: expected usb:BUS-ADDRESS or usb:VID:PID, got {path!r}") from error
-    names = ("idVendor", "idProduct") if separator == ":" else ("bus", "address")
-    found = [d for d in usb_devices(usb_backend) if (getattr(d, names[0]), getattr(d, names[1])) == (first, second)]
-    if not found:
-        raise SensorNotFoundError(f"{path}: there is no such USB device; is the board plugged in?")
-    if len(found) > 1:
-        raise SensorError(f"{path}: name one of the {len(found)}: {', '.join(map(device_path, found))}")
-    return found[0]
-
-
 def has_driver(device: Any, interface_number: int) -> bool | None:
     """True when the kernel has a driver on an interface; None if that is unknown."""
     try:
@@ -117,22 +97,19 @@ class UsbStream:
 
     Parameters
     ----------
-    path : str
-        ``usb:BUS-ADDRESS`` or ``usb:VID:PID``.
-    usb_backend : backend of pyusb, optional
-        Backend of the bus; default: libusb.
+    device : device of pyusb
 
     Raises
     ------
-    SensorNotFoundError
-        Nothing is there.
+    SensorDisconnectedError
+        It is gone.
     SensorError
         The device may not be opened, is in use, or is no CDC device.
     """
 
-    def __init__(self, path: str, *, usb_backend: Any = None) -> None:
-        self._device = find_device(path, usb_backend)
-        self.name: str = device_path(self._device)
+    def __init__(self, device: Any) -> None:
+        self._device = device
+        self.name: str = device_path(device)
         self._pending = b""
         self._claim = _Claim(self._device)
         with self._claim.released_on_error():
@@ -170,21 +147,10 @@ class UsbVendorPort:
     """A vendor-class board: control transfers on endpoint 0, packets on the bulk IN endpoint that its descriptors name.
 
     Parameters and errors are those of `UsbStream`.
-
-    Attributes
-    ----------
-    name : str
-        ``usb:BUS-ADDRESS``.
-    product : str
-        Name that the device reports; empty if it cannot be read.
     """
 
-    def __init__(self, path: str, *, usb_backend: Any = None) -> None:
-        device = find_device(path, usb_backend)
+    def __init__(self, device: Any) -> None:
         self.name: str = device_path(device)
-        self.product: str = ""
-        with suppress(SensorError):  # what hinders us, the claim below will tell
-            self.product = usb_strings(device, {device.iProduct}).get(device.iProduct, "")
         self._device = device
         self._claim = _Claim(device)
         with self._claim.released_on_error():
