@@ -276,7 +276,7 @@ ALLOWED = {
     "adapters/optitrack/csv.py": {"open"},  # into a new file
     "comparison/report.py": {"savefig"},  # into memory
     "plot/canvas.py": {"savefig"},  # into a new file
-    "plot/live/view.py": {"savefig"},  # into a new file
+    "plot/live/view.py": {"savefig", "imsave"},  # into a new file
     "cli/process.py": {"open"},  # results, frame by frame, after `check_file`
     "sensor/transport/capture.py": {"open"},  # a file that `open_sensor` has made
 }

@@ -116,7 +116,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
     profile, receivers = settings.profile, _bits(settings.rx_mask, NUM_RX, "receivers", where)
     if not (0 <= settings.bits < len(_BITS) and 0 <= settings.output < len(_OUTPUTS)):
         got = f"{settings.bits} and {settings.output}"
-        raise ValueError(f"{where}: expected bits and format of samples of 0 to 2, got {got}")
+        raise ValueError(f"{where}: expected bits and format of samples (adcCfg) of 0 to 2, got {got}")
     is_real = settings.output == 0
     _check_lanes(settings, len(receivers), where)
     numbers, repetitions = _turns(settings.tx_masks, where)
