@@ -158,6 +158,23 @@ def test_mat_file_of_another_byte_order_with_short_numbers_is_loaded(tmp_path: P
     np.testing.assert_array_equal(loaded.cube[0], numbers.reshape(shape, order="F"))
 
 
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_damaged_mat_file_is_a_value_error_or_a_recording(tmp_path: Path, is_packed: bool) -> None:
+    savemat(tmp_path / "good.mat", {"adc": CUBE, "fs": 2e6}, do_compression=is_packed)
+    good, rng, messages = (tmp_path / "good.mat").read_bytes(), np.random.default_rng(5), []
+    for _ in range(60):
+        data = bytearray(good)
+        for at in rng.integers(0, 400, 3):
+            data[int(at)] = int(rng.integers(256))
+        (tmp_path / "a.mat").write_bytes(data)
+        try:
+            rc.Recording.load(tmp_path / "a.mat", radar=RADAR)
+        except ValueError as error:
+            messages.append(str(error))
+    assert len(messages) > 10
+    assert all(message.startswith(str(tmp_path / "a.mat")) for message in messages)
+
+
 def test_several_variables_of_a_mat_file_are_named(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     savemat(path, {"one": CUBE, "two": 2.0 * CUBE, "fs": 2e6})
@@ -198,7 +215,7 @@ def test_npy_file_that_is_an_archive_is_refused(tmp_path: Path) -> None:
 def test_mat_file_that_is_none_is_refused(tmp_path: Path) -> None:
     savemat(tmp_path / "good.mat", {"adc": CUBE}, do_compression=True)
     good = (tmp_path / "good.mat").read_bytes()
-    for data in (b"", b"nonsense" * 100, good[:-500], good[:300], good[:200] + b"?" * 100 + good[300:]):
+    for data in (b"", b"nonsense" * 100, good[:-500], good[:200] + b"?" * 100 + good[300:]):
         (tmp_path / "a.mat").write_bytes(data)
         refused(r"a\.mat: damaged or not a MAT file", tmp_path / "a.mat", radar=RADAR)
 
