@@ -142,9 +142,18 @@ def test_3mf_puts_components_in_their_places(tmp_path: Path) -> None:
     assert mesh.volume == pytest.approx(0.006)
 
 
+def group(number: int, components: str) -> str:
+    return f'<object id="{number}"><components>{components}</components></object>'
+
+
+TEN_FOLD = "".join(group(number, 10 * f'<component objectid="{number - 1}"/>') for number in range(2, 21))
+
+
 @pytest.mark.parametrize(
     ("items", "more", "message"),
     [
+        ('<item objectid="2"/>', group(2, '<component objectid="2"/>'), "100 within each other, got more"),
+        ('<item objectid="20"/>', TEN_FOLD, "expected at most 10000 objects, 100 within each other, got more"),
         ('<item objectid="9"/>', "", "expected an object '9', got none"),
         ("", "", "expected faces, got none"),
         ('<item objectid="2"/>', NO_VERTICES, "expected vertex numbers from 0 to -1, got 2"),

@@ -6,6 +6,7 @@ import errno
 import os
 import zipfile
 from collections.abc import Callable, Sequence
+from itertools import count
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -274,6 +275,9 @@ _MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 """Metres per unit."""
 
+_MOST_OBJECTS, _DEEPEST = 10_000, 100
+"""Largest number of objects in a build, and within each other: components may multiply without limit."""
+
 
 def _load_3mf(path: Path) -> _Part:
     """Vertices [m] and triangles of a build; parts of it may be in other files of the package."""
@@ -291,9 +295,12 @@ def _load_3mf(path: Path) -> _Part:
     if unit not in _UNITS:
         raise ValueError(f"unit: expected {', '.join(_UNITS)}, got {unit!r}")
     parts: list[_Part] = []
+    numbers = count(1)
 
-    def add(reference: ET.Element, name: str, placed: NDArray[np.float64]) -> None:
+    def add(reference: ET.Element, name: str, placed: NDArray[np.float64], depth: int = 0) -> None:
         """Add the object that an item or a component refers to."""
+        if next(numbers) > _MOST_OBJECTS or depth > _DEEPEST:
+            raise ValueError(f"expected at most {_MOST_OBJECTS} objects, {_DEEPEST} within each other, got more")
         name = reference.get(f"{_PRODUCTION}path", name)
         if (element := objects.get((name, reference.get("objectid")))) is None:
             raise ValueError(f"expected an object {reference.get('objectid')!r}, got none")
@@ -301,7 +308,7 @@ def _load_3mf(path: Path) -> _Part:
             return
         placed = placed @ _transform(reference.get("transform"))
         for component in element.iterfind(f"{_CORE}components/{_CORE}component"):
-            add(component, name, placed)
+            add(component, name, placed, depth + 1)
         if (mesh := element.find(f"{_CORE}mesh")) is not None:
             parts.append(transformed(*_mesh_of(mesh), _UNITS[unit] * placed[:3]))
 
