@@ -7,64 +7,54 @@ import pytest
 import radarcore as rc
 from scene_files import BALL, PARTS, RADAR, check_fault, shaped, write
 
-
-@pytest.mark.parametrize(
-    ("materials", "shape", "fault"),
-    [
-        ('{ glas = "glass" }', "mesh", "materials: no material 'glas' in the file; did you mean 'glass'?"),
-        ('{ glass = "glas" }', "mesh", "materials: material: no material 'glas'; did you mean 'glass'?"),
-        ('{ glass = "glass" }', "ball", "materials: expected a shape of kind 'mesh' with an OBJ file, got 'sphere'"),
-    ],
-)
-def test_materials_that_an_obj_file_does_not_have_are_refused(
-    tmp_path: Path, materials: str, shape: str, fault: str
-) -> None:
-    (tmp_path / "part.obj").write_text(PARTS, encoding="utf-8")
-    kinds = {"mesh": '{ kind = "mesh", path = "part.obj" }', "ball": '{ kind = "sphere", radius = 0.1 }'}
-    check_fault(write(tmp_path, f"{shaped(kinds[shape])}materials = {materials}\n"), f"body[0] 'a': {fault}")
+MESH = '{ kind = "mesh", path = "part.obj" }'
+BOTH_ENDS = "azimuth_deg = [0, 1], elevation_deg = [0, 1]"
+NO_ANGLES = 'joints = { kind = "rest", angles_deg = [] }'
+NEAR = "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got "
 
 
 def radar(line: str, without: str = "") -> str:
     return "\n".join(row for row in RADAR.splitlines() if not (without and row.startswith(without))) + f"\n{line}\n"
 
 
+# A message that ends here may go on in the line.
 FAULTS = [
     # Unknown keys, tables and names.
-    (
-        BALL + "colour = 1",
-        "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape, material",
-    ),
+    (BALL + "colour = 1", "body[0] 'ball': unknown key 'colour'; known: pose, motion, attached_to, name, shape"),
     (BALL + 'materal = "wood"', "body[0] 'ball': unknown key 'materal'; did you mean 'material' or 'materials'?"),
     (shaped('{ kind = "sphere", raduis = 0.1 }'), "body[0] 'a': shape: unknown key 'raduis'; did you mean 'radius'?"),
     ("[[bodys]]\nname = 1", "unknown key 'bodys'; did you mean 'body'?"),
     ("[str]\nname = 1", "unknown key 'str'; known: radar, sensor"),
-    (
-        shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'),
-        "body[0] 'a': shape: unknown key 'sphere'; known: kind, radius",
-    ),
-    ("[run]\nresoluton = 3", "run: unknown key 'resoluton'; did you mean 'resolution'?"),
-    (
-        shaped('{ kind = "spere", radius = 0.1 }'),
-        "body[0] 'a': kind: expected one of 'box', 'capsule', 'cylinder', 'dihedral', 'disc', 'plate', 'sphere', "
-        "'trihedral', 'mesh', got 'spere'",
-    ),
-    (
-        BALL + "motion = { velocity = [1, 0, 0] }",
-        "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory', 'bag', got none",
-    ),
+    (shaped('{ kind = "sphere", radius = 0.1, sphere = 1 }'), "body[0] 'a': shape: unknown key 'sphere'; known: kind"),
+    (shaped('{ kind = "spere", radius = 0.1 }'), "body[0] 'a': kind: expected one of 'box', 'capsule', 'cylinder'"),
+    (BALL + "motion = { velocity = [1, 0, 0] }", "body[0] 'ball': motion.kind: expected one of 'linear', 'trajectory'"),
     (BALL + 'material = "woood"', "body[0] 'ball': material: no material 'woood'; did you mean 'wood' or"),
     (BALL + "material = { albdo = 0.1 }", "body[0] 'ball': material: unknown key 'albdo'; did you mean 'albedo'?"),
     ('[run]\nsampling = "points"', "run: sampling: expected 'adaptive', 'fast', 'footprint' or 'point', got 'points'"),
     (BALL + '[sensor]\nattached_to = "bal"', "sensor: attached_to: unknown 'bal'; did you mean 'ball'?"),
-    (
-        BALL + 'attached_to = "ball"',
-        "body[0] 'ball': attached_to: expected a carrier that is not attached to this in turn, got 'ball'",
-    ),
+    (BALL + 'attached_to = "ball"', "body[0] 'ball': attached_to: expected a carrier that is not attached to this"),
     (
         '[sensor]\nattached_to = "arm/tol0"\n[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
         "sensor: attached_to: unknown 'arm/tol0'; did you mean 'arm/tool0'?",
     ),
     (BALL + BALL, "body[1] 'ball': name: expected a name of its own, got that of body[0] 'ball'"),
+    (
+        f'{shaped(MESH)}materials = {{ glas = "glass" }}',
+        "body[0] 'a': materials: no material 'glas' in the file; did you",
+    ),
+    (f'{shaped(MESH)}materials = {{ glass = "glas" }}', "body[0] 'a': materials: material: no material 'glas'"),
+    (
+        BALL + 'materials = { glass = "glass" }',
+        "body[0] 'ball': materials: expected a shape of kind 'mesh' with",
+    ),
+    (
+        f'[[arm]]\nmodel = "ur6"\n{NO_ANGLES}',
+        "arm[0] 'arm': model: expected a URDF file or an arm by name, got 'ur6'",
+    ),
+    (
+        f'[[arm]]\nmodel = "robot"\n{NO_ANGLES}',
+        "arm[0] 'arm': model: expected a URDF file or an arm by name, got ",
+    ),
     # Wrong types and units.
     (shaped('{ kind = "sphere", radius = "10 cm" }'), "body[0] 'a': radius: expected a number [m], got '10 cm'"),
     ("[run]\nrate = true", "run: rate: expected a number [Hz], got true"),
@@ -74,46 +64,41 @@ FAULTS = [
     ("[sensor]\npose = { position = [1, 2, 3, 4] }", "sensor: pose.position: expected 3 values [m], got 4"),
     ("[[body]]\nshape = 3", "body[0]: shape: expected a table, got 3"),
     ('[[body]]\nname = "x"', "body[0] 'x': shape: expected a value, got none"),
-    (shaped('{ kind = "sphere" }'), "body[0] 'a': radius: expected a value [m], got none"),
     (BALL + "material = 3", "body[0] 'ball': material: expected text or a table, got 3"),
     ("[run]\nresolution = [1, 2.5]", "run: resolution[1]: expected an integer, got 2.5"),
+    (shaped('{ kind = "mesh", path = "broken.obj" }'), "body[0] 'a': "),
     # Values that cannot be.
     (
-        BALL + BALL.replace('"ball"', '"b"') + '[[body]]\nname = "table"\nshape = { kind = "sphere", radius = -0.1 }',
-        "body[2] 'table': radius: expected a positive number [m], got -0.1",
+        BALL + shaped('{ kind = "sphere", radius = -0.1 }'),
+        "body[1] 'a': radius: expected a positive number [m], got",
     ),
     (
         BALL + "material = { reflection = -1, permittivity = [2, 0] }",
         "body[0] 'ball': material.reflection: expected either reflection or permittivity, got both",
     ),
     (
-        BALL + "material = { permittivity = 2.0 }",
-        "body[0] 'ball': material.permittivity: expected text or a list, got 2.0",
-    ),
-    (
         BALL + 'material = { permittivity = "conrete" }',
-        "body[0] 'ball': material.permittivity: no material 'conrete'; did you mean 'concrete'?",
+        "body[0] 'ball': material.permittivity: no material 'conrete'",
     ),
     (
-        BALL + "material = { reflection = -0.5, roughness = 1e-4 }",
-        "body[0] 'ball': material.roughness: expected permittivity with it, got none",
+        BALL + "material = { albedo = 0.1, roughness = 1e-4 }",
+        "body[0] 'ball': material.roughness: expected ",
     ),
     (
         BALL + "material = { permittivity = [2, 0], albedo = 0.1 }",
-        "body[0] 'ball': material.albedo: expected none with permittivity (roughness or scattering",
+        "body[0] 'ball': material.albedo: expected none",
     ),
     (
-        BALL + 'material = "fellt"\n[[material]]\nname = "felt"\npermittivity = [1.6, 0.06]',
-        "body[0] 'ball': material: no material 'fellt'; did you mean 'felt'?",
-    ),
-    ("[[material]]\nreflection = -0.5", "material[0]: name: expected a value, got none"),
-    (
-        '[[material]]\nname = "wood"\nreflection = -0.5',
-        "material[0] 'wood': name: expected a name of its own, got that of one of the library",
+        BALL + 'material = "fellt"\n[[material]]\nname = "felt"\nalbedo = 0.5',
+        "body[0] 'ball': material: no material",
     ),
     (
-        '[[material]]\nname = "felt"\nalbedo = 0.5\n[[material]]\nname = "felt"\nalbedo = 0.4',
-        "material[1] 'felt': name: expected a name of its own, got that of another",
+        '[[material]]\nname = "wood"\nalbedo = 0.5',
+        "material[0] 'wood': name: expected a name of its own, got that",
+    ),
+    (
+        2 * '[[material]]\nname = "felt"\nalbedo = 0.5\n',
+        "material[1] 'felt': name: expected a name of its own",
     ),
     (
         "[sensor]\npose = { rpy_deg = [0, 0, 0], look_at = [1, 0, 0] }",
@@ -123,26 +108,16 @@ FAULTS = [
         BALL + 'motion = { kind = "trajectory", times = [0, 1], poses = [{}, {}] }',
         "body[0] 'ball': pose: expected none together with a trajectory, which has its own poses",
     ),
-    (
-        '[[arm]]\njoints = { kind = "rest", angles_deg = [0, 0] }',
-        "arm[0] 'arm': joints.angles_deg: expected 6 values (shoulder_pan_joint, shoulder_lift_joint, elbow_joint, "
-        "wrist_1_joint, wrist_2_joint, wrist_3_joint), got 2",
-    ),
+    (f"[[arm]]\n{NO_ANGLES}", "arm[0] 'arm': joints.angles_deg: expected 6 values (shoulder_pan_joint, shoulder_"),
     ("[[human]]\nspeed = 30\npath = [[3, 0], [5, 0]]", "human[0] 'human': speed: expected at most 2.78 m/s"),
     ("[run]\nstop = -1", "run: stop: expected a time after start 0 s, got -1 s"),
-    (
-        "[run]\nfield_of_view_deg = [190, 60]",
-        "run: field_of_view_deg: expected angles between 0 and 180 degrees, got [190.0, 60.0]",
-    ),
+    ("[run]\nfield_of_view_deg = [190, 60]", "run: field_of_view_deg: expected angles between 0 and 180 degrees"),
     ("[sensor]\nalong_z = 0.05", "sensor: along_z: expected attached_to as well"),
     (
-        BALL + '[sensor]\nalong_z = 0.05\nattached_to = "ball"\npose = {}',
-        "sensor: along_z: expected it alone, got pose as well",
+        BALL + '[sensor]\nalong_z = 0\nattached_to = "ball"\npose = {}',
+        "sensor: along_z: expected it alone",
     ),
-    (
-        shaped('{ kind = "sphere", radius = 2.0, subdivisions = 2 }'),
-        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
-    ),
+    (shaped('{ kind = "sphere", radius = 2.0, subdivisions = 2 }'), NEAR),
     (
         '[[body]]\nname = "ball"\nshape = { kind = "sphere", radius = 0.3 }',
         "sensor: pose: expected the antennas outside of every body smaller than 2 m when the run begins, got them "
@@ -151,14 +126,14 @@ FAULTS = [
     (
         '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0\n[[arm]]\n'
         'joints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }',
-        "sensor: pose: expected all antennas at least 1 mm from every surface when the run begins, got ",
+        NEAR,
     ),
 ]
 
 RADAR_FAULTS = [
     (
         radar("start_frequency = 60", without="start"),
-        "radar: start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz is 60e9), got 60",
+        "radar: start_frequency: expected 1e8 to 3e12 [Hz] (60 GHz",
     ),
     ('[radar]\npreset = "bgt60"', "radar: preset: expected 'bgt60tr13c' or 'bgt60tr24', got 'bgt60'"),
     ("[run]\nstop = 1", "radar: expected a value, got none"),
@@ -173,61 +148,44 @@ RADAR_FAULTS = [
         "radar: schedule.phases_deg: expected equally many per chirp, got [[0.0], [0.0, 1.0]]",
     ),
     (
-        radar("sequences = [{ delay = 1e-3, num_chirps = 0 }]"),
+        radar("sequences = [{ delay = 1, num_chirps = 0 }]"),
         "radar: sequences[0].num_chirps: expected at least 1, got 0",
     ),
     (radar("max_range = 8"), "radar: stop_frequency: expected none beside wishes, which decide it, got 61000000000.0"),
     (
         radar('polarization = "circular"'),
-        "radar: polarization: expected 'vertical' or 'horizontal' or a list, got 'circular'",
+        "radar: polarization: expected 'vertical' or 'horizontal' or a list",
     ),
     (radar("slope = 1e12"), "radar: slope: expected either slope or stop_frequency, got both"),
     (radar("num_samples = 64.0", without="num_samples"), "radar: num_samples: expected an integer, got 64.0"),
     (
-        radar("pattern = { beamwidth_azimuth_deg = 30 }"),
-        "radar: pattern.beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
+        radar("pattern.beamwidth_azimuth_deg = 30"),
+        "radar: pattern.beamwidth_elevation_deg: expected both beam widths",
     ),
     (
-        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1] }"),
-        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got none",
+        radar(f"pattern = {{ {BOTH_ENDS} }}"),
+        "radar: pattern.gain_db: expected a list, as all three keys",
     ),
     (
-        radar("pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = 3 }"),
-        "radar: pattern.gain_db: expected a list, as all three keys of a table are, got 3.0",
+        radar(f'pattern = {{ {BOTH_ENDS}, gain_db = [[0, "x"]] }}'),
+        "radar: pattern.gain_db[0][1]: expected a number",
     ),
     (
-        radar('pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, "x"]] }'),
-        "radar: pattern.gain_db[1][1]: expected a number [dBi], got 'x'",
-    ),
-    (radar('pattern = { gain_db = "x" }'), "radar: pattern.gain_db: expected a number or a list [dBi], got 'x'"),
-    (
-        radar(
-            "pattern = { azimuth_deg = [0, 1], elevation_deg = [0, 1], gain_db = [[0, 0], [0, 0]], "
-            "beamwidth_azimuth_deg = 3 }"
-        ),
+        radar(f"pattern = {{ {BOTH_ENDS}, gain_db = [[0, 0], [0, 0]], beamwidth_azimuth_deg = 3 }}"),
         "radar: pattern.azimuth_deg: expected either a table or beam widths, got both",
     ),
     (
         radar('pattern = { path = "horn.csv", gain_db = 3 }'),
-        "radar: pattern.path: expected it alone, got gain_db as well",
+        "radar: pattern.path: expected it alone, got gain_db",
     ),
     (
-        radar("tx_patterns = [{ beamwidth_azimuth_deg = 30 }]"),
-        "radar: tx_patterns[0].beamwidth_elevation_deg: expected both beam widths or none [degrees], got one",
+        radar("receiver.noise_figure_db = -1"),
+        "radar: receiver.noise_figure_db: expected zero or a positive number",
     ),
     (
-        radar("receiver = { noise_figure = 3 }"),
-        "radar: receiver: unknown key 'noise_figure'; did you mean 'noise_figure_db'?",
+        radar("receiver.leakage.level_db = [-40, 1]"),
+        "radar: receiver.leakage.level_db[1]: expected at most 0 [dB]",
     ),
-    (
-        radar("receiver = { noise_figure_db = -1 }"),
-        "radar: receiver.noise_figure_db: expected zero or a positive number [dB], got -1.0",
-    ),
-    (
-        radar("receiver.leakage = { level_db = [-40, 1] }"),
-        "radar: receiver.leakage.level_db[1]: expected at most 0 [dB], got 1",
-    ),
-    (radar("receiver.leakage = { delay = 'x' }"), "radar: receiver.leakage.delay: expected a number [s], got 'x'"),
     (radar("rx = [[0, 0]]"), "radar: rx[0][2]: expected a value [m], got none"),
     ("[radar]\npreset = bgt60", "not TOML: Invalid value (at line 2, column 10)"),
 ]
@@ -235,6 +193,8 @@ RADAR_FAULTS = [
 
 @pytest.mark.parametrize(("text", "message"), FAULTS)
 def test_fault_is_one_line_that_names_it(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "part.obj").write_text(PARTS, encoding="utf-8")
+    (tmp_path / "broken.obj").write_text("v 0 0 x\n")
     check_fault(write(tmp_path, text), message)
 
 
@@ -243,21 +203,15 @@ def test_radar_fault_is_one_line_that_names_it(tmp_path: Path, text: str, messag
     check_fault(write(tmp_path, "", radar=text), message)
 
 
-URDF = '[[arm]]\nmodel = "x.urdf"\njoints = { kind = "rest", angles_deg = [] }\n'
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (shaped(MESH), "body[0] 'a': path: expected a mesh file, got none at {}/part.obj"),
         (
-            shaped('{ kind = "mesh", path = "part.obj" }'),
-            "body[0] 'a': path: expected a mesh file, got none at {}/part.obj",
-        ),
-        (
-            shaped(r'{ kind = "mesh", path = "part\u0000\u001b.obj" }'),
+            shaped(MESH.replace("t.", r"t\u0000\u001b.")),
             r"body[0] 'a': path: expected a mesh file, got none at {}/part\x00\x1b.obj",
         ),
-        (URDF, "arm[0] 'arm': model: "),
+        (f'[[arm]]\nmodel = "x.urdf"\n{NO_ANGLES}', "arm[0] 'arm': model: "),
     ],
 )
 def test_missing_file_is_named_with_its_body(tmp_path: Path, text: str, message: str) -> None:
@@ -265,20 +219,6 @@ def test_missing_file_is_named_with_its_body(tmp_path: Path, text: str, message:
     with pytest.raises(FileNotFoundError) as caught:
         rc.load_scene(path)
     assert str(caught.value).startswith(f"{path}: {message.format(tmp_path)}")
-
-
-def test_broken_mesh_is_named_with_its_body_and_line(tmp_path: Path) -> None:
-    (tmp_path / "part.obj").write_text("v 0 0 x\n")
-    check_fault(write(tmp_path, shaped('{ kind = "mesh", path = "part.obj" }')), "body[0] 'a': ")
-
-
-@pytest.mark.parametrize(("model", "hint"), [("ur6", "did you mean "), ("robot", "known: ur3, ur5, ")])
-def test_unknown_arm_suggests_near_names(tmp_path: Path, model: str, hint: str) -> None:
-    path = write(tmp_path, f'[[arm]]\nmodel = "{model}"\njoints = {{ kind = "rest", angles_deg = [] }}\n')
-    check_fault(path, f"arm[0] 'arm': model: expected a URDF file or an arm by name, got '{model}'; {hint}")
-
-
-def test_missing_scene_file(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         rc.load_scene(tmp_path / "none.toml")
 
