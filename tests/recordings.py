@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -65,18 +63,6 @@ def refused(message: str, path: Path, error: type[Exception] = ValueError, **des
     """Check the error of loading something."""
     with pytest.raises(error, match=message):
         Recording.load(path, **description)
-
-
-@contextmanager
-def small_disk(num_bytes: int) -> Iterator[None]:
-    """Files of this process end at a size, as on a full disk."""
-    resource = pytest.importorskip("resource", reason="needs limits of the system")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def cut(path: Path, num_bytes: int) -> None:

@@ -1,7 +1,7 @@
 """Checks of built wheels: `python tests/wheel_contents.py dist/*.whl`, with the standard library alone.
 
 A wheel is small, holds the files of the package, the compiled core and what tells about them, nothing else, and asks
-for no newer C library than its name says. Prints what takes its space.
+for no newer C library than its name says. Prints its size.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections import Counter
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -61,42 +60,13 @@ def faults(path: Path, expected: set[str]) -> list[str]:
     return wrong
 
 
-def part(name: str) -> str:
-    """What a file counts to in the list of what takes the space."""
-    if CORE.fullmatch(name):
-        return "compiled core"
-    if not name.startswith("radarcore/"):
-        return "licence, list of files, list of Rust packages"
-    return "types (.pyi)" if name.endswith(".pyi") else "Python modules and data"
-
-
-def contents(path: Path) -> str:
-    """Parts of a wheel, largest first, packed and unpacked [kB]."""
-    packed: Counter[str] = Counter()
-    unpacked: Counter[str] = Counter()
-    number: Counter[str] = Counter()
-    with ZipFile(path) as wheel:
-        for info in wheel.infolist():
-            name = part(info.filename)
-            packed[name] += info.compress_size
-            unpacked[name] += info.file_size
-            number[name] += 1
-    # What an archive says of its files: names twice, dates, checksums.
-    packed["names of the files"] = path.stat().st_size - packed.total()
-    lines = [f"{path.name}: {path.stat().st_size / 1e6:.2f} MB"]
-    for name, size in packed.most_common():
-        of_files = f", {unpacked[name] / 1e3:.0f} kB unpacked, files: {number[name]}" if number[name] else ""
-        lines.append(f"  {size / 1e3:5.0f} kB  {name}{of_files}")
-    return "\n".join(lines)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheels", nargs="+", type=Path)
     expected = package_files()
     wrong = []
     for path in parser.parse_args().wheels:
-        print(contents(path))
+        print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB")
         wrong += faults(path, expected)
     for fault in wrong:
         print(fault, file=sys.stderr)

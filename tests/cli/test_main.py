@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
 import sys
-import threading
+from io import StringIO
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import numpy as np
@@ -81,11 +80,7 @@ def test_no_command_is_an_error_with_help(words: list[str], capsys: pytest.Captu
         ("sensor serve rec --speed fast", "--speed: expected a number or max, got 'fast'", "sensor serve"),
         ("view rec more", "Unused Tokens: ['more']", "view"),
         ("view rec --subtract-mean --keep-mean", "--keep-mean specified multiple times", "view"),
-        (
-            "sensor record -o rec --frames 3 --duration 2",
-            "expected one of --duration and --frames, got both",
-            "sensor record",
-        ),
+        ("sensor record -o rec --frames 3 --duration 2", "expected one of --duration and --frames", "sensor record"),
     ],
 )
 def test_what_is_no_command_is_a_line_with_a_hint(
@@ -113,24 +108,15 @@ def test_what_is_no_command_is_a_line_with_a_hint(
     [
         ("simulate none.toml -o new", "none.toml: No such file or directory"),
         ("simulate scene.toml -o new.npz", "expected a directory (no suffix) to write frame by frame, got 'new.npz'"),
-        (
-            "simulate rec -o new",
-            "rec: expected a scene file (TOML), got a folder; load_radar and --radar read the radar",
-        ),
+        ("simulate rec -o new", "rec: expected a scene file (TOML), got a folder; load_radar and --radar read the"),
         ("simulate scene.toml -o new --bag none", "none: no such bag"),
         ("info none", "none: no such recording"),
-        (
-            "info bare.npy",
-            "bare.npy: expected the radar's settings, got an array (3, 3, 8, 128) of float32 without any",
-        ),
+        ("info bare.npy", "bare.npy: expected the radar's settings, got an array (3, 3, 8, 128) of float32 without"),
         ("info bare.npy --config scene.toml --shape frame,rx,sample,chirp", "got (3, 3, 8, 128)"),
         ("info bare.bin --config scene.toml", "bare.bin: expected the type of its numbers"),
         ("plot rec -o new.png --kind depth", "expected a scene file for a picture of kind 'depth', got a recording"),
         ("plot rec -o new.png --frame 3", "--frame: expected an index below 3, got 3"),
-        (
-            "plot rec -o new.png --kind chirp --max-range 3",
-            "--max-range: expected a picture of kind overview, range-pro",
-        ),
+        ("plot rec -o new.png --kind chirp --max-range 3", "--max-range: expected a picture of kind overview"),
         ("plot rec -o new.txt", "new.txt: expected a picture (.png, .pdf, .svg, .jpg), got suffix '.txt'"),
         ("process rec --false-alarm-rate 2", "--false-alarm-rate: expected a probability below 1, got 2.0"),
         ("process rec --config radar.x", "rec is no bare file, got 'radar.x'"),
@@ -138,10 +124,7 @@ def test_what_is_no_command_is_a_line_with_a_hint(
         ("compare rec -o new.txt", "new.txt: expected a report or a picture (.html, .png, .pdf, .svg)"),
         ("compare rec --targets bal", "--targets: expected bodies of the truth, got 'bal'; did you mean 'ball'?"),
         ("compare rec --truth none.csv", "none.csv: No such file or directory"),
-        (
-            "compare rec --radius ball=0.1",
-            "--radius: expected --truth with motion capture (Motive's .csv, or a bag), got",
-        ),
+        ("compare rec --radius ball=0.1", "--radius: expected --truth with motion capture (Motive's .csv, or a bag)"),
         ("demo --no-robots --duration -1", "--duration: expected a positive number [s], got -1.0"),
         ("demo --no-robots -o /dev/null/demo", "/dev/null/demo"),
         ("view scene.toml -o new.rrd --config rec", "scene.toml: expected no --config with a scene file"),
@@ -149,10 +132,7 @@ def test_what_is_no_command_is_a_line_with_a_hint(
         ("view rec -o new.png", "new.png: expected a file for Rerun (.rrd), got suffix '.png'"),
         ("sensor info /dev/none", "/dev/none"),
         ("sensor record /dev/none -o new", "/dev/none"),
-        (
-            "sensor record /dev/none -o new --rx 4",
-            "--rx: expected some of 1,2,3, or how many of three receivers, got '4'",
-        ),
+        ("sensor record /dev/none -o new --rx 4", "--rx: expected some of 1,2,3, or how many of three receivers"),
         ("sensor record /dev/none -o new --radar none.toml", "none.toml"),
         ("sensor record /dev/none -o rec", "rec: expected no such path, got a recording; --overwrite replaces it"),
         ("sensor view rec -o new --max-velocity 2", "--max-velocity: expected a board, which it sets, got rec"),
@@ -242,32 +222,21 @@ def test_drive_of_windows_is_no_topic_of_a_bag(source: PurePath | str, expected:
 @pytest.fixture
 def on_terminal(monkeypatch: pytest.MonkeyPatch):
     """A function that runs a command with its output on a terminal of 80 columns, and returns that."""
-    if sys.platform == "win32":
-        pytest.skip("needs a pty")
+
+    class Terminal(StringIO):
+        def isatty(self) -> bool:
+            return True
 
     def run(*words: str | Path, status: int = 0, no_color: str = "", with_errors: bool = False) -> str:
-        parent, child = os.openpty()
-        parts: list[bytes] = []
-
-        def read() -> None:
-            try:
-                while part := os.read(parent, 4096):
-                    parts.append(part)
-            except OSError:  # the other side is closed
-                pass
-
-        reader = threading.Thread(target=read)
-        reader.start()
-        with os.fdopen(child, "w") as stream, monkeypatch.context() as patched:
+        stream = Terminal()
+        with monkeypatch.context() as patched:
             patched.setattr(sys, "stdout", stream)
             if with_errors:  # else they are captured: bars of progress would be among the lines
                 patched.setattr(sys, "stderr", stream)
             for name, value in (("TERM", "xterm-256color"), ("NO_COLOR", no_color), ("COLUMNS", "80")):
                 patched.setenv(name, value)
             assert main([*map(str, words)]) == status
-        reader.join(10.0)
-        os.close(parent)
-        return b"".join(parts).decode().replace("\r\n", "\n")
+        return stream.getvalue()
 
     return run
 

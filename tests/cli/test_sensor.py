@@ -74,17 +74,18 @@ def test_list_names_boards_and_what_else_was_asked(port, capsys, monkeypatch):
 
 def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path, scene):
     output = tmp_path / "rec"
-    arguments = ["--rate", "20", "--chirps", "8", "--samples", "32", "--gain", "40", "--power", "9", "--frames", "7"]
+    arguments = ["--rate", "20", "--chirps", "8", "--samples", "32", "--gain", "24", "--power", "9", "--frames", "7"]
     assert main(["sensor", "record", port, "-o", str(output), *arguments]) == 0
     text = capsys.readouterr().out
     assert "BGT60TR13C, firmware 2.6.0" in text
     assert "frame interval      50 ms asked, 50.0" in text  # the nearest that the chip's timers can do
+    assert re.search(r"IF gain +24 dB asked, 23 dB achieved", text)
     assert "7 frames in " in text
     assert "sees 10 m in steps of 62.7 cm, +-4.15 m/s in steps of 1.04 m/s, at 20 Hz" in text
     recording = rc.Recording.load(output)
     assert recording.cube.shape == (7, 3, 8, 32)
     settings = recording.source["infineon"]
-    assert (settings["if_gain_dB"], settings["tx_power_level"]) == (40, 9)
+    assert (settings["if_gain_dB"], settings["tx_power_level"]) == (23, 9)
 
     # Not twice, unless wanted; the radar of a scene file.
     assert main(["sensor", "record", port, "-o", str(output), "--frames", "2"]) == 1
@@ -99,6 +100,11 @@ def test_record_writes_frames_with_the_settings_asked_for(port, capsys, tmp_path
         assert rc.Recording.load(tmp_path / "same").cube.shape == (1, 3, 4, 128)
 
 
+def check_pictures(folder):
+    sizes = [picture.stat().st_size for picture in folder.glob("*.png")]
+    assert min(sizes) > 10_000, "not blank"
+
+
 @pytest.mark.filterwarnings("ignore::radarcore.sensor.FramesLostWarning")  # drawing may be slower than frames come
 def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scene):
     pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
@@ -106,9 +112,7 @@ def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scen
         output = tmp_path / name
         assert main(["sensor", "view", str(source), "-o", str(output), "--frames", "4"]) == 0
         assert str(output) in capsys.readouterr().out
-        pictures = list(output.glob("*.png"))
-        assert pictures
-        assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"
+        check_pictures(output)
 
 
 def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
@@ -116,12 +120,6 @@ def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
         assert main(["sensor", "record", port.path, "-o", str(tmp_path / "rec"), "--frames", "1", "--gain", "33"]) == 1
     expected = "radarcore: --gain: expected an option of BGT60TR24B (rx_mask or tx_power), got 33\n"
     assert capsys.readouterr().err == expected
-
-
-def test_nearest_gain_is_told(port, capsys, tmp_path):
-    record = ["sensor", "record", port, "-o", str(tmp_path / "rec"), "--frames", "1", "--chirps", "1", "--gain", "24"]
-    assert main(record) == 0
-    assert re.search(r"IF gain +24 dB asked, 23 dB achieved", capsys.readouterr().out)
 
 
 def test_interrupt_before_the_first_frame_is_one_and_leaves_an_old_recording(port, capsys, tmp_path, monkeypatch):
@@ -146,9 +144,7 @@ def test_cube_of_a_view_may_be_any(tmp_path):
     cube = np.random.default_rng(0).normal(size=(3, 1, 1, 128)).astype(np.complex64)
     rc.Recording(cube, np.arange(3.0), rc.Radar(waveform)).save(tmp_path / "rec")
     assert main(["sensor", "view", str(tmp_path / "rec"), "-o", str(tmp_path / "out"), "--max-range", "2"]) == 0
-    pictures = list((tmp_path / "out").glob("*.png"))
-    assert pictures
-    assert all(picture.stat().st_size > 10_000 for picture in pictures), "not blank"
+    check_pictures(tmp_path / "out")
 
 
 # --- Settings of a board
@@ -199,10 +195,7 @@ def test_radar_of_a_scene_keeps_its_waveform_and_phases(tmp_path: Path) -> None:
     ("words", "message"),
     [
         # 64 samples of 2 MHz that see 20 m: c 64 / (4 * 20 m), less the step of slopes.
-        (
-            "--samples 64 --max-range 20 --bandwidth 1GHz",
-            "bandwidth: expected at most 239.1 MHz with max_range = 20 m at 4 MHz, got 1 GHz",
-        ),
+        ("--samples 64 --max-range 20 --bandwidth 1GHz", "bandwidth: expected at most 239.1 MHz with max_range = 20 m"),
         ("--max-velocity 100", "max_velocity: expected at most 31.08 m/s with max_range = 10 m at 4 MHz, got 100"),
         ("--rate 1000 --chirps 64", "rate: expected at most 390 Hz with num_chirps = 64 and max_range = 10 m at"),
         ("--samples 5000", "num_samples: expected at most 3266, got 5000"),

@@ -35,14 +35,16 @@ def facts(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, A
 # --- simulate
 
 
-def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(scene: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "radarcore", "simulate", scene, "-o", tmp_path / "new" / "recording"]
-    done = subprocess.run([*command, "--threads", "1"], capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    assert "3 frames of 3 x 8 x 128 samples" in done.stdout
-    assert len(done.stdout.splitlines()) == 1
-    recording = rc.Recording.load(tmp_path / "new" / "recording")
-    assert np.array_equal(recording.cube, rc.load_scene(scene).record(progress=False).cube)
+def test_simulate_writes_the_recording_and_is_quiet_when_not_in_a_terminal(
+    scene: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(scene), "-o", str(tmp_path / "new" / "recording"), "--threads", "1"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    (line,) = printed.out.splitlines()
+    assert "3 frames of 3 x 8 x 128 samples" in line
+    written = rc.Recording.load(tmp_path / "new" / "recording")
+    assert np.array_equal(written.cube, rc.Recording.load(recording).cube)
 
 
 def test_simulate_prints_json_and_replaces_a_recording_only_when_told_to(
@@ -228,15 +230,3 @@ def test_recording_of_a_board_and_its_copy_in_the_layout_of_infineon_tell_how_th
     lost = np.array([0, 2, 0, 1, 0])
     rc.Recording(taken.cube, taken.time, taken.radar, source=taken.source, lost=lost).save(tmp_path / "some")
     assert facts(capsys, tmp_path / "some")["lost frames"] == 3
-
-
-def test_folder_of_a_real_sensor_tells_how_it_was_measured(capsys: pytest.CaptureFixture[str]) -> None:
-    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
-    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
-    if not path.exists():
-        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    found = facts(capsys, path)
-    assert found["sensor"] == "BGT60TR13C FMCW Radar Sensor, firmware 2.6.0"
-    assert found["date"] == "2026-01-06T15:16:15+0800"
-    assert (found["IF gain [dB]"], found["RX antennas"], found["transmit power level"]) == (23, [1, 2, 3], 31)
-    assert (found["high-pass [Hz]"], found["low-pass [Hz]"]) == (80e3, 500e3)

@@ -36,82 +36,64 @@ def cells_of(radar: rc.Radar) -> object:
 # Scene files.
 
 
-def shared(key: str, reason: str) -> str:
-    return f"{key}: expected one value for all samples, as it decides {reason}, got a distribution"
+RECEIVERS = '{ choice = [{ output = "iq" }, { output = "real" }] }'
+SWEEP = "start_frequency = 60e9, slope = 1e13, sample_rate = 2e6, num_samples = 64"
+SHAPE, POINT = "the shape of the cube", "[[point]]\nposition = [1, 0, 0]\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "messages"),
+    ("text", "key", "decides"),
     [
-        ("radar.num_chirps = { integers = [8, 16] }", [shared("radar.num_chirps", "the shape of the cube")]),
-        ("radar.rx = { choice = [[[0, 0, 0]], [[0, 1, 0]]] }", [shared("radar.rx", "the shape of the cube")]),
-        (
-            "radar.start_frequency = { uniform = [59e9, 60e9] }",
-            [shared("radar.start_frequency", "the axes of the cube")],
-        ),
-        (
-            'radar.receiver.output = { choice = ["iq", "real"] }',
-            [shared("radar.receiver.output", "the shape of the cube")],
-        ),
-        (
-            'radar = { receiver = { choice = [{ output = "iq" }, { output = "real" }] }, start_frequency = 60e9, '
-            "slope = 1e13, sample_rate = 2e6, num_samples = 64 }",
-            [shared("radar.receiver", "the shape of the cube")],
-        ),
-        ("run = { rate = { uniform = [10, 20] } }", [shared("run.rate", "the number of frames")]),
-        (
-            HEAD + BALL.replace("uniform", "unifrom"),
-            [
-                "body[0] 'ball': pose.position[0]: expected a number [m], got a table, and no distribution 'unifrom'",
-                "did you mean 'uniform' or 'log_uniform'?",
-            ],
-        ),
-        (HEAD + BALL.replace("choice", "chioce"), ["material: unknown key 'chioce'; did you mean 'choice'?"]),
-        (
-            HEAD + BALL.replace("[1.0, 3.0]", "[3.0, 1.0]"),
-            ["body.ball.pose.position[0]: uniform: expected the smaller"],
-        ),
-        (
-            HEAD + BALL.replace('"ball"', '{ choice = ["a", "b"] }'),
-            ["body[0]: name: expected text, the same in all sa"],
-        ),
-        (HEAD + PERSON.replace("[0, 3]", "[-1, 3]"), ["human.person.repeat: expected 0 to 1000 copies"]),
-        (
-            HEAD + PERSON.replace("integers = [0, 3]", "uniform = [0, 3]"),
-            ["person.repeat: expected an integer, or a d"],
-        ),
-        (HEAD + "[[body]]\nchoice = []\n", ["body[0]: expected a table, got a distribution"]),
-        (
-            HEAD + "[[point]]\nposition = [1, 0, 0]\nrsc = { uniform = [0.1, 1.0] }\n",
-            ["unknown key 'rsc'; did you mean"],
-        ),
-        # The ends of distributions are tried when the file is read.
-        (
-            HEAD + BALL.replace('{ choice = ["metal", "wood"] }', "{ albedo = { uniform = [0.5, 1.5] } }"),
-            ["body.ball.material.albedo", "uniform may be 1.5"],
-        ),
-        (
-            HEAD + PERSON.replace("[0.5, 1.5]", "[0.5, 3.0]"),
-            ["human.person 0.speed", "uniform may be 3", "expected at"],
-        ),
-        (
-            HEAD + BALL.replace('"ball"', '"ball 2"').replace('"wood"', '"wod"'),
-            ["body.ball 2.material: choice may be 'wod'", "did you mean 'wood' or"],
-        ),
-        (
-            HEAD + PERSON.replace("speed = { uniform = [0.5, 1.5] }", "meshes = { uniform = [0, 1] }"),
-            ["human.person 0.meshes", "expected true or false"],
-        ),
+        ("radar.num_chirps = { integers = [8, 16] }", "radar.num_chirps", SHAPE),
+        ("radar.rx = { choice = [[[0, 0, 0]], [[0, 1, 0]]] }", "radar.rx", SHAPE),
+        ("radar.start_frequency = { uniform = [59e9, 60e9] }", "radar.start_frequency", "the axes of the cube"),
+        ('radar.receiver.output = { choice = ["iq", "real"] }', "radar.receiver.output", SHAPE),
+        (f"radar = {{ receiver = {RECEIVERS}, {SWEEP} }}", "radar.receiver", SHAPE),
+        ("run = { rate = { uniform = [10, 20] } }", "run.rate", "the number of frames"),
     ],
 )
-def test_faults_are_named_by_key_when_the_file_is_read(tmp_path: Path, text: str, messages: list[str]) -> None:
+def test_what_all_samples_share_has_no_distribution(tmp_path: Path, text: str, key: str, decides: str) -> None:
     (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=rf"{key}: expected one value for all samples, as it decides {decides}, got a"):
+        rc.dataset.Variation.load(tmp_path / "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("before", "old", "new", "messages"),
+    [
+        (
+            BALL,
+            "uniform",
+            "unifrom",
+            ["'ball': pose.position[0]: expected a number [m]", "; did you mean 'uniform'"],
+        ),
+        (BALL, "choice", "chioce", ["material: unknown key 'chioce'; did you mean 'choice'?"]),
+        (BALL, "[1.0, 3.0]", "[3.0, 1.0]", ["body.ball.pose.position[0]: uniform: expected the smaller"]),
+        (BALL, '"ball"', '{ choice = ["a", "b"] }', ["body[0]: name: expected text, the same in all sa"]),
+        (PERSON, "[0, 3]", "[-1, 3]", ["human.person.repeat: expected 0 to 1000 copies"]),
+        (PERSON, "integers = [0, 3]", "uniform = [0, 3]", ["person.repeat: expected an integer, or a d"]),
+        ("", "", "[[body]]\nchoice = []\n", ["body[0]: expected a table, got a distribution"]),
+        (POINT, "[1, 0", "[1, 0, 0]\nrsc = [{ uniform = [0.1, 1.0] }", ["unknown key 'rsc'; did you mean"]),
+        # The ends of distributions are tried when the file is read.
+        (
+            BALL,
+            '{ choice = ["metal", "wood"] }',
+            "{ albedo = { uniform = [0.5, 1.5] } }",
+            ["ball.material.albedo", "be 1.5"],
+        ),
+        (PERSON, "[0.5, 1.5]", "[0.5, 3.0]", ["human.person 0.speed", "uniform may be 3", "expected at"]),
+        (BALL, '"wood"', '"wod"', ["body.ball.material: choice may be 'wod'", "did you mean 'wood' or"]),
+        (PERSON, "speed = { uniform = [0.5, 1.5] }", "meshes = { uniform = [0, 1] }", ["expected true or false"]),
+    ],
+)
+def test_faults_are_named_by_key_when_the_file_is_read(
+    tmp_path: Path, before: str, old: str, new: str, messages: list[str]
+) -> None:
+    (tmp_path / "scene.toml").write_text(HEAD + before.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ValueError, match=r"scene\.toml: ") as error:
         rc.dataset.Variation.load(tmp_path / "scene.toml")
     assert all(message in str(error.value) for message in messages), str(error.value)
-    assert ("sample " in str(error.value)) == ("meshes" in text), (
-        "only what no distribution can be is found by a sample"
-    )
+    assert ("sample " in str(error.value)) == ("meshes" in new), "only what no distribution can be is found by a sample"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import pytest
 import scipy
 
 import radarcore as rc
-from varied_scenes import digests, write_scene
+from varied_scenes import Doing, digests, write_scene
 
 pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
 
@@ -255,22 +255,14 @@ def test_error_of_all_samples_is_raised_and_nothing_is_made(tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
 
 
-class Interrupted(ThreadPoolExecutor):
-    """One thread, in which the fourth shard is interrupted."""
-
-    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
-        return super().submit(self.made, function, *given)
-
-    @staticmethod
-    def made(function: Callable[..., Any], shard: int) -> Any:
+def test_interrupted_run_leaves_what_is_complete(scene: Path, tmp_path: Path) -> None:
+    def interrupted(function: Callable[..., Any], shard: int) -> Any:
         if shard == 3:
             raise KeyboardInterrupt
         return function(shard)
 
-
-def test_interrupted_run_leaves_what_is_complete(scene: Path, tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), Interrupted(1) as executor:
-        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=executor)
+    with pytest.raises(KeyboardInterrupt):
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=Doing(interrupted))
     dataset = rc.dataset.open_dataset(tmp_path / "out")
     assert not list((tmp_path / "out").rglob("*.partial"))
     found = rc.dataset.verify(tmp_path / "out")

@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import pytest
 
 import radarcore as rc
 from full_disk import largest_file
-from varied_scenes import digests, write_scene
+from varied_scenes import Doing, digests, write_scene
 
 pytest.importorskip("zarr", reason="needs zarr: pip install radarcore[zarr]")
 
@@ -67,36 +66,19 @@ if __name__ == "__main__":
 """
 
 
-class Waiting(Executor):
-    """Executor that does something before its first shard."""
-
-    def __init__(self, first: Callable[[], None]) -> None:
-        self._first: Callable[[], None] | None = first
-
-    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
-        first, self._first = self._first, None
-        if first is not None:
-            first()
-        future: Future[Any] = Future()
-        future.set_result(function(*given))
-        return future
-
-
 def test_only_one_process_makes_a_dataset(scene: Path, whole: Path, tmp_path: Path) -> None:
     """Other processes get an error that names the first, which makes or resumes the dataset."""
     path = tmp_path / "out"
-    refused = []
 
-    def other() -> None:
+    def after_another(function: Callable[..., Any], *given: Any) -> Any:
         with pytest.raises(BlockingIOError, match=rf"no other writer, got process {os.getpid()}.*{path}"):
             rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True)
-        refused.append(path)
+        return function(*given)
 
     for resume in (False, True):
-        rc.dataset.make(scene, path, **SETTINGS, executor=Waiting(other), resume=resume)
+        rc.dataset.make(scene, path, **SETTINGS, executor=Doing(after_another), resume=resume)
         assert digests(path) == digests(whole)
         shutil.rmtree(path / "status" / "c")
-    assert len(refused) == 2
 
 
 def test_foreign_files_beside_and_within_a_dataset_stay(scene: Path, tmp_path: Path) -> None:
@@ -221,13 +203,6 @@ def test_names_that_would_share_a_column_are_refused(tmp_path: Path) -> None:
 
 
 def test_worker_with_another_disk_is_an_error(scene: Path, tmp_path: Path) -> None:
-    class Elsewhere(Executor):
-        """Executor whose results are never seen here."""
-
-        def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
-            future: Future[Any] = Future()
-            future.set_result((int(given[0]), ()))
-            return future
-
+    elsewhere = Doing(lambda function, shard: (shard, ()))  # writes nothing here
     with pytest.raises(OSError, match="all workers must reach the same directory"):
-        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=Elsewhere())
+        rc.dataset.make(scene, tmp_path / "out", **SETTINGS, executor=elsewhere)

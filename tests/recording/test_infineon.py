@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from chip_settings import power_up
+from full_disk import largest_file
 from infineon_folders import FOLDER, OLD_NAMES, SENSOR, SHAPE, array, config, folder, saved, some_codes, text
 from radarcore.processing.spectra.spectra import range_profile
 from radarcore.radar.bgt60_presets import bgt60tr13c
@@ -21,7 +22,6 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Truth, to_codes, to_samples
 from radarcore.recording.recording import Recording
-from recordings import small_disk
 
 FULL_SCALE = {"cube_unit": "full scale"}
 
@@ -353,7 +353,7 @@ def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None
         folder(place / "again", config_json=config(if_gain_dB=60))
     before = contents(place)
     # Room for texts and the header.
-    with pytest.raises(OSError, match=rf"Errno 27.*{FOLDER}/radar\.npy'"), small_disk(1500):
+    with pytest.raises(OSError, match=rf"Errno 27.*{FOLDER}/radar\.npy'"), largest_file(1500):
         rec.save(place / "again", format="infineon", overwrite=True)
     assert contents(place) == before
     assert (place / "again").exists() == is_there

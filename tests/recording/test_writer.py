@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from full_disk import largest_file
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
-from recordings import FRAME_TIMES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame, small_disk
+from recordings import FRAME_TIMES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame
 
 
 def test_recording_is_readable_after_every_frame(tmp_path: Path) -> None:
@@ -81,7 +82,7 @@ def test_killed_process_leaves_every_frame_it_had_finished(tmp_path: Path) -> No
 
 def test_full_disk_keeps_the_whole_frames_and_names_the_file(tmp_path: Path) -> None:
     # Room for 3.8 frames of 1024 bytes.
-    with pytest.raises(OSError, match=r"Errno 27.*rec/cube\.npy'"), small_disk(4000):
+    with pytest.raises(OSError, match=r"Errno 27.*rec/cube\.npy'"), largest_file(4000):
         recording(10, names=None).save(tmp_path / "rec")
     with pytest.warns(UserWarning, match="3 of 10 planned frames"):
         assert_same(Recording.load(tmp_path / "rec"), recording(10, names=None), 3)

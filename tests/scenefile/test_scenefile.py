@@ -245,18 +245,6 @@ def test_arm_by_name_has_its_kinematics_and_meshes(tmp_path: Path) -> None:
     assert simulation.scene.num_triangles == 5328  # of its collision meshes
 
 
-@pytest.mark.skipif(not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]")
-def test_real_meshes_of_arm_and_human(tmp_path: Path) -> None:
-    arm = '[[arm]]\nmeshes = true\njoints = { kind = "rest", angles_deg = [0, -90, 90, 0, 90, 0] }\n'
-    simulation = load(
-        tmp_path,
-        "[sensor]\npose = { position = [0, 0, 2] }\n" + arm + "[[human]]\nmeshes = true\npath = [[3, 0], [5, 0]]\n",
-    )
-    arm_triangles = sum(len(body.mesh.triangles) for body in bodies_of(simulation) if str(body.name).startswith("arm/"))
-    assert arm_triangles == 5862
-    assert simulation.scene.num_triangles > arm_triangles + 100_000
-
-
 def test_human_and_point_have_all_their_keys(tmp_path: Path) -> None:
     simulation = load(
         tmp_path,
