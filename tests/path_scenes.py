@@ -62,11 +62,6 @@ class Paths:
         power = abs(np.atleast_2d(self.amplitude)) ** 2
         return np.sqrt(power.sum(axis=-1) if power.ndim == 2 else power.mean(axis=0).sum(axis=-1))
 
-    def pick(self, paths: Any) -> Paths:
-        """Some of the paths."""
-        parts = (self.delay, self.amplitude, self.rate, self.acceleration)
-        return Paths(*(None if x is None else np.ascontiguousarray(x[..., paths]) for x in parts))  # type: ignore[arg-type]
-
     def scaled(self, factor: complex) -> Paths:
         return replace(self, amplitude=factor * self.amplitude)
 

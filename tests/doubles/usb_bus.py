@@ -74,8 +74,6 @@ class EmulatedDevice:
         The kernel has a driver for all interfaces and binds it when the device is plugged in.
     is_denied : bool
         The device may not be opened.
-    max_write : int or None
-        Bytes that a transfer to the board carries before its time is over; None for all.
     answers_class_requests : bool
         Line coding and control lines are accepted, not stalled.
     line_coding, control_lines : bytes, int
@@ -89,7 +87,6 @@ class EmulatedDevice:
     strings: dict[int, str]
     has_driver: bool = False
     is_denied: bool = False
-    max_write: int | None = None
     answers_class_requests: bool = True
     line_coding: bytes = bytes(7)
     control_lines: int = 0
@@ -278,21 +275,15 @@ class EmulatedBus:
         buffer[: len(data)] = array("B", data)
         return len(data)
 
-    def bulk_write(self, handle: _Handle, endpoint: int, interface: int, data: array[int], timeout: int) -> int:
-        """Transfer to a board, or the part of it that the board takes in time."""
+    def bulk_write(self, handle: _Handle, endpoint: int, interface: int, data: array[int], _timeout: int) -> int:
+        """Transfer to a board."""
         handle.check_claimed(interface)
         connection, device = handle.connection, handle.connection.device
         if device.stream is None or connection.endpoint(endpoint) is None:
             _fail(errno.ENOENT)
-        taken = data.tobytes()[: device.max_write]
-        if taken:
-            with connection.answers(self, endpoint):
-                device.stream.receive(taken)
-        if len(taken) < len(data) and connection.is_gone.wait(timeout / 1000.0 if timeout else None):
-            _fail(errno.ENODEV)
-        if data and not taken:
-            _fail(errno.ETIMEDOUT)
-        return len(taken)
+        with connection.answers(self, endpoint):
+            device.stream.receive(data.tobytes())
+        return len(data)
 
     def ctrl_transfer(
         self,

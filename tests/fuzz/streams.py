@@ -14,11 +14,10 @@ from unittest.mock import patch
 from doubles.boards import Numbered
 from doubles.comlib_boards import Pipe, Ramp
 from doubles.comlib_boards import radar as comlib_radar
-from fuzz.cases import HOSTILE_NUMBERS, Case, damaged, damaged_tree, json_bytes
+from fuzz.cases import Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.codes import EndpointType, Fmcw
 from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.errors import ProtocolError, RequestError
@@ -26,7 +25,7 @@ from radarcore.sensor.interface import Board, Damage
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata import stream as strata_stream
 from radarcore.sensor.strata.board import StrataBoard
-from radarcore.sensor.strata.packets import DataPacket, Kind, Response
+from radarcore.sensor.strata.packets import DataPacket
 from radarcore.sensor.strata.slices import SliceAssembler
 from radarcore.sensor.transport.capture import Capture, Replay
 
@@ -44,11 +43,14 @@ def _pieces(data: bytes) -> list[bytes]:
     return pieces
 
 
-def _stream(sent: list[bytes], random: Random) -> Case:
-    """Packets of which some are lost, doubled, exchanged, cut or damaged."""
+def make_stream(random: Random) -> Case:
+    """What a board sends, of which some packets are lost, doubled, exchanged, cut or damaged."""
+    answers = [bytes.fromhex(line["bytes"]) for line in _lines(random) if line.get("direction") == "read"]
+    first = random.randrange(len(answers))
+    sent = answers[first : first + random.randint(1, 12)]
     for _ in range(random.choice((0, 1, 2, 5))):
         at, other = random.randrange(len(sent)), random.randrange(len(sent))
-        match random.randrange(5):
+        match random.randrange(6):
             case 0:
                 del sent[at]
             case 1:
@@ -57,138 +59,59 @@ def _stream(sent: list[bytes], random: Random) -> Case:
                 sent[at], sent[other] = sent[other], sent[at]
             case 3:
                 sent[at] = damaged(sent[at], random, sent)
+            case 4:
+                sent[at] = _resealed(damaged(sent[at], random, sent), random)
             case _:
                 sent.insert(at, random.randbytes(random.choice((1, 2, 8, 100))))
         sent = sent or [b""]
     return {"stream.bin": b"".join(sent)}
 
 
-def make_strata(random: Random) -> Case:
-    sent, counter = [], random.choice((0, 65530))
-    for _ in range(random.randint(1, 12)):
-        payload = random.randbytes(random.choice((0, 1, 4, 8, 16, 96, 1000)))
-        if random.random() < 0.5:
-            kind = random.choice((Kind.WRITE, Kind.READ, Kind.TRANSFER))
-            sent.append(packets.encode_response(Response(kind, random.choice((0, 0, 0, 0x8B)), payload)))
-        else:
-            is_last = random.random() < 0.6
-            packet = DataPacket(payload, counter % 65536, is_first=random.random() < 0.6, is_last=is_last)
-            body = bytearray(packets.encode_data(packet)[:-2])
-            body[0] = random.choice((body[0], random.randrange(0xD0, 0xE0)))  # flags that the payload has no room for
-            sent.append(bytes(body) + packets.crc(bytes(body)).to_bytes(2, "big"))
-            counter += 1
-    return _stream(sent, random)
+def stream_seeds() -> list[Case]:
+    return [make_stream(Random(seed)) for seed in range(10)]
 
 
-def strata_seeds() -> list[Case]:
-    return [make_strata(Random(seed)) for seed in range(5)]
-
-
-def read_strata(folder: Path) -> None:
+def read_stream(folder: Path) -> None:
+    """Both protocols read the bytes, and all that decode a payload."""
     data = (folder / "stream.bin").read_bytes()
     assembler = SliceAssembler(3000)
+    payloads = [data]
     for parser in (strata_stream.HostParser(), strata_stream.BoardParser()):
         num_bytes = 0
         for piece in _pieces(data):
             found = parser.feed(piece)
             assert parser.num_held == len(parser._buffer) <= parser._largest
             for item in found:
-                if isinstance(item, Damage):
-                    num_bytes += item.num_bytes
-                elif isinstance(item, DataPacket):
-                    num_bytes += len(item.payload)
-                    for part in assembler.feed(item):
-                        assert len(getattr(part, "data", b"")) <= 3000
-                else:
-                    num_bytes += len(item.payload)
-                    _try_strata(item.payload)
+                num_bytes += item.num_bytes if isinstance(item, Damage) else len(item.payload)
+                if isinstance(item, DataPacket):
+                    assert all(len(getattr(part, "data", b"")) <= 3000 for part in assembler.feed(item))
+                elif not isinstance(item, Damage):
+                    payloads.append(item.payload)
         assert num_bytes <= len(data)
-    with suppress(ProtocolError):
-        packets.decode_data(data)
-    _try_strata(data)
-
-
-def _try_strata(payload: bytes) -> None:
-    """Give a payload to all that decode one."""
-    decoders: Any = (
-        packets.Version.decode,
-        packets.decode_board_info,
-        packets.decode_text,
-        packets.uuid_text,
-        packets.decode_values,
-        packets.decode_commands,
-        packets.decode_data_configuration,
-    )
-    for decode in decoders:
-        with suppress(ProtocolError, RequestError):
-            decode(payload)
-
-
-def make_comlib(random: Random) -> Case:
-    sent = []
-    ramp = Ramp().frame(comlib_radar(2, num_samples=8, num_chirps=2), 0, 0.0)
-    for _ in range(random.randint(1, 12)):
-        endpoint = random.choice((0, 1, 1, 2, 3, 4, 255))
-        body = random.choice(
-            (
-                comlib.encode_endpoints([comlib.Endpoint(EndpointType.RBAS), comlib.Endpoint(EndpointType.RFMC)]),
-                comlib.Firmware(1, 2, 3, "board").encode(),
-                comlib.Format(8, 2, 3).encode(),
-                comlib.FmcwSettings(57_000_000, 64_000_000, 0, 31).encode(),
-                comlib.AdcSettings(2_000_000).encode(),
-                comlib.Temperature(0, 25_000).encode(),
-                comlib.encode_number(Fmcw.SLOPE, 40_000_000),
-                comlib.Frame(7, ramp, 3, random.random() < 0.5).encode(),
-                random.randbytes(random.choice((0, 1, 2, 18, 500))),
-            )
-        )
-        if random.random() < 0.3:
-            body = bytearray(body)
-            at = random.randrange(len(body) + 1)
-            body[at : at + 4] = random.choice(HOSTILE_NUMBERS)
-        is_status = random.random() < 0.3
-        status = comlib.StatusMessage(endpoint, random.choice((0, 0, 1, 0xFFFF)))
-        sent.append(status.encode() if is_status else comlib.Message(endpoint, bytes(body)).encode())
-    return _stream(sent, random)
-
-
-def comlib_seeds() -> list[Case]:
-    return [make_comlib(Random(seed)) for seed in range(5)]
-
-
-def read_comlib(folder: Path) -> None:
-    data = (folder / "stream.bin").read_bytes()
-    parsers: Any = (comlib.Parser(), comlib.Parser(3))
-    for parser in parsers:
+    for number_of_endpoints in ((), (3,)):
+        comlib_parser = comlib.Parser(*number_of_endpoints)
         for number, piece in enumerate(_pieces(data)):
-            for item in parser.feed(piece):
-                if isinstance(item, comlib.Message):
-                    _try_comlib(item.payload)
-            assert len(parser._buffer) <= 65541
+            messages = [item for item in comlib_parser.feed(piece) if isinstance(item, comlib.Message)]
+            payloads += [message.payload for message in messages]
+            assert len(comlib_parser._buffer) <= 65541
             if number % 3 == 2:  # a silence
-                parser.reset()
-        parser.reset()
-        assert parser.feed(comlib.Message(1, b"\x22").encode()) == [comlib.Message(1, b"\x22")]
-    _try_comlib(data)
+                comlib_parser.reset()
+        comlib_parser.reset()
+        assert comlib_parser.feed(comlib.Message(1, b"\x22").encode()) == [comlib.Message(1, b"\x22")]
+    for payload in payloads:
+        for decode in DECODERS:
+            with suppress(ProtocolError, RequestError):
+                decode(payload)
 
 
-def _try_comlib(payload: bytes) -> None:
-    """Give a payload to all that decode one."""
-    decoders: Any = (
-        lambda payload: [endpoint.letters for endpoint in comlib.decode_endpoints(payload)],
-        comlib.Firmware.decode,
-        comlib.Info.decode,
-        comlib.Format.decode,
-        comlib.FmcwSettings.decode,
-        comlib.AdcSettings.decode,
-        comlib.Temperature.decode,
-        comlib.decode_byte,
-        comlib.decode_number,
-        comlib.Frame.decode,
-    )
-    for decode in decoders:
-        with suppress(ProtocolError):
-            decode(payload)
+DECODERS: Any = (
+    *(packets.decode_data, packets.Version.decode, packets.decode_board_info, packets.decode_text, packets.uuid_text),
+    *(packets.decode_values, packets.decode_commands, packets.decode_data_configuration),
+    lambda payload: [endpoint.letters for endpoint in comlib.decode_endpoints(payload)],
+    *(comlib.Firmware.decode, comlib.Info.decode, comlib.Format.decode, comlib.FmcwSettings.decode),
+    *(comlib.AdcSettings.decode, comlib.Temperature.decode, comlib.decode_byte, comlib.decode_number),
+    comlib.Frame.decode,
+)
 
 
 # Captures: the driver in conversation with a file.
@@ -236,9 +159,13 @@ def capture_seeds() -> list[Case]:
     return [{"capture.jsonl": data} for data in both]
 
 
+def _lines(random: Random) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in random.choice(capture_seeds())["capture.jsonl"].splitlines()]
+
+
 def make_capture(random: Random) -> Case:
     """A conversation with damaged answers, or with lines that are damaged, lost or doubled."""
-    lines = [json.loads(line) for line in random.choice(capture_seeds())["capture.jsonl"].splitlines()]
+    lines = _lines(random)
     answers = [line for line in lines if line.get("direction") == "read"]
     for line in random.sample(answers, random.choice((0, 1, 1, 3))):
         data = bytes.fromhex(line["bytes"])

@@ -13,8 +13,7 @@ TARGETS = {
     "directory": Target(stored.directory_seeds, stored.make_directory, stored.read_directory),
     "npz": Target(stored.npz_seeds, stored.make_npz, stored.read_npz),
     "infineon": Target(stored.infineon_seeds, stored.make_infineon, stored.read_directory),
-    "strata": Target(streams.strata_seeds, streams.make_strata, streams.read_strata),
-    "comlib": Target(streams.comlib_seeds, streams.make_comlib, streams.read_comlib),
+    "stream": Target(streams.stream_seeds, streams.make_stream, streams.read_stream),
     "capture": Target(streams.capture_seeds, streams.make_capture, streams.read_capture),
 }
 if find_spec("rosbags") is not None:  # the extra `ros`

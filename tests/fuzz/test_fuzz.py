@@ -15,7 +15,7 @@ from fuzz.judge import MOST_MEMORY, judge
 from fuzz.targets import TARGETS
 
 NUM_INPUTS = {"obj": 90, "scene": 5, "pattern": 90, "robot": 30, "directory": 18, "npz": 30, "infineon": 18}
-NUM_INPUTS |= {"strata": 60, "comlib": 45, "capture": 12, "bag": 60}
+NUM_INPUTS |= {"stream": 60, "capture": 12, "bag": 60}
 """Less than a third of a second each; `python -m tests.fuzz` draws for as long as one likes."""
 
 
