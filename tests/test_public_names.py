@@ -75,23 +75,6 @@ def test_module_of_public_functions_shows_these_alone(name: str) -> None:
     assert own - set(shown.__all__) <= {"Image"}  # a protocol: what a type needs, for checkers
 
 
-def test_helpers_of_the_package_are_no_members_of_its_classes() -> None:
-    """Members that only the package calls would be completed and documented beside what users may call."""
-    helpers = {
-        rc.Camera: ["every"],
-        rc.Detections: ["from_rows"],
-        rc.Interferer: ["chirps_between", "sent_after"],
-        rc.Receiver: ["check_receivers", "is_plain"],
-        rc.RecordingWriter: ["open_as"],
-        rc.Schedule: ["require_fit"],
-        rc.Simulator: ["changed", "to_core"],
-        rc.processing.TrackState: ["of_fields"],
-        rc.Truth: ["from_rows"],
-        rc.Waveform: ["require_range"],
-    }
-    assert [(kind.__name__, name) for kind, names in helpers.items() for name in names if hasattr(kind, name)] == []
-
-
 def test_no_module_has_the_name_of_something_else(face: ModuleType) -> None:
     """The import system would put the module in the place of a function, depending on what was loaded before."""
     others = {words[3] for words in stub_of(face) if words[1] != face.__name__}

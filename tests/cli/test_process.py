@@ -82,14 +82,6 @@ def test_options_choose_what_is_detected(recording: Path, capsys: pytest.Capture
     assert number("--false-alarm-rate", "1e-3") > 24
 
 
-def test_bare_samples_are_processed_with_the_radar_of_a_file(
-    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    np.save(tmp_path / "bare.npy", np.load(recording / "cube.npy"))
-    assert main(["process", str(tmp_path / "bare.npy"), "--config", str(recording / "meta.json"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["detections"] == 24
-
-
 @pytest.mark.parametrize(
     "waveform", [{"num_chirps": 1}, {"chirp_times": 400e-6 * np.arange(8) ** 1.1, "num_chirps": 8}]
 )

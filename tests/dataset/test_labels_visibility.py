@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -70,30 +72,27 @@ def test_share_of_a_rough_plate_is_that_of_its_area_in_view(hidden: float) -> No
     assert visibility(plate(ROUGH), wall(edge)) == pytest.approx(1.0 - hidden, abs=0.04)
 
 
-def test_nothing_of_a_hidden_body() -> None:
-    assert visibility(plate(), wall(0.5)) == 0.0
-    assert visibility(plate(ROUGH), wall(0.5)) == 0.0
+BAR = rc.Body(rc.shapes.plate(0.02, 1.6), motion=rc.Pose.from_rpy([1.0, 0.35, 0.0], [0.6, 0.0, 0.0]), name="bar")
+BEHIND = rc.Body(rc.shapes.box(0.2), motion=rc.Pose([-2.0, 0.0, 0.0]), name="plate")
 
 
-def test_all_of_a_body_alone_beside_another_and_before_it() -> None:
-    assert visibility(plate()) == 1.0
-    assert visibility(plate(), wall(-0.3)) == 1.0
-    assert visibility(plate(), wall(0.5, distance=3.0)) == 1.0
-
-
-def test_all_of_a_body_in_whose_box_alone_another_is() -> None:
-    """Boxes overlap, seen from the radar, but nothing is in the way."""
-    tilted = rc.Body(rc.shapes.plate(0.02, 1.6), motion=rc.Pose.from_rpy([1.0, 0.35, 0.0], [0.6, 0.0, 0.0]), name="bar")
-    assert visibility(plate(ROUGH), tilted) == pytest.approx(1.0, abs=0.01)
-
-
-def test_nothing_of_a_body_out_of_view() -> None:
-    behind = rc.Body(rc.shapes.box(0.2), motion=rc.Pose([-2.0, 0.0, 0.0]), name="behind")
-    assert visibility(plate(), behind, name="behind") == 0.0
-
-
-def test_points_are_seen_through_everything() -> None:
-    assert visibility(rc.PointTarget([2.0, 0.0, 0.0], name="point"), wall(0.5), name="point") == 1.0
+@pytest.mark.parametrize(
+    ("bodies", "expected"),
+    [
+        ([plate(), wall(0.5)], 0.0),
+        ([plate(ROUGH), wall(0.5)], 0.0),
+        ([plate()], 1.0),
+        ([plate(), wall(-0.3)], 1.0),
+        ([plate(), wall(0.5, distance=3.0)], 1.0),
+        ([plate(ROUGH), BAR], pytest.approx(1.0, abs=0.01)),
+        ([BEHIND], 0.0),
+        ([rc.PointTarget([2.0, 0.0, 0.0], name="plate"), wall(0.5)], 1.0),
+    ],
+    ids=["hidden", "rough and hidden", "alone", "beside", "before", "only the box overlaps", "out of view", "point"],
+)
+def test_all_or_nothing_of_a_body(bodies: list[rc.Body | rc.PointTarget], expected: Any) -> None:
+    """Points are seen through everything."""
+    assert visibility(*bodies) == expected
 
 
 def test_parts_of_a_body_do_not_hide_it() -> None:
