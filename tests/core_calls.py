@@ -127,13 +127,10 @@ def simulator(source: Any = None, materials: Any = (MATERIAL,), **changes: Any) 
     array = {name: changes.pop(name) for name in list(changes) if name in ARRAY or name == "polarization"}
     planes = ("rays", "tubes", "image")
     chosen = {name: changes.pop(name) for name in list(changes) if name in SETTINGS or name in planes}
-    arguments = {
-        "antennas": antennas(**array),
-        "waveform": waveform(),
-        "center": (0.0, 0.0, 0.0),
-        "settings": settings(**chosen),
-    }
-    return _core.Simulator(scene() if source is None else source, list(materials), **(arguments | changes))
+    arguments = {"antennas": antennas(**array), "waveform": waveform(), "center": (0.0, 0.0, 0.0)} | changes
+    return _core.Simulator(
+        scene() if source is None else source, list(materials), **({"settings": settings(**chosen)} | arguments)
+    )
 
 
 def frame(

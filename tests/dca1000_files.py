@@ -52,13 +52,8 @@ class Scene:
         half = 0.5 * C / middle
         # Paths from transmitter to target to receivers: so near, the wave is curved. Range and angles are from the
         # middle of the antennas.
-        axis = np.array(
-            [
-                np.cos(self.azimuth) * np.cos(self.elevation),
-                np.sin(self.azimuth) * np.cos(self.elevation),
-                np.sin(self.elevation),
-            ]
-        )
+        across, up = np.cos(self.elevation), np.sin(self.elevation)
+        axis = np.array([np.cos(self.azimuth) * across, np.sin(self.azimuth) * across, up])
         target = (self.range + self.velocity * (time + t))[:, None] * axis
         receivers = np.array([[0.0, k, 0.0] for k in range(4)])
         senders = {mask: np.array([0.0, *self.places[mask]]) for mask in sorted(set(self.masks))}

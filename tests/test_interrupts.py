@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from interrupts import hears_interrupts, time_of, time_to_hear
+from path_scenes import sweep_waveform
 from radarcore import _core, notice
 
 __all__ = ["hears_interrupts"]
@@ -23,14 +24,7 @@ def beat(
     method: str, num_paths: int, num_chirps: int, num_samples: int, tolerance: float, *, is_bending: bool = False
 ) -> object:
     """Sum over moving paths in random order."""
-    waveform = rc.Waveform(
-        start_frequency=60e9,
-        slope=1e9 * 2e6 / num_samples,
-        sample_rate=2e6,
-        num_samples=num_samples,
-        num_chirps=num_chirps,
-        chirp_interval=3e-3,
-    )
+    waveform = sweep_waveform(num_chirps, num_samples, chirp_interval=3e-3)
     rng = np.random.default_rng(1)
     delay, rate = 1e-8 * rng.random((2, num_paths))
     amplitude = np.ones(num_paths, complex)

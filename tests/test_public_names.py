@@ -87,6 +87,22 @@ def test_unknown_name_is_an_attribute_error(face: ModuleType) -> None:
         face.nonsense  # noqa: B018
 
 
+@pytest.mark.parametrize(
+    ("wrong", "meant"),
+    [
+        ("radarcore.Simulater", "Simulator"),
+        ("radarcore.adapters.mujoko", "mujoco"),
+        ("radarcore.plot.spectogram", "spectrogram"),
+        ("radarcore.shapes.spher", "sphere"),
+    ],
+)
+def test_interpreter_suggests_the_near_attribute(wrong: str, meant: str) -> None:
+    """It does as it prints the error: in a process of its own."""
+    result = subprocess.run([sys.executable, "-c", f"import radarcore\n{wrong}"], capture_output=True, text=True)
+    assert result.returncode == 1
+    assert result.stderr.rstrip().endswith(f"has no attribute '{wrong.split('.')[-1]}'. Did you mean: '{meant}'?")
+
+
 LOADED = """
 import sys
 before = set(sys.modules)

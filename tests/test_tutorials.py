@@ -9,6 +9,7 @@ import re
 import runpy
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,31 +31,27 @@ def text_of(cells: list[list[dict[str, str]]]) -> str:
     return "".join(output.get("text", "") for cell in cells for output in cell)
 
 
-class Script:
-    """Runs tutorials as scripts in an empty folder, in this process: what they print must be what the site shows."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self._capsys = capsys
-
-    def names(self, name: str) -> dict[str, Any]:
-        """What it leaves behind."""
-        found = runpy.run_path(str(TUTORIALS / f"{name}.py"))
-        assert self._capsys.readouterr().out == text_of(outputs_of(name))
-        return found
+Script = Callable[[str], dict[str, Any]]
 
 
 @pytest.fixture
-def script(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+def script(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Script]:
+    """Runs tutorials as scripts in an empty folder, in this process: what they print must be what the site shows."""
     import matplotlib.pyplot as plt
+
+    def names_after(name: str) -> dict[str, Any]:
+        found = runpy.run_path(str(TUTORIALS / f"{name}.py"))
+        assert capsys.readouterr().out == text_of(outputs_of(name))
+        return found
 
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
-    yield Script(capsys)
+    yield names_after
     plt.close("all")
 
 
 def test_first_frames_find_ball_and_plate(script: Script) -> None:
-    found = script.names("first_frames")
+    found = script("first_frames")
     detections, truth, waveform = found["detections"], found["frame"].truth, found["radar"].waveform
     assert len(detections.range) == 2
     assert abs(detections.range - truth.range).max() < 0.25 * waveform.range_resolution
@@ -62,14 +59,14 @@ def test_first_frames_find_ball_and_plate(script: Script) -> None:
 
 
 def test_person_is_tracked_from_the_moving_arm(script: Script) -> None:
-    found = script.names("arm_and_person")
+    found = script("arm_and_person")
     (track,) = found["tracks"]
     assert track.num_hits > 0.7 * len(found["recording"])
     assert abs(track.range - found["trunk"][track.frame]).max() < 0.4  # [m], trunk to limbs
 
 
 def test_errors_are_at_the_bound_and_velocities_fold(script: Script) -> None:
-    found = script.names("waveform_and_array")
+    found = script("waveform_and_array")
     estimates, truth = found["estimates"], found["recording"].truth
     for name in ("range", "velocity"):
         errors = getattr(estimates, name) - getattr(truth, name)[:, 0]
@@ -80,7 +77,7 @@ def test_errors_are_at_the_bound_and_velocities_fold(script: Script) -> None:
 
 
 def test_board_and_simulation_agree(script: Script) -> None:
-    found = script.names("board_and_simulation")
+    found = script("board_and_simulation")
     for errors in found["compared"]["ball"].errors:
         assert errors.num_tracked == errors.num_frames == found["NUM_FRAMES"]
         assert errors.range_share == errors.velocity_share == 1.0

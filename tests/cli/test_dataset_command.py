@@ -34,9 +34,7 @@ def test_make_resume_and_what_is_refused(folder: Path, capsys: pytest.CaptureFix
     result = json.loads(capsys.readouterr().out)
     assert (result["samples"], result["frames"], result["failed"]) == (3, 6, 0)
     assert make(folder, "--labels", "truth,boxes,visibility") == 1
-    assert capsys.readouterr().err == (
-        f"radarcore: {folder / 'out'}: expected no such path, got a dataset; --resume goes on with it\n"
-    )
+    assert "out: expected no such path, got a dataset; --resume goes on with it\n" in capsys.readouterr().err
     assert make(folder, "--resume") == 1
     assert "got labels.boxes = False, not True; labels.visibility = False, not True" in capsys.readouterr().err
     assert make(folder, "--resume", "--labels", "truth,boxs") == 1
@@ -47,9 +45,7 @@ def test_verify_and_info(folder: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main(["dataset", "verify", str(folder / "out"), "--again", "2"]) == 0
     text = capsys.readouterr().out
     assert text.startswith("3 of 3 samples, 0 failed\n")
-    assert text.endswith(
-        "sample 0 simulated again: the same to the bit\nsample 2 simulated again: the same to the bit\n"
-    )
+    assert text.endswith("".join(f"sample {number} simulated again: the same to the bit\n" for number in (0, 2)))
     assert main(["dataset", "info", str(folder / "out")]) == 0
     assert "bodies     ball\n" in capsys.readouterr().out
     assert main(["dataset", "info", str(folder / "out"), "--json"]) == 0

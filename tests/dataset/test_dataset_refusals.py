@@ -75,12 +75,7 @@ def test_what_all_samples_share_has_no_distribution(tmp_path: Path, text: str, k
         ("", "", "[[body]]\nchoice = []\n", ["body[0]: expected a table, got a distribution"]),
         (POINT, "[1, 0", "[1, 0, 0]\nrsc = [{ uniform = [0.1, 1.0] }", ["unknown key 'rsc'; did you mean"]),
         # The ends of distributions are tried when the file is read.
-        (
-            BALL,
-            '{ choice = ["metal", "wood"] }',
-            "{ albedo = { uniform = [0.5, 1.5] } }",
-            ["ball.material.albedo", "be 1.5"],
-        ),
+        (BALL, 'choice = ["metal", "wood"]', "albedo = { uniform = [0.5, 1.5] }", ["ball.material.albedo", "be 1.5"]),
         (PERSON, "[0.5, 1.5]", "[0.5, 3.0]", ["human.person 0.speed", "uniform may be 3", "expected at"]),
         (BALL, '"wood"', '"wod"', ["body.ball.material: choice may be 'wod'", "did you mean 'wood' or"]),
         (PERSON, "speed = { uniform = [0.5, 1.5] }", "meshes = { uniform = [0, 1] }", ["expected true or false"]),

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -179,12 +180,10 @@ def test_damaged_group_is_one_line(
     group = json.loads((path / "zarr.json").read_text())
     damage(group)
     (path / "zarr.json").write_text(json.dumps(group))
-    for call in (
-        lambda: rc.dataset.open_dataset(path),
-        lambda: rc.dataset.make(scene, path, **SETTINGS, workers=1, resume=True),
-    ):
+    resume = partial(rc.dataset.make, scene, **SETTINGS, workers=1, resume=True)
+    for call in (rc.dataset.open_dataset, resume):
         with pytest.raises(ValueError, match=rf"^{path}: expected a dataset, got .*{what}") as error:
-            call()
+            call(path)
         assert "\n" not in str(error.value)
 
 

@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
@@ -13,7 +14,6 @@ from typing import Any
 import pytest
 
 from doubles.usb_bus import Stall
-from radarcore.sensor.emulator.pty import Unplugged
 
 HANG = 20.0
 """Longest time of any call [s]; none takes a tenth of it."""
@@ -119,27 +119,21 @@ class Call:
     """A function that runs in a thread of its own."""
 
     def __init__(self, function: Callable[[], Any]) -> None:
-        self.value: Any = None
-        self.error: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, args=(function,), daemon=True)
-        self._thread.start()
+        self._future = Future[Any]()
+        threading.Thread(target=self._run, args=(function,), daemon=True).start()
 
     def _run(self, function: Callable[[], Any]) -> None:
         try:
-            self.value = function()
+            self._future.set_result(function())
         except BaseException as error:
-            self.error = error
+            self._future.set_exception(error)
 
     @property
     def is_running(self) -> bool:
-        return self._thread.is_alive()
+        return not self._future.done()
 
     def result(self) -> Any:
-        self._thread.join(HANG)
-        assert not self.is_running, "the call hangs"
-        if self.error is not None:
-            raise self.error
-        return self.value
+        return self._future.result(HANG)
 
 
 def pieces(data: bytes, places: Sequence[int]) -> list[bytes]:
@@ -154,18 +148,3 @@ def read_all(stream: Any, size: int) -> bytes:
     while len(data) < size and (chunk := stream.read(size - len(data), HANG / 4)):
         data += chunk
     return data
-
-
-__all__ = [
-    "HANG",
-    "Call",
-    "Loopback",
-    "Requests",
-    "Stall",
-    "Unplugged",
-    "is_soon",
-    "list_serial_ports",
-    "other_user",
-    "pieces",
-    "read_all",
-]

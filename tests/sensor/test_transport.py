@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from doubles.small_boards import HANG, Call, Loopback, Unplugged, other_user, read_all
+from doubles.small_boards import HANG, Call, Loopback, other_user, read_all
 from doubles.usb_bus import EmulatedBus, cdc_device, on_bus
-from radarcore.sensor.emulator.pty import PtyPort
+from radarcore.sensor.emulator.pty import PtyPort, Unplugged
 from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,

@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from doubles.small_boards import HANG, Call, Loopback, Requests, Stall, Unplugged, list_serial_ports, read_all
-from doubles.usb_bus import EmulatedBus, bus_with, cdc_device, on_bus, stream_to, vendor_device, vendor_port_to
+from doubles.small_boards import HANG, Call, Loopback, Requests, list_serial_ports, read_all
+from doubles.usb_bus import EmulatedBus, Stall, bus_with, cdc_device, on_bus, stream_to, vendor_device, vendor_port_to
+from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.errors import (
     ProtocolError,
     SensorDisconnectedError,
