@@ -61,12 +61,7 @@ def test_what_all_samples_share_has_no_distribution(tmp_path: Path, text: str, k
 @pytest.mark.parametrize(
     ("before", "old", "new", "messages"),
     [
-        (
-            BALL,
-            "uniform",
-            "unifrom",
-            ["'ball': pose.position[0]: expected a number [m]", "; did you mean 'uniform'"],
-        ),
+        (BALL, "uniform", "unifrom", ["'ball': pose.position[0]: expected a number [m]", "; did you mean 'uniform'"]),
         (BALL, "choice", "chioce", ["material: unknown key 'chioce'; did you mean 'choice'?"]),
         (BALL, "[1.0, 3.0]", "[3.0, 1.0]", ["body.ball.pose.position[0]: uniform: expected the smaller"]),
         (BALL, '"ball"', '{ choice = ["a", "b"] }', ["body[0]: name: expected text, the same in all sa"]),

@@ -83,17 +83,13 @@ def test_ties_have_no_label() -> None:
 
 
 def test_parts_count_as_their_person_or_as_those_that_have_names() -> None:
-    parts = [replace_name(target, f"eve/{target.name}") for target in targets(WAVEFORM)]
+    parts = [rc.PointTarget(t.position, t.rcs, t.velocity, name=f"eve/{t.name}") for t in targets(WAVEFORM)]
     radar = radar_with(20.0)
     whole = cells_of(radar, parts, ("eve",))
     some = cells_of(radar, parts, ("eve/mover", "eve"))
     assert set(np.unique(whole)) == {-1, 0}
     assert some[20, 24] == 0
     assert some[16, 8] == some[16, 16] == 1
-
-
-def replace_name(target: rc.PointTarget, name: str) -> rc.PointTarget:
-    return rc.PointTarget(target.position, target.rcs, target.velocity, name=name)
 
 
 def test_transmitters_in_turn_have_the_cells_of_one() -> None:

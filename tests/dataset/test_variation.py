@@ -14,18 +14,12 @@ import pytest
 import radarcore as rc
 from radarcore.dataset.files import toml_text
 from radarcore.dataset.variation import share_of
-from scene_files import EXAMPLES
+from scene_files import EXAMPLES, write
 from varied_scenes import BALL, HEAD, PERSON
 
 
-def written(folder: Path, text: str, head: str = HEAD) -> Path:
-    file = folder / "scene.toml"
-    file.write_text(head + text, encoding="utf-8")
-    return file
-
-
 def loaded(folder: Path, text: str, head: str = HEAD) -> rc.dataset.Variation:
-    return rc.dataset.Variation.load(written(folder, text, head))
+    return rc.dataset.Variation.load(write(folder, text, head))
 
 
 def test_draws_are_those_of_the_hash_that_the_page_names(tmp_path: Path) -> None:
@@ -44,10 +38,10 @@ def test_parameters_have_the_units_of_their_keys(tmp_path: Path) -> None:
     box, ball = "{ kind = 'box', size = [{ uniform = [0.1, 0.2] }, 0.1, 0.1] }", "{ kind = 'sphere', radius = 0.1 }"
     turned = "\npose.rpy_deg = [0, 0, { uniform = [0, 90] }]\npose.position = [2.0, 0.0, 0.0]\n"
     head = 'run = { stop = 0.02, resolution = 32 }\nradar.preset = "bgt60tr13c"\nradar.num_chirps = 8\n'
-    file = written(
+    variation = loaded(
         tmp_path, f"{BALL}{PERSON}[[body]]\nname = 'a.b'\nshape.choice = [{box}, {ball}]{turned}", head + noise
     )
-    units = {each.path: each.unit for each in rc.dataset.Variation.load(file).parameters}
+    units = {each.path: each.unit for each in variation.parameters}
     assert units == {
         "radar.receiver.noise_figure_db": "dB",
         "body.ball.pose.position[0]": "m",
