@@ -48,13 +48,23 @@ def found() -> dict[str, Any]:
 
 def test_json_schema_has_the_same_keys_and_forbids_others(found: dict[str, Any]) -> None:
     assert json.loads(json.dumps(found)) == found
-    for name, described in {"SceneTable": found, **found["$defs"]}.items():
-        keys = tables.keys_of(getattr(tables, name))
-        assert set(described["properties"]) == set(keys)
+    by_name = {"SceneTable": found, **found["$defs"]}
+
+    def every(table: type) -> Iterator[type]:
+        yield table
+        for field in tables.keys_of(table).values():
+            for part in tables_in(field.annotation):
+                yield from every(part)
+
+    for table in every(tables.SceneTable):
+        described: dict[str, Any] = by_name[table.__name__]
+        assert set(described["properties"]) == set(tables.keys_of(table))
         assert described["additionalProperties"] is False
-        assert set(described.get("required", [])) == {key for key, field in keys.items() if field.is_required()}
+        required = {name for name, field in tables.keys_of(table).items() if field.is_required()}
+        assert set(described.get("required", [])) == required
         assert all(
-            get_args(field.annotation) or "description" in described["properties"][key] for key, field in keys.items()
+            get_args(field.annotation) or "description" in described["properties"][name]
+            for name, field in tables.keys_of(table).items()
         )
 
 
