@@ -85,7 +85,7 @@ BEHIND = rc.Body(rc.shapes.box(0.2), motion=rc.Pose([-2.0, 0.0, 0.0]), name="pla
         ([plate(), wall(-0.3)], 1.0),
         ([plate(), wall(0.5, distance=3.0)], 1.0),
         ([plate(ROUGH), BAR], pytest.approx(1.0, abs=0.01)),
-        ([BEHIND], 0.0),
+        ([BEHIND, wall(-0.3)], 0.0),
         ([rc.PointTarget([2.0, 0.0, 0.0], name="plate"), wall(0.5)], 1.0),
     ],
     ids=["hidden", "rough and hidden", "alone", "beside", "before", "only the box overlaps", "out of view", "point"],
