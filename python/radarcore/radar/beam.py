@@ -67,8 +67,6 @@ def _gain(
 @lru_cache(maxsize=64)
 def _beam(tx_patterns: Patterns, rx_patterns: Patterns) -> tuple[float, tuple[float, float]]:
     """Least two-way gain within the beam, and `field_of_view_deg`."""
-    from scipy.ndimage import binary_dilation  # takes longer to load than the rest
-
     # The front half of the sphere, at the angles of tables too.
     azimuth, elevation = (
         np.unique(np.concatenate([np.deg2rad(_NODES), -np.deg2rad(_NODES), *tables]))
@@ -82,7 +80,11 @@ def _beam(tx_patterns: Patterns, rx_patterns: Patterns) -> tuple[float, tuple[fl
     least = float(10.0 ** (-0.1 * DEPTH_DB) * gain.max())
 
     # Up to the next angle beyond those within the beam.
-    within = binary_dilation(gain >= least, np.ones((3, 3)))
+    within = gain >= least
+    within[1:] |= within[:-1]
+    within[:-1] |= within[1:]
+    within[:, 1:] |= within[:, :-1]
+    within[:, :-1] |= within[:, 1:]
     rows, columns = np.nonzero(within)
     az, el = np.abs(azimuth[rows]), np.abs(elevation[columns])
     horizontal = min(2.0 * float(np.rad2deg(az.max())), WIDEST_DEG)
