@@ -288,21 +288,13 @@ def _above_sidelobes(
     order = order[margin[order] > 0.0]
     peaks, margin = peaks[:, order], margin[order]
 
-    # Distances of cells from stronger maxima (maximum, cell). The distance that a target crosses in a frame widens its
-    # lobes along both axes alike.
-    cell_rows, cell_columns = np.rint(peaks)
-    rows, columns = np.abs(cell_rows - peaks[0][:, None]), np.abs(cell_columns - peaks[1][:, None])
-    rows = np.minimum(rows, layout.num_rows - rows)
-    if layout.is_iq:
-        columns = np.minimum(columns, layout.num_columns - columns)
+    # The distance that a target crosses in a frame widens its lobes along both axes alike.
     speed = np.abs(peaks[0] - layout.num_rows // 2)  # in rows
-    widened = (_OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed))[:, None]
-    rows, columns = np.maximum(rows - widened, 0.0), np.maximum(columns - widened, 0.0)
-    lobes = sidelobes(layout.envelopes[0], rows)
-    in_mean = layout.mean_gain[cell_rows.astype(np.intp) % layout.num_rows]
-    if in_mean.any():
-        lobes = np.maximum(lobes, in_mean * sidelobes(layout.mean_envelope, rows))
-    lobes *= np.sqrt(height[order])[:, None] * sidelobes(layout.envelopes[1], columns)
+    widened = _OFF_PEAK + 0.5 * layout.smear * np.minimum(speed, layout.num_rows - speed)
+    lobes = _lobes(peaks, peaks, widened, layout)
+    if layout.has_range and not layout.is_iq:  # the spectrum of real samples has a mirror image
+        lobes += _lobes(np.array([2 * (layout.num_rows // 2) - peaks[0], -peaks[1]]), peaks, widened, layout)
+    lobes *= np.sqrt(height[order])[:, None]
 
     leaked = np.zeros(len(order))
     kept = []
@@ -311,6 +303,20 @@ def _above_sidelobes(
             kept.append(order[index])
             leaked += leakage
     return np.array([index for index in kept if index < len(cell)], dtype=np.intp)
+
+
+def _lobes(
+    peaks: NDArray[np.float64], cells: NDArray[np.float64], widened: NDArray[np.float64], layout: Layout
+) -> NDArray[np.float64]:
+    """Largest amplitude of the lobes of peaks (axis, peak) in the cells around others, over the peak: (peak, other)."""
+    rows, columns = np.abs(np.rint(cells)[:, None] - peaks[:, :, None])
+    rows, columns = np.minimum(rows, layout.num_rows - rows), np.minimum(columns, len(layout.fast) - columns)
+    rows, columns = (np.maximum(distance - widened[:, None], 0.0) for distance in (rows, columns))
+    lobes = sidelobes(layout.envelopes[0], rows)
+    in_mean = layout.mean_gain[np.rint(cells[0]).astype(np.intp) % layout.num_rows]
+    if in_mean.any():
+        lobes = np.maximum(lobes, in_mean * sidelobes(layout.mean_envelope, rows))
+    return np.asarray(lobes * sidelobes(layout.envelopes[1], columns))
 
 
 def _snapshots(amplitude: NDArray[np.complex128], num_channels: int) -> NDArray[np.complex128]:
