@@ -51,6 +51,9 @@ per frame; "x real time" is the interval of {rate:.0f} frames per second over th
 Array = NDArray[np.float64]
 
 
+CYLINDER = (2.4, 0.5, 1.0)
+"""Middle of the cylinder [m]."""
+
 WAYS = {
     "a person": [[[4.0, 0.8], [1.3, 0.3], [1.0, -1.8]]],
     "four people": [
@@ -63,8 +66,13 @@ WAYS = {
 """Waypoints [m] of those who walk in a room."""
 
 
-def recording(ways: list[list[list[float]]], duration: float) -> rc.Recording:
-    """People walk about in front of three walls and a metal cylinder, one along each way."""
+def walkers(ways: list[list[list[float]]]) -> list[rc.models.Human]:
+    """Somebody along each way."""
+    return [rc.models.Human(height=1.75, speed=0.85, path=way) for way in ways]
+
+
+def recording(people: list[rc.models.Human], duration: float) -> rc.Recording:
+    """People walk about in front of three walls and a metal cylinder."""
     sides = {
         "back": ((0.1, 5.0, 2.8), (5.2, 0.0, 1.4)),
         "left": ((6.0, 0.1, 2.8), (2.2, 2.4, 1.4)),
@@ -77,10 +85,9 @@ def recording(ways: list[list[list[float]]], duration: float) -> rc.Recording:
     cylinder = rc.Body(
         rc.shapes.cylinder(radius=0.06, length=0.5),
         material=rc.materials["metal"],
-        motion=rc.Pose([2.4, 0.5, 1.0]),
+        motion=rc.Pose(list(CYLINDER)),
         name="cylinder",
     )
-    people = [rc.models.Human(height=1.75, speed=0.85, path=way) for way in ways]
     limbs = [body for k, person in enumerate(people) for body in person.bodies(name=f"person {k}")]
     simulator = rc.Simulator(
         rc.Scene([*walls, cylinder, *limbs]),
@@ -162,7 +169,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="write the section of docs/tracking.md")
     options = parser.parse_args()
     duration, num_rounds = (0.1, 1) if options.tiny else (3.0, 10)
-    tables = [times_of(name, recording(ways, duration), num_rounds) for name, ways in WAYS.items()]
+    tables = [times_of(name, recording(walkers(ways), duration), num_rounds) for name, ways in WAYS.items()]
     print("\n\n".join(tables))
     if options.write:
         text = TEXT.format(machine=machine(), rate=RATE, tables="\n\n".join(tables))

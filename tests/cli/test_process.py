@@ -57,6 +57,16 @@ def test_files_hold_what_detect_and_tracker_give(
     np.testing.assert_allclose([float(r["range"]) for r in tracks], [r for *_, r in expected_tracks], rtol=1e-5)
 
 
+def test_people_are_tracked_without_things_at_rest(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["process", str(recording), "--people", "--json", "-o", str(tmp_path)]) == 0
+    (moving,) = json.loads(capsys.readouterr().out)["tracks"]
+    assert moving["farthest"] == pytest.approx(np.hypot(1.5 + 0.8 * 0.285, 0.3), abs=0.05)
+    last = rows(tmp_path / "tracks.csv")[-1]
+    assert float(last["nearest"]) == pytest.approx(float(last["range"]), abs=0.05)
+
+
 def test_summary_is_json_for_machines(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["process", str(recording), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)

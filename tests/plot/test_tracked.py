@@ -29,8 +29,8 @@ def tracks(*, dimensions: int = 2) -> Tracks:
     seen = np.ones(NUMBER, dtype=bool)
     seen[5:8] = False
     covariance = np.broadcast_to(1e-6 * np.eye(2 * dimensions), (NUMBER, 2 * dimensions, 2 * dimensions))
-    state = np.concatenate([place, motion], axis=1)
-    return Tracks(MIDDLES, (Track(3, np.arange(NUMBER), MIDDLES, state, covariance, seen, seen),))
+    state, nearest = np.concatenate([place, motion], axis=1), np.full((2, NUMBER), np.nan)
+    return Tracks(MIDDLES, (Track(3, np.arange(NUMBER), MIDDLES, state, covariance, seen, seen, *nearest),))
 
 
 def recording(*, truth: bool = True) -> Recording:

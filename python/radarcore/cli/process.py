@@ -34,6 +34,7 @@ from radarcore.output import Lock, check_file, make_folder, refuse_source
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_doppler
+from radarcore.processing.tracking.tracker import Tracker
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.recording.frame import Frame
 from radarcore.table import Table
@@ -41,7 +42,7 @@ from radarcore.table import Table
 _COORDINATES = {"range": "range", "velocity": "velocity", "azimuth_deg": "azimuth", "elevation_deg": "elevation"}
 FILES = {
     "detections.csv": {"time": "time", **_COORDINATES, "snr_db": "snr_db"},
-    "tracks.csv": {"time": "time", "track": "id", **_COORDINATES, "detected": "is_detected"},
+    "tracks.csv": {"time": "time", "track": "id", **_COORDINATES, "nearest": "nearest", "detected": "is_detected"},
 }
 """Files of the results: columns after the number of the frame, and the attribute of a detection or track in each."""
 
@@ -78,6 +79,7 @@ def run(
     max_range: Metres = None,
     subtract_mean: SubtractMean = None,
     range_only: Flag = False,
+    people: Flag = False,
     as_json: Json = False,
     bare: BareSamples = NOT_BARE,
 ) -> None:
@@ -105,6 +107,8 @@ def run(
         farthest range of detections [m]
     range_only : bool
         track ranges and velocities, without angles
+    people : bool
+        track people: one track for each, none for things at rest
     """
     chosen = given(false_alarm_rate=false_alarm_rate, min_range=min_range, max_range=max_range)
     tracks: dict[int, _Summary] = {}
@@ -119,7 +123,10 @@ def run(
         tables = _ResultFiles(output, overwrite, files) if output is not None else None
         messages = _ResultBag(bag, reader, samples, overwrite, files) if bag is not None else None
         removes = subtracts_mean(reader, subtract_mean)
-        processed = _processed(reader, sequence, chosen, removes=removes, range_only=range_only)
+        radars = reader.radar.sequences()
+        radar = radars[check.index("sequence", sequence, len(radars))]
+        tracker = tracker_for(radar, 1 if range_only else None, "people" if people else "points")
+        processed = _processed(reader, sequence, chosen, tracker, removes=removes)
         for index, frame, part, found, states in processed:
             num_detections += len(found)
             confirmed = [state for state in states if state.is_confirmed]
@@ -170,11 +177,9 @@ def _table(tracks: dict[int, _Summary]) -> Table:
 
 
 def _processed(
-    reader: AnyReader, sequence: int, chosen: dict[str, Any], *, removes: bool, range_only: bool
+    reader: AnyReader, sequence: int, chosen: dict[str, Any], tracker: Tracker, *, removes: bool
 ) -> Iterator[tuple[int, Frame, Frame, Detections, Sequence[TrackState]]]:
     """Index, frame, what was processed of it, detections and tracks of all frames, with a bar of the progress."""
-    radars = reader.radar.sequences()
-    tracker = tracker_for(radars[check.index("sequence", sequence, len(radars))], 1 if range_only else None)
     frames = zip(reader, moving(reader), strict=True) if removes else ((one, one) for one in reader)
     with notice.progress(frames, "processing", "frame", total=len(reader)) as counted:
         for index, (frame, filtered) in enumerate(counted):

@@ -146,7 +146,7 @@ def _mean(frames: AnyReader) -> NDArray[Any] | float:
     return mean
 
 
-def tracker_for(radar: Radar, num_dimensions: int | None = None) -> Tracker:
+def tracker_for(radar: Radar, num_dimensions: int | None = None, targets: str = "points") -> Tracker:
     """Tracker that knows how velocities of the radar fold."""
     period = 2.0 * radar.max_velocity if radar.waveform.has_uniform_chirps else None
-    return Tracker(velocity_ambiguity=period, num_dimensions=num_dimensions)
+    return Tracker(targets=targets, velocity_ambiguity=period, num_dimensions=num_dimensions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, compress
 from typing import TypedDict, Unpack
@@ -26,6 +26,7 @@ from radarcore.processing.tracking.cluster import (
 from radarcore.processing.tracking.kalman import (
     SHORTEST_RANGE,
     Array,
+    Expected,
     Indices,
     assign,
     begin,
@@ -35,6 +36,7 @@ from radarcore.processing.tracking.kalman import (
     update,
     white_acceleration,
 )
+from radarcore.processing.tracking.people import EXTENT, People
 from radarcore.processing.tracking.tracks import Tracks, TrackState, tracks_of
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
@@ -54,6 +56,10 @@ class TrackerSettings:
 
     Parameters
     ----------
+    targets : "points" or "people"
+        Targets are small, or as large as people: all detections within a body's extent of a person are one measurement,
+        and only moving detections begin tracks. Then `gate`, `cluster_distance`, `cluster_velocity`, `extent` and
+        `velocity_extent` have no effect.
     acceleration_density : float
         Power spectral density of the acceleration of targets [m^2/s^3]: their velocity changes by
         ``sqrt(acceleration_density * t)`` in a time t, one standard deviation.
@@ -97,6 +103,7 @@ class TrackerSettings:
     True
     """
 
+    targets: str = "points"
     acceleration_density: float = 1.0
     max_speed: float = 3.0
     velocity_ambiguity: float | None = None
@@ -113,6 +120,7 @@ class TrackerSettings:
     num_dimensions: int | None = None
 
     def __post_init__(self) -> None:
+        check.choice("targets", self.targets, ("points", "people"))
         positive = {"acceleration_density": "m^2/s^3", "max_speed": "m/s"}
         optional = {"velocity_ambiguity": "m/s", "max_gap": "s", "cluster_distance": "m", "cluster_velocity": "m/s"}
         for name, unit in (positive | optional).items():
@@ -141,6 +149,7 @@ class TrackerSettings:
 class TrackerKeywords(TypedDict, total=False):
     """Fields of `TrackerSettings` as keywords of `Tracker` and `track`."""
 
+    targets: str
     acceleration_density: float
     max_speed: float
     velocity_ambiguity: float | None
@@ -204,6 +213,7 @@ class Tracker:
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun: int = 0
         self._periods = periods_of(self.settings.velocity_ambiguity)
+        self._people = People(self._periods)
         self._lives = []
 
     def update(self, detections: Detections) -> list[TrackState]:
@@ -253,52 +263,65 @@ class Tracker:
         if self.num_dimensions is None:
             return []
         told = self.num_dimensions + 1
-        measured, noise = self._targets(values[:, :told], covariance[:, :told, :told], levels(detections))
-
-        tracks, found = self._assign_and_update(measured, noise)
-        for index, life in enumerate(self._lives):
-            life.count(self.time if index in tracks else None, self.settings)
-        self._keep([not life.is_over(self.settings) for life in self._lives])
-        is_new = np.ones(len(measured), dtype=bool)
-        is_new[found] = False
-        self._begin(measured[is_new], noise[is_new])
-        return self._states()
-
-    def _assign_and_update(self, measured: Array, noise: Array) -> tuple[Indices, Indices]:
-        """Update tracks with the detections that belong to them; indices of both."""
+        values, covariance = values[:, :told], self._with_usual_errors(covariance[:, :told, :told])
         expected = expect(self._state, self._covariance)
+        labels = self._labels(values, covariance, expected)
+        objects, found = groups(values, levels(detections), covariance, labels, self._periods[:told])
+        measured, noise = found.values, found.covariance + self._extents(found.values)
+        nearest = _nearest(values, covariance, objects, len(measured))
+
+        innovation = wrapped(measured - expected.value[:, None], self._periods[:told])
         spread = expected.spread
-        innovation = wrapped(measured - expected.value[:, None], self._periods[: measured.shape[1]])
         innovation[~(spread[:, 1, 1] <= (_KNOWN_WITHIN * self._periods[1]) ** 2), :, 1] = np.nan
-        tracks, found = assign(innovation, spread, noise, self.settings.gate)
+        if self.settings.targets == "people":
+            tracks, first = np.unique(labels, return_index=True)
+            is_known = (tracks >= 0) & (tracks < len(self._lives))
+            tracks, chosen = tracks[is_known], objects[first[is_known]]
+        else:
+            tracks, chosen = assign(innovation, spread, noise, self.settings.gate)
         self._state[tracks], self._covariance[tracks] = update(
             self._state[tracks],
             self._covariance[tracks],
-            innovation[tracks, found],
+            innovation[tracks, chosen],
             expected.jacobian[tracks],
-            noise[found] + expected.second_order[tracks],
+            noise[chosen] + expected.second_order[tracks],
         )
-        return tracks, found
+        echoes = dict(zip(tracks.tolist(), nearest[chosen].tolist(), strict=True))
+        for index, life in enumerate(self._lives):
+            life.count(self.time, echoes.get(index), self.settings)
+        self._keep([not life.is_over(self.settings) for life in self._lives])
+        is_new = np.ones(len(measured), dtype=bool)
+        is_new[chosen] = False
+        self._begin(measured[is_new], noise[is_new], nearest[is_new])
+        return self._states()
 
-    def _targets(self, values: Array, covariance: Array, level: Array) -> tuple[Array, Array]:
-        """Measurements of targets, and their covariance, from all detections: of each or of clusters, by range."""
-        s, number = self.settings, values.shape[1]
-        periods = self._periods[:number]
+    def _labels(self, values: Array, covariance: Array, expected: Expected) -> Indices:
+        """Object of each detection, -1 for none; of people the first objects are the tracks."""
+        s = self.settings
+        if s.targets == "people":
+            is_confirmed = np.array([life.is_confirmed for life in self._lives], dtype=bool)
+            return self._people.labels(values, covariance, expected, is_confirmed, self.time)
+        if s.cluster_distance is None and s.cluster_velocity is None:
+            return np.arange(len(values))
+        pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, self._periods[: values.shape[1]])
+        return connected(len(values), pairs)
 
-        # The usual errors where detections do not tell theirs.
+    def _with_usual_errors(self, covariance: Array) -> Array:
+        """Covariances of detections, with the usual errors where detections do not tell theirs."""
         unknown = np.isnan(covariance.diagonal(axis1=1, axis2=2))
-        usual = np.diag(np.square(s.deviations))[:number, :number]
-        covariance = np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
-        if s.cluster_distance is not None or s.cluster_velocity is not None:
-            labels = connected(len(values), pairs_within(values, s.cluster_distance, s.cluster_velocity, periods))
-            _, found = groups(values, level, covariance, labels, periods)
-            values, covariance = found.values, found.covariance
+        number = covariance.shape[1]
+        usual = np.diag(np.square(self.settings.deviations))[:number, :number]
+        return np.where(unknown[:, :, None] | unknown[:, None, :], usual, covariance)
 
-        # Echoes come from anywhere on the target.
+    def _extents(self, values: Array) -> Array:
+        """Covariance that targets add to measurements: echoes come from anywhere on them."""
+        s = self.settings
+        is_person = s.targets == "people"
+        deviations = EXTENT if is_person else np.array([s.extent, s.velocity_extent, s.extent, s.extent])
         extents = np.empty(values.shape)
-        extents[:, :2] = s.extent, s.velocity_extent
-        extents[:, 2:] = s.extent / np.fmax(values[:, :1], max(s.extent, SHORTEST_RANGE))
-        return values, covariance + np.square(extents)[:, :, None] * np.eye(number)
+        extents[:] = deviations[: values.shape[1]]
+        extents[:, 2:] /= np.fmax(values[:, :1], max(deviations[2], SHORTEST_RANGE))
+        return np.square(extents)[:, :, None] * np.eye(values.shape[1])
 
     def _choose_dimensions(self, measured: Array) -> None:
         """Dimensions of space that the first detections tell."""
@@ -324,7 +347,7 @@ class Tracker:
             self._state, self._covariance = self._state[which], self._covariance[which]
             self._lives = list(compress(self._lives, which))
 
-    def _begin(self, measured: Array, noise: Array) -> None:
+    def _begin(self, measured: Array, noise: Array, nearest: Array) -> None:
         """Begin tracks with detections."""
         # The period of a velocity is known if only one is within the largest speed.
         fastest, period = self.settings.max_speed, self._periods[1]
@@ -339,9 +362,9 @@ class Tracker:
         state, covariance = begin(measured[starts], noise[starts], fastest / np.sqrt(3.0))
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
-        for _ in state:
+        for echo in nearest[starts].tolist():
             life = _Life(self.num_begun)
-            life.count(self.time, self.settings)
+            life.count(self.time, echo, self.settings)
             self._lives.append(life)
             self.num_begun += 1
 
@@ -357,9 +380,20 @@ class Tracker:
                 is_detected=life.missed == 0,
                 is_confirmed=life.is_confirmed,
                 num_hits=life.hits,
+                nearest=life.nearest[0],
+                nearest_deviation=life.nearest[1],
             )
             for life, state, covariance in zip(self._lives, states, covariances, strict=True)
         ]
+
+
+def _nearest(values: Array, covariance: Array, objects: Indices, number: int) -> Array:
+    """Range of the nearest detection of each object, and its standard deviation, (object, 2) [m]."""
+    result = np.full((number, 2), np.nan)
+    order = np.argsort(-np.nan_to_num(values[:, 0], nan=np.inf))  # the last one of an object is the nearest
+    order = order[objects[order] >= 0]
+    result[objects[order]] = np.stack([values[order, 0], np.sqrt(covariance[order, 0, 0])], axis=1)
+    return result
 
 
 @dataclass(slots=True)
@@ -376,12 +410,15 @@ class _Life:
     missed: int = 0
     """Frames in a row without a detection."""
     is_confirmed: bool = False
+    nearest: Sequence[float] = (np.nan, np.nan)
+    """Range of the nearest detection in the newest frame, and its standard deviation [m]."""
 
-    def count(self, time: float | None, settings: TrackerSettings) -> None:
-        """Count a frame that has a detection of the target at a time, or None."""
+    def count(self, time: float, nearest: Sequence[float] | None, settings: TrackerSettings) -> None:
+        """Count a frame in which the target has detections, or None."""
         self.age += 1
         self.missed += 1
-        if time is not None:
+        self.nearest = nearest or (np.nan, np.nan)
+        if nearest is not None:
             self.missed, self.seen = 0, time
             self.hits += 1
             self.is_confirmed |= self.hits >= settings.confirm_hits and self.age <= settings.confirm_frames

@@ -15,7 +15,7 @@ from radarcore.direction import unit_vectors
 from radarcore.processing.tracking.kalman import Array, cartesian, polar
 from radarcore.recording.frame import Truth
 
-_COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed")
+_COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed", "nearest", "nearest_deviation")
 """Fields that `Track` has a row of for each `TrackState`."""
 
 
@@ -40,6 +40,9 @@ class TrackState:
         Whether the track had been detected often enough by then to be believed.
     num_hits : int
         Detections of the target until then.
+    nearest, nearest_deviation : float
+        Range of the nearest of its detections in the frame, and the standard deviation of that detection [m]; NaN if
+        it has none. `range` is that of their centroid.
 
     See Also
     --------
@@ -60,6 +63,8 @@ class TrackState:
     is_detected: bool
     is_confirmed: bool
     num_hits: int
+    nearest: float
+    nearest_deviation: float
 
     @property
     def range(self) -> float:
@@ -120,6 +125,8 @@ class Track:
         As in `TrackState`.
     is_detected, is_confirmed : (row,) bool
         As in `TrackState`.
+    nearest, nearest_deviation : (row,) float64
+        As in `TrackState` [m].
 
     See Also
     --------
@@ -142,6 +149,8 @@ class Track:
     state_covariance: Array
     is_detected: NDArray[np.bool_]
     is_confirmed: NDArray[np.bool_]
+    nearest: Array
+    nearest_deviation: Array
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -347,4 +356,6 @@ def _row(track: Track, row: int) -> TrackState:
         is_detected=bool(track.is_detected[row]),
         is_confirmed=bool(track.is_confirmed[row]),
         num_hits=int(track.is_detected[: row + 1].sum()),
+        nearest=float(track.nearest[row]),
+        nearest_deviation=float(track.nearest_deviation[row]),
     )

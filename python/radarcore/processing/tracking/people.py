@@ -1,0 +1,105 @@
+"""Detections of people: a body gives many echoes, with the velocities of trunk, arms and legs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.processing.tracking.cluster import connected, pairs_within, wrapped
+from radarcore.processing.tracking.kalman import Array, Expected, Indices
+
+EXTENT = np.array([0.1, 0.4, 0.15, 0.3])
+"""Standard deviations of the centroid of the echoes of a body: range [m], velocity [m/s], across and up [m]."""
+
+_NEARER, _FARTHER, _WIDTH = 0.5, 0.8, 0.5
+"""Echoes come from this much before, behind and beside the track [m]; feet are below, and so farther."""
+
+_STANDING = 0.3
+"""Static echoes of a person come from this much around the track [m]."""
+
+_STATIC_SPEED = 0.15
+"""Echoes up to this speed are static [m/s]."""
+
+_LIMB_SPEED = 3.0
+"""Limbs move at up to this speed relative to the trunk [m/s]."""
+
+_SPEED_SCALE = 1.0
+"""A difference of velocities of this [m/s] weighs as much as a distance of a body's extent."""
+
+_MEMORY = 2.0
+"""Static echoes are remembered for this time [s]."""
+
+_NUM_REPEATS = 3
+"""With this number of remembered echoes a place belongs to the background."""
+
+_PLACE = np.array([0.1, 0.1])
+"""Half the size of such a place: range [m], azimuth [rad]."""
+
+
+class People:
+    """Assigns detections to bodies, and remembers where static things are beside them: walls and posts."""
+
+    def __init__(self, periods: Array) -> None:
+        self._periods = periods
+        self._times, self._places = np.zeros(0), np.zeros((0, 2))
+
+    def labels(
+        self, values: Array, covariance: Array, expected: Expected, is_confirmed: NDArray[np.bool_], time: float
+    ) -> Indices:
+        """Body of each detection: the index of its track, numbers from there on for new bodies, -1 for none.
+
+        Parameters
+        ----------
+        values, covariance : (detection, n), (detection, n, n) float64
+            Range [m], velocity [m/s], and perhaps azimuth and elevation [rad].
+        expected : Expected
+            Of the tracks.
+        is_confirmed : (track,) bool
+            Confirmed tracks choose first, then the others by age.
+        time : float
+            Of the frame [s].
+        """
+        number, periods = len(is_confirmed), self._periods[: values.shape[1]]
+        is_moving = np.abs(values[:, 1]) > _STATIC_SPEED
+        apart = wrapped(values - expected.value[:, None], periods)
+        along, speed, across, doubt = apart[..., 0], apart[..., 1], np.zeros(apart.shape[:2]), np.zeros(apart.shape[:2])
+        if values.shape[1] > 2:
+            variance = covariance[:, 2, 2] + expected.covariance[:, 2, 2, None]
+            doubt = 2.0 * values[:, 0] * np.sqrt(variance)
+            across = np.fmax(np.abs(values[:, 0] * apart[..., 2]) - doubt, 0.0)  # 0 of an unknown azimuth
+
+        # Moving echoes of the whole body, static ones near the trunk of a person who is known.
+        is_near = (along > -_NEARER) & (along < _FARTHER) & (across < _WIDTH)
+        stands = is_confirmed[:, None] & (np.abs(along) < _STANDING) & (across < _STANDING) & ~is_moving
+        is_own = is_near & is_moving & (np.abs(speed) < _LIMB_SPEED) | stands & ~self._is_background(values)
+        self._remember(values[~is_moving & ~stands.any(axis=0)], time)
+        labels = np.full(len(values), -1)
+        if number > 0:
+            squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + (np.nan_to_num(speed) / _SPEED_SCALE) ** 2
+            order = np.where(is_confirmed, 0, 1 + np.arange(number))
+            costs = np.where(is_own, squares + 1e3 * order[:, None], np.inf)
+            labels = np.where(is_own.any(axis=0), costs.argmin(axis=0), -1)
+
+        # New bodies begin with other echoes that move.
+        is_new = is_moving & ~is_near.any(axis=0)
+        if is_new.any():
+            pairs = pairs_within(values[is_new, :3], _FARTHER, None, periods)
+            labels[is_new] = number + connected(int(is_new.sum()), pairs)
+        return labels
+
+    def _is_background(self, values: Array) -> NDArray[np.bool_]:
+        """True for detections at places that had static echoes before."""
+        is_here = ~(np.abs(wrapped(_places(values)[:, None] - self._places, self._periods[[0, 2]])) > _PLACE)
+        num_here: Indices = is_here.all(axis=2).sum(axis=1)
+        return num_here >= _NUM_REPEATS
+
+    def _remember(self, values: Array, time: float) -> None:
+        """Add static detections of a frame, and forget old ones."""
+        is_recent = self._times > time - _MEMORY
+        self._times = np.concatenate([self._times[is_recent], np.full(len(values), time)])
+        self._places = np.concatenate([self._places[is_recent], _places(values)])
+
+
+def _places(values: Array) -> Array:
+    """Range [m] and azimuth [rad] of detections, (detection, 2); 0 without an azimuth."""
+    return np.stack([values[:, 0], values[:, 2] if values.shape[1] > 2 else np.zeros(len(values))], axis=1)
