@@ -150,7 +150,9 @@ def test_doubled_thin_and_degenerate_triangles_are_counted() -> None:
     assert (report.num_duplicates, report.num_thin) == (2, 1)
 
 
-@pytest.mark.parametrize(("order", "shading"), [("behind", "smooth"), ("in turn", "flat"), ("own vertices", "smooth")])
+@pytest.mark.parametrize(
+    ("order", "shading"), [("behind", "smooth"), ("in turn", "flat"), ("mixed", "flat"), ("own vertices", "smooth")]
+)
 def test_surface_in_both_windings_is_the_surface(order: str, shading: str) -> None:
     """pi r^2 of a sphere, at 60 GHz; no walls at right angles on a cylinder. Normals face outwards."""
     ball, can = rc.shapes.sphere(0.1, subdivisions=4), rc.shapes.cylinder(0.1, 0.3)
@@ -160,6 +162,8 @@ def test_surface_in_both_windings_is_the_surface(order: str, shading: str) -> No
         both = np.stack([mesh.triangles, turned])
         both = both.swapaxes(0, 1).reshape(-1, 3) if order == "in turn" else both.reshape(-1, 3)
         vertices = mesh.vertices
+        if order == "mixed":
+            np.random.default_rng(7).shuffle(both)
         if order == "own vertices":
             vertices = np.vstack([vertices, vertices])
             both[len(turned) :] += len(mesh.vertices)
@@ -181,9 +185,10 @@ def test_surface_in_both_windings_is_the_surface(order: str, shading: str) -> No
 
 
 def test_two_windings_stay_where_they_are_no_double_surface() -> None:
-    """Two boxes that share a face, triangle by triangle; a copy in the same winding."""
+    """Two boxes that share a face, triangle by triangle; a triangle without neighbours; a copy in the same winding."""
     box = rc.shapes.box(0.1)
     assert joined(box, moved(box, [0.1, 0.0, 0.0])).num_merged == 0
+    assert rc.Mesh(np.eye(3), [[0, 1, 2], [2, 1, 0]]).num_merged == 0
     assert joined(box, box).num_merged == 0
     # A body of no thickness, whose two sides coincide, is a plate; pickles keep the count.
     plate = rc.shapes.plate(0.1, 0.1)
