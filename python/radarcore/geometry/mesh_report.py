@@ -152,7 +152,7 @@ def mesh_report(mesh: Mesh, *, frequency: float = 60e9) -> MeshReport:
     >>> report = rc.mesh_report(rc.shapes.box(0.1))
     >>> report.num_triangles, report.num_open_edges
     (12, 0)
-    >>> report.verdicts[0]
+    >>> report.verdict
     'All facets are flat: the radar sees them as they are.'
     >>> print(f"{1e3 * rc.mesh_report(rc.shapes.sphere(0.02, subdivisions=1)).largest_sagitta:.1f} mm")
     1.3 mm
