@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16
+_MOST_REAL, _MOST_COMPLEX = 2**19 - 1, 2**16 - 1
 """Largest number of multiplications for which OpenBLAS wakes no threads."""
 
 _MOST_OF_VECTOR = 2**12
