@@ -93,7 +93,7 @@ class Dataset:
         self._arrays = {name: array for name, array in arrays.items() if array.metadata.dimension_names[0] == "sample"}
         self._coordinates = {name: array for name, array in arrays.items() if name not in self._arrays}
         self.names: tuple[str, ...] = tuple(sorted(self._arrays))
-        self.shards = Shards(self.sizes["sample"], int(self._arrays["status"].chunks[0]))
+        self.shards: Shards = Shards(self.sizes["sample"], int(self._arrays["status"].chunks[0]))
         self._kept: dict[int, dict[str, NDArray[Any]]] = {}
 
     def __repr__(self) -> str:
