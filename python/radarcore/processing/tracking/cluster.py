@@ -237,13 +237,17 @@ def connected(number: int, pairs: Indices, fewest: int = 1) -> Indices:
     """Label of the group of each detection, -1 outside of groups; `pairs` (2, pair) are neighbours, each pair once."""
     is_core = 1 + np.bincount(pairs.ravel(), minlength=number) >= fewest
     inner = pairs[:, is_core[pairs].all(axis=0)]
-    labels = np.arange(number)
-    if inner.shape[1] > 0:
-        from scipy.sparse import coo_array  # here: as above
-        from scipy.sparse.csgraph import connected_components
-
-        graph = coo_array((np.ones(inner.shape[1]), inner), shape=(number, number))
-        labels = connected_components(graph, directed=False)[1].astype(np.int64)
+    labels, (first, second) = np.arange(number), inner
+    while (
+        labels[first] != labels[second]
+    ).any():  # each takes the lowest label of its neighbours, and that one's label
+        lowest = np.minimum(labels[first], labels[second])
+        np.minimum.at(labels, first, lowest)
+        np.minimum.at(labels, second, lowest)
+        labels = labels[labels]
+    labels = np.unique(labels, return_inverse=True)[1]
+    if is_core.all():
+        return labels
 
     # Other detections belong to the first group with a core near them, or to none.
     found = np.where(is_core, labels, number)
