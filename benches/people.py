@@ -144,14 +144,14 @@ def meetings(walk: Walk) -> list[tuple[int, int, int, int, bool]]:
         for start, end in pairwise(edges):
             if distance[start] >= MEETING and start >= SETTLED:
                 nearest = start + int(np.argmin(distance[start:end]))
-                apart = [abs(values[nearest, a] - values[nearest, b]) for values in (walk.range, walk.velocity)]
-                is_separable = apart[0] >= 2.0 * bins[0] or apart[1] >= 2.0 * bins[1]
+                gaps = [abs(values[nearest, a] - values[nearest, b]) for values in (walk.range, walk.velocity)]
+                is_separable = gaps[0] >= 2.0 * bins[0] or gaps[1] >= 2.0 * bins[1]
                 found.append((int(a), int(b), int(start), int(end) + 1, is_separable))
     return found
 
 
 def fate(ids: NDArray[np.int64], meeting: tuple[int, int, int, int, bool]) -> str:
-    """What happened to the identities of two people who met."""
+    """Identities of two people after they met."""
     a, b, start, end, _ = meeting
     before = [_first(ids[start - SETTLED : start + 1, k][::-1]) for k in (a, b)]
     after = [_first(ids[end : end + SETTLED, k]) for k in (a, b)]

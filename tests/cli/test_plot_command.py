@@ -186,7 +186,7 @@ def test_tracks_of_a_sensors_recording_are_what_moves(leaky: Path, capsys: pytes
 def test_simulations_and_single_chirps_stay_as_they_are(
     simulated: rc.Recording, leaky: Path, figures: list[Any], tmp_path: Path
 ) -> None:
-    """What stands still in a simulation was put there; a single chirp can be compared with nothing."""
+    """Static bodies of a simulation are wanted, and a single chirp has no other to compare with."""
     simulated[:2].save(tmp_path / "recording")
     some = rc.Recording.load(leaky)[:1]
     radar = replace(some.radar, waveform=some.radar.waveform.replace(num_chirps=1, frame_interval=25e-3))

@@ -44,7 +44,7 @@ def _pieces(data: bytes) -> list[bytes]:
 
 
 def make_stream(random: Random) -> Case:
-    """What a board sends, of which some packets are lost, doubled, exchanged, cut or damaged."""
+    """Packets of a board, some lost, doubled, exchanged, cut or damaged."""
     answers = [bytes.fromhex(line["bytes"]) for line in _lines(random) if line.get("direction") == "read"]
     first = random.randrange(len(answers))
     sent = answers[first : first + random.randint(1, 12)]

@@ -167,7 +167,7 @@ def test_recordings_and_cross_sections_raise_warnings_of_their_own() -> None:
     assert re.match(r"frames of 26\.\d\d ms overlap at 40 frames per second", said)
     (said,) = warned(lambda: rc.rcs(rc.Mesh([], []), 60e9, azimuth_deg=0.0))
     assert said == "target: expected a mesh with triangles, got none: its cross-section is 0"
-    # What comes into view later is not missed; what leaves the field of view is.
+    # Bodies that come into view later raise no warning; bodies that leave it do.
     passing = simulator(plate([2.0, -3.0, 0.0], velocity=[0.0, 30.0, 0.0]))
     assert not [text for text in warned(lambda: passing.record(0.0, 0.2, 10.0, progress=False)) if "seen" in text]
     leaving = plate([2.0, 0.0, 0.0], velocity=[0.0, 4.0, 0.0])

@@ -62,8 +62,8 @@ def detect(
     rule removes maxima on the main lobe of a stronger echo.
 
     Noise in neighbouring cells of a windowed transform is correlated, so training cells count for fewer. The threshold
-    is at most 0.3 dB higher than necessary for `false_alarm_rate`: detections of noise
-    are as frequent as set, or a little rarer, because neighbours of a local maximum are no detections of their own.
+    is at most 0.3 dB higher than necessary for `false_alarm_rate`: detections of noise are as frequent as set, or a
+    little rarer, because neighbours of a local maximum are no detections of their own.
 
     Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
     channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities

@@ -61,12 +61,13 @@ class People:
         """
         number, periods = len(is_confirmed), self._periods[: values.shape[1]]
         is_moving = np.abs(values[:, 1]) > _STATIC_SPEED
-        apart = wrapped(values - expected.value[:, None], periods)
-        along, speed, across, doubt = apart[..., 0], apart[..., 1], np.zeros(apart.shape[:2]), np.zeros(apart.shape[:2])
+        difference = wrapped(values - expected.value[:, None], periods)
+        along, speed = difference[..., 0], difference[..., 1]
+        across = np.zeros(along.shape)
         if values.shape[1] > 2:
             variance = covariance[:, 2, 2] + expected.covariance[:, 2, 2, None]
-            doubt = 2.0 * values[:, 0] * np.sqrt(variance)
-            across = np.fmax(np.abs(values[:, 0] * apart[..., 2]) - doubt, 0.0)  # 0 of an unknown azimuth
+            uncertainty = 2.0 * values[:, 0] * np.sqrt(variance)
+            across = np.fmax(np.abs(values[:, 0] * difference[..., 2]) - uncertainty, 0.0)  # 0 of an unknown azimuth
 
         # Moving echoes of the whole body, static ones near the trunk of a person who is known.
         is_near = (along > -_NEARER) & (along < _FARTHER) & (across < _WIDTH)
