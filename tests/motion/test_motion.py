@@ -121,7 +121,7 @@ def test_rotation_that_is_slightly_off_is_made_one() -> None:
     noisy = turn("z", 0.3) + 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3))
     pose = rc.Pose(rotation=noisy)
     assert close(pose.rotation @ pose.rotation.T, np.eye(3))
-    assert np.abs(pose.rotation - noisy).max() <= 2e-7  # the nearest rotation is no farther than that of turn("z", 0.3)
+    assert np.abs(pose.rotation - noisy).max() <= 2e-7  # the nearest rotation is no farther than turn("z", 0.3)
 
 
 def test_poses_are_equal_when_their_numbers_are_and_cannot_be_changed() -> None:

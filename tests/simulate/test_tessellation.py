@@ -27,7 +27,7 @@ NOISE = 1e-4  # [m], rms along every axis
 
 @cache
 def tube(segments: int, steps: int, *, seed: int | None = None, shading: str = "smooth") -> rc.Mesh:
-    """A round rod along z with filleted rims, as CAD programs export it; the seed is that of noise on its vertices.
+    """A round rod along z with filleted rims, as CAD programs export it; the seed draws the noise on its vertices.
 
     A cylinder is one long quad per segment, a fillet as many rings of narrow ones as it has steps, and a cap a fan of
     slivers from one vertex of its rim.

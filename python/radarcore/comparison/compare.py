@@ -283,7 +283,7 @@ def _warn_of_nothing(sides: Sequence[Side]) -> None:
 
 def _targets(targets: Sequence[str] | Mapping[str, str] | None, sides: Sequence[Side]) -> dict[str, str]:
     """Name of every target, and the body that it is."""
-    known = sides[0].truth.names  # those of all sides
+    known = sides[0].truth.names  # names of all sides
     if targets is not None:
         if isinstance(targets, str):
             raise TypeError(f"targets: expected several names, got the text {targets!r}")

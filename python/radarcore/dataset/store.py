@@ -149,7 +149,7 @@ class Layout:
 
 
 def put(rows: Rows, name: str, frame: int, value: NDArray[Any]) -> None:
-    """Put a value of a frame into the rows of a sample; refuse another shape or type than those of all samples."""
+    """Put a value of a frame into the rows of a sample; refuse a shape or type that other samples do not have."""
     row = rows[name][frame]
     if (value.shape, value.dtype) != (row.shape, row.dtype):
         expected, got = (f"{each.dtype} of shape {each.shape}" for each in (row, value))

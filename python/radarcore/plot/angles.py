@@ -329,7 +329,7 @@ def rcs(
     ax = _cut_axes(polar) if ax is None else ax
     level = _db(sections)
     top = _top(level)
-    # The floor is that of the first curve, which was drawn to it.
+    # The first curve was drawn down to this floor.
     lowest, top = (top - depth, top) if is_first else (ax.get_ylim()[0], max(ax.get_ylim()[1], top))
     color = canvas.COLORS[len(ax.lines) % len(canvas.COLORS)]
     _draw_cut(ax, angles, level, lowest, color=color, linewidth=1.4, label=label or "")

@@ -259,7 +259,7 @@ def _stored(path: Path, values: NDArray[Any], found: Configuration, description:
 
 
 def _whole_frames(path: Path, values: NDArray[Any], names: tuple[str, ...], radar: Radar) -> NDArray[Any]:
-    """Numbers without those of a last frame that is not whole, with a warning."""
+    """Numbers of the whole frames; a last frame that is cut is left out with a warning."""
     length = math.prod(length for length in _lengths(names, radar) if length is not None)
     num_frames = len(values) // length
     num_bytes = path.stat().st_size - num_frames * length * values.dtype.itemsize

@@ -80,7 +80,7 @@ _PRESENT_NAMES = {
     "num_samples": "num_samples_per_chirp",
     "lp_cutoff_Hz": "aaf_cutoff_Hz",
 }
-"""Names in a config.json by those of older SDKs and of sequences."""
+"""Names in a config.json by the names of older SDKs and of sequences."""
 
 _KEYS = {
     "start_frequency": "start_frequency_Hz",
@@ -91,7 +91,7 @@ _KEYS = {
     "chirp_interval": "chirp_repetition_time_s",
     "frame_interval": "frame_repetition_time_s",
 }
-"""Names in a config.json by those of `bgt60tr13c`."""
+"""Names in a config.json by the keywords of `bgt60tr13c`."""
 
 
 def is_recording(path: Path) -> bool:

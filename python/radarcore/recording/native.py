@@ -216,7 +216,7 @@ def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind
 
 
 def json_text(values: dict[str, Any], name: str, **layout: Any) -> str:
-    """JSON text of values, or an error that names those that JSON cannot hold."""
+    """JSON text of values, or an error that names the values that JSON cannot hold."""
     try:
         return json.dumps(values, allow_nan=False, **layout) + "\n"
     except (TypeError, ValueError) as error:

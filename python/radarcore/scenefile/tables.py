@@ -63,7 +63,7 @@ def parameters_of(documented: Any, **other_types: Any) -> dict[str, FieldInfo]:
 
 
 def parameter_texts(documented: Any) -> dict[str, str]:
-    """First sentence about every parameter in a docstring, its default if that is told, and its unit at the end."""
+    """First sentence about every parameter in a docstring, its default if given, and its unit at the end."""
     section = (getdoc(documented) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
     texts: dict[str, str] = {}
     for names, text in re.findall(r"^(\w[\w, ]*) : .*\n((?:    .*\n?)+)", section, re.MULTILINE):

@@ -85,7 +85,7 @@ class PoseSeries:
     def trajectory(self, start_ns: int = 0, **options: Any) -> Trajectory | Pose:
         """Motion through the poses, its times counted from `start_ns`; a single pose rests.
 
-        `options` are those of `radarcore.Trajectory`, such as ``extrapolate="hold"``.
+        `options` go to `radarcore.Trajectory`, such as ``extrapolate="hold"``.
 
         See Also
         --------

@@ -205,7 +205,7 @@ class _Frames:
 
     @property
     def ramp_start(self) -> int:
-        """Cycles from the start of a chirp to that of its ramp."""
+        """Cycles from the start of a chirp to the start of its ramp."""
         return 8 * self.field(reg.CCR1, 8, 0) + 10
 
     @property
