@@ -34,6 +34,7 @@ from radarcore.processing.detection.cfar import cfar as cfar
 from radarcore.processing.detection.detect import detect as detect
 from radarcore.processing.detection.peaks import strongest_peak as strongest_peak
 from radarcore.processing.detection.point_cloud import Detections as Detections
+from radarcore.processing.estimation.calibration import calibrate as calibrate
 from radarcore.processing.estimation.velocity import doppler_velocity as doppler_velocity
 from radarcore.processing.spectra.spectra import demultiplex as demultiplex
 from radarcore.processing.spectra.spectra import range_doppler as range_doppler

@@ -181,14 +181,19 @@ def test_receivers_are_those_of_a_list_or_as_many_as_a_number(words: str, receiv
     assert Settings.from_radar(found).rx_indices == tuple(receivers)
 
 
-def test_radar_of_a_scene_keeps_its_waveform_and_phases(tmp_path: Path) -> None:
+WEIGHTS = "channel_weights = [[1, 0], [0, 1], [0.5, 0]]"
+
+
+def test_radar_of_a_scene_keeps_its_waveform_phases_and_weights(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(re.sub("^receiver = .*$", "measured_receiver = true", SWING, flags=re.MULTILINE))
+    path.write_text(re.sub("^receiver = .*$", "measured_receiver = true\n" + WEIGHTS, SWING, flags=re.MULTILINE))
     scene = rc.load_scene(path).radar
     found = radar(f"--radar {path} --rx 2,3 --rate 10")
     assert found.waveform == scene.waveform.replace(frame_interval=0.1)
     assert found.receiver is not None
     assert found.receiver.rx_phase_deg == (-75.0, 0.0)
+    assert found.channel_weights is not None
+    assert found.channel_weights.tolist() == [1j, 0.5]
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,8 @@ def test_bgt60tr13c_takes_keywords_of_the_waveform() -> None:
     assert wf.start_frequency + wf.slope * (wf.adc_delay + 128 / 2e6) == pytest.approx(62e9, rel=1e-15)
     assert rc.bgt60tr13c(slope=-50e12, start_frequency=63e9).waveform.slope == -50e12
     assert rc.bgt60tr13c(tx_power_dbm=0.0).tx_power == pytest.approx(1e-3, rel=1e-15)
+    wide = rc.IsotropicPattern(2.0)
+    assert rc.bgt60tr13c(pattern=wide).rx_patterns == (wide,) * 3
     staggered = rc.bgt60tr13c(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3]).waveform
     assert staggered.chirp_times.tolist() == [0.0, 1e-3, 3e-3]
     assert rc.bgt60tr13c(num_chirps=512).waveform.frame_interval >= 512 * 300e-6
@@ -157,7 +159,7 @@ RADARS = [
     rc.Radar(WAVEFORM, tx=TX, tx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
     rc.Radar(WAVEFORM, tx=TX, rx=TX, rx_patterns=[rc.IsotropicPattern(), rc.GaussianPattern(5.0, 60.0, 30.0)]),
     rc.Radar([SLOW, SLOW.replace(slope=-50e12, start_frequency=62e9).delayed(4e-3)], tx=TX),
-    rc.Radar(SLOW.alternating(), tx=TX, schedule=rc.Schedule.tdm()),
+    rc.Radar(SLOW.alternating(), tx=TX, schedule=rc.Schedule.tdm(), channel_weights=[0.9 + 0.1j, 1.0]),
     *(
         rc.Radar(SLOW, tx=TX, schedule=schedule)
         for schedule in (
@@ -185,9 +187,12 @@ def test_dict_makes_the_round_trip_through_json(radar: rc.Radar) -> None:
     assert (back.tx_patterns, back.rx_patterns) == (radar.tx_patterns, radar.rx_patterns)
     assert back.polarization_vector == radar.polarization_vector
     assert (back.schedule, back.waveforms) == (radar.schedule, radar.waveforms)
+    np.testing.assert_array_equal(back.channel_corrections, radar.channel_corrections)
     assert hash(back.schedule) == hash(radar.schedule)
     assert pickle.loads(pickle.dumps(radar)) == radar
     assert replace(radar, tx_power_dbm=1.0).waveforms == radar.waveforms
+    for part in radar.sequences():
+        np.testing.assert_array_equal(part.channel_corrections, radar.channel_corrections)
 
 
 def test_polarization_is_a_word_or_a_unit_vector() -> None:

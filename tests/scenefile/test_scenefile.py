@@ -152,6 +152,13 @@ def test_polarization_is_a_word_or_a_vector(tmp_path: Path, head: str, text: str
     assert load(tmp_path, "", radar=f"{head}polarization = {text}\n").radar.polarization == expected
 
 
+def test_channel_weights_are_pairs(tmp_path: Path) -> None:
+    head = '[radar]\npreset = "bgt60tr13c"\nchannel_weights = [[1, 0], [0.5, -0.5], [0, 1.25]]\n'
+    weights = load(tmp_path, "", radar=head).radar.channel_weights
+    assert weights is not None
+    assert weights.tolist() == [1.0, 0.5 - 0.5j, 1.25j]
+
+
 @pytest.mark.parametrize(
     ("text", "pose"),
     [

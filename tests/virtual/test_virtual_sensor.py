@@ -90,6 +90,8 @@ def test_angles_of_a_board_are_right_with_the_phases_of_its_receivers():
     with virtual_sensor(rc.Simulator(scene, wanted), speed=None) as sensor:
         radar = sensor.configure(wanted, if_gain_db=33)
         (frame,) = sensor.frames(1)
+        weighted = sensor.configure(replace(wanted, channel_weights=[1.0, 1j, 0.5]), if_gain_db=33)
+    assert weighted.channel_weights.tolist() == [1.0, 1j, 0.5]
     assert radar.receiver.rx_phase_deg == wanted.receiver.rx_phase_deg
     found = rc.detect(frame)
     # 37 dB of SNR leave a fraction of a degree; 75 degrees between two receivers would be 25 degrees off.

@@ -176,6 +176,7 @@ def _with_receivers(radar: Radar, indices: tuple[int, ...]) -> Radar:
         phases = known.rx_phase_deg
         some = tuple(phases[index] for index in indices) if isinstance(phases, tuple) else phases
         known = Receiver(output="real", noise_figure_db=known.noise_figure_db, rx_phase_deg=some)
+    weights = radar.channel_weights
     return Radar(
         radar.waveform,
         tx=radar.tx,
@@ -183,4 +184,5 @@ def _with_receivers(radar: Radar, indices: tuple[int, ...]) -> Radar:
         pattern=radar.pattern,
         tx_power_dbm=radar.tx_power_dbm,
         receiver=known,
+        channel_weights=None if weights is None else weights.reshape(-1, len(radar.rx))[:, list(indices)].ravel(),
     )

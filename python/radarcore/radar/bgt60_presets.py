@@ -8,7 +8,7 @@ from typing import Any
 from radarcore import check
 from radarcore.radar import bgt60_chip, design
 from radarcore.radar.bgt60_receiver import receiver_of
-from radarcore.radar.pattern import GaussianPattern
+from radarcore.radar.pattern import GaussianPattern, Pattern
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.radar.schedule import Schedule
@@ -33,6 +33,7 @@ _PATTERN = GaussianPattern(3.5, beamwidth_azimuth_deg=65.0, beamwidth_elevation_
 def bgt60tr13c(
     *,
     stop_frequency: float | None = None,
+    pattern: Pattern | None = None,
     tx_power_dbm: float = 4.0,
     receiver: str | Receiver = "thermal",
     if_gain_db: int | None = None,
@@ -60,6 +61,8 @@ def bgt60tr13c(
     ----------
     stop_frequency : float, optional
         End of the ramp [Hz]; default: 1 GHz above the start. Not together with `slope`.
+    pattern : IsotropicPattern, GaussianPattern or TabulatedPattern, optional
+        Of every antenna, such as one that you measured; default: Gaussian with the data sheet's gain and beam widths.
     tx_power_dbm : float
         Transmitted power [dBm].
     receiver : "thermal", "measured" or Receiver
@@ -103,7 +106,7 @@ def bgt60tr13c(
     check.keywords(
         "bgt60tr13c",
         waveform,
-        ["stop_frequency", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
+        ["stop_frequency", "pattern", "tx_power_dbm", "receiver", "if_gain_db", "high_pass", *design.WISHES, *names],
     )
     values = (max_range, max_velocity, range_resolution, velocity_resolution, rate)
     wishes = {name: value for name, value in zip(design.WISHES, values, strict=True) if value is not None}
@@ -115,7 +118,7 @@ def bgt60tr13c(
         shape,
         tx=[[0.0, -spacing, 0.0]],
         rx=[[0.0, spacing, 0.0], [0.0, 0.0, spacing], [0.0, 0.0, 0.0]],
-        pattern=_PATTERN,
+        pattern=_PATTERN if pattern is None else pattern,
         tx_power_dbm=tx_power_dbm,
         receiver=receiver_of(receiver, if_gain_db, high_pass, bandwidth=shape.bandwidth),
     )

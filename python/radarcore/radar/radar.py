@@ -60,6 +60,10 @@ class Radar:
         received as if it were alone, all at the same time, which no radar with several can do.
     more_waveforms : sequence of Waveform
         Waveforms of the sub-sequences after the first; without effect beside a sequence of all.
+    channel_weights : (channel,) array_like of complex, optional
+        Factors that equalise the channels, the inverse of their errors, as `calibrate` measures them. `detect`,
+        `track`, `range_angle` and all others that combine channels by phase multiply the channels by them. Samples stay
+        as they are, and `Simulator` ignores them. None: the phases of the receiver, `channel_phases`, are taken off.
 
     Raises
     ------
@@ -98,6 +102,7 @@ class Radar:
     polarization: str | tuple[float, float, float] | None
     schedule: Schedule | None
     more_waveforms: tuple[Waveform, ...]
+    channel_weights: NDArray[np.complex128] | None
 
     def __init__(
         self,
@@ -113,6 +118,7 @@ class Radar:
         polarization: str | ArrayLike | None = None,
         schedule: Schedule | None = None,
         more_waveforms: Sequence[Waveform] = (),
+        channel_weights: ArrayLike | None = None,
     ) -> None:
         if isinstance(waveform, Sequence):
             if len(waveform) == 0:
@@ -141,6 +147,7 @@ class Radar:
             for each in self.waveforms:
                 require_fit(schedule, len(self.tx), each.num_chirps)
         check_sequences(self.waveforms, self._tx_offsets)
+        self.channel_weights = None if channel_weights is None else _weights(channel_weights, self.num_channels)
         aperture = float(np.linalg.norm(np.ptp(np.concatenate([self.tx, self.rx]), axis=0)))
         if aperture > _WIDEST_APERTURE * waveform.wavelength:
             notice.warn(
@@ -178,6 +185,7 @@ class Radar:
             "largest velocity [m/s]": self.max_velocity,
             **({} if self.schedule is None else {"schedule": self.schedule.kind}),
             **({"sub-sequences": len(self.waveforms)} if self.more_waveforms else {}),
+            **({} if self.channel_weights is None else {"channel weights": _weights_text(self.channel_weights)}),
         }
 
     @cached_property
@@ -265,10 +273,16 @@ class Radar:
 
     @property
     def channel_phases(self) -> NDArray[np.float64]:
-        """Phases that the receivers add to echoes, (channel,) [rad]; an estimator of angles takes them off."""
+        """Phases that the receivers add to echoes, (channel,) [rad]; see `channel_corrections`."""
         phases = None if self.receiver is None else self.receiver.rx_phase_deg
         of_receivers = np.zeros(len(self.rx)) if phases is None else np.deg2rad(phases)
         return np.tile(of_receivers, self.num_channels // len(self.rx))
+
+    @property
+    def channel_corrections(self) -> NDArray[np.complex128]:
+        """Factors of the channels before they are combined, (channel,): `channel_weights`, or from `channel_phases`."""
+        factors: NDArray[np.complex128] = np.exp(-1j * self.channel_phases)
+        return factors if self.channel_weights is None else self.channel_weights
 
     @property
     def tx_power(self) -> float:
@@ -317,6 +331,7 @@ class Radar:
             "polarization": list(self.polarization) if isinstance(self.polarization, tuple) else self.polarization,
             "schedule": None if self.schedule is None else self.schedule.to_dict(),
             "more_waveforms": [waveform.to_dict() for waveform in self.more_waveforms],
+            **({} if self.channel_weights is None else {"channel_weights": _pairs(self.channel_weights)}),
         }
 
     def _own_patterns(self, patterns: tuple[Pattern, ...]) -> list[dict[str, Any]] | None:
@@ -326,7 +341,7 @@ class Radar:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Radar:
         """The radar that `to_dict` described."""
-        receiver, schedule = values["receiver"], values.get("schedule")
+        receiver, schedule, pairs = values["receiver"], values.get("schedule"), values.get("channel_weights")
         return cls(
             Waveform(**values["waveform"]),
             tx=values["tx"],
@@ -339,6 +354,7 @@ class Radar:
             polarization=values["polarization"],
             schedule=None if schedule is None else Schedule.from_dict(schedule),
             more_waveforms=[Waveform(**entry) for entry in values.get("more_waveforms", ())],
+            channel_weights=None if pairs is None else complex_of_pairs(pairs),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -350,6 +366,31 @@ class Radar:
 
 def _patterns_from_dicts(values: list[dict[str, Any]] | None) -> list[Pattern] | None:
     return None if values is None else [pattern_from_dict(entry) for entry in values]
+
+
+def complex_of_pairs(pairs: ArrayLike) -> NDArray[np.complex128]:
+    """Channel weights from pairs of real and imaginary parts, (channel, 2)."""
+    parts = check.array("channel_weights", pairs, (None, 2))
+    weights: NDArray[np.complex128] = parts[:, 0] + 1j * parts[:, 1]
+    return weights
+
+
+def _pairs(weights: NDArray[np.complex128]) -> list[list[float]]:
+    return [[weight.real, weight.imag] for weight in weights.tolist()]
+
+
+def _weights(value: ArrayLike, num_channels: int) -> NDArray[np.complex128]:
+    """Finite weights of all channels, none of them zero."""
+    weights = check.finite("channel_weights", check.complex_numbers("channel_weights", value, (num_channels,)))
+    if not weights.all():
+        first = int(np.flatnonzero(weights == 0.0)[0])
+        raise ValueError(f"channel_weights: expected numbers other than zero, got zero for channel {first}")
+    return check.frozen(weights.copy())
+
+
+def _weights_text(weights: NDArray[np.complex128]) -> str:
+    levels, phases = 20.0 * np.log10(np.abs(weights)), np.rad2deg(np.angle(weights))
+    return ", ".join(f"{level:+.1f} dB {phase:+.0f} deg" for level, phase in zip(levels, phases, strict=True))
 
 
 def _band_text(waveform: Waveform) -> str:

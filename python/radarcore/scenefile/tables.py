@@ -360,6 +360,9 @@ class RadarTable(Table):
     polarization: Literal["vertical", "horizontal"] | Vector | None = _key(
         None, "", "of the antennas' field: the radar's z or y axis, or a unit vector in its frame; default: averaged"
     )
+    channel_weights: list[tuple[float, float]] | None = _key(
+        None, "", "[real, imaginary] part of the factor of every channel in processing; default: 1"
+    )
 
 
 class InterfererTable(PlacedTable):

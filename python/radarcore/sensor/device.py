@@ -18,7 +18,6 @@ from typing import Any
 
 from radarcore import check, notice
 from radarcore.radar.radar import Radar
-from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import FULL_SCALE, Frame, frame_of, to_samples
 from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
@@ -98,7 +97,7 @@ class Sensor:
         ----------
         radar : Radar
             Wanted waveform and receivers; a board sets power and gains by `options`. Phases of the receivers
-            (`Receiver.rx_phase_deg`) are kept, so that angles are right.
+            (`Receiver.rx_phase_deg`) and weights of the channels are kept, so that angles are right.
         **options
             Options of a BGT60TR13C: ``tx_power_level`` (0 to 31), ``if_gain_db`` (18 to 60), ``highpass_cutoff`` [Hz],
             ``is_transmitting`` (False: the transmitter is off), ``has_test_pattern`` (in place of RX1's samples).
@@ -129,7 +128,7 @@ class Sensor:
         check_options(options, self._board.configure, self.info.chip)
         self.stop()
         with self._board_lock.waiting, self._board_lock.used:
-            self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
+            self.radar = _with_phases(self._board.configure(radar, **options), radar)
         return self.radar
 
     def frames(self, num_frames: int | None = None, *, timeout: float | None = None) -> Generator[Frame, None, None]:
@@ -561,8 +560,11 @@ class _Reader:
             self._frames[0] = replace(oldest, lost_reasons=tuple(dict.fromkeys(reasons)))
 
 
-def _with_phases(radar: Radar, known: Receiver | None) -> Radar:
-    """The radar of a board with phases of receivers that are known."""
+def _with_phases(radar: Radar, wanted: Radar) -> Radar:
+    """The radar of a board with the phases of receivers and weights of channels that are known."""
+    if wanted.channel_weights is not None:
+        radar = replace(radar, channel_weights=wanted.channel_weights)
+    known = wanted.receiver
     if known is None or known.rx_phase_deg is None or radar.receiver is None:
         return radar
     return replace(radar, receiver=replace(radar.receiver, rx_phase_deg=known.rx_phase_deg))

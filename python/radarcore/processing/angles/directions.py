@@ -121,7 +121,7 @@ def directions(
         degrees at 0.3 m with a BGT60.
     channel_phase : (channel,) array_like, optional
         Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
-        Default: those of the receiver, `Radar.channel_phases`.
+        Default: the channels are multiplied by `Radar.channel_corrections`.
 
     Returns
     -------

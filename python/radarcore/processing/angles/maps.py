@@ -71,7 +71,7 @@ def range_angle(
         Length n of the range transform, zero-padded; default: `num_samples`.
     channel_phase : (channel,) array_like, optional
         Phases of the channels [rad] (lines of different length, as measured on a target in front), to be taken off.
-        Default: those of the receiver, `Radar.channel_phases`.
+        Default: the channels are multiplied by `Radar.channel_corrections`.
 
     Returns
     -------

@@ -102,15 +102,13 @@ def channel_corrections(
     """Factors that take off what is not direction, (..., channel), or (channel,) where they are the same for all.
 
     What a target at `velocity` (...,) [m/s], receding positive, adds in channels whose chirps come later, and the
-    phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_phases`. A velocity of NaN, or none,
-    takes nothing off.
+    phases of the channels themselves, (channel,) [rad]; default: `Radar.channel_corrections`. A velocity of NaN, or
+    none, takes nothing off.
     """
-    phase = radar.channel_phases
+    factors: NDArray[np.complex128] = radar.channel_corrections
     if channel_phase is not None:
-        phase = check.array("channel_phase", channel_phase, (radar.num_channels,))
+        factors = np.exp(-1j * check.array("channel_phase", channel_phase, (radar.num_channels,)))
     if velocity is not None and (offsets := radar.channel_offsets).any():
         doppler = 2.0 * np.nan_to_num(np.asarray(velocity, np.float64)) / radar.waveform.wavelength
-        turned = 2.0 * np.pi * doppler[..., None] * offsets
-        phase = phase + turned
-    factors: NDArray[np.complex128] = np.exp(-1j * phase)
+        factors = factors * np.exp(-2j * np.pi * doppler[..., None] * offsets)
     return factors

@@ -209,7 +209,7 @@ def _from_clutter(
     # Where every channel is at the middle of its chirps.
     positions = radar.virtual_array + 2.0 * radar.channel_offsets[:, None] * velocity
     along = positions @ directions.T  # (channel, direction)
-    phases = np.exp(1j * radar.channel_phases)[:, None, None]
+    errors = 1.0 / radar.channel_corrections[:, None, None]
     rates = -(directions @ velocity) - band.centre
     frequency = _frequencies(radar.waveform)
     kept = np.empty_like(projected)
@@ -220,7 +220,7 @@ def _from_clutter(
         over_time = product(
             band.polynomials.T, np.exp(2j * wavenumber * np.outer(band.time, rates))
         )  # (degree, direction)
-        of_channels = phases * np.exp(-1j * wavenumber * along)[:, None]
+        of_channels = errors * np.exp(-1j * wavenumber * along)[:, None]
         steering = (of_channels * over_time).reshape(num_channels * num_degrees, -1)
         basis = _span(product(steering, steering.conj().T), residual)
         flat = projected[..., part].reshape(num_channels * num_degrees, -1)

@@ -70,9 +70,7 @@ class Capture:
     facts : dict
         What a recording's ``source["capture"]`` says besides.
     range_bias : float
-        Subtracted from all ranges [m].
-    coefficients : tuple of complex
-        Factors of the channels; none: 1.
+        Subtracted from all ranges [m]; of I/Q samples alone.
     """
 
     num_lanes: int
@@ -83,7 +81,6 @@ class Capture:
     files: tuple[Path, ...] = ()
     facts: dict[str, Any] = field(default_factory=dict)
     range_bias: float = 0.0
-    coefficients: tuple[complex, ...] = ()
 
 
 def opened(path: Path, radar: Radar, capture: Capture) -> Stored:
@@ -160,20 +157,16 @@ def samples(words: NDArray[np.int16], radar: Radar, capture: Capture) -> NDArray
     ordered = apart[:, :, turn_of].transpose(0, 2, 3, 1, 4)
     result: NDArray[Any] = ordered.reshape(len(words), *frame_shape(radar))
     result = result.astype(np.float32 if capture.is_real else np.complex64, copy=False)
-    factors = _compensation(radar, capture)
-    return result if factors is None else result * factors
+    return result * _shifts(radar, capture.range_bias) if capture.range_bias else result
 
 
-def _compensation(radar: Radar, capture: Capture) -> NDArray[Any] | None:
-    """Factors (channel, 1, sample) that subtract the range bias and equalize the channels; None for 1."""
-    if not capture.range_bias and not capture.coefficients:
-        return None
+def _shifts(radar: Radar, range_bias: float) -> NDArray[np.complex64]:
+    """Factors (sample,) that subtract a range from all ranges."""
     waveform = radar.waveform
-    delay = 2.0 * capture.range_bias / SPEED_OF_LIGHT
+    delay = 2.0 * range_bias / SPEED_OF_LIGHT
     times = np.arange(waveform.num_samples) / waveform.sample_rate
-    shifts = np.exp(-2j * np.pi * waveform.slope * delay * times)
-    factors: NDArray[np.complex128] = np.array(capture.coefficients or (1.0,))[:, None, None] * shifts
-    return factors.real.astype(np.float32) if capture.is_real else factors.astype(np.complex64)
+    shifts: NDArray[np.complex64] = np.exp(-2j * np.pi * waveform.slope * delay * times).astype(np.complex64)
+    return shifts
 
 
 def _refuse_counters(path: Path) -> None:

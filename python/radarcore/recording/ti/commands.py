@@ -124,7 +124,7 @@ def _chirps(commands: _Commands, first: int, last: int, where: str) -> tuple[tup
 def _compensation(commands: _Commands, where: str) -> dict[str, Any]:
     """Range bias and factors of the channels: pairs of real and imaginary parts, receivers of TX1 first.
 
-    The demo subtracts the bias from ranges and multiplies the samples of a channel by its factor.
+    The demo subtracts the bias from ranges and multiplies a channel by its factor before it looks for angles.
     """
     if "compRangeBiasAndRxChanPhase" not in commands:
         return {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class Settings:
     range_bias : float
         To subtract from all ranges [m].
     coefficients : (transmitter, receiver) complex array, optional
-        Factors for the samples of every channel of the chip, used or not.
+        Factors of every channel of the chip, used or not: `Radar.channel_weights`.
     """
 
     profile: Profile
@@ -141,6 +141,7 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
             rx=rx,
             receiver=Receiver(output="real") if is_real else None,
             schedule=Schedule.tdm(ramp_interval, turns) if len(turns) > 1 else None,
+            channel_weights=_channel_weights(settings, used, receivers, where),
         )
     if antennas == _ROW and len(used) > 1:
         notice.warn(
@@ -155,10 +156,11 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         "receivers": [number + 1 for number in receivers],
         "antennas": antennas,
     }
-    compensation = _compensation(settings, used, receivers, where)
-    if compensation:
-        listed = [[factor.real, factor.imag] for factor in compensation["coefficients"]]
-        facts |= {"range_bias": settings.range_bias, "channel_coefficients": listed}
+    range_bias = 0.0 if is_real else settings.range_bias
+    if range_bias:
+        facts["range_bias"] = range_bias
+    elif settings.range_bias:
+        notice.warn(f"{where}: real samples have no phase, so the range bias of {settings.range_bias:g} m is left out")
     capture = Capture(
         num_lanes=settings.num_lanes,
         is_real=is_real,
@@ -166,15 +168,17 @@ def radar_and_capture(settings: Settings, where: str) -> tuple[Radar, Capture]:
         bits=_BITS[settings.bits],
         turns=turns,
         facts=facts,
-        **compensation,
+        range_bias=range_bias,
     )
     return radar, capture
 
 
-def _compensation(settings: Settings, used: list[int], receivers: list[int], where: str) -> dict[str, Any]:
-    """Range bias and channel factors of a capture; empty if they change nothing."""
+def _channel_weights(
+    settings: Settings, used: list[int], receivers: list[int], where: str
+) -> NDArray[np.complex128] | None:
+    """Factors of the channels in use; None if they change nothing."""
     if settings.coefficients is None:
-        return {}
+        return None
     if max(used) >= len(settings.coefficients):
         raise ValueError(
             f"{where}: expected compRangeBiasAndRxChanPhase with pairs for TX1 to TX{max(used) + 1}, got pairs "
@@ -183,12 +187,7 @@ def _compensation(settings: Settings, used: list[int], receivers: list[int], whe
     factors = settings.coefficients[np.ix_(used, receivers)].ravel()
     if not factors.all():
         raise ValueError(f"{where}: expected compRangeBiasAndRxChanPhase without zeros, got one for a channel in use")
-    if settings.range_bias == 0.0 and (factors == 1.0).all():
-        return {}
-    if settings.output == 0 and (settings.range_bias or factors.imag.any()):
-        notice.warn(f"{where}: real samples have no phase, so compRangeBiasAndRxChanPhase is left out")
-        return {}
-    return {"range_bias": settings.range_bias, "coefficients": tuple(factors.tolist())}
+    return None if (factors == 1.0).all() else factors
 
 
 def _check_lanes(settings: Settings, num_rx: int, where: str) -> None:

@@ -13,7 +13,7 @@ from radarcore import check
 from radarcore.radar.bgt60_presets import bgt60tr13c, bgt60tr24
 from radarcore.radar.design import WISHES
 from radarcore.radar.pattern import GaussianPattern, IsotropicPattern, Pattern, TabulatedPattern
-from radarcore.radar.radar import Radar
+from radarcore.radar.radar import Radar, complex_of_pairs
 from radarcore.radar.schedule import Schedule
 from radarcore.radar.waveform import Waveform
 from radarcore.scenefile.build.cache import BuildCache
@@ -42,6 +42,8 @@ def _radar(table: RadarTable, directory: Path) -> Radar:
             for k, entry in enumerate(given[name]):
                 with located(f"{name}[{k}]."):
                     others[name].append(_pattern(entry, directory))
+    if table.channel_weights is not None:
+        others["channel_weights"] = complex_of_pairs(table.channel_weights)
     measured = _measured(table)
     if table.schedule is not None:
         with located("schedule."):

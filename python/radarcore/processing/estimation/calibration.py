@@ -1,0 +1,227 @@
+"""Calibration of the channels and ranges of a radar with a reflector at a known position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarcore import check
+from radarcore.processing.detection.detect import detect
+from radarcore.processing.detection.map import MAIN_LOBE
+from radarcore.processing.detection.point_cloud import Detections
+from radarcore.processing.inputs import recording_of, require_one_waveform
+from radarcore.processing.spectra.windows import centred_window
+from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import require_range
+from radarcore.recording.frame import COUNTS, Frame, is_of_adc, unit_of
+from radarcore.recording.recording import Recording
+from radarcore.units import SPEED_OF_LIGHT
+
+_SECOND_DB = 10.0
+"""A second echo near the reflector, weaker than the strongest by less than this, makes the choice uncertain [dB]."""
+
+_MOST_CLIPPED = 1e-3
+"""Share of samples at the limits of the ADC above which their spectrum is distorted."""
+
+_LARGEST_COUNT = 2**15 - 1
+"""Largest sample of an ADC of 16 bits."""
+
+_Reals = NDArray[np.float64]
+_Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Errors of the channels and of ranges, measured with a reflector.
+
+    Attributes
+    ----------
+    channel_weights : (channel,) complex128
+        Inverse errors of the channels, for ``Radar(channel_weights=...)``. The phase of the first is zero, and the
+        power of the reflector, added over the channels, stays the same.
+    range_offset : float
+        Measured range minus true range [m]. Subtract it from ranges.
+    range_deviation : float
+        Standard deviation of `range_offset` by the SNR [m].
+    snr_db : (channel,) float64
+        Power of the reflector over the noise in a cell of a frame [dB].
+    phase_deviation : (channel,) float64
+        Standard deviation of the phase of each weight by the SNR [rad].
+    residual_phase : (channel,) float64
+        Root mean square over the frames of the phase that the weights leave [rad]; NaN with one frame. A value far
+        above ``phase_deviation * sqrt(frames)`` means that something moved or drifted.
+
+    See Also
+    --------
+    calibrate : Makes one.
+
+    Examples
+    --------
+    >>> radar = rc.bgt60tr13c(num_chirps=16)
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.0, 0.0])]), radar).frame()
+    >>> found = rc.calibrate(frame, at=[2.0, 0.0, 0.0])
+    >>> np.abs(found.channel_weights).round(1).tolist(), bool(abs(found.range_offset) < 0.01)
+    ([1.0, 1.0, 1.0], True)
+    """
+
+    channel_weights: NDArray[np.complex128]
+    range_offset: float
+    range_deviation: float
+    snr_db: NDArray[np.float64]
+    phase_deviation: NDArray[np.float64]
+    residual_phase: NDArray[np.float64]
+
+
+def calibrate(frames: Frame | Recording, *, at: ArrayLike, max_offset: float = 0.3) -> Calibration:
+    """Measure the errors of the channels and of ranges with a reflector at a known position.
+
+    A trihedral corner of 3 to 10 cm, 1 to 5 m away, at least three range bins from other objects, is enough. Neither
+    radar nor reflector may move. The channel k of the echo is ``error_k * ideal_k``. `ideal_k` is the echo of a point
+    at `at`, with the distances to every antenna, so that a near reflector needs no far field. The weights are the
+    inverse of the errors. They contain all errors of the channels, phases of the receivers included, and replace
+    earlier ``Radar.channel_weights``.
+
+    Several frames are averaged in phase, up to a phase that all channels of a frame share.
+
+    Parameters
+    ----------
+    frames : Frame or Recording
+        Raw samples, real or I/Q. The radar needs a ramp and transmitters that are separable.
+    at : (3,) array_like
+        Position of the reflector (the apex of a corner) in the sensor frame [m]: x forward, y left, z up, as the
+        antennas are given.
+    max_offset : float
+        Largest difference of the measured range from the true one [m].
+
+    Returns
+    -------
+    calibration : Calibration
+
+    Raises
+    ------
+    ValueError, TypeError
+        If there is no echo near `at` or a second one of similar power, if the echo moves, if the ADC saturates, for
+        frames of several waveforms, a CW radar and Doppler-division multiplex.
+
+    See Also
+    --------
+    Radar : Takes the weights.
+    detect : Measures directions with them.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> radar = rc.bgt60tr13c(num_chirps=16)
+    >>> frame = rc.Simulator(rc.Scene([rc.PointTarget([2.0, 0.3, 0.0])]), radar).frame()
+    >>> errors = np.array([1.0, 0.9, 1.1])[:, None, None]
+    >>> measured = rc.Frame(frame.cube * errors.astype(np.float32), 0.0, radar)
+    >>> found = rc.calibrate(measured, at=[2.0, 0.3, 0.0])
+    >>> calibrated = replace(radar, channel_weights=found.channel_weights)
+    >>> (1.0 / np.abs(calibrated.channel_weights)).round(1).tolist()
+    [1.0, 0.9, 1.1]
+    """
+    # Check all arguments before any work.
+    recording = recording_of("frames", frames)
+    radar = recording.radar
+    require_one_waveform(radar)
+    require_range(radar.waveform)
+    place = check.array("at", at, (3,))
+    largest_offset = check.positive("max_offset", max_offset, "m")
+    ideal, distance = _ideal_echo(radar, place)
+    nearest = MAIN_LOBE * radar.waveform.range_resolution
+    if not nearest < distance < radar.max_unambiguous_range:
+        raise ValueError(
+            f"at: expected a position {nearest:.3g} to {radar.max_unambiguous_range:.3g} m from the antennas, got "
+            f"{distance:.3g} m"
+        )
+    if len(recording) == 0:
+        raise ValueError("frames: expected at least one frame, got none")
+
+    # The reflector in every frame, and the amplitudes of its channels over the ideal ones.
+    limits = max(distance - largest_offset, nearest), distance + largest_offset
+    rows, ranges, levels, variances = [], [], [], []
+    for frame in recording.frames():
+        _require_range_of_adc(frame)
+        found = detect(frame, min_range=limits[0], max_range=limits[1])
+        index = _reflector(found, limits, radar)
+        rows.append(_channels(frame, float(found.range[index]), float(np.nan_to_num(found.velocity[index]))) / ideal)
+        ranges.append(found.range[index])
+        levels.append(found.snr_db[index])
+        variances.append(found.covariance[index, 0, 0])
+
+    # Errors that all frames share, up to a factor of each frame: the dominant singular vector.
+    echoes = np.array(rows)
+    errors = np.linalg.svd(echoes, full_matrices=False)[2][0]
+    errors *= np.exp(-1j * np.angle(errors[0]))
+    square = np.square(np.abs(errors))
+    weights: _Complexes = np.sqrt(square.mean()) / errors
+
+    # Accuracy: by the SNR, and by the scatter from frame to frame.
+    number = len(echoes)
+    snr = np.mean(10.0 ** (0.1 * np.array(levels))) * square / square.mean()
+    equal = echoes * weights
+    left = np.angle(equal * equal.mean(axis=1, keepdims=True).conj())
+    return Calibration(
+        channel_weights=weights,
+        range_offset=float(np.mean(ranges)) - distance,
+        range_deviation=float(np.sqrt(np.mean(variances) / number)),
+        snr_db=10.0 * np.log10(snr),
+        phase_deviation=np.sqrt(0.5 / (snr * number)),
+        residual_phase=np.sqrt(np.square(left).sum(axis=0) / (number - 1)) if number > 1 else np.full(len(snr), np.nan),
+    )
+
+
+def _ideal_echo(radar: Radar, place: _Reals) -> tuple[_Complexes, float]:
+    """Channels of the echo of a point relative to their mean amplitude, (channel,), and its range [m]."""
+    to_tx, to_rx = (np.linalg.norm(place - antennas, axis=1) for antennas in (radar.tx, radar.rx))
+    if radar.num_channels == len(radar.rx):  # one transmitter, or all at once
+        to_tx = to_tx.mean(keepdims=True)
+    paths = (to_tx[:, None] + to_rx).ravel()
+    spreading = 1.0 / np.outer(to_tx, to_rx).ravel()
+    wave: _Complexes = spreading / spreading.mean() * np.exp(2j * np.pi / radar.waveform.wavelength * paths)
+    return wave, 0.5 * float(paths.mean())
+
+
+def _require_range_of_adc(frame: Frame) -> None:
+    """Refuse a frame whose samples are at the limits of the ADC."""
+    if not is_of_adc(frame):
+        return
+    largest = _LARGEST_COUNT if unit_of(frame) == COUNTS else 1.0
+    parts = frame.cube.view(frame.cube.real.dtype)
+    clipped = float(np.mean(np.abs(parts) >= largest))
+    if clipped > _MOST_CLIPPED:
+        raise ValueError(
+            f"frames: expected samples within the range of the ADC, got {100.0 * clipped:.2g} % at its limits in the "
+            f"frame at {frame.time:g} s; use less gain or a smaller reflector"
+        )
+
+
+def _reflector(found: Detections, limits: tuple[float, float], radar: Radar) -> int:
+    """Index of the echo of the reflector among detections within limits."""
+    where = f"from {limits[0]:.3g} to {limits[1]:.3g} m"
+    if len(found) == 0:
+        raise ValueError(f"at: expected an echo {where}, got none in the frame at {found.time - radar.middle:g} s")
+    order = np.argsort(-found.snr_db)
+    best = int(order[0])
+    if len(found) > 1 and found.snr_db[order[1]] > found.snr_db[best] - _SECOND_DB:
+        two = " and ".join(f"{found.range[k]:.3f} m ({found.snr_db[k]:.0f} dB)" for k in order[:2])
+        raise ValueError(f"at: expected one strong echo {where}, got {two}; remove one or set max_offset")
+    if abs(found.velocity[best]) > radar.waveform.velocity_resolution:  # False for NaN
+        raise ValueError(f"frames: expected radar and reflector at rest, got {found.velocity[best]:+.3g} m/s")
+    return best
+
+
+def _channels(frame: Frame, distance: float, velocity: float) -> _Complexes:
+    """Amplitudes of a tone in the channels, windowed as in all maps, with the movement until each chirp removed."""
+    radar = frame.radar
+    wf = radar.waveform
+    doppler = 2.0 * velocity / wf.wavelength
+    beat = 2.0 * distance * wf.slope / SPEED_OF_LIGHT + doppler
+    fast = centred_window("window", "hann", wf.num_samples) * np.exp(-2j * np.pi * beat * wf.sample_times)
+    slow = centred_window("doppler_window", "hann", wf.num_chirps) * np.exp(
+        -2j * np.pi * doppler * (wf.chirp_times + radar.channel_offsets[:, None])
+    )
+    amplitudes: _Complexes = np.einsum("kc,kcn,n->k", slow, frame.cube.astype(np.complex128), fast, optimize=True)
+    return amplitudes
