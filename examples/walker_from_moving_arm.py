@@ -33,8 +33,7 @@ def main(output: Path, num_frames: int) -> None:
     middle = radar.middle
     recording = simulator.record(0.0, 0.1 * num_frames, rate=10.0)
     truth, time = recording.truth.select(["person/trunk"]).range[:, 0], recording.time + middle
-    velocities = [motion.at(t).rotation.T @ motion.rate_at(t)[:, 3] for t in time]  # in the axes of the sensor
-    filtered = rc.remove_static(recording, velocities)
+    filtered = rc.remove_static(recording, motion)
 
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")
     above, ax = figure.subplots(1, 2)

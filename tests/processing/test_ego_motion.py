@@ -184,6 +184,27 @@ def test_frames_of_a_recording_have_velocities_of_their_own() -> None:
     np.testing.assert_array_equal(same.cube[1], filtered.cube[1])
 
 
+def test_velocities_come_from_a_motion_at_the_middle_of_each_frame() -> None:
+    chip = radar()
+    motion = rc.Linear(rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.3]), [0.2, 0.1, 0.0], [0.0, 0.0, 1.0])
+    found = frame(static_points()[:5], 0.25, chip)
+    recording = rc.Recording(np.stack([found.cube, found.cube]), [0.0, 1.0], chip, source={"from": "test"})
+    filtered = rc.remove_static(recording, motion)
+    for time, of_recording in zip(recording.time, filtered.cube, strict=True):
+        pose, rate = motion.at(time + chip.middle), motion.rate_at(time + chip.middle)
+        velocity = pose.rotation.T @ (rate @ [*chip.array_center, 1.0])  # the centre turns about the origin
+        np.testing.assert_allclose(of_recording, rc.remove_static(found, velocity).cube, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(rc.remove_static(found, motion).cube, filtered.cube[0])
+
+
+def test_a_live_motion_without_a_recent_update_warns() -> None:
+    found, motion = frame(static_points()[:2], 0.25, radar()), rc.Live()
+    motion.update(-0.2, rc.Pose(), velocity=[0.25, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.0])
+    with pytest.warns(UserWarning, match=r"motion: expected a live update within 0.1 s of a frame, got one 0.2\d* s"):
+        stale = rc.remove_static(found, motion)
+    np.testing.assert_allclose(stale.cube, rc.remove_static(found, [0.25, 0.0, 0.0]).cube, rtol=1e-6)
+
+
 def test_frame_keeps_what_is_not_samples() -> None:
     found = frame([*static_points()[:3], walker(1.0, 0.25)], 0.25, radar())
     coded = rc.Frame(

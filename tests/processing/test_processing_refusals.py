@@ -57,7 +57,7 @@ def pattern(**changes: Any) -> object:
 
 
 def still(**changes: Any) -> object:
-    return rc.remove_static(FRAME, **({"sensor_velocity": [0.1, 0.0, 0.0]} | changes))
+    return rc.remove_static(FRAME, **({"motion": [0.1, 0.0, 0.0]} | changes))
 
 
 ONE_WAVEFORM = "radar: expected one waveform, got 2"
@@ -134,9 +134,9 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: rc.remove_running_mean(FRAME, time_constant=1.0), TypeError, "cube: expected a Recording"),  # type: ignore[call-overload]
     (lambda: rc.remove_running_mean(CUBE[None], time_constant=1.0), TypeError, "time: expected the times"),  # type: ignore[call-overload]
     (lambda: rc.detect(CUBE[:, :1], rc.Radar(ONE), subtract_mean=True), ValueError, "expected at least two chirps"),
-    (lambda: still(sensor_velocity=[1e8, 0.0, 0.0]), ValueError, "sensor_velocity: expected at most 299792 m/s"),
+    (lambda: still(motion=[1e8, 0.0, 0.0]), ValueError, "motion: expected at most 299792 m/s"),
     (lambda: still(field_of_view_deg=(180.0, 20.0)), ValueError, "angles from 0 to below 180"),
-    (lambda: still(sensor_velocity=[20.0, 0.0, 0.0]), ValueError, "frame: expected more than 32 chirps, as clutter"),
+    (lambda: still(motion=[20.0, 0.0, 0.0]), ValueError, "frame: expected more than 32 chirps, as clutter"),
     # Detection
     (lambda: processing.noise_level(-CUBE), ValueError, "power: expected 0 or above"),
     (lambda: cfar(POWER + 1j), TypeError, r"power: expected real numbers, got complex128 \(power of a spectrum"),

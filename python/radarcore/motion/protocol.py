@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +46,29 @@ def latest_update(*motions: object) -> float | None:
     """The latest of the newest updates of motions [s]; None if none of them is live."""
     times = [time for motion in motions if (time := newest_update(motion)) is not None]
     return max(times, default=None)
+
+
+STALE = 0.1
+"""A live motion whose newest update is older is stale [s]: at 1 m/s^2, it is off by 5 mm."""
+
+
+class SensorState(NamedTuple):
+    """Where a sensor is at a time, and how fast, in the world."""
+
+    pose: Matrix
+    """``[rotation | position]``, (3, 4): sensor coordinates to the world."""
+    velocity: Matrix
+    """Of its origin, or of the point in question, (3,) [m/s]."""
+    age: float
+    """Time since the newest update of a live motion [s]; 0 of other motions, and before that update."""
+
+
+def sensor_state(motion: Motion, time: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> SensorState:
+    """State of a sensor by its motion at a time [s], with the velocity of one of its points."""
+    newest = newest_update(motion)
+    age = 0.0 if newest is None else max(time - newest, 0.0)
+    rate = np.asarray(motion.rate_at(time))
+    return SensorState(poses_at(motion, [time])[0], rate[:, :3] @ np.asarray(point) + rate[:, 3], age)
 
 
 def factors_of(motion: Motion) -> tuple[Motion, ...]:

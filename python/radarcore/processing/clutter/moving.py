@@ -19,7 +19,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarcore import check
+from radarcore import check, notice
+from radarcore.motion.protocol import STALE, AnyMotion, as_motion, sensor_state
 from radarcore.processing.inputs import require_one_waveform, require_transmitters_apart, with_samples
 from radarcore.products import orthonormal, product
 from radarcore.radar.beam import is_in_beam
@@ -52,7 +53,7 @@ _Kind = TypeVar("_Kind", Frame, Recording)
 
 def remove_static(
     frame: _Kind,
-    sensor_velocity: ArrayLike,
+    motion: AnyMotion | ArrayLike,
     *,
     method: str = "doppler",
     field_of_view_deg: tuple[float, float] | None = None,
@@ -72,9 +73,10 @@ def remove_static(
     ----------
     frame : Frame or Recording
         Of at least two chirps, at any times.
-    sensor_velocity : (3,) or (frame, 3) array_like
-        Velocity of the array's centre over the ground in the middle of the frame, along the sensor's own axes [m/s]: of
-        a motion ``motion.at(time).rotation.T @ motion.rate_at(time)[:, 3]``. One per frame for a recording, or one.
+    motion : Motion, or (3,) or (frame, 3) array_like
+        Motion of the sensor, as `Simulator` takes it, or live; it is asked for the middle of each frame, and a warning
+        says when a live one is older by more than 0.1 s. Or the velocity of the array's centre over the ground there,
+        along the sensor's own axes [m/s]: one for a recording, or one per frame.
     method : "doppler" or "space-time"
         The band in every channel, whatever their phases; or, in the band, only what comes from directions that have
         the velocity. The latter leaves slow targets in other directions, which takes an array that resolves them (with
@@ -106,19 +108,17 @@ def remove_static(
     >>> wall, ball = rc.PointTarget([2.0, 0.0, 0.0]), rc.PointTarget([3.0, 0.0, 0.0], 0.01, velocity=[1.5, 0.0, 0.0])
     >>> sensor = rc.Linear(rc.Pose(), velocity=[0.2, 0.0, 0.0])
     >>> frame = rc.Simulator(rc.Scene([wall, ball]), rc.bgt60tr13c(num_chirps=64), radar_motion=sensor).frame()
-    >>> filtered = rc.remove_static(frame, [0.2, 0.0, 0.0])
+    >>> filtered = rc.remove_static(frame, sensor)
     >>> [round(rc.strongest_peak(each).range, 1) for each in (frame, filtered)]
     [2.0, 3.0]
     """
     check.instance("frame", frame, Frame, Recording)
-    is_one = isinstance(frame, Frame)
     radar = frame.radar
     require_one_waveform(radar)
     require_transmitters_apart(frame, radar)
-    single = is_one or np.ndim(sensor_velocity) == 1
-    given = check.array("sensor_velocity", sensor_velocity, (3,) if single else (len(frame.cube), 3))
+    given = _sensor_velocity(frame, motion)
     if (fastest := float(np.abs(given).max(initial=0.0))) > 1e-3 * SPEED_OF_LIGHT:
-        raise ValueError(f"sensor_velocity: expected at most {1e-3 * SPEED_OF_LIGHT:.0f} m/s, got {fastest:g}")
+        raise ValueError(f"motion: expected at most {1e-3 * SPEED_OF_LIGHT:.0f} m/s, got {fastest:g}")
     is_joint = check.choice("method", method, METHODS) == "space-time"
     view = _field_of_view(field_of_view_deg)
     residual = 10.0 ** (-0.1 * check.positive("suppression_db", suppression_db, "dB"))
@@ -132,6 +132,19 @@ def remove_static(
         for samples, velocity, out in zip(frame.cube, np.broadcast_to(given, (len(cube), 3)), cube, strict=True):
             out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
     return with_samples(frame, cube, radar)
+
+
+def _sensor_velocity(frame: Frame | Recording, motion: AnyMotion | ArrayLike) -> Array:
+    """Velocity of the array's centre in the sensor's axes, (3,), or (frame, 3) of a recording [m/s]."""
+    is_one = isinstance(frame, Frame)
+    if not (callable(motion) or hasattr(motion, "at")):
+        return check.array("motion", motion, (3,) if is_one or np.ndim(motion) == 1 else (len(frame.cube), 3))
+    times = np.atleast_1d(frame.time) + frame.radar.middle
+    states = [sensor_state(as_motion("motion", motion), time, frame.radar.array_center) for time in times.tolist()]
+    if (oldest := max((state.age for state in states), default=0.0)) > STALE:
+        notice.warn(f"motion: expected a live update within {STALE:g} s of a frame, got one {oldest:.3g} s before it")
+    velocities = np.array([state.pose[:, :3].T @ state.velocity for state in states])
+    return velocities[0] if is_one else velocities.reshape(-1, 3)
 
 
 def _filtered(

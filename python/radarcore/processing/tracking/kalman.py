@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.direction import unit_vectors
+
 Array = NDArray[np.float64]
 
 
@@ -291,6 +293,57 @@ def cartesian(state: Array) -> tuple[Array, Array]:
     if d > 1:
         position[:, :d], motion[:, :d] = state[:, :d], state[:, d:]
     return position, motion
+
+
+def over_ground(measured: Array, velocity: Array) -> Array:
+    """Range rates (target,) without what the sensor's own velocity, (3,) along its axes, adds to them [m/s].
+
+    NaN without an azimuth, unless the sensor is at rest.
+    """
+    return measured[:, 1] + directions_of(measured) @ velocity if velocity.any() else measured[:, 1].copy()
+
+
+def directions_of(measured: Array) -> Array:
+    """Unit vectors (target, 3) towards measured targets; angles that are not measured at all are 0."""
+    azimuth = measured[:, 2] if measured.shape[1] > 2 else np.zeros(len(measured))
+    return unit_vectors(azimuth, measured[:, 3] if measured.shape[1] > 3 else 0.0)
+
+
+def to_world(state: Array, covariance: Array, pose: Array, velocity: Array) -> tuple[Array, Array]:
+    """States and covariances in the world, of places and velocities relative to a sensor, along its axes.
+
+    Parameters
+    ----------
+    state, covariance : (target, 2 d), (target, 2 d, 2 d) float64
+        In the plane, d = 2, the sensor turns about its z axis only.
+    pose : (3, 4) or (target, 3, 4) float64
+        ``[rotation | position]`` of the sensor, to the world.
+    velocity : (3,) or (target, 3) float64
+        Of the sensor, in world axes [m/s].
+    """
+    turn, shift = _axes(pose, velocity, state.shape[1] // 2)
+    return (turn @ state[..., None])[..., 0] + shift, turn @ covariance @ turn.mT
+
+
+def to_sensor(state: Array, covariance: Array, pose: Array, velocity: Array) -> tuple[Array, Array]:
+    """Inverse of `to_world`."""
+    turn, shift = _axes(pose, velocity, state.shape[1] // 2)
+    return (turn.mT @ (state - shift)[..., None])[..., 0], turn.mT @ covariance @ turn
+
+
+def _axes(pose: Array, velocity: Array, num_dimensions: int) -> tuple[Array, Array]:
+    """Rotation of states (..., 2 d, 2 d) and what is added to them (..., 2 d)."""
+    d = num_dimensions
+    rotation = pose[..., :3]
+    if d == 1:
+        rotation = np.ones((*pose.shape[:-2], 1, 1))
+    elif d == 2:
+        heading = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
+        columns = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+        rotation = np.moveaxis(columns, (0, 1), (-2, -1))
+    turn = np.zeros((*pose.shape[:-2], 2 * d, 2 * d))
+    turn[..., :d, :d] = turn[..., d:, d:] = rotation
+    return turn, np.concatenate([pose[..., :d, 3], velocity[..., :d]], axis=-1)
 
 
 Indices = NDArray[np.int64]

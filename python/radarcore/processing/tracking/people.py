@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from radarcore.direction import angles
+from radarcore.motion.protocol import SensorState
 from radarcore.processing.tracking.cluster import connected, pairs_within, wrapped
-from radarcore.processing.tracking.kalman import Array, Expected, Indices
+from radarcore.processing.tracking.kalman import Array, Expected, Indices, directions_of, over_ground
 
 EXTENT = np.array([0.1, 0.4, 0.15, 0.3])
 """Standard deviations of the centroid of the echoes of a body: range [m], velocity [m/s], across and up [m]."""
@@ -41,10 +43,16 @@ class People:
 
     def __init__(self, periods: Array) -> None:
         self._periods = periods
-        self._times, self._places = np.zeros(0), np.zeros((0, 2))
+        self._times, self._places = np.zeros(0), np.zeros((0, 3))
 
     def labels(
-        self, values: Array, covariance: Array, expected: Expected, is_confirmed: NDArray[np.bool_], time: float
+        self,
+        values: Array,
+        covariance: Array,
+        expected: Expected,
+        is_confirmed: NDArray[np.bool_],
+        time: float,
+        sensor: SensorState,
     ) -> Indices:
         """Body of each detection: the index of its track, numbers from there on for new bodies, -1 for none.
 
@@ -58,9 +66,10 @@ class People:
             Confirmed tracks choose first, then the others by age.
         time : float
             Of the frame [s].
+        sensor : SensorState
         """
         number, periods = len(is_confirmed), self._periods[: values.shape[1]]
-        is_moving = np.abs(values[:, 1]) > _STATIC_SPEED
+        is_moving = _is_moving(values, covariance, sensor)
         difference = wrapped(values - expected.value[:, None], periods)
         along, speed = difference[..., 0], difference[..., 1]
         across = np.zeros(along.shape)
@@ -72,8 +81,8 @@ class People:
         # Moving echoes of the whole body, static ones near the trunk of a person who is known.
         is_near = (along > -_NEARER) & (along < _FARTHER) & (across < _WIDTH)
         stands = is_confirmed[:, None] & (np.abs(along) < _STANDING) & (across < _STANDING) & ~is_moving
-        is_own = is_near & is_moving & (np.abs(speed) < _LIMB_SPEED) | stands & ~self._is_background(values)
-        self._remember(values[~is_moving & ~stands.any(axis=0)], time)
+        is_own = is_near & is_moving & (np.abs(speed) < _LIMB_SPEED) | stands & ~self._is_background(values, sensor)
+        self._remember(values[~is_moving & ~stands.any(axis=0)], time, sensor)
         labels = np.full(len(values), -1)
         if number > 0:
             squares = (along / _NEARER) ** 2 + (across / _WIDTH) ** 2 + (np.nan_to_num(speed) / _SPEED_SCALE) ** 2
@@ -88,19 +97,30 @@ class People:
             labels[is_new] = number + connected(int(is_new.sum()), pairs)
         return labels
 
-    def _is_background(self, values: Array) -> NDArray[np.bool_]:
+    def _is_background(self, values: Array, sensor: SensorState) -> NDArray[np.bool_]:
         """True for detections at places that had static echoes before."""
-        is_here = ~(np.abs(wrapped(_places(values)[:, None] - self._places, self._periods[[0, 2]])) > _PLACE)
+        relative = (self._places - sensor.pose[:, 3]) @ sensor.pose[:, :3]
+        azimuth, _ = angles(relative)
+        remembered = np.stack([np.linalg.norm(relative, axis=1), azimuth], axis=1)
+        here = values[:, [0, 2]] if values.shape[1] > 2 else np.stack([values[:, 0], np.zeros(len(values))], axis=1)
+        is_here = ~(np.abs(wrapped(here[:, None] - remembered, self._periods[[0, 2]])) > _PLACE)
         num_here: Indices = is_here.all(axis=2).sum(axis=1)
         return num_here >= _NUM_REPEATS
 
-    def _remember(self, values: Array, time: float) -> None:
-        """Add static detections of a frame, and forget old ones."""
+    def _remember(self, values: Array, time: float, sensor: SensorState) -> None:
+        """Add static detections of a frame whose directions are known, and forget old ones."""
+        places = values[:, :1] * directions_of(values) @ sensor.pose[:, :3].T + sensor.pose[:, 3]
+        places = places[np.isfinite(places).all(axis=1)]
         is_recent = self._times > time - _MEMORY
-        self._times = np.concatenate([self._times[is_recent], np.full(len(values), time)])
-        self._places = np.concatenate([self._places[is_recent], _places(values)])
+        self._times = np.concatenate([self._times[is_recent], np.full(len(places), time)])
+        self._places = np.concatenate([self._places[is_recent], places])
 
 
-def _places(values: Array) -> Array:
-    """Range [m] and azimuth [rad] of detections, (detection, 2); 0 without an azimuth."""
-    return np.stack([values[:, 0], values[:, 2] if values.shape[1] > 2 else np.zeros(len(values))], axis=1)
+def _is_moving(values: Array, covariance: Array, sensor: SensorState) -> NDArray[np.bool_]:
+    """True for detections that move over the ground, by more than errors of their angles explain."""
+    own = sensor.pose[:, :3].T @ sensor.velocity
+    limit = np.full(len(values), _STATIC_SPEED)
+    if own.any():
+        variance = covariance.diagonal(axis1=1, axis2=2)[:, 2:].max(axis=1)
+        limit += 2.0 * np.sqrt(variance) * np.linalg.norm(own)
+    return np.asarray(np.abs(over_ground(values, own)) > limit)

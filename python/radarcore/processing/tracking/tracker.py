@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarcore import check
+from radarcore.motion.protocol import AnyMotion, Motion, SensorState, as_motion, sensor_state
 from radarcore.processing.detection.detect import detect
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.tracking.cluster import (
@@ -31,8 +32,11 @@ from radarcore.processing.tracking.kalman import (
     assign,
     begin,
     expect,
+    over_ground,
     predict,
     smoothed,
+    to_sensor,
+    to_world,
     update,
     white_acceleration,
 )
@@ -47,6 +51,12 @@ _KNOWN_WITHIN = 1.0 / 6.0
 
 _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
+
+_AT_REST = SensorState(np.eye(3, 4), np.zeros(3), 0.0)
+"""A sensor whose axes are the world's."""
+
+_UPRIGHT = 0.98
+"""Least cosine of the tilt of a sensor that tracks in the plane: 11 degrees."""
 
 
 @sealed
@@ -170,11 +180,14 @@ class Tracker:
     """Tracks of a stream of frames: their state, which each update takes on.
 
     A frame is brought in by these steps: clustering, prediction to its time, gating and assignment, the update of
-    the tracks that were detected, confirmations and ends, and new tracks from detections that belong to none. The
-    sensor is at rest.
+    the tracks that were detected, confirmations and ends, and new tracks from detections that belong to none.
 
     Parameters
     ----------
+    motion : Motion, optional
+        Of the sensor, as `Simulator` takes it, or live; it is asked for the times of the detections. Tracks are then in
+        its world: targets that stand still have no velocity there, and stay where they are while the sensor moves.
+        Default: the sensor is at rest, and its frame the world.
     **settings
         Those of `TrackerSettings`.
 
@@ -207,8 +220,10 @@ class Tracker:
     _covariance: Array
     _lives: list[_Life]
 
-    def __init__(self, **settings: Unpack[TrackerKeywords]) -> None:
+    def __init__(self, motion: AnyMotion | None = None, **settings: Unpack[TrackerKeywords]) -> None:
         self.settings: TrackerSettings = TrackerSettings(**settings)
+        self._motion: Motion | None = None if motion is None else as_motion("motion", motion)
+        self._sensor = _AT_REST
         self.time: float = -np.inf
         self.num_dimensions = self.settings.num_dimensions
         self.num_begun: int = 0
@@ -258,8 +273,9 @@ class Tracker:
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
         values[:, 2:][variance[:, 2:] > _LOST] = np.nan  # as at the horizon of an array
-        self._choose_dimensions(values)
-        self._predict(detections.time)
+        sensor = _AT_REST if self._motion is None else sensor_state(self._motion, detections.time)
+        self._choose_dimensions(values, sensor)
+        self._predict(detections.time, sensor)
         if self.num_dimensions is None:
             return []
         told = self.num_dimensions + 1
@@ -300,7 +316,7 @@ class Tracker:
         s = self.settings
         if s.targets == "people":
             is_confirmed = np.array([life.is_confirmed for life in self._lives], dtype=bool)
-            return self._people.labels(values, covariance, expected, is_confirmed, self.time)
+            return self._people.labels(values, covariance, expected, is_confirmed, self.time, self._sensor)
         if s.cluster_distance is None and s.cluster_velocity is None:
             return np.arange(len(values))
         pairs = pairs_within(values, s.cluster_distance, s.cluster_velocity, self._periods[: values.shape[1]])
@@ -323,23 +339,37 @@ class Tracker:
         extents[:, 2:] /= np.fmax(values[:, :1], max(deviations[2], SHORTEST_RANGE))
         return np.square(extents)[:, :, None] * np.eye(values.shape[1])
 
-    def _choose_dimensions(self, measured: Array) -> None:
-        """Dimensions of space that the first detections tell."""
-        if self.num_dimensions is None and len(measured) > 0:
+    def _choose_dimensions(self, measured: Array, sensor: SensorState) -> None:
+        """Dimensions of space that the first detections tell, which must place them in the world."""
+        number = self.num_dimensions
+        if number is None and len(measured) > 0:
             has_azimuth, has_elevation = (bool(np.isfinite(measured[:, k]).any()) for k in (2, 3))
-            self.num_dimensions = 1 + has_azimuth * (1 + has_elevation)
-        length = 2 * (self.num_dimensions or 1)
+            number = 1 + has_azimuth * (1 + has_elevation)
+        if self._motion is not None and number == 1:
+            raise ValueError("motion: expected detections with azimuths, which have places in the world, got ranges")
+        if number == 2 and sensor.pose[2, 2] < _UPRIGHT:
+            tilt = np.degrees(np.arccos(max(float(sensor.pose[2, 2]), -1.0)))
+            raise ValueError(
+                f"motion: expected an upright sensor for tracks in the plane, got one that is tilted by {tilt:.0f} "
+                "degrees; num_dimensions=3 takes detections with elevations"
+            )
+        self.num_dimensions = number
+        length = 2 * (number or 1)
         if not self._lives:
             self._state, self._covariance = np.zeros((0, length)), np.zeros((0, length, length))
 
-    def _predict(self, time: float) -> None:
+    def _predict(self, time: float, sensor: SensorState) -> None:
         """Tracks at the time of a frame, but those that were last seen too long before."""
         if self.settings.max_gap is not None:
             self._keep([time - life.seen <= self.settings.max_gap for life in self._lives])
         if self._lives:
             motion = white_acceleration(time - self.time, self.settings.acceleration_density, self._state.shape[1] // 2)
-            self._state, self._covariance = predict(self._state, self._covariance, *motion)
-        self.time = time
+            if self._motion is None:
+                self._state, self._covariance = predict(self._state, self._covariance, *motion)
+            else:  # targets go on in the world
+                in_world = to_world(self._state, self._covariance, self._sensor.pose, self._sensor.velocity)
+                self._state, self._covariance = to_sensor(*predict(*in_world, *motion), sensor.pose, sensor.velocity)
+        self.time, self._sensor = time, sensor
 
     def _keep(self, which: list[bool]) -> None:
         """Leave out all other tracks."""
@@ -351,7 +381,8 @@ class Tracker:
         """Begin tracks with detections."""
         # The period of a velocity is known if only one is within the largest speed.
         fastest, period = self.settings.max_speed, self._periods[1]
-        velocity = wrapped(measured[:, 1], period)
+        own = self._sensor.pose[:, :3].T @ self._sensor.velocity
+        velocity = wrapped(over_ground(measured, own), period)
         velocity[np.abs(velocity) >= period - fastest] = np.nan
         starts = ~(np.abs(velocity) > fastest) & (measured[:, 0] > SHORTEST_RANGE)
         starts &= np.isfinite(measured[:, 2:]).all(axis=1)
@@ -360,6 +391,8 @@ class Tracker:
         measured[:, 1] = velocity
         # Velocities across are evenly distributed within the largest speed.
         state, covariance = begin(measured[starts], noise[starts], fastest / np.sqrt(3.0))
+        if state.shape[1] > 2:
+            state[:, state.shape[1] // 2 :] -= own[: state.shape[1] // 2]
         self._state = np.concatenate([self._state, state])
         self._covariance = np.concatenate([self._covariance, covariance])
         for echo in nearest[starts].tolist():
@@ -382,6 +415,9 @@ class Tracker:
                 num_hits=life.hits,
                 nearest=life.nearest[0],
                 nearest_deviation=life.nearest[1],
+                sensor_pose=self._sensor.pose,
+                sensor_velocity=self._sensor.velocity,
+                sensor_age=self._sensor.age,
             )
             for life, state, covariance in zip(self._lives, states, covariances, strict=True)
         ]
@@ -435,6 +471,7 @@ def track(
     *,
     detector: Callable[[Frame], Detections] | None = None,
     smooth: bool = False,
+    motion: AnyMotion | None = None,
     **settings: Unpack[TrackerKeywords],
 ) -> Tracks:
     """Track the targets of a recording.
@@ -453,6 +490,8 @@ def track(
         Estimate every state from all detections of the track, the later ones too (Rauch, Tung and Striebel), instead of
         from those until then. Tracks are the same, from the same detections; frames without one then lie between those
         before and after.
+    motion : Motion, optional
+        Of the sensor, see `Tracker`; tracks are then in the world.
     **settings
         Those of `TrackerSettings`.
 
@@ -492,7 +531,7 @@ def track(
     first = next(items, None)
     if isinstance(first, Frame) and first.radar.waveform.has_uniform_chirps:
         settings.setdefault("velocity_ambiguity", 2.0 * first.radar.max_velocity)
-    tracker = Tracker(**settings)
+    tracker = Tracker(motion, **settings)
     times, states = [], []
     for item in items if first is None else chain([first], items):
         if isinstance(item, Frame):
@@ -507,6 +546,8 @@ def _smoothed(tracks: Tracks, density: float) -> Tracks:
     """Tracks with states by all of their detections."""
     kept = []
     for one in tracks:
-        state, covariance = smoothed(one.time, one.state, one.state_covariance, density)
+        sensor = one.sensor_pose, one.sensor_velocity
+        in_world = smoothed(one.time, *to_world(one.state, one.state_covariance, *sensor), density)
+        state, covariance = to_sensor(*in_world, *sensor)
         kept.append(replace(one, state=state, state_covariance=covariance))
     return replace(tracks, tracks=tuple(kept))

@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.direction import unit_vectors
+from radarcore.motion.protocol import STALE
 from radarcore.processing.tracking.kalman import Array, cartesian, polar
 from radarcore.recording.frame import Truth
 
-_COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed", "nearest", "nearest_deviation")
+_COLUMNS = (
+    *("time", "state", "state_covariance", "is_detected", "is_confirmed"),
+    *("nearest", "nearest_deviation", "sensor_pose", "sensor_velocity", "sensor_age"),
+)
 """Fields that `Track` has a row of for each `TrackState`."""
 
 
@@ -30,8 +34,8 @@ class TrackState:
     time : float
         Middle of the frame [s].
     state : (2 d,) float64
-        Estimate of the filter in 1, 2 or 3 dimensions d: range and range rate, or place and its rate in the sensor
-        frame [m, m/s].
+        Estimate of the filter in 1, 2 or 3 dimensions d: range and range rate, or place and velocity relative to the
+        sensor, along its axes [m, m/s].
     state_covariance : (2 d, 2 d) float64
         Of `state`.
     is_detected : bool
@@ -43,6 +47,12 @@ class TrackState:
     nearest, nearest_deviation : float
         Range of the nearest of its detections in the frame, and the standard deviation of that detection [m]; NaN if
         it has none. `range` is that of their centroid.
+    sensor_pose : (3, 4) float64
+        ``[rotation | position]`` of the sensor at that time, to the world; of a tracker without a motion the identity.
+    sensor_velocity : (3,) float64
+        Of the sensor, in world axes [m/s].
+    sensor_age : float
+        Time since the newest update of a live motion of the sensor [s]; 0 of other motions.
 
     See Also
     --------
@@ -65,6 +75,9 @@ class TrackState:
     num_hits: int
     nearest: float
     nearest_deviation: float
+    sensor_pose: Array
+    sensor_velocity: Array
+    sensor_age: float
 
     @property
     def range(self) -> float:
@@ -93,15 +106,21 @@ class TrackState:
 
     @property
     def position(self) -> Array:
-        """Place in the sensor frame, (3,) [m]; NaN without angles, z = 0 without an elevation."""
-        position, _ = cartesian(self.state[None])
-        return np.asarray(position[0])
+        """Place in the world of the sensor's motion, without one in the sensor frame, (3,) [m].
+
+        NaN without angles; without an elevation in the plane of the sensor.
+        """
+        return _in_world(self)[0]
 
     @property
     def motion(self) -> Array:
         """Rate of `position`, (3,) [m/s]."""
-        _, motion = cartesian(self.state[None])
-        return np.asarray(motion[0])
+        return _in_world(self)[1]
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the newest update of the sensor's live motion is more than 0.1 s old: places may be off."""
+        return self.sensor_age > STALE
 
     @cached_property
     def _polar(self) -> tuple[Array, Array]:
@@ -127,6 +146,8 @@ class Track:
         As in `TrackState`.
     nearest, nearest_deviation : (row,) float64
         As in `TrackState` [m].
+    sensor_pose, sensor_velocity, sensor_age : (row, 3, 4), (row, 3), (row,) float64
+        As in `TrackState`.
 
     See Also
     --------
@@ -151,6 +172,9 @@ class Track:
     is_confirmed: NDArray[np.bool_]
     nearest: Array
     nearest_deviation: Array
+    sensor_pose: Array
+    sensor_velocity: Array
+    sensor_age: Array
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -187,15 +211,13 @@ class Track:
 
     @property
     def position(self) -> Array:
-        """Places in the sensor frame, (row, 3) [m]; NaN without angles, z = 0 without an elevation."""
-        position, _ = cartesian(self.state)
-        return position
+        """Places as `TrackState.position`, (row, 3) [m]."""
+        return _in_world(self)[0]
 
     @property
     def motion(self) -> Array:
         """Rates of `position`, (row, 3) [m/s]."""
-        _, motion = cartesian(self.state)
-        return motion
+        return _in_world(self)[1]
 
     @property
     def num_hits(self) -> int:
@@ -339,11 +361,21 @@ def _nearest_body(track: Track, truth: Truth, limit: float) -> str | None:
     if not np.isnan(track.azimuth).any():
         elevation = np.where(np.isnan(track.elevation)[:, None], 0.0, seen.elevation)
         points = seen.range[..., None] * unit_vectors(seen.azimuth, elevation)
-        distance = np.linalg.norm(points - track.position[:, None], axis=2)
+        distance = np.linalg.norm(points - cartesian(track.state)[0][:, None], axis=2)
         apart = np.where(np.isnan(distance), apart, distance)
     medians = [np.median(body[~np.isnan(body)]) if np.isfinite(body).any() else np.inf for body in apart.T]
     best = int(np.argmin(medians)) if medians else -1
     return truth.names[best] if best >= 0 and medians[best] <= limit else None
+
+
+def _in_world(one: TrackState | Track) -> tuple[Array, Array]:
+    """Places and velocities in the world, (3,) each, or (row, 3) of a track."""
+    state = np.atleast_2d(one.state)
+    position, motion = cartesian(state)
+    rotation, place = one.sensor_pose[..., :3], one.sensor_pose[..., 3]
+    shape = (*one.state.shape[:-1], 3)
+    turned = [(rotation @ values.reshape(shape)[..., None])[..., 0] for values in (position, motion)]
+    return turned[0] + place, turned[1] + one.sensor_velocity
 
 
 def _row(track: Track, row: int) -> TrackState:
@@ -358,4 +390,7 @@ def _row(track: Track, row: int) -> TrackState:
         num_hits=int(track.is_detected[: row + 1].sum()),
         nearest=float(track.nearest[row]),
         nearest_deviation=float(track.nearest_deviation[row]),
+        sensor_pose=track.sensor_pose[row],
+        sensor_velocity=track.sensor_velocity[row],
+        sensor_age=float(track.sensor_age[row]),
     )
