@@ -360,3 +360,39 @@ def test_silence_and_tiny_frames_have_no_detections(real: bool, changes: dict[st
     for cube in (0.0 * noise(of, np.random.default_rng(14)), noise(of, np.random.default_rng(15))):
         assert len(rc.detect(cube, of)) == 0
         assert len(rc.detect(cube.astype(np.float32 if real else np.complex64), of)) == 0
+
+
+def pair(
+    of: rc.Radar, beams: float, rng: np.random.Generator, snr_db: tuple[float, float]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Cube of two targets in one cell, in noise, and their sines; SNR in a cell of one channel."""
+    places, wf = of.virtual_array[:, 1] / of.waveform.wavelength, of.waveform
+    sines = 0.886 / (len(places) * 0.4839) * np.array([-0.5, 0.5]) * beams + rng.uniform(-0.2, 0.2)
+    level = 10.0 ** (np.array(snr_db) / 20.0) * np.exp(2j * np.pi * rng.uniform(size=2))
+    channels = np.exp(-2j * np.pi * np.outer(places, sines)) @ level
+    scale = np.sqrt(wf.num_samples * wf.num_chirps / 1.5**2)  # gain of Hann windows over the noise
+    return channels[:, None, None] / scale * target(of, 4.03, 0.7)[:1] + noise(of, rng), sines
+
+
+def test_pairs_in_one_cell_are_two_detections_from_one_and_a_half_beam_widths_on() -> None:
+    of, rng, num_found, squared = radar(num_channels=8), np.random.default_rng(3), [], []
+    for beams in np.linspace(1.5, 3.0, 40):
+        cube, sines = pair(of, beams, rng, (25.0, 20.0))
+        found, one = rc.detect(cube, of, max_directions=2), rc.detect(cube, of)
+        assert len(one) == 1
+        assert not one.is_resolved[0]
+        num_found.append(len(found))
+        if len(found) == 2:
+            left, right = np.argsort(found.azimuth)
+            errors = found.azimuth[[left, right]] - np.arcsin(sines)
+            squared += list(errors**2 / found.covariance[[left, right], 2, 2])
+            assert abs(found.snr_db[left] - found.snr_db[right] - 5.0) < 2.5
+            np.testing.assert_array_equal(found.range, one.range[[0, 0]])
+    assert np.mean(np.equal(num_found, 2)) >= 0.95
+    assert 0.8 <= np.sqrt(np.mean(squared)) <= 1.3
+
+
+def test_single_target_stays_one_detection_of_two_directions() -> None:
+    of, rng = radar(num_channels=8), np.random.default_rng(4)
+    found = [rc.detect(pair(of, 1.0, rng, (25.0, -200.0))[0], of, max_directions=2) for _ in range(40)]
+    assert all(len(each) == 1 for each in found)

@@ -150,6 +150,12 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: cfar(axes=(0, 0)), ValueError, "axes: expected one or two different axes"),
     (lambda: cfar(axes="ab"), TypeError, "axes: expected one or two integers, got 'ab'"),
     (lambda: rc.detect(FRAME, false_alarm_rate=0.02), ValueError, "false_alarm_rate: expected at most 0.01 per cell"),
+    (
+        lambda: rc.detect(FRAME, max_directions=2),
+        ValueError,
+        "max_directions: expected 1 with .* fewer than 4 channels",
+    ),
+    (lambda: rc.detect(FRAME, max_directions=3), ValueError, "max_directions: expected 1 or 2, got 3"),
     (lambda: rc.detect(FRAME, training=0), ValueError, "training: expected at least one cell"),
     # Angles
     (lambda: map_of(radar=UNEVEN, method="fft"), ValueError, "method: expected channels at equal steps along a line"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import _core, check
-from radarcore.processing.angles.directions import waves_of
+from radarcore.processing.angles.directions import require_two_directions, waves_of
 from radarcore.processing.clutter.static import remove_mean
 from radarcore.processing.detection.map import (
     LEAST_GAIN,
@@ -51,6 +51,7 @@ def detect(
     min_range: float | None = None,
     max_range: float | None = None,
     dynamic_range_db: float = 60.0,
+    max_directions: int = 1,
 ) -> Detections:
     """Detect the targets of a frame and measure range, velocity and direction of each, with their covariance.
 
@@ -66,8 +67,9 @@ def detect(
     little rarer, because neighbours of a local maximum are no detections of their own.
 
     Targets that share a cell of range and velocity are one detection, whose direction may lie outside of both. If the
-    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. Velocities
-    whose noise was removed, by `remove_static` or `cancel_pulses`, are excluded from training.
+    channels show it, `Detections.is_resolved` is False and the covariance of the angles larger. An array with four
+    channels at different places along an axis separates two of them, see `max_directions`. Velocities whose noise was
+    removed, by `remove_static` or `cancel_pulses`, are excluded from training.
 
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
@@ -100,6 +102,10 @@ def detect(
         where it hears itself; they do not train either.
     dynamic_range_db : float
         Detections more than this below the strongest are discarded [dB]: receivers and simulations are not more exact.
+    max_directions : 1 or 2
+        2: a cell whose channels fit two plane waves, and significantly better than one, is two detections of equal
+        range and velocity, each with its direction and its `snr_db`. From 1.5 beam widths on most pairs are two. With
+        1, the stronger one's direction is returned.
 
     Returns
     -------
@@ -111,7 +117,8 @@ def detect(
     ------
     ValueError, TypeError
         For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
-        NaN or infinite samples, and numbers out of range.
+        NaN or infinite samples, numbers out of range, and two directions from an array with fewer than four channels
+        at different places along each axis.
 
     Warns
     -----
@@ -157,6 +164,8 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
+    if check.count("max_directions", max_directions) > 1:
+        require_two_directions(radar, max_directions)
     search = prepared(radar, check.finite("frame", samples).dtype.kind == "c", settings)
     layout = search.layout
 
@@ -200,15 +209,20 @@ def detect(
     covariance = np.zeros((len(peaks), 4, 4))  # one tone's amplitudes and frequencies err independently
     covariance[:, :2, :2] = layout.slopes * variance[:, None] @ layout.slopes.T
 
-    # Directions: of the channels' amplitudes.
+    # Directions: of the channels' amplitudes, up to two per tone.
     snapshots = _snapshots(tones.amplitude, radar.num_channels)
-    seen = waves_of(snapshots, radar, velocity, snr / radar.num_channels, range_ if layout.has_range else None)
+    distance = range_ if layout.has_range else None
+    waves = waves_of(snapshots, radar, velocity, snr / radar.num_channels, distance, max_directions=max_directions)
+    seen = waves.directions
+    if len(seen) > len(peaks):
+        tone, in_cell = waves.snapshot, in_cell[waves.snapshot] * waves.share
+        range_, velocity, covariance = range_[tone], velocity[tone], covariance[tone]
     covariance[:, 2:, 2:] = seen.covariance
     is_unknown = np.isnan(np.diagonal(covariance, axis1=1, axis2=2))
     covariance[is_unknown[:, :, None] | is_unknown[:, None, :]] = np.nan
 
     # By range, within the limits.
-    distance = range_ if layout.has_range else np.full(len(peaks), np.nan)
+    distance = range_ if layout.has_range else np.full(len(seen), np.nan)
     order = np.lexsort((velocity, distance))
     if min_range is not None:
         order = order[distance[order] >= min_range]
@@ -224,6 +238,7 @@ def detect(
         time,
         seen.is_resolved[order],
         seen.ambiguous_beyond,
+        seen.alternatives[order],
     )
 
 

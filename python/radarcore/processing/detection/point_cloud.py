@@ -37,6 +37,9 @@ class Detections:
         False if a single target does not explain the channels, as for two targets in one cell. Default: all True.
     ambiguous_beyond : float
         Angle from the front [rad] beyond which directions are ambiguous, see `Directions.ambiguous_beyond`.
+    alternatives : (detection, alternative, 2) array_like, optional
+        Azimuth and elevation [rad] of other directions with the same phases, see `Directions.alternatives`. Default:
+        none.
 
     See Also
     --------
@@ -60,6 +63,7 @@ class Detections:
     time: float = 0.0
     is_resolved: NDArray[np.bool_] = None  # type: ignore[assignment]  # likewise
     ambiguous_beyond: float = 0.5 * np.pi
+    alternatives: NDArray[np.float64] = None  # type: ignore[assignment]  # likewise
 
     def __post_init__(self) -> None:
         number = len(np.atleast_1d(np.asarray(self.range)))
@@ -77,6 +81,9 @@ class Detections:
         object.__setattr__(self, "is_resolved", check.frozen(resolved))
         angle = check.positive("ambiguous_beyond", self.ambiguous_beyond, "rad")
         object.__setattr__(self, "ambiguous_beyond", angle)
+        others: Any = self.alternatives
+        others = np.zeros((number, 0, 2)) if others is None else others
+        object.__setattr__(self, "alternatives", _numbers("alternatives", others, (number, None, 2)))
 
     def __len__(self) -> int:
         return len(self.range)
@@ -85,7 +92,8 @@ class Detections:
         """Some of the detections: by a slice, indices or a mask."""
         if isinstance(which, int | np.integer):
             which = [which]
-        kept = {name: getattr(self, name)[which] for name in (*COORDINATES, "snr_db", "covariance", "is_resolved")}
+        names = (*COORDINATES, "snr_db", "covariance", "is_resolved", "alternatives")
+        kept = {name: getattr(self, name)[which] for name in names}
         return Detections(**kept, time=self.time, ambiguous_beyond=self.ambiguous_beyond)
 
     @property
@@ -94,6 +102,6 @@ class Detections:
         return self.range[:, None] * unit_vectors(self.azimuth, np.nan_to_num(self.elevation))
 
 
-def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Numbers, NaN among them, read-only."""
     return check.frozen(check.shaped(name, np.array(check.numbers(name, value), ndmin=1), shape))

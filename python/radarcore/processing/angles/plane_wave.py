@@ -1,0 +1,292 @@
+"""The plane wave that fits the channels of a cell best: phases of an array, and the search of the direction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.products import product
+from radarcore.radar.radar import Radar
+
+_SHORTEST_EXTENT = 1e-3
+"""Extent of an array [wavelengths] below which it tells no angle: fractions of a degree of phase."""
+
+_CELLS_PER_LOBE = 4
+"""Grid points per ``wavelength / extent``: the highest is within an eighth of the peak, where power is concave."""
+
+_FINER = 4
+"""Times as many for an array with an extent along x, whose lobes are narrow in sines far from the front."""
+
+_NUM_STEPS = 10
+"""Most steps of scoring from the grid, an eighth of a lobe off at most; four are usual."""
+
+_SMALL_STEP = 1e-8
+"""Steps below this [grid points] are the last."""
+
+_AMBIGUOUS = 0.99
+"""Power of a grating lobe over that of the main lobe above which noise decides between them."""
+
+PLACES_OF_TWO = 4
+"""Least number of channels at different places along an axis whose residual shows whether two waves fit."""
+
+_BLOCK = 2**20
+"""Numbers of an array worked on at a time, 16 MB."""
+
+_Reals = NDArray[np.float64]
+_Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Array:
+    """Positions in phase per sine: a wave with sines (u_y, u_z) has the phase ``-(x u_x + y u_y + z u_z)``."""
+
+    x: _Reals  # (channel,) [rad]
+    across: _Reals  # (channel, 2), along y and z; zero along unobservable axes
+    observable: tuple[bool, bool]
+    antennas: _Reals
+    """Transmitters, if they have channels of their own, and receivers, (antenna, 3), from the array's centre [m]."""
+    num_rx: int
+    wavenumber: float
+    """[rad/m]."""
+    half_view: float
+    """Half of the wider view of the antennas in the planes with observable directions [rad]."""
+
+    @cached_property
+    def channels(self) -> _Reals:
+        """Positions in phase along x, y and z, (channel, 3)."""
+        return np.column_stack([self.x, self.across])
+
+    @cached_property
+    def ambiguities(self) -> _Reals:
+        """See `_ambiguities`."""
+        return _ambiguities(self)
+
+    @cached_property
+    def ambiguous_beyond(self) -> float:
+        """Half of the smallest difference of sines with the same phases, as an angle from the front [rad]."""
+        difference = np.linalg.norm(self.ambiguities[1:], axis=1).min(initial=2.0)
+        return float(np.arcsin(min(0.5 * difference, 1.0)))
+
+    def num_freedoms(self, num_waves: int) -> int:
+        """Real degrees of freedom of the residual: amplitude, phase and direction of every wave are fitted."""
+        return 2 * len(self.x) - num_waves * (2 + sum(self.observable))
+
+    @cached_property
+    def num_places(self) -> tuple[int, int]:
+        """Different places of channels along y and z, one where directions are not observable."""
+        places = np.round(self.across / (2.0 * np.pi * _SHORTEST_EXTENT))
+        return len(np.unique(places[:, 0])), len(np.unique(places[:, 1]))
+
+    @cached_property
+    def separates_waves(self) -> bool:
+        """True with four places along an axis: channels at three places fit any two waves."""
+        return max(self.num_places) >= PLACES_OF_TWO
+
+    @cached_property
+    def step(self) -> _Reals:
+        """Distance of grid points in both sines, (2,)."""
+        extent = np.ptp(self.across, axis=0) / (2.0 * np.pi)
+        cells_per_lobe = _CELLS_PER_LOBE * (_FINER if self.x.any() else 1)
+        step: _Reals = 1.0 / (cells_per_lobe * np.maximum(extent, 1.0))
+        return step
+
+    def grid(self, largest: float) -> _Reals:
+        """Sines up to `largest` in length, (cell, 2); zero along an unobservable axis."""
+        axes = [
+            np.linspace(-largest, largest, 2 * int(np.ceil(largest / step)) + 1) if observable else np.zeros(1)
+            for observable, step in zip(self.observable, self.step, strict=True)
+        ]
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        kept: _Reals = cells[np.square(cells).sum(axis=1) <= largest**2 * (1.0 + 1e-9)]
+        return kept
+
+    @cached_property
+    def front(self) -> _Reals:
+        """The grid that is searched.
+
+        It reaches beyond the horizon: what is near to that on one side may have its highest grid point on the other.
+        """
+        return self.grid(1.0 if self.x.any() else 1.0 + float(self.step.max()))
+
+    @cached_property
+    def aligning(self) -> tuple[_Reals, _Reals] | None:
+        """Sines by the phases over the first channel (channel - 1, 2), and what differences of whole turns add to them.
+
+        For a flat array with one channel more than it has observable sines: some direction then brings all channels in
+        phase, which is the largest power possible. None for other arrays.
+        """
+        axes = np.flatnonzero(self.observable)
+        if self.x.any() or len(axes) == 0 or len(self.across) != len(axes) + 1:
+            return None
+        undone = np.zeros((len(axes), 2))
+        undone[:, axes] = -np.linalg.inv(self.across[1:, axes] - self.across[0, axes]).T
+        # All that lead from within half a turn in every channel to a direction, by a little more than can be needed.
+        reach = 1.01 + float(np.pi * np.linalg.norm(undone, axis=1).sum())
+        most = np.ceil(reach * np.linalg.norm(np.diff(self.across, axis=0), axis=1).sum() / (2.0 * np.pi))
+        turns = np.stack(np.meshgrid(*len(axes) * [np.arange(-most, most + 1)]), axis=-1).reshape(-1, len(axes))
+        shifts = 2.0 * np.pi * turns @ undone
+        return undone, shifts[np.square(shifts).sum(axis=1) <= reach**2]
+
+    def forward(self, sines: _Reals) -> _Reals:
+        """The direction's part along x."""
+        y, z = sines[..., 0], sines[..., 1]
+        forward: _Reals = np.sqrt(np.maximum(1.0 - y * y - z * z, 0.0))
+        return forward
+
+    def phases(self, sines: _Reals) -> _Reals:
+        """Phases that undo those of a wave, (..., channel)."""
+        phases: _Reals = product(sines, self.across.T)
+        return phases + self.forward(sines)[..., None] * self.x if self.x.any() else phases
+
+    def curvature(self, sines: _Reals, distance: _Reals) -> _Reals:
+        """Phases of spherical waves from `distance` (cell,) [m] over plane ones of the same sines, (cell, channel)."""
+        toward = np.column_stack([self.forward(sines), sines])
+        farther = np.linalg.norm(distance[:, None, None] * toward[:, None] - self.antennas, axis=2) - distance[:, None]
+        of_tx, of_rx = farther[:, : -self.num_rx], farther[:, -self.num_rx :]
+        paths = (of_tx[:, :, None] + of_rx[:, None]).reshape(len(sines), -1) if of_tx.shape[1] else of_rx
+        curvature: _Reals = self.wavenumber * paths + self.phases(sines)
+        return curvature
+
+    def slopes(self, sines: _Reals) -> _Reals:
+        """Derivatives of the phases by both sines about their mean, (..., channel, 2); of a flat array (channel, 2)."""
+        if not self.x.any():
+            return self.across
+        tangent = sines / np.maximum(self.forward(sines), 1e-3)[..., None]  # steep at the rim, but a number
+        slopes = (self.across - self.x[:, None] * tangent[..., None, :]) * np.array(self.observable)
+        about_mean: _Reals = slopes - slopes.mean(axis=-2, keepdims=True)
+        return about_mean
+
+    @cached_property
+    def plane_inverse(self) -> _Reals:
+        """`inverse_information` of a flat array."""
+        return self.inverse_information(self.across)
+
+    def inverse_information(self, slopes: _Reals) -> _Reals:
+        """Covariance of both sines times twice the SNR, ([...,] 2, 2), by `slopes`; 1 for an unobservable one."""
+        information = slopes.mT @ slopes + np.diag(~np.array(self.observable))
+        return np.asarray(np.linalg.inv(information), dtype=np.float64)
+
+
+@lru_cache(maxsize=16)
+def array_of(radar: Radar) -> Array:
+    """The channels of a radar."""
+    positions = radar.virtual_array / radar.waveform.wavelength
+    along, across = (
+        2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
+        positions[:, 1:] - positions[:, 1:].mean(0),
+    )
+    observable = np.ptp(across, axis=0) > _SHORTEST_EXTENT
+    if observable.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
+        observable[:] = False
+    antennas = np.concatenate([radar.tx if len(radar.rx) < radar.num_channels else radar.tx[:0], radar.rx])
+    return Array(
+        along,
+        2.0 * np.pi * across * observable,
+        (bool(observable[0]), bool(observable[1])),
+        antennas - radar.array_center,
+        len(radar.rx),
+        2.0 * np.pi / radar.waveform.wavelength,
+        0.5 * float(np.deg2rad(np.array(radar.field_of_view_deg)[observable].max(initial=0.0))),
+    )
+
+
+def aligned(waves: _Complexes, array: Array) -> _Reals:
+    """Sines nearest to the front in which all channels add up in phase, (detection, 2); NaN where there are none."""
+    if array.aligning is None:
+        return np.full((len(waves), 2), np.nan)
+    undone, shifts = array.aligning
+    over_first = waves[:, 1:] * waves[:, :1].conj()
+    sines = nearest_to_front(np.arctan2(over_first.imag, over_first.real) @ undone, shifts)
+    if not over_first.all():
+        sines[(over_first == 0.0).any(axis=1)] = np.nan  # a channel without power tells nothing
+    return sines
+
+
+def searched(waves: _Complexes, array: Array) -> _Reals:
+    """Sines of the highest point of a grid, of its peak, and of the equally high peak that is nearest to the front."""
+    sines = _refined(waves, array, _highest(waves, array))
+    sines = within(nearest_to_front(sines, array.ambiguities), 1.0)
+    return _refined(waves, array, sines, largest=1.0)
+
+
+def blocks_of(array: Array, num_waves: int) -> Iterator[tuple[_Reals, _Complexes]]:
+    """Parts of the grid in front, (cell, 2), and the factors that undo the phases of waves from there, (channel, cell).
+
+    `num_waves`: cells whose powers at all of the part's directions are in memory at a time.
+    """
+    size = max(1, _BLOCK // max(num_waves, len(array.x)))
+    for k in range(0, len(array.front), size):
+        cells = array.front[k : k + size]
+        yield cells, np.exp(1j * array.phases(cells)).T
+
+
+def _highest(waves: _Complexes, array: Array) -> _Reals:
+    """The grid's sines of most power, (detection, 2)."""
+    highest, largest = np.zeros((len(waves), 2)), np.full(len(waves), -1.0)
+    for cells, undone in blocks_of(array, len(waves)):
+        power = np.abs(product(waves, undone))
+        best = power.argmax(axis=1)
+        level = power[np.arange(len(waves)), best]
+        higher = level > largest
+        highest[higher], largest[higher] = cells[best[higher]], level[higher]
+    return highest
+
+
+def _refined(waves: _Complexes, array: Array, sines: _Reals, *, largest: float = np.inf) -> _Reals:
+    """Sines of the peak of power by Fisher's scoring from nearby, (detection, 2), at most `largest` in length."""
+    for _ in range(_NUM_STEPS):
+        # Power |b|^2; b is the sum of the channels with the wave's phases undone.
+        terms = waves * np.exp(1j * array.phases(sines))
+        total = terms.sum(axis=1, keepdims=True)
+        slopes = array.slopes(sines)
+        score = (terms * total.conj()).imag[:, None] @ slopes  # (detection, 1, 2)
+        power = np.maximum(np.square(np.abs(total)), 1e-300)
+        step = -(score @ array.inverse_information(slopes))[:, 0] * len(array.x) / power
+        step = np.minimum(np.maximum(step, -array.step), array.step)
+        sines = within(sines + step, largest)
+        if not (np.abs(step) > _SMALL_STEP * array.step).any():
+            break
+    return sines
+
+
+def within(sines: _Reals, largest: float) -> _Reals:
+    """Sines (..., 2) shortened to at most `largest`."""
+    lengths = np.sqrt(np.square(sines).sum(axis=-1, keepdims=True))
+    shortened: _Reals = sines * np.minimum(1.0, largest / np.maximum(lengths, 1e-300))
+    return shortened
+
+
+def _ambiguities(array: Array) -> _Reals:
+    """Differences of sines that give the same phases in all channels, (difference, 2), zero first.
+
+    Of arrays across x; with an extent along x, phases of different directions are never quite the same.
+    """
+    none = np.zeros((1, 2))
+    if array.x.any() or not any(array.observable):
+        return none
+    grid = array.grid(2.0)
+    num_channels = len(array.across)
+    block = max(1, _BLOCK // num_channels)
+    blocks = (grid[k : k + block] for k in range(0, len(grid), block))
+    near = np.concatenate([cells[_common_power(array, cells) >= 0.7] for cells in blocks])
+    peaks = _refined(np.ones((len(near), num_channels), np.complex128), array, near)
+    peaks = peaks[(_common_power(array, peaks) >= _AMBIGUOUS) & (np.abs(peaks) > array.step).any(axis=1)]
+    return np.concatenate([none, np.unique(np.round(peaks, 9), axis=0)])
+
+
+def _common_power(array: Array, differences: _Reals) -> _Reals:
+    """Power of a beam over that in its middle at such a difference of sines, (difference,)."""
+    power: _Reals = np.abs(np.exp(1j * array.phases(differences)).mean(axis=-1)) ** 2
+    return power
+
+
+def nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
+    """Of the directions that give the same phases, the one nearest to the front, (..., 2)."""
+    candidates = sines[..., None, :] + ambiguities
+    which = np.vecdot(candidates, candidates).argmin(axis=-1)
+    nearest: _Reals = sines + ambiguities[which]
+    return nearest
