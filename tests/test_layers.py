@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "scene": {"motion", "geometry", "radar"},
     "recording": {"radar"},
     "receive": {"radar"},
-    "processing": {"motion", "geometry"} | DESCRIPTIONS,
+    "processing": BODIES | DESCRIPTIONS,
     "sensor": DESCRIPTIONS,
     "models": BODIES,
     "plot": {"processing"} | BODIES | DESCRIPTIONS,

@@ -42,6 +42,7 @@ from radarcore.processing.spectra.spectra import range_profile as range_profile
 from radarcore.processing.spectra.time_frequency import range_time as range_time
 from radarcore.processing.spectra.time_frequency import spectrogram as spectrogram
 from radarcore.processing.tracking.cluster import cluster as cluster
+from radarcore.processing.tracking.separation import separation as separation
 from radarcore.processing.tracking.tracker import Tracker as Tracker
 from radarcore.processing.tracking.tracker import track as track
 from radarcore.processing.tracking.tracks import assign_to_truth as assign_to_truth

@@ -37,6 +37,8 @@ from radarcore.processing.spectra.time_frequency import range_time as range_time
 from radarcore.processing.spectra.time_frequency import spectrogram as spectrogram
 from radarcore.processing.tracking.cluster import Clusters as Clusters
 from radarcore.processing.tracking.cluster import cluster as cluster
+from radarcore.processing.tracking.separation import Separation as Separation
+from radarcore.processing.tracking.separation import separation as separation
 from radarcore.processing.tracking.tracker import Tracker as Tracker
 from radarcore.processing.tracking.tracker import TrackerSettings as TrackerSettings
 from radarcore.processing.tracking.tracker import track as track

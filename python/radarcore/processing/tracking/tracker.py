@@ -415,6 +415,7 @@ class Tracker:
                 num_hits=life.hits,
                 nearest=life.nearest[0],
                 nearest_deviation=life.nearest[1],
+                seen=life.seen,
                 sensor_pose=self._sensor.pose,
                 sensor_velocity=self._sensor.velocity,
                 sensor_age=self._sensor.age,

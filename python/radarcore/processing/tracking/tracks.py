@@ -18,7 +18,7 @@ from radarcore.recording.frame import Truth
 
 _COLUMNS = (
     *("time", "state", "state_covariance", "is_detected", "is_confirmed"),
-    *("nearest", "nearest_deviation", "sensor_pose", "sensor_velocity", "sensor_age"),
+    *("nearest", "nearest_deviation", "seen", "sensor_pose", "sensor_velocity", "sensor_age"),
 )
 """Fields that `Track` has a row of for each `TrackState`."""
 
@@ -47,6 +47,8 @@ class TrackState:
     nearest, nearest_deviation : float
         Range of the nearest of its detections in the frame, and the standard deviation of that detection [m]; NaN if
         it has none. `range` is that of their centroid.
+    seen : float
+        Time of the newest detection of the target [s].
     sensor_pose : (3, 4) float64
         ``[rotation | position]`` of the sensor at that time, to the world; of a tracker without a motion the identity.
     sensor_velocity : (3,) float64
@@ -75,6 +77,7 @@ class TrackState:
     num_hits: int
     nearest: float
     nearest_deviation: float
+    seen: float
     sensor_pose: Array
     sensor_velocity: Array
     sensor_age: float
@@ -146,7 +149,7 @@ class Track:
         As in `TrackState`.
     nearest, nearest_deviation : (row,) float64
         As in `TrackState` [m].
-    sensor_pose, sensor_velocity, sensor_age : (row, 3, 4), (row, 3), (row,) float64
+    seen, sensor_pose, sensor_velocity, sensor_age : (row,), (row, 3, 4), (row, 3), (row,) float64
         As in `TrackState`.
 
     See Also
@@ -172,6 +175,7 @@ class Track:
     is_confirmed: NDArray[np.bool_]
     nearest: Array
     nearest_deviation: Array
+    seen: Array
     sensor_pose: Array
     sensor_velocity: Array
     sensor_age: Array
@@ -390,6 +394,7 @@ def _row(track: Track, row: int) -> TrackState:
         num_hits=int(track.is_detected[: row + 1].sum()),
         nearest=float(track.nearest[row]),
         nearest_deviation=float(track.nearest_deviation[row]),
+        seen=float(track.seen[row]),
         sensor_pose=track.sensor_pose[row],
         sensor_velocity=track.sensor_velocity[row],
         sensor_age=float(track.sensor_age[row]),

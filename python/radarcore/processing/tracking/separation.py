@@ -1,0 +1,266 @@
+"""Distance between people and a robot, and the distance at which the robot has to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore import check
+from radarcore.geometry.mesh import Mesh
+from radarcore.motion.protocol import poses_at
+from radarcore.processing.tracking.kalman import Array
+from radarcore.processing.tracking.tracks import TrackState
+from radarcore.scene.body import Body
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """Distance of a person from a robot, seen from above.
+
+    Parameters
+    ----------
+    track : int
+        Number of the person's track.
+    body : str
+        Name of the nearest link.
+    distance : float
+        Between the nearest points of the person and of the link, in the horizontal plane [m]; 0 where they overlap.
+    deviation : float
+        Standard deviation of the person's place along that line [m].
+    age : float
+        Time since the person was last detected [s].
+    required : float
+        Protective separation distance [m].
+    person_point, robot_point : (2,) float64
+        Nearest points, x and y in the world [m].
+
+    See Also
+    --------
+    separation : Makes them.
+
+    Examples
+    --------
+    >>> near = rc.processing.Separation(0, "hand", 0.8, 0.05, 0.0, 1.2, np.array([1.0, 0.0]), np.array([0.2, 0.0]))
+    >>> round(near.margin, 1), near.is_safe
+    (-0.4, False)
+    """
+
+    track: int
+    body: str
+    distance: float
+    deviation: float
+    age: float
+    required: float
+    person_point: Array
+    robot_point: Array
+
+    @property
+    def margin(self) -> float:
+        """Distance beyond the required one [m]; negative where the robot has to stop."""
+        return self.distance - self.required
+
+    @property
+    def is_safe(self) -> bool:
+        """Whether the distance is at least the required one."""
+        return self.margin >= 0.0
+
+
+def separation(
+    tracks: Iterable[TrackState],
+    robot: Sequence[Body],
+    *,
+    time: float | None = None,
+    reaction_time: float = 0.1,
+    stopping_time: float = 0.3,
+    stopping_distance: float | None = None,
+    human_speed: float = 1.6,
+    intrusion: float = 0.1,
+    robot_uncertainty: float = 0.01,
+    coverage: float = 3.0,
+    body_radius: float = 0.3,
+) -> list[Separation]:
+    """Distances of people from a robot and the ones that are required: speed and separation monitoring.
+
+    The protective separation distance is ``S = Sh + Sr + Ss + C + Zd + Zr`` (ISO/TS 15066:2016, 5.5.4; today ISO
+    10218-2:2025). The person walks on for as long as the robot reacts and stops (Sh); the robot goes on while it reacts
+    (Sr) and stops (Ss); C is how far a hand may reach before it is seen; Zd and Zr are the uncertainties of the places
+    of person and robot. The time since the person was last detected counts as reaction time.
+
+    Everything is seen from above: heights are not counted, which makes distances too small rather than too large. A
+    person is a disc about the track, and the nearest echo beside it; a link is its convex hull. Use it to design and
+    to compare: it is no safety function.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackState
+        In the world of the robot, see ``Tracker(motion=...)``; tracks that are not confirmed are left out.
+    robot : sequence of Body
+        Its links with their motions, such as ``arm.moving(...).bodies()``.
+    time : float, optional
+        For which the distance holds [s]; people go on to it at their velocities. Default: the time of the tracks.
+    reaction_time : float
+        From the frame to the command to stop [s].
+    stopping_time : float
+        From that command to standstill [s].
+    stopping_distance : float, optional
+        Way of the robot meanwhile [m]; default: its speed times `stopping_time`.
+    human_speed : float
+        Speed of people towards the robot [m/s]; a person who is faster counts with the own speed.
+    intrusion : float
+        C [m].
+    robot_uncertainty : float
+        Zr [m].
+    coverage : float
+        Zd in standard deviations of the track.
+    body_radius : float
+        Radius of the disc [m].
+
+    Returns
+    -------
+    separations : list of Separation
+        One per person, that of the smallest margin first; empty without a person.
+
+    Raises
+    ------
+    ValueError
+        For tracks without angles, bodies that deform, and numbers below 0.
+
+    See Also
+    --------
+    Tracker : Tracks of people, frame by frame.
+    processing.Separation : What comes back.
+
+    Examples
+    --------
+    >>> tracker = rc.Tracker(confirm_hits=1, confirm_frames=1)
+    >>> states = tracker.update(rc.Detections([2.0], [-0.5], [0.0], [np.nan], [20.0]))
+    >>> hand = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([0.5, 0.0, 1.0]), velocity=[0.25, 0.0, 0.0]))
+    >>> [one] = rc.separation(states, [hand])
+    >>> print(f"{one.distance:.2f} m, required {one.required:.2f} m: {one.is_safe}")
+    1.11 m, required 1.03 m: True
+    """
+    for name, value, unit in (
+        ("reaction_time", reaction_time, "s"),
+        ("stopping_time", stopping_time, "s"),
+        ("stopping_distance", stopping_distance or 0.0, "m"),
+        ("human_speed", human_speed, "m/s"),
+        ("intrusion", intrusion, "m"),
+        ("robot_uncertainty", robot_uncertainty, "m"),
+        ("coverage", coverage, ""),
+        ("body_radius", body_radius, "m"),
+    ):
+        check.non_negative(name, value, unit)
+
+    def required(person: _Person, link: _Link, away: Array, age: float) -> tuple[float, float]:
+        """Required distance, and the deviation in it [m]."""
+        waiting = reaction_time + age
+        walking = max(human_speed, person.speed)
+        approach = max(float((link.velocities @ away).max()), 0.0)
+        way = approach * stopping_time if stopping_distance is None else stopping_distance
+        deviation = float(np.sqrt(away @ person.covariance @ away))
+        total = walking * (waiting + stopping_time) + approach * waiting + way
+        return total + intrusion + coverage * deviation + robot_uncertainty, deviation
+
+    links: dict[float, list[_Link]] = {}
+    found = []
+    for state in tracks:
+        check.instance("tracks", state, TrackState)
+        if not state.is_confirmed:
+            continue
+        now = state.time if time is None else check.time("time", time)
+        links[now] = links.get(now) or [_link(body, now) for body in robot]
+        person = _person(state, now, body_radius)
+        age = max(now - state.seen, 0.0)
+        each = []
+        for link in links[now]:
+            for point, radius in person.discs:
+                place, distance = _nearest_point(link.triangles, point)
+                away = (point - place) / (distance or 1.0)
+                limit, deviation = required(person, link, away, age)
+                gap = max(distance - radius, 0.0)
+                edge = point - min(radius, distance) * away
+                each.append(Separation(state.id, link.name, gap, deviation, age, limit, edge, place))
+        found += [min(each, key=lambda one: one.margin)] if each else []
+    return sorted(found, key=lambda one: one.margin)
+
+
+class _Person(NamedTuple):
+    """A person at a time, seen from above."""
+
+    discs: list[tuple[Array, float]]
+    """Centres (2,) and radii [m]."""
+    speed: float
+    """[m/s]."""
+    covariance: Array
+    """Of the place, (2, 2) [m^2]."""
+
+
+class _Link(NamedTuple):
+    """A link at a time, seen from above."""
+
+    name: str
+    triangles: Array
+    """Corners of its hull, (triangle, 3, 2) [m]."""
+    velocities: Array
+    """Of the corners, (corner, 2) [m/s]."""
+
+
+def _person(state: TrackState, time: float, radius: float) -> _Person:
+    """The disc of a person, and the nearest echo in front of it."""
+    place = state.position
+    if np.isnan(place).any():
+        raise ValueError("tracks: expected places, got ranges alone: detections without an azimuth")
+    ahead = (time - state.time) * state.motion[:2]
+    discs = [(place[:2] + ahead, radius)]
+    if np.isfinite(state.nearest):
+        sensor = state.sensor_pose[:, 3]
+        sight = place - sensor
+        discs.append(((sensor + state.nearest / np.linalg.norm(sight) * sight)[:2] + ahead, 0.0))
+    d = len(state.state) // 2
+    rotation = state.sensor_pose[:2, :d]
+    covariance = rotation @ state.state_covariance[:d, :d] @ rotation.T
+    return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
+
+
+def _link(body: Body, time: float) -> _Link:
+    """The hull of a body."""
+    check.instance("robot", body, Body)
+    if body.deformation is not None:
+        raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
+    corners, triangles = _hull(body.mesh)
+    pose, rate = poses_at(body.motion, [time])[0], np.asarray(body.motion.rate_at(time))
+    places, velocities = (corners @ map_[:2, :3].T + map_[:2, 3] for map_ in (pose, rate))
+    return _Link(body.name, places[triangles], velocities)
+
+
+@lru_cache(maxsize=256)
+def _hull(mesh: Mesh) -> tuple[Array, NDArray[np.intp]]:
+    """Corners and triangles of the convex hull of a mesh; of a flat one itself."""
+    from scipy.spatial import ConvexHull, QhullError  # here: importing radarcore imports numpy and nothing heavier
+
+    try:
+        hull = ConvexHull(mesh.vertices)
+    except QhullError:
+        return mesh.vertices, mesh.triangles.astype(np.intp)
+    corners, triangles = np.unique(hull.simplices, return_inverse=True)
+    return mesh.vertices[corners], triangles.reshape(hull.simplices.shape)
+
+
+def _nearest_point(triangles: Array, point: Array) -> tuple[Array, float]:
+    """Nearest point of triangles (triangle, 3, 2) in the plane, and its distance; the point itself if it is inside."""
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    between = point - triangles
+    crosses = edges[..., 0] * between[..., 1] - edges[..., 1] * between[..., 0]
+    if ((crosses > 0.0).all(axis=1) | (crosses < 0.0).all(axis=1)).any():
+        return point, 0.0
+    length = np.maximum(np.vecdot(edges, edges), np.finfo(float).tiny)
+    along = np.clip(np.vecdot(edges, between) / length, 0.0, 1.0)
+    places = (triangles + along[..., None] * edges).reshape(-1, 2)
+    distances = np.linalg.norm(places - point, axis=1)
+    best = int(distances.argmin())
+    return places[best], float(distances[best])
