@@ -25,6 +25,21 @@ def test_example_finds_the_box_where_it_is(capsys: pytest.CaptureFixture[str]) -
         assert abs(velocity - true_velocity) < 0.06  # half a velocity bin
 
 
+def test_arm_stops_for_a_person_and_swings_when_nobody_is_there() -> None:
+    names = runpy.run_path(str(ROOT / "examples" / "stop_for_people.py"))
+    person = rc.models.Human(height=1.75, speed=1.4, path=[[2.4, 0.3], [0.3, 0.0]])
+    distances, standing = [], False
+    for moment in names["run"]([person], 3.0):
+        distances.append(names["true_distance"](person, moment))
+        standing = moment.is_stopping and moment.speed < 0.01
+        if standing or distances[-1] < 0.0:
+            break
+    assert standing
+    assert distances[0] > 1.2
+    assert distances[-1] > 0.3  # 0.11 m are required of an arm that stands
+    assert not any(moment.is_stopping for moment in names["run"]([], 0.3))
+
+
 def test_page_on_rendered_depth_runs() -> None:
     skip_without_graphics()
     text = (ROOT / "docs" / "mujoco.md").read_text(encoding="utf-8")

@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
-from radarcore.motion.protocol import poses_at
+from radarcore.motion.protocol import LinkMotion, poses_at
 from radarcore.processing.tracking.kalman import Array
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.scene.body import Body
@@ -173,13 +172,13 @@ def separation(
         if not state.is_confirmed:
             continue
         now = state.time if time is None else check.time("time", time)
-        links[now] = links.get(now) or [_link(body, now) for body in robot]
+        links[now] = links.get(now) or _links(robot, now)
         person = _person(state, now, body_radius)
         age = max(now - state.seen, 0.0)
         each = []
         for link in links[now]:
             for point, radius in person.discs:
-                place, distance = _nearest_point(link.triangles, point)
+                place, distance = _nearest_point(link, point)
                 away = (point - place) / (distance or 1.0)
                 limit, deviation = required(person, link, away, age)
                 gap = max(distance - radius, 0.0)
@@ -204,10 +203,10 @@ class _Link(NamedTuple):
     """A link at a time, seen from above."""
 
     name: str
-    triangles: Array
-    """Corners of its hull, (triangle, 3, 2) [m]."""
+    extents: Array
+    """Of its outline in `_DIRECTIONS`, from the origin (128,) [m]."""
     velocities: Array
-    """Of the corners, (corner, 2) [m/s]."""
+    """Of the corners of its hull, (corner, 2) [m/s]."""
 
 
 def _person(state: TrackState, time: float, radius: float) -> _Person:
@@ -227,40 +226,45 @@ def _person(state: TrackState, time: float, radius: float) -> _Person:
     return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
 
 
-def _link(body: Body, time: float) -> _Link:
-    """The hull of a body."""
-    check.instance("robot", body, Body)
-    if body.deformation is not None:
-        raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
-    corners, triangles = _hull(body.mesh)
-    pose, rate = poses_at(body.motion, [time])[0], np.asarray(body.motion.rate_at(time))
-    places, velocities = (corners @ map_[:2, :3].T + map_[:2, 3] for map_ in (pose, rate))
-    return _Link(body.name, places[triangles], velocities)
+def _links(robot: Sequence[Body], time: float) -> list[_Link]:
+    """The hulls of the links of a robot; those of one arm are placed together."""
+    arms: dict[int, tuple[Array, Array]] = {}
+    links = []
+    for body in robot:
+        check.instance("robot", body, Body)
+        if body.deformation is not None:
+            raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
+        motion = body.motion
+        if isinstance(motion, LinkMotion):
+            if id(motion.group) not in arms:
+                arms[id(motion.group)] = motion.group.link_poses_at([time])[0], motion.group.link_rates_at([time])[0]
+            pose, rate = (maps[motion.member] for maps in arms[id(motion.group)])
+        else:
+            pose, rate = poses_at(motion, [time])[0], np.asarray(motion.rate_at(time))
+        places, velocities = (_corners(body.mesh) @ each[:2, :3].T + each[:2, 3] for each in (pose, rate))
+        links.append(_Link(body.name or "", (places @ _DIRECTIONS).max(axis=0), velocities))
+    return links
 
 
 @lru_cache(maxsize=256)
-def _hull(mesh: Mesh) -> tuple[Array, NDArray[np.intp]]:
-    """Corners and triangles of the convex hull of a mesh; of a flat one itself."""
+def _corners(mesh: Mesh) -> Array:
+    """Corners of the convex hull of a mesh, (corner, 3); of a flat one all of its vertices."""
     from scipy.spatial import ConvexHull, QhullError  # here: importing radarcore imports numpy and nothing heavier
 
     try:
-        hull = ConvexHull(mesh.vertices)
+        return np.asarray(mesh.vertices[ConvexHull(mesh.vertices).vertices])
     except QhullError:
-        return mesh.vertices, mesh.triangles.astype(np.intp)
-    corners, triangles = np.unique(hull.simplices, return_inverse=True)
-    return mesh.vertices[corners], triangles.reshape(hull.simplices.shape)
+        return mesh.vertices
 
 
-def _nearest_point(triangles: Array, point: Array) -> tuple[Array, float]:
-    """Nearest point of triangles (triangle, 3, 2) in the plane, and its distance; the point itself if it is inside."""
-    edges = np.roll(triangles, -1, axis=1) - triangles
-    between = point - triangles
-    crosses = edges[..., 0] * between[..., 1] - edges[..., 1] * between[..., 0]
-    if ((crosses > 0.0).all(axis=1) | (crosses < 0.0).all(axis=1)).any():
-        return point, 0.0
-    length = np.maximum(np.vecdot(edges, edges), np.finfo(float).tiny)
-    along = np.clip(np.vecdot(edges, between) / length, 0.0, 1.0)
-    places = (triangles + along[..., None] * edges).reshape(-1, 2)
-    distances = np.linalg.norm(places - point, axis=1)
-    best = int(distances.argmin())
-    return places[best], float(distances[best])
+_BEARINGS = 2.0 * np.pi * np.arange(128) / 128
+_DIRECTIONS = np.stack([np.cos(_BEARINGS), np.sin(_BEARINGS)])
+"""Directions in which extents are known, (2, 128): distances are too small by up to 0.3 mm per metre."""
+
+
+def _nearest_point(link: _Link, point: Array) -> tuple[Array, float]:
+    """Nearest point of a convex outline, and its distance: the largest one by which a line separates them."""
+    beyond = point @ _DIRECTIONS - link.extents
+    best = int(beyond.argmax())
+    distance = max(float(beyond[best]), 0.0)
+    return point - distance * _DIRECTIONS[:, best], distance
