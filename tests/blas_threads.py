@@ -78,8 +78,8 @@ def works() -> dict[str, Callable[[], object]]:
                 frame, [0.8, 0.0, 0.0], method=method
             )
         for method in ("bartlett", "capon", "music"):
-            found[f"azimuth_elevation, {method}, {name}"] = lambda frame=frame, method=method: rc.azimuth_elevation(
-                frame, at_range=2.0, method=method
+            found[f"azimuth_elevation, {method}, {name}"] = lambda frame=frame, method=method: (
+                rc.processing.azimuth_elevation(frame, at_range=2.0, method=method)
             )
     return found
 

@@ -23,9 +23,7 @@ from radarcore.motion.live import LiveGroup as LiveGroup
 from radarcore.motion.trajectory import Trajectory as Trajectory
 from radarcore.processing.angles.array_pattern import array_pattern as array_pattern
 from radarcore.processing.angles.directions import directions as directions
-from radarcore.processing.angles.maps import azimuth_elevation as azimuth_elevation
 from radarcore.processing.angles.maps import range_angle as range_angle
-from radarcore.processing.angles.steering import steering_weights as steering_weights
 from radarcore.processing.clutter.moving import remove_static as remove_static
 from radarcore.processing.clutter.static import cancel_pulses as cancel_pulses
 from radarcore.processing.clutter.static import remove_mean as remove_mean

@@ -149,7 +149,7 @@ def test_azimuth_and_elevation_are_found_by_a_plane() -> None:
     azimuth, elevation = np.deg2rad(np.arange(-60.0, 61.0, 2.0)), np.deg2rad(np.arange(-40.0, 41.0, 2.0))
     samples = cube(PLANE, [24.0], elevation_deg=-12.0, snr_db=30.0)
     for method in ("bartlett", "capon", "music"):
-        power = rc.azimuth_elevation(
+        power = rc.processing.azimuth_elevation(
             samples, PLANE, at_range=WAVEFORM.range_axis()[BIN], azimuth=azimuth, elevation=elevation, method=method
         )
         assert power.shape == (61, 41)
@@ -199,7 +199,7 @@ def test_frame_recording_and_cubes_of_any_leading_axes_give_the_same(method: str
     recording = rc.Recording(samples[1], np.arange(3.0), EIGHT)
     np.testing.assert_array_equal(rc.range_angle(recording, method=method)[2], expected)
     at = WAVEFORM.range_axis()[BIN]
-    maps = rc.azimuth_elevation(recording, at_range=at, elevation=[0.0], method=method)
+    maps = rc.processing.azimuth_elevation(recording, at_range=at, elevation=[0.0], method=method)
     np.testing.assert_allclose(maps[2, :, 0], expected[BIN], rtol=1e-6)
     padded = rc.range_angle(samples[0].astype(np.complex128), EIGHT, num_range_bins=100, azimuth=0.3, method=method)
     assert padded.shape == (3, 100, 1)

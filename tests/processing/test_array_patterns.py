@@ -75,7 +75,7 @@ def test_chebyshev_window_has_all_side_lobes_at_its_level(attenuation: float) ->
 
 def test_weights_are_used_as_given_and_their_scale_does_not_matter() -> None:
     radar = rc.Radar(WAVEFORM, rx=row(4), tx=row(4))
-    weights = rc.steering_weights(radar.rx, WAVELENGTH, 0.3)
+    weights = rc.processing.steering_weights(radar.rx, WAVELENGTH, 0.3)
     steered = rc.array_pattern(radar, AZIMUTH, steer=0.3)
     given = rc.array_pattern(radar, AZIMUTH, rx_weights=5.0j * weights)
     np.testing.assert_allclose(10 ** (0.1 * given.receive_db), 10 ** (0.1 * steered.receive_db), atol=1e-9)
@@ -86,7 +86,7 @@ def test_weights_are_used_as_given_and_their_scale_does_not_matter() -> None:
 def test_steering_weights_undo_the_phases_of_a_target_there() -> None:
     places = np.random.default_rng(5).uniform(-0.01, 0.01, (6, 3))
     azimuth, elevation = np.array([0.3, -0.8]), np.array([0.1, 0.4])
-    weights = rc.steering_weights(places, WAVELENGTH, azimuth, elevation)
+    weights = rc.processing.steering_weights(places, WAVELENGTH, azimuth, elevation)
     assert weights.shape == (2, 6)
     far = 1e5 * np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     paths = np.linalg.norm(far.T[:, None] - places, axis=-1) - 1e5
@@ -96,7 +96,7 @@ def test_steering_weights_undo_the_phases_of_a_target_there() -> None:
 def test_weighted_channels_of_simulated_targets_follow_the_two_way_pattern() -> None:
     radar = rc.Radar(WAVEFORM, tx=row(4, 1.0), rx=row(3), pattern=rc.GaussianPattern(8.0, 70.0, 60.0))
     to = np.deg2rad(15.0)
-    weights = np.kron(*(rc.steering_weights(places, WAVELENGTH, to) for places in (radar.tx, radar.rx)))
+    weights = np.kron(*(rc.processing.steering_weights(places, WAVELENGTH, to) for places in (radar.tx, radar.rx)))
     angles = np.deg2rad([-40.0, -22.0, -8.0, 3.0, 15.0, 28.0, 44.0])
     expected = rc.array_pattern(radar, angles, steer=to).two_way_db
     found = []

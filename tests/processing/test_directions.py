@@ -153,7 +153,7 @@ def test_most_wrong_directions_of_three_channels_are_flagged() -> None:
     azimuth, elevation = rng.uniform(-0.8, 0.8, (2, 2, number))
     amplitude = 10.0 ** (rng.uniform([[22], [12]], [[32], [22]], (2, number)) / 20)
     waves = [
-        level[:, None] * rc.steering_weights(radar.virtual_array, radar.waveform.wavelength, az, el).conj()
+        level[:, None] * rc.processing.steering_weights(radar.virtual_array, radar.waveform.wavelength, az, el).conj()
         for level, az, el in zip(amplitude, azimuth, elevation, strict=True)
     ]
     both = waves[0] + waves[1] * np.exp(2j * np.pi * rng.uniform(size=(number, 1)))

@@ -162,7 +162,11 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: map_of(azimuth=np.zeros((2, 2))), ValueError, "azimuth, elevation: expected angles that broadcast to one"),
     (lambda: map_of(azimuth=[0.0] * 3, elevation=[0.0] * 2), ValueError, "elevation: expected a shape that broadcasts"),
     (lambda: map_of(method="music", num_sources=6), ValueError, "num_sources: expected fewer than the 6 channels"),
-    (lambda: rc.azimuth_elevation(CUBES, EIGHT, at_range=120.0), ValueError, "at_range: expected at most .* m, the"),
+    (
+        lambda: rc.processing.azimuth_elevation(CUBES, EIGHT, at_range=120.0),
+        ValueError,
+        "at_range: expected at most .* m, the",
+    ),
     (lambda: pattern(rx_weights=np.zeros(8)), ValueError, "rx_weights: expected finite numbers, not all of them zero"),
     (lambda: pattern(rx_window="taylor"), ValueError, "rx_window: expected elements at equal steps along a line, got"),
     (lambda: rc.directions(np.ones((3, 5)), EIGHT), ValueError, r"snapshots: expected shape \(n, 8\), got \(3, 5\)"),

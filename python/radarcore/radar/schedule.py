@@ -162,7 +162,7 @@ class Schedule:
 
         See Also
         --------
-        steering_weights : Weights of a beam.
+        processing.steering_weights : Weights of a beam.
         array_pattern : Beam of an array.
 
         Examples

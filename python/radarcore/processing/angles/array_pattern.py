@@ -101,7 +101,7 @@ def array_pattern(
 
     See Also
     --------
-    steering_weights : Weights that add an echo in phase.
+    processing.steering_weights : Weights that add an echo in phase.
     plot.array_pattern : Picture of it.
 
     Examples

@@ -133,14 +133,14 @@ def directions(
 
     See Also
     --------
-    steering_weights : Phases of a direction.
+    processing.steering_weights : Phases of a direction.
     range_angle : Power over angles.
     detect : Detections with their directions.
 
     Examples
     --------
     >>> radar = rc.bgt60tr13c()
-    >>> toward = rc.steering_weights(radar.virtual_array, radar.waveform.wavelength, np.deg2rad(20.0)).conj()
+    >>> toward = rc.processing.steering_weights(radar.virtual_array, radar.waveform.wavelength, np.deg2rad(20.0)).conj()
     >>> np.rad2deg(rc.directions([toward], radar).azimuth).round(3).tolist()
     [20.0]
     """

@@ -88,7 +88,7 @@ def range_angle(
 
     See Also
     --------
-    azimuth_elevation : Both angles in one range bin.
+    processing.azimuth_elevation : Both angles in one range bin.
     detect : Angles of single targets.
     plot.range_angle_map : Picture of it.
 
@@ -156,7 +156,7 @@ def azimuth_elevation(
     >>> scene = rc.Scene([rc.PointTarget([1.7, 1.0, 0.0])])
     >>> frame = rc.Simulator(scene, rc.bgt60tr13c(num_chirps=16)).frame()
     >>> angles = np.deg2rad(np.arange(-60, 61))
-    >>> power = rc.azimuth_elevation(frame, at_range=1.97, azimuth=angles, elevation=angles)
+    >>> power = rc.processing.azimuth_elevation(frame, at_range=1.97, azimuth=angles, elevation=angles)
     >>> power.shape
     (121, 121)
     """

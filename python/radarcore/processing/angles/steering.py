@@ -58,7 +58,7 @@ def steering_weights(
     --------
     >>> radar = rc.bgt60tr13c()
     >>> azimuth = np.deg2rad([0.0, 30.0])
-    >>> weights = rc.steering_weights(radar.virtual_array, radar.waveform.wavelength, azimuth)
+    >>> weights = rc.processing.steering_weights(radar.virtual_array, radar.waveform.wavelength, azimuth)
     >>> weights.shape, np.abs(weights).round(6).max().item()
     ((2, 3), 1.0)
     """

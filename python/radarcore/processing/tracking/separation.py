@@ -141,7 +141,7 @@ def separation(
     >>> hand = rc.Body(rc.shapes.sphere(0.1), motion=rc.Linear(rc.Pose([0.5, 0.0, 1.0]), velocity=[0.25, 0.0, 0.0]))
     >>> [one] = rc.separation(states, [hand])
     >>> print(f"{one.distance:.2f} m, required {one.required:.2f} m: {one.is_safe}")
-    1.11 m, required 1.03 m: True
+    1.10 m, required 1.06 m: True
     """
     for name, value, unit in (
         ("reaction_time", reaction_time, "s"),
