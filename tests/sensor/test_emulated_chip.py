@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +23,9 @@ from chip_settings import (
     triangle,
 )
 from doubles.boards import Numbered, numbered
-from doubles.comlib_boards import Ramp
 from radarcore.radar.radar import Radar
 from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.settings import Settings, achieved, registers_of
-from radarcore.sensor.comlib.messages import Message
-from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.sequence import sequence_of, tx_power_dbm
 from radarcore.sensor.emulator.source import NO_POWER_DBM
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
@@ -134,12 +130,11 @@ def test_words_are_executed_under_an_overflow_and_the_board_can_be_stopped_and_s
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.03])
-@pytest.mark.parametrize("protocol", ["strata", "comlib"])
-def test_answers_of_a_byte_stream_take_their_time(protocol: str, latency: float) -> None:
+def test_answers_of_a_byte_stream_take_their_time(latency: float) -> None:
     controller = Controller(Numbered(), latency=latency)
-    board: Any = CdcBoard(controller) if protocol == "strata" else ComLibEmulator(Ramp(), latency=latency)
+    board = CdcBoard(controller)
     began = time.monotonic()
-    board.receive(packets.encode_request(READ_VERSION) if protocol == "strata" else Message(0, b"\x00").encode())
+    board.receive(packets.encode_request(READ_VERSION))
     assert (board.send(4096, 0.0) == b"") == (latency > 0.0)
     if latency:
         assert len(board.send(4096, 1.0)) > 20

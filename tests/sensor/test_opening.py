@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from doubles.boards import SMALL, Numbered, number_of, opened, plugged
+from doubles.comlib_boards import ComLibDouble
 from doubles.small_boards import Loopback, list_serial_ports, other_user
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor import (
@@ -21,7 +22,6 @@ from radarcore.sensor import (
     list_sensors,
     open_sensor,
     opening,
-    virtual_board,
 )
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
@@ -143,10 +143,9 @@ def test_silent_board_with_known_ids_is_asked_nothing_else(monkeypatch: pytest.M
 
 @needs_pty
 def test_xmc_board_at_a_named_port_hears_comlib_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    with virtual_board(Numbered(), protocol="comlib", speed=None) as board:
-        heard = Heard(board)
-        with named_port(monkeypatch, heard, (0x058B, 0x0058)) as port, open_sensor(port.path) as sensor:
-            assert sensor.info.protocol == "comlib"
+    heard = Heard(ComLibDouble())
+    with named_port(monkeypatch, heard, (0x058B, 0x0058)) as port, open_sensor(port.path) as sensor:
+        assert sensor.info.protocol == "comlib"
     assert heard.bytes[0] == 0x5A
 
 
