@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, frame_of, unit_of
 from radarcore.recording.recording import Recording
 
+Kind = TypeVar("Kind", Frame, Recording)
 Samples = ArrayLike | Frame | Recording
 """A cube, which comes with its radar or waveform, or a frame or recording, which has one."""
 

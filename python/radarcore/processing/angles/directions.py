@@ -152,10 +152,11 @@ def directions(
     """
     # Check all arguments before any work.
     check.instance("radar", radar, Radar)
-    values = _snapshots(snapshots, radar.num_channels)
-    number = len(values)
-    speeds, levels = _per_detection("velocity", velocity, number), _per_detection("snr_db", snr_db, number)
-    distances = _per_detection("range", range, number)
+    values = check.complex_numbers("snapshots", snapshots, (None, radar.num_channels))
+    speeds, levels, distances = (
+        None if given is None else check.numbers(name, given, (len(values),))  # NaN among them
+        for name, given in (("velocity", velocity), ("snr_db", snr_db), ("range", range))
+    )
     return waves_of(values, radar, speeds, None if levels is None else 10.0 ** (0.1 * levels), distances, channel_phase)
 
 
@@ -221,15 +222,6 @@ def waves_of(
     return found
 
 
-def _snapshots(values: ArrayLike, num_channels: int) -> _Complexes:
-    return check.complex_numbers("snapshots", values, (None, num_channels))
-
-
-def _per_detection(name: str, values: ArrayLike | None, number: int) -> _Reals | None:
-    """One number per detection, NaN among them."""
-    return None if values is None else check.numbers(name, values, (number,))
-
-
 @dataclass(frozen=True, eq=False)
 class _Array:
     """Positions in phase per sine: a wave with sines (u_y, u_z) has the phase ``-(x u_x + y u_y + z u_z)``."""
@@ -252,8 +244,25 @@ class _Array:
 
     @cached_property
     def ambiguities(self) -> _Reals:
-        """See `_ambiguities`."""
-        return _ambiguities(self)
+        """Differences of sines that give the same phases in all channels, (difference, 2), zero first.
+
+        Of arrays across x; with an extent along x, phases of different directions are never quite the same.
+        """
+        none = np.zeros((1, 2))
+        if self.x.any() or not any(self.observable):
+            return none
+        grid, num_channels = self.grid(2.0), len(self.across)
+        block = max(1, _BLOCK // num_channels)
+        blocks = (grid[k : k + block] for k in range(0, len(grid), block))
+        near = np.concatenate([cells[self.common_power(cells) >= 0.7] for cells in blocks])
+        peaks = _refined(np.ones((len(near), num_channels), np.complex128), self, near)
+        peaks = peaks[(self.common_power(peaks) >= _AMBIGUOUS) & (np.abs(peaks) > self.step).any(axis=1)]
+        return np.concatenate([none, np.unique(np.round(peaks, 9), axis=0)])
+
+    def common_power(self, differences: _Reals) -> _Reals:
+        """Power of a beam over that in its middle at such a difference of sines, (difference,)."""
+        power: _Reals = np.abs(np.exp(1j * self.phases(differences)).mean(axis=-1)) ** 2
+        return power
 
     @cached_property
     def ambiguous_beyond(self) -> float:
@@ -338,11 +347,6 @@ class _Array:
         about_mean: _Reals = slopes - slopes.mean(axis=-2, keepdims=True)
         return about_mean
 
-    @cached_property
-    def plane_inverse(self) -> _Reals:
-        """`inverse_information` of a flat array."""
-        return self.inverse_information(self.across)
-
     def inverse_information(self, slopes: _Reals) -> _Reals:
         """Covariance of both sines times twice the SNR, ([...,] 2, 2), by `slopes`; 1 for an unobservable one."""
         information = slopes.mT @ slopes + np.diag(~np.array(self.observable))
@@ -353,16 +357,14 @@ class _Array:
 def _array(radar: Radar) -> _Array:
     """The channels of a radar."""
     positions = radar.virtual_array / radar.waveform.wavelength
-    along, across = (
-        2.0 * np.pi * (positions[:, 0] - positions[:, 0].mean()),
-        positions[:, 1:] - positions[:, 1:].mean(0),
-    )
+    positions -= positions.mean(axis=0)
+    across = positions[:, 1:]
     observable = np.ptp(across, axis=0) > _SHORTEST_EXTENT
     if observable.all() and np.linalg.svd(across, compute_uv=False)[-1] <= _SHORTEST_EXTENT:
         observable[:] = False
     antennas = np.concatenate([radar.tx if len(radar.rx) < radar.num_channels else radar.tx[:0], radar.rx])
     return _Array(
-        along,
+        2.0 * np.pi * positions[:, 0],
         2.0 * np.pi * across * observable,
         (bool(observable[0]), bool(observable[1])),
         antennas - radar.array_center,
@@ -429,30 +431,6 @@ def _within(sines: _Reals, largest: float) -> _Reals:
     return within
 
 
-def _ambiguities(array: _Array) -> _Reals:
-    """Differences of sines that give the same phases in all channels, (difference, 2), zero first.
-
-    Of arrays across x; with an extent along x, phases of different directions are never quite the same.
-    """
-    none = np.zeros((1, 2))
-    if array.x.any() or not any(array.observable):
-        return none
-    grid = array.grid(2.0)
-    num_channels = len(array.across)
-    block = max(1, _BLOCK // num_channels)
-    blocks = (grid[k : k + block] for k in range(0, len(grid), block))
-    near = np.concatenate([cells[_common_power(array, cells) >= 0.7] for cells in blocks])
-    peaks = _refined(np.ones((len(near), num_channels), np.complex128), array, near)
-    peaks = peaks[(_common_power(array, peaks) >= _AMBIGUOUS) & (np.abs(peaks) > array.step).any(axis=1)]
-    return np.concatenate([none, np.unique(np.round(peaks, 9), axis=0)])
-
-
-def _common_power(array: _Array, differences: _Reals) -> _Reals:
-    """Power of a beam over that in its middle at such a difference of sines, (difference,)."""
-    power: _Reals = np.abs(np.exp(1j * array.phases(differences)).mean(axis=-1)) ** 2
-    return power
-
-
 def _nearest_to_front(sines: _Reals, ambiguities: _Reals) -> _Reals:
     """Of the directions that give the same phases, the one nearest to the front."""
     candidates = sines[:, None] + ambiguities
@@ -474,7 +452,7 @@ def _least_covariance(array: _Array, sines: _Reals, snr: _Reals) -> _Reals:
     by_sines[:, 0, 0] = 1.0 / np.maximum(array.forward(sines), _TINY)
     by_sines[:, 0, 1] = by_sines[:, 0, 0] * y * z / square
     by_sines[:, 1, 1] = 1.0 / np.sqrt(square)
-    inverse = array.inverse_information(array.slopes(sines)) if array.x.any() else array.plane_inverse
+    inverse = array.inverse_information(array.slopes(sines))
     covariance: _Reals = by_sines @ inverse @ by_sines.mT * (0.5 / snr)[:, None, None]
     unobservable = ~np.array(array.observable)
     covariance[:, unobservable] = covariance[:, :, unobservable] = np.nan
