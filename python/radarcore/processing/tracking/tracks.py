@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,57 @@ from radarcore.recording.frame import Truth
 _COLUMNS = ("time", "state", "state_covariance", "is_detected", "is_confirmed", "nearest", "nearest_deviation")
 """Fields that `Track` has a row of for each `TrackState`."""
 
+_Value = TypeVar("_Value", float, Array)
+
+
+class _Coordinates(Generic[_Value]):
+    """Coordinates of the state of a target: numbers of a `TrackState`, an array (row,) of a `Track`."""
+
+    state: Array
+
+    @property
+    def range(self) -> _Value:
+        """Distance from the centre of the array [m]."""
+        return self._polar[0][0]
+
+    @property
+    def velocity(self) -> _Value:
+        """Range rate, receding positive [m/s]."""
+        return self._polar[0][1]
+
+    @property
+    def azimuth(self) -> _Value:
+        """Angle to the left [rad]; NaN if the radar does not tell it."""
+        return self._polar[0][2]
+
+    @property
+    def elevation(self) -> _Value:
+        """Angle up [rad]; NaN if the radar does not tell it."""
+        return self._polar[0][3]
+
+    @property
+    def covariance(self) -> Array:
+        """Of range, velocity, azimuth and elevation, ([row,] 4, 4), in their units; NaN for unknown angles."""
+        return self._polar[1]
+
+    @property
+    def position(self) -> Array:
+        """Place in the sensor frame, ([row,] 3) [m]; NaN without angles, z = 0 without an elevation."""
+        return cartesian(self.state)[0]
+
+    @property
+    def motion(self) -> Array:
+        """Rate of `position`, ([row,] 3) [m/s]."""
+        return cartesian(self.state)[1]
+
+    @cached_property
+    def _polar(self) -> tuple[list[_Value], Array]:
+        """Range, velocity, azimuth and elevation, and their covariance."""
+        raise NotImplementedError
+
 
 @dataclass(frozen=True, eq=False)
-class TrackState:
+class TrackState(_Coordinates[float]):
     """A target at one time.
 
     Parameters
@@ -66,51 +114,14 @@ class TrackState:
     nearest: float
     nearest_deviation: float
 
-    @property
-    def range(self) -> float:
-        """Distance from the centre of the array [m]."""
-        return float(self._polar[0][0])
-
-    @property
-    def velocity(self) -> float:
-        """Range rate, receding positive [m/s]."""
-        return float(self._polar[0][1])
-
-    @property
-    def azimuth(self) -> float:
-        """Angle to the left [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[0][2])
-
-    @property
-    def elevation(self) -> float:
-        """Angle up [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[0][3])
-
-    @property
-    def covariance(self) -> Array:
-        """Of range, velocity, azimuth and elevation, (4, 4), in their units; NaN for angles that are not told."""
-        return self._polar[1]
-
-    @property
-    def position(self) -> Array:
-        """Place in the sensor frame, (3,) [m]; NaN without angles, z = 0 without an elevation."""
-        position, _ = cartesian(self.state[None])
-        return np.asarray(position[0])
-
-    @property
-    def motion(self) -> Array:
-        """Rate of `position`, (3,) [m/s]."""
-        _, motion = cartesian(self.state[None])
-        return np.asarray(motion[0])
-
     @cached_property
-    def _polar(self) -> tuple[Array, Array]:
+    def _polar(self) -> tuple[list[float], Array]:
         values, covariances = polar(self.state[None], self.state_covariance[None])
-        return values[0], covariances[0]
+        return values[0].tolist(), covariances[0]
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(_Coordinates[Array]):
     """A target from its first to its last detection, one row per frame.
 
     Parameters
@@ -156,46 +167,9 @@ class Track:
         return len(self.frame)
 
     @property
-    def range(self) -> Array:
-        """Distance from the centre of the array, (row,) [m]."""
-        return self._polar[0][:, 0]
-
-    @property
-    def velocity(self) -> Array:
-        """Range rate, receding positive, (row,) [m/s]."""
-        return self._polar[0][:, 1]
-
-    @property
-    def azimuth(self) -> Array:
-        """Angle to the left, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[0][:, 2]
-
-    @property
-    def elevation(self) -> Array:
-        """Angle up, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[0][:, 3]
-
-    @property
-    def covariance(self) -> Array:
-        """Of range, velocity, azimuth and elevation, (row, 4, 4), in their units; NaN for angles that are not told."""
-        return self._polar[1]
-
-    @property
     def deviation(self) -> Array:
         """Standard deviations of range, velocity, azimuth and elevation, (row, 4)."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-    @property
-    def position(self) -> Array:
-        """Places in the sensor frame, (row, 3) [m]; NaN without angles, z = 0 without an elevation."""
-        position, _ = cartesian(self.state)
-        return position
-
-    @property
-    def motion(self) -> Array:
-        """Rates of `position`, (row, 3) [m/s]."""
-        _, motion = cartesian(self.state)
-        return motion
 
     @property
     def num_hits(self) -> int:
@@ -209,8 +183,9 @@ class Track:
         return int(np.diff(hits).max(initial=1)) - 1
 
     @cached_property
-    def _polar(self) -> tuple[Array, Array]:
-        return polar(self.state, self.state_covariance)
+    def _polar(self) -> tuple[list[Array], Array]:
+        values, covariances = polar(self.state, self.state_covariance)
+        return list(values.T), covariances
 
 
 @dataclass(frozen=True, eq=False)
