@@ -31,7 +31,7 @@ FOUR_CODES = np.array([0x123, 0x456, 0x789, 0xABC], np.uint16).reshape(1, 1, 4)
             comlib.Message(0, endpoints_payload(ENDPOINTS)),
         ),
         ("5B 00 00 00", comlib.StatusMessage(0, 0)),
-        ("5A 01 02 00 01 01 DB E0", comlib.Message(1, comlib.encode_byte(Base.GET_FRAME, 1))),
+        ("5A 01 02 00 01 01 DB E0", comlib.Message(1, bytes([Base.GET_FRAME, 1]))),
         ("5A 01 0B 00 41 40 00 00 00 10 00 00 00 0F 00 DB E0", comlib.Message(1, comlib.Format(64, 16, 0xF).encode())),
         (
             "5A 02 0B 00 01 40 C0 65 03 00 90 D0 03 00 1F DB E0",

@@ -24,7 +24,7 @@ from radarcore.recording.recording import Recording
 from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
-from radarcore.sensor.interface import Board, BoardInfo, RawFrame, check_options
+from radarcore.sensor.interface import Board, BoardInfo, RawFrame
 from radarcore.sensor.selftest import GROUPS, run_checks
 
 _POLL = 0.02
@@ -126,7 +126,10 @@ class Sensor:
         """
         self._check_open()
         check.instance("radar", radar, Radar)
-        check_options(options, self._board.configure, self.info.chip)
+        known = self._board.options
+        if (wrong := next((name for name in options if name not in known), None)) is not None:
+            listed = " or ".join(known)
+            raise TypeError(f"{wrong}: expected an option of {self.info.chip} ({listed}), got {options[wrong]!r}")
         self.stop()
         with self._board_lock.waiting, self._board_lock.used:
             self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)

@@ -231,11 +231,6 @@ class Temperature(_Record):
     thousandths: int
 
 
-def encode_byte(code: int, number: int) -> bytes:
-    """Payload of a code and 8 bits: to wait for a frame, the number of a sensor."""
-    return struct.pack("<BB", code, number)
-
-
 def encode_number(code: int, number: int) -> bytes:
     """Payload of a code and 32 bits: frame interval [us], chirp duration [ns], slope [MHz/s]."""
     return struct.pack("<BI", code, number)
