@@ -59,11 +59,6 @@ class VendorBoard:
         with self.controller.arrived:
             self.controller.arrived.notify_all()
 
-    def plug(self) -> None:
-        """The board is back, as after power-up."""
-        self.controller.power_up()
-        self._is_gone = False
-
     def _check(self) -> None:
         if self._is_gone:
             raise Unplugged

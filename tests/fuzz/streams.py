@@ -18,7 +18,7 @@ from fuzz.cases import Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, slice_size_of
 from radarcore.sensor.errors import ProtocolError, RequestError
 from radarcore.sensor.interface import Board, Damage
 from radarcore.sensor.strata import packets
@@ -104,7 +104,7 @@ def read_stream(folder: Path) -> None:
 
 DECODERS: Any = (
     *(packets.decode_data, packets.Version.decode, packets.decode_board_info, packets.decode_text, packets.uuid_text),
-    *(packets.decode_values, packets.decode_commands, packets.decode_data_configuration),
+    *(packets.decode_values, packets.decode_commands, slice_size_of),
     lambda payload: [endpoint.letters for endpoint in comlib.decode_endpoints(payload)],
     *(comlib.Firmware.decode, comlib.Info.decode, comlib.Format.decode, comlib.FmcwSettings.decode),
     *(comlib.AdcSettings.decode, comlib.Temperature.decode, comlib.decode_number),
