@@ -7,10 +7,11 @@ import threading
 import weakref
 from _thread import start_new_thread
 from collections import deque
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from os import PathLike
 from time import monotonic
 from types import TracebackType
@@ -126,10 +127,10 @@ class Sensor:
         """
         self._check_open()
         check.instance("radar", radar, Radar)
-        known = self._board.options
-        if (wrong := next((name for name in options if name not in known), None)) is not None:
-            listed = " or ".join(known)
-            raise TypeError(f"{wrong}: expected an option of {self.info.chip} ({listed}), got {options[wrong]!r}")
+        for name, value in options.items():
+            if name not in self._board.options:
+                known = " or ".join(self._board.options)
+                raise TypeError(f"{name}: expected an option of {self.info.chip} ({known}), got {value!r}")
         self.stop()
         with self._board_lock.waiting, self._board_lock.used:
             self.radar = _with_phases(self._board.configure(radar, **options), radar.receiver)
@@ -204,7 +205,7 @@ class Sensor:
         except BaseException as error:
             if self._reader is reader:
                 with suppress(SensorError):  # what went wrong first is what is told
-                    self._end(is_silent=isinstance(error, SensorTimeoutError))
+                    self._end(finish=partial(self._board.stop, is_silent=isinstance(error, SensorTimeoutError)))
             raise
         if self._reader is reader:
             self._end()
@@ -226,8 +227,8 @@ class Sensor:
         """
         self._end()
 
-    def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
-        """End measuring; with a reason, iterations that still ask for frames raise it."""
+    def _end(self, reason: str = "", finish: Callable[[], None] | None = None) -> None:
+        """End measuring by `finish`, or else a stop; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
         if reader is not None:  # known to be over before Ctrl-C can come, which it does at calls
             reader.reason, reader.is_over = reason, True
@@ -236,7 +237,7 @@ class Sensor:
                 reader.close()
         finally:
             with self._board_lock.waiting, self._board_lock.used:
-                self._board.stop(is_silent=is_silent)
+                (finish or self._board.stop)()
 
     def record(
         self,
@@ -402,15 +403,7 @@ class Sensor:
             if not self._is_open:
                 return
             self._is_open = False
-            reader, self._reader = self._reader, None
-            if reader is not None:
-                reader.reason, reader.is_over = "the sensor was closed", True
-            try:
-                if reader is not None:
-                    reader.close()
-            finally:
-                with self._board_lock.waiting, self._board_lock.used:
-                    self._board.close()
+            self._end("the sensor was closed", self._board.close)
             self._forgotten.detach()
 
     def _configured(self, method: str) -> Radar:
