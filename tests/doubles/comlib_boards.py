@@ -72,13 +72,10 @@ class ComLibDouble:
         By endpoint and code of a request: a payload, or a status, in place of the answer.
     types : sequence of int
         Types of the endpoints.
-    sample_rate : int
-        Sample rate after power-up [Hz].
-    is_interleaved : bool
-        Interleave the receivers, sample by sample.
-    patience : float
-        Silence after which an incomplete message is given up [s].
     """
+
+    patience = 10.0
+    """Silence after which an incomplete message is given up [s]."""
 
     def __init__(
         self,
@@ -87,19 +84,15 @@ class ComLibDouble:
         clock: Callable[[], float] | None = None,
         other_answers: Mapping[tuple[int, int], bytes | int] | None = None,
         types: tuple[int, ...] = ALL,
-        sample_rate: int = 2_000_000,
-        is_interleaved: bool = False,
-        patience: float = 10.0,
     ) -> None:
         self.ramp = FmcwSettings(57_000_000, 64_000_000, Direction.UP, 31)
-        self.adc = AdcSettings(sample_rate)
+        self.adc = AdcSettings(2_000_000)
         self.form = Format(64, 16, 0xF)
         self.interval = 0  # [us]
         self.is_gone = False
-        self._codes, self._clock, self._is_interleaved = codes, clock, is_interleaved
-        self._other_answers, self._types = other_answers or {}, types
+        self._codes, self._clock, self._other_answers, self._types = codes, clock, other_answers or {}, types
         self._began, self._next_index = 0.0, 0
-        self._parser, self._patience, self._last_byte = Parser(), patience, 0.0
+        self._parser, self._last_byte = Parser(), 0.0
         self._is_confused = False
         self._waiting: list[Message | StatusMessage] = []
         self._out = bytearray()
@@ -143,7 +136,7 @@ class ComLibDouble:
         """Answer what has come, up to a frame that is not ready."""
         if self.is_gone:
             raise Unplugged
-        if (self._is_confused or self._parser.num_held) and time.monotonic() > self._last_byte + self._patience:
+        if (self._is_confused or self._parser.num_held) and time.monotonic() > self._last_byte + self.patience:
             self._parser.reset()
             self._is_confused = False
             self._waiting.append(StatusMessage(0, ProtocolStatus.SILENCE))
@@ -185,6 +178,7 @@ class ComLibDouble:
     def _messages(self, request: Message) -> list[Message]:
         """Messages of the answer to a request."""
         payload, duration = request.payload, self._chirp_duration
+        temperature = Message(At.BASE, Temperature(0, 40_000).encode())
         timing = [
             Message(At.BASE, encode_number(Base.CHIRP_DURATION, duration)),
             Message(At.BASE, encode_number(Base.MIN_INTERVAL, -(-self.form.num_chirps * duration // 1000))),
@@ -200,11 +194,14 @@ class ComLibDouble:
                 return []
             case At.BASE, Base.GET_FRAME:
                 self._next_index = self._num_over
-                return [Message(At.BASE, self._frame(self._next_index - 1)), self._temperature]
+                form = self.form
+                shape = (form.rx_mask.bit_count(), form.num_chirps, form.num_samples)
+                number = self._next_index - 1
+                return [Message(At.BASE, frame_payload(number, self._codes(shape, number), form.rx_mask)), temperature]
             case At.BASE, Base.GET_INFO:
                 return [Message(At.BASE, described_payload(INFO))]
             case At.BASE, Base.GET_TEMPERATURE:
-                return [self._temperature]
+                return [temperature]
             case At.BASE, Base.GET_CHIRP_DURATION:
                 return timing[:1]
             case At.BASE, Base.GET_MIN_INTERVAL:
@@ -228,15 +225,6 @@ class ComLibDouble:
                 self.adc = AdcSettings.decode(payload)
                 return [*timing, Message(At.ADC, payload)]
         raise AssertionError(f"the driver sends no such request: {request}")
-
-    @property
-    def _temperature(self) -> Message:
-        return Message(At.BASE, Temperature(0, 40_000).encode())
-
-    def _frame(self, index: int) -> bytes:
-        form = self.form
-        codes = self._codes((form.rx_mask.bit_count(), form.num_chirps, form.num_samples), index)
-        return frame_payload(index, codes, form.rx_mask, is_interleaved=self._is_interleaved)
 
 
 def endpoints_payload(types: tuple[int, ...]) -> bytes:

@@ -21,7 +21,7 @@ from chip_settings import (
     image,
     legal_settings,
 )
-from radarcore.sensor.bgt60.registers import RESET_VALUES, chip_name, start_words, temperature_code, temperature_of
+from radarcore.sensor.bgt60.registers import RESET_VALUES, chip_name, temperature_code, temperature_of
 from radarcore.sensor.bgt60.settings import (
     Settings,
     achieved,
@@ -30,14 +30,6 @@ from radarcore.sensor.bgt60.settings import (
     slice_size_of,
 )
 from radarcore.sensor.bgt60.timing import scaled_timer, timer_cycles
-from radarcore.sensor.strata.packets import encode_commands
-
-# The words that start settings V1 with a gain of 33 dB.
-WORDS = """
-030A0210 09E967FD 0B0805B4 0D102BFF 0F010D00 11000000 13000000 15000000 17000BE0 19000000 1B000000 1D000000 1F000B60
-2113FC51 237FF41F 25703DEF 2D000490 3B000480 49000480 57000480 5911BE0E 5B62FC0A 5D03F000 5F787E1E 61A2A850 63000C88
-65000172 67000040 69000000 6B000000 6D000000 6F393B10 7F000100 8F000100 9F000100 AD000000 B7000000 011E8271
-"""
 
 
 @pytest.mark.parametrize(
@@ -67,15 +59,6 @@ def test_settings_of_published_lists_are_achieved_in_whole_cycles_and_steps() ->
     assert (found.rx_mask, found.sample_rate, found.if_gain_db) == (4, 2352941.0, 60)
     assert found.start_frequency == pytest.approx(61.020099e9, abs=500.0)
     assert (found.chirp_time, found.frame_time) == (69.9625e-6, pytest.approx(5.0039e-3, abs=50e-9))
-
-
-def test_start_sends_main_last_with_the_trigger() -> None:
-    registers = registers_of(dataclasses.replace(V1_SETTINGS, if_gain_db=33), 6144)
-    words = start_words(registers)
-    assert [f"{word:08X}" for word in words] == WORDS.split()
-    assert encode_commands(words) == bytes.fromhex("".join(WORDS.split()))
-    # The order of the mapping does not matter.
-    assert start_words(dict(reversed(registers.items()))) == words
 
 
 def test_registers_after_a_reset() -> None:

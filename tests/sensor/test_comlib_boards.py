@@ -12,7 +12,7 @@ from doubles.boards import number_of
 from doubles.comlib_boards import ALL, INFO, NO_ADC, ComLibDouble, board_of, described_payload, frame_payload, radar
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import EndpointType
-from radarcore.sensor.comlib.messages import FmcwSettings, Format, encode_number
+from radarcore.sensor.comlib.messages import AdcSettings, FmcwSettings, Format, encode_number
 from radarcore.sensor.errors import (
     ProtocolError,
     RequestError,
@@ -62,7 +62,9 @@ def test_configured_radar_is_the_one_of_the_board():
 
 def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
     for num_samples in (63, 64, 200):
-        board = board_of(ComLibDouble(types=NO_ADC, sample_rate=1_700_000))
+        double = ComLibDouble(types=NO_ADC)
+        double.adc = AdcSettings(1_700_000)
+        board = board_of(double)
         achieved = board.configure(radar(sample_rate=1.7e6, num_samples=num_samples))
         assert (achieved.waveform.sample_rate, achieved.waveform.num_samples) == (1.7e6, num_samples)
         message = r"sample_rate: expected 1\.7e\+06 Hz.*got 2e\+06; the endpoint .*\(RadarSoli\) is not public"
@@ -140,9 +142,8 @@ def test_slope_follows_from_the_ramp_where_the_board_does_not_tell():
 # Boards that measure
 
 
-@pytest.mark.parametrize("is_interleaved", [False, True])
-def test_frames_come_as_they_were_sent(is_interleaved):
-    board = board_of(ComLibDouble(is_interleaved=is_interleaved), size=64)
+def test_frames_come_as_they_were_sent():
+    board = board_of(size=64)
     board.configure(radar(3))
     board.start()
     frames = [item for _ in range(3) for item in board.read(60.0)]
@@ -240,7 +241,8 @@ def test_host_finds_step_again_after_damage():
 
 
 def test_host_waits_for_a_board_that_has_lost_step():
-    double = ComLibDouble(patience=0.1)
+    double = ComLibDouble()
+    double.patience = 0.1
     board = board_of(double, timeout=0.05, board_timeout=60.0)
     double.receive(b"\xc0")
     begin = time.monotonic()
@@ -252,7 +254,8 @@ def test_host_waits_for_a_board_that_has_lost_step():
 
 
 def test_board_that_was_left_half_way_is_opened():
-    double = ComLibDouble(patience=0.05)
+    double = ComLibDouble()
+    double.patience = 0.05
     # Another program has sent half a request; its rest is taken from the first of ours.
     double.receive(bytes.fromhex("5a 01 02 00"))
     assert board_of(double, timeout=0.1, board_timeout=0.2).temperature() == pytest.approx(40.0)

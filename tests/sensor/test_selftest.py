@@ -19,7 +19,7 @@ from radarcore.sensor import SensorError, open_sensor
 from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.registers import test_pattern as pattern_of
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.checks import chirp_noise, clipped, leakage, reasons_of
+from radarcore.sensor.checks import chirp_noise, reasons_of
 from radarcore.sensor.emulator import chip
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import Controller, Identity
@@ -315,17 +315,6 @@ def test_first_chirps_and_samples_are_no_noise():
     codes[:, :, :8] += 50.0
     codes[:, :, ::2, :16] += 50.0
     assert chirp_noise(codes) == pytest.approx([2.0], rel=0.05)
-
-
-def test_leakage_is_the_change_of_the_mean_chirp():
-    off = np.full((2, 2, 4, 8), 2000) + np.arange(8) % 2  # what is there without the transmitter too
-    on = off + np.array([10, 300])[:, None, None] * (np.arange(8) == 0)
-    assert leakage(on, off).tolist() == [10.0, 300.0]
-    assert leakage(off, off).tolist() == [0.0, 0.0]
-
-
-def test_clipped_samples_are_those_at_both_ends():
-    assert clipped([0, 1, 4094, 4095]) == 0.5
 
 
 def test_pace_is_that_of_most_frames():
