@@ -79,7 +79,7 @@ def scene_from_above(
     """
     ax = canvas.new_axes() if ax is None else ax
     names = draw_scene(ax, scene, radar_motion, times, field_of_view_deg, colors)
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 
@@ -129,7 +129,7 @@ def tracks_from_above(
         names.append(Name(float(one.position[-1, 0]), float(one.position[-1, 1]), name, color))
     ax.plot(0.0, 0.0, "o", color="black", markersize=6.0, zorder=6.0)
     _finish(ax)
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 

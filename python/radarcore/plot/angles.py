@@ -119,7 +119,7 @@ def range_angle_map(
     if frame.truth is not None:
         places = frame.truth.range[..., None] * unit_vectors(frame.truth.azimuth, frame.truth.elevation)
         forward, left, _ = np.moveaxis(places, -1, 0)
-        canvas.place_names(ax, mark(ax, left, forward, frame.truth.names))
+        canvas.place_names((ax, mark(ax, left, forward, frame.truth.names), "black"))
     return ax
 
 

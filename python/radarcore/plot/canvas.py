@@ -158,21 +158,25 @@ def line_name(
     return [Name(float(x[at]), float(y[at]), text, color) for at in shown[len(shown) // 2 :][:1]]
 
 
-def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> None:
-    """Names beside their points; one that would cover another name or a point everywhere is left out.
+def place_names(*named: tuple[Axes, Sequence[Name], str]) -> None:
+    """Names of axes of one figure, beside their points and outlined in a colour; limits must be final.
 
-    Each name takes the free place that hides the least of the lines. Parts of one thing are named once. Limits must
-    be final.
+    A name that would cover another name or a point everywhere is left out. Each takes the free place that hides the
+    least of the lines. Parts of one thing are named once.
     """
+    shown = [(ax, once_per_thing(names), outline) for ax, names, outline in named if names]
+    if shown and (figure := shown[0][0].get_figure(root=True)) is not None:
+        figure.draw_without_rendering()
+        for ax, names, outline in shown:
+            _place_names(ax, names, outline, figure.dpi)
+
+
+def _place_names(ax: Axes, names: Sequence[Name], outline: str, dpi: float) -> None:
+    """Names of axes in a figure that is laid out."""
     from matplotlib.transforms import Bbox
 
-    figure = ax.get_figure(root=True)
-    if not names or figure is None:
-        return
-    names = once_per_thing(names)
-    figure.draw_without_rendering()
     view, drawn = ax.get_window_extent(), _corners_drawn(ax)
-    reach = 5.0 * figure.dpi / 72.0
+    reach = 5.0 * dpi / 72.0
     taken = [
         Bbox.from_extents(x - reach, y - reach, x + reach, y + reach)
         for x, y in ax.transData.transform([(name.x, name.y) for name in names])

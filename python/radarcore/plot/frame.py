@@ -254,7 +254,7 @@ def range_doppler_map(
         max_range=max_range,
         max_velocity=max_velocity,
     )
-    canvas.place_names(ax, names)
+    canvas.place_names((ax, names, "black"))
     return ax
 
 

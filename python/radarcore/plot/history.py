@@ -306,7 +306,7 @@ def _draw_tracks(
     add_legends(_finished(ax, recording, label))
 
     names = [label for name, values in truth.items() for label in canvas.line_name(name, truth_time, values)]
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 
@@ -367,7 +367,7 @@ def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[s
     for name, values in _truth(recording, quantity, names).items():
         ax.plot(time, values, color="white", linewidth=1.0, linestyle=(0, (5, 4)), path_effects=canvas.outlined(2.2))
         labels += canvas.line_name(name, time, values, ax.get_ylim(), "white")
-    canvas.place_names(ax, labels)
+    canvas.place_names((ax, labels, "black"))
 
 
 def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
