@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from heapq import merge
 from importlib.util import find_spec
 from io import BufferedReader, FileIO
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_mcap import MOST_UNPACKED, CutMcap, reason, unpacked
+from radarcore.adapters.ros.cut_mcap import CutMcap, check_unpacked, reason, unpacked
 from radarcore.adapters.ros.messages import DEFINITIONS
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -355,7 +355,7 @@ class BagReader:
         try:
             for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
                 # A message may be packed by itself: metadata.yaml says so, where there is one.
-                yield connection, time, unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
+                yield connection, time, unpacked(data) if data.startswith(_ZSTD_MAGIC) else data
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
             self._warn(reason(error))
 
@@ -514,22 +514,13 @@ def _check_database(file: Path, *, is_part: bool) -> None:
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse topics without a name, and chunks that unpack to more than `MOST_UNPACKED`."""
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag1.reader import decompressors
-
+    """Refuse topics without a name, and chunks that are larger than recorders make."""
     if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
         raise ValueError("expected names of topics and types, got none")
-    if isinstance(reader, Reader1):
-        names = {function: name for name, function in decompressors.items()}
-        for place, chunk in reader.chunks.items():
-            bounded = partial(unpacked, names[chunk.decompressor])
-            reader.chunks[place] = chunk._replace(decompressor=bounded)
     storage = getattr(reader, "storage", None)
     for file in (storage, *getattr(storage, "storages", ())):  # a folder has several files
         for chunk in getattr(file, "chunks", ()):
-            if chunk.uncompressed_size > MOST_UNPACKED:
-                raise ValueError(f"a chunk of {chunk.compressed_size} bytes unpacks to more than {MOST_UNPACKED}")
+            check_unpacked(chunk.uncompressed_size)
 
 
 def _owner(connection: Any) -> int:
