@@ -57,8 +57,8 @@ from radarcore.radar.schedule import Schedule as Schedule
 from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth
+from radarcore.recording.native import RecordingWriter as RecordingWriter
 from radarcore.recording.recording import Recording as Recording
-from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget
 from radarcore.scene.interferer import Interferer as Interferer

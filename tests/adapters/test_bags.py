@@ -19,7 +19,6 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
 from full_disk import largest_file
-from radarcore.adapters.ros import bags as bags_module
 from radarcore.adapters.ros import cut_mcap
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader, Topic, is_bag, typed, typestore

@@ -41,8 +41,8 @@ from radarcore.cli.terminal import complain, show, show_result
 from radarcore.output import check_file, write_text
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
+from radarcore.recording.native import check_room
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import check_room
 from radarcore.table import Table
 
 if TYPE_CHECKING:

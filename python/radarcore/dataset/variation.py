@@ -122,7 +122,7 @@ def _count(value: Any, path: str) -> tuple[int | Varied, int]:
             raise ValueError(f"expected an integer, or a distribution of integers, got {value!r}")
         if min(found.ends) < 0 or max(found.ends) > _MOST_COPIES:
             raise ValueError(f"expected 0 to {_MOST_COPIES} copies, got {value!r}")
-    return Varied(path, found) if len(set(found.ends)) > 1 else found.ends[0], max(found.ends)
+    return Varied(path, found) if len(set(found.ends)) > 1 else int(found.ends[0]), int(max(found.ends))
 
 
 def _varied(value: Any, path: str) -> Any:
@@ -444,7 +444,7 @@ class _Trials:
                 end = forced[value.path]
                 return _values(value.distribution)[end], end
             if value.path.endswith(".repeat"):
-                number: int = max(value.distribution.ends)
+                number = int(max(value.distribution.ends))
                 return number if most_copies is None else min(number, most_copies), None
             return _drawn(value, 0, self._index)
 

@@ -21,8 +21,8 @@ from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording.frame import FULL_SCALE, Frame, frame_of, to_samples
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
 from radarcore.sensor.interface import Board, BoardInfo, RawFrame

@@ -20,8 +20,8 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
 from radarcore.recording.frame import Frame, adc_codes, frame_of, truth_of_rows
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from radarcore.records import sealed
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
