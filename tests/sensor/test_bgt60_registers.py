@@ -244,17 +244,13 @@ def test_slices_stay_in_step_with_frames(changes: dict[str, Any], size: int) -> 
     assert slice_size_of(registers_of(wanted, size)) == size
 
 
-def test_odd_frame_that_is_too_long_is_refused_with_its_neighbours() -> None:
+def test_odd_frame_that_is_too_long_is_refused() -> None:
     long = {"chirp_time": 2e-3, "frame_time": 1.0, "rx_mask": 1}
-    with pytest.raises(ValueError) as caught:  # noqa: PT011  # compared below
-        choose_slice_size(Settings(num_samples=65, num_chirps=65, **long))
-    assert str(caught.value) == (
+    message = (
         "num_samples: expected an even number of samples in a frame of more than 4096, got 1 receivers x 65 chirps x "
-        "65 samples; the nearest are 64 or 66 samples, or 64 or 66 chirps"
+        "65 samples; take an even number of samples or chirps"
     )
-    for samples, chirps in ((64, 65), (66, 65), (65, 64), (65, 66)):
+    with pytest.raises(ValueError, match=message):
+        choose_slice_size(Settings(num_samples=65, num_chirps=65, **long))
+    for samples, chirps in ((64, 65), (65, 66)):
         assert choose_slice_size(Settings(num_samples=samples, num_chirps=chirps, **long)) % 2 == 0
-    with pytest.raises(ValueError, match="the nearest are 2 samples, or 4094 or 4096 chirps"):
-        choose_slice_size(
-            Settings(num_samples=1, num_chirps=4095, rx_mask=7, chirp_time=1e-4, frame_time=1.0, end_frequency=58.1e9)
-        )

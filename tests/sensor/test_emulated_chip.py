@@ -183,7 +183,7 @@ def test_other_timing_counts_by_the_samples() -> None:
     flips=st.lists(st.tuples(st.sampled_from(sorted(image(V1))), st.integers(0, 23)), max_size=2),
     is_complete=st.booleans(),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 def test_any_registers_are_frames_or_refused(
     changes: dict[int, int], flips: list[tuple[int, int]], is_complete: bool
 ) -> None:

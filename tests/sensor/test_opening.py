@@ -80,7 +80,7 @@ def is_stop(request: Request) -> bool:
     return (request.request, request.value) == (Code.DATA, Data.STOP)
 
 
-@pytest.mark.parametrize("status", [0x01, 0x05, 0x16, 0x86, 0x90])
+@pytest.mark.parametrize("status", [0x05, 0x16, 0x86])
 @pytest.mark.parametrize("transport", ["cdc", "vendor"])
 def test_stop_may_be_refused_with_any_status(transport: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, is_stop, status)
@@ -159,16 +159,6 @@ def test_windows_names_of_a_port_are_one(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 # The reason of a failure
-
-
-@needs_pty
-@pytest.mark.parametrize("ids", [(0x058B, 0x0251), None])
-def test_old_firmware_at_a_named_port_is_told(ids: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    with (
-        named_port(monkeypatch, CdcBoard(Controller(Noise(), identity=OLD)), ids) as port,
-        pytest.raises(SensorError, match=f"^{port.path}: expected protocol 4 of Strata, got 3.0; update the board's"),
-    ):
-        open_sensor(port.path)
 
 
 @needs_pty

@@ -123,15 +123,6 @@ def test_board_is_asked_for_no_more_than_the_client_reads() -> None:
         stream.close()
 
 
-def test_port_is_opened_once() -> None:
-    with PtyPort(Loopback()) as port:
-        stream = SerialStream(port.path)
-        with pytest.raises(SensorError, match="the port is in use by another program"):
-            SerialStream(port.path)
-        stream.close()
-        SerialStream(port.path).close()
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux tells whether a port is exclusive")
 @pytest.mark.parametrize("is_pty", [True, False])
 def test_ports_of_hardware_refuse_programs_without_locks(is_pty: bool, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,8 @@ from radarcore.sensor.strata.packets import (
     encode_request,
     status_text,
 )
-from radarcore.sensor.transport.stream import Stalled, Stream, VendorPort
+from radarcore.sensor.transport.stream import Stalled, Stream
+from radarcore.sensor.transport.usbport import UsbVendorPort
 
 Packet = TypeVar("Packet")
 
@@ -414,7 +415,7 @@ class VendorLink:
 
     num_held = 0
 
-    def __init__(self, port: VendorPort) -> None:
+    def __init__(self, port: UsbVendorPort) -> None:
         self.name: str = port.name
         self._port = port
         self._is_silent = False
