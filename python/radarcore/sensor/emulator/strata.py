@@ -128,7 +128,6 @@ class Controller:
         self._counter = 0
         self._slice_size: int | None = None
         self._is_sending = False
-        self._last_status = (int(Kind.WRITE), 0)
         self.chip: Chip = Chip(
             source,
             speed=speed,
@@ -148,16 +147,9 @@ class Controller:
             answer = self._answer(request)
             if request.kind == Kind.READ and len(answer) != request.length:
                 raise RequestError("length", Status.BAD_LENGTH)
-            response = Response(request.kind, 0, answer)
+            return Response(request.kind, 0, answer)
         except RequestError as error:
-            response = Response(request.kind, error.status, b"")
-        self._last_status = (response.kind, response.status)
-        return response
-
-    @property
-    def last_status(self) -> bytes:
-        """Kind and status of the last answer, as vendor requests ask for it."""
-        return packets.encode_response(Response(*self._last_status))[:4]
+            return Response(request.kind, error.status, b"")
 
     def _answer(self, request: Request) -> bytes:
         if request.request == Code.BOARD_INFO:

@@ -86,13 +86,9 @@ class Avian(IntEnum):
 
 
 class DataFormat(IntEnum):
-    """Format of the samples in data packets (Strata, configure)."""
+    """Format of the samples in data packets (Strata, configure): 12 bits each; there are others."""
 
-    U16 = 0x02
-    U64 = 0x04
-    """Time stamps of the interrupts in place of samples."""
     PACKED12 = 0x10
-    RAW12 = 0x2C
     AUTO = 0xFF
 
 
