@@ -50,10 +50,11 @@ def failed(checks):
 
 
 def calm(sensor, duration):
-    """Checks of a sensor at its real pace; once more where the host was busy with something else."""
-    checks = list(sensor.selftest(duration=duration))
-    if {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+    """Checks of a sensor at its real pace; up to twice more where the host was busy with something else."""
+    for _ in range(3):
         checks = list(sensor.selftest(duration=duration))
+        if not {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+            break
     return checks
 
 
