@@ -121,6 +121,15 @@ def transform_length(name: str, value: int | None, minimum_name: str, minimum: i
     return length
 
 
+def range_limits(min_range: float | None, max_range: float | None) -> tuple[float, float]:
+    """Both limits of the ranges that count [m]; 0 and infinity without."""
+    nearest = 0.0 if min_range is None else check.non_negative("min_range", min_range, "m")
+    farthest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
+    if farthest < nearest:
+        raise ValueError(f"max_range: expected at least min_range = {nearest:g} m, got {farthest:g}")
+    return nearest, farthest
+
+
 def require_uniform_chirps(waveform: Waveform) -> None:
     """Refuse chirps at unequal intervals with a ValueError."""
     if not waveform.has_uniform_chirps:

@@ -20,6 +20,7 @@ from radarcore.processing.detection.cfar import (
     training_means,
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
+from radarcore.processing.inputs import range_limits
 from radarcore.processing.spectra.windows import (
     Window,
     centred_window,
@@ -79,14 +80,7 @@ class DetectionSettings:
         self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
         self.window = hashable("window", self.window)
         self.doppler_window = hashable("doppler_window", self.doppler_window)
-        if self.min_range is not None:
-            self.min_range = check.non_negative("min_range", self.min_range, "m")
-        if self.max_range is not None:
-            self.max_range = check.positive("max_range", self.max_range, "m")
-            if self.min_range is not None and self.max_range < self.min_range:
-                raise ValueError(
-                    f"max_range: expected at least min_range = {self.min_range:g} m, got {self.max_range:g}"
-                )
+        range_limits(self.min_range, self.max_range)
         self.dynamic_range_db = check.positive("dynamic_range_db", self.dynamic_range_db, "dB")
 
 
