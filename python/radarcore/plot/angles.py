@@ -77,10 +77,7 @@ def range_angle_map(
     ('y [m], to the left', 'x [m], forward')
     """
     check.instance("frame", frame, Frame)
-    width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
-    if width > 180.0:
-        raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
-    canvas.last_range(frame, max_range)  # refuses what is no range
+    width = check.within("field_of_view_deg", field_of_view_deg, 1.0, 180.0, "degrees")
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
     half = np.deg2rad(0.5 * width)
@@ -95,7 +92,7 @@ def range_angle_map(
         channel_phase=channel_phase,
     )
     ranges = wf.range_axis(n)[: len(power)]
-    last = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1))
+    last = canvas.axis_end(frame, "range", max_range, ranges, canvas.stands_out(power, axis=1))
     shown = ranges <= last
     noise = None if method == "music" else known_noise(frame, window_weights("window", "hann", wf.num_samples))
     scale = canvas.scale(power[shown], noise and noise / frame.radar.num_channels, dynamic_range_db)
@@ -104,13 +101,8 @@ def range_angle_map(
     ax = canvas.new_axes() if ax is None else ax
     step = ranges[1] if len(ranges) > 1 else last
     rims = np.clip(np.append(ranges[shown] - 0.5 * step, ranges[shown][-1] + 0.5 * step), 0.0, last)[:, None]
-    picture = ax.pcolormesh(
-        rims * np.sin(sides),
-        rims * np.cos(sides),
-        scale.level_db(power[shown]),
-        rasterized=True,
-        **scale.colors,
-    )
+    x, y = rims * np.sin(sides), rims * np.cos(sides)
+    picture = ax.pcolormesh(x, y, scale.level_db(power[shown]), rasterized=True, **scale.colors)
     reach = last * np.sin(half)
     what = "Pseudo-spectrum" if method == "music" else "Power"
     ax.set(xlim=(reach, -reach), ylim=(0.0, last), aspect="equal", title=f"{what} in front at {frame.time:.3f} s")

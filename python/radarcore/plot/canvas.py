@@ -285,65 +285,44 @@ def stands_out(power: NDArray[Any], axis: int | None = None) -> NDArray[np.bool_
     return np.asarray(is_there if axis is None else is_there.any(axis=axis))
 
 
-def reach(values: NDArray[np.float64], is_there: NDArray[np.bool_], known: Iterable[float], margin: float) -> float:
-    """Largest magnitude of an axis at which something is there or known to be, and a fifth more; inf without any.
+def axis_end(
+    frame: Frame | Recording,
+    quantity: str,
+    most: float | None,
+    values: NDArray[np.float64],
+    is_there: NDArray[np.bool_],
+    detections: Detections | None = None,
+) -> float:
+    """End of an axis of ranges [m] or of velocities, to either side [m/s].
+
+    That is `most`, or a fifth beyond all echoes, detections and bodies. Without truth, as of a sensor, it is the
+    largest value of the radar: weak echoes may be anywhere.
 
     Parameters
     ----------
+    frame : Frame or Recording
+    quantity : "range" or "velocity"
+    most : float or None
     values : (cell,) array
         The axis.
     is_there : (cell,) array of bool
-    known : iterable of float
-        Values that must be in view; NaN is not.
-    margin : float
-        Least room around it.
+        Cells with an echo.
+    detections : Detections, optional
+        They must be in view; NaN is not.
     """
-    magnitudes = [*np.abs(values[is_there]), *(abs(value) for value in known if np.isfinite(value))]
-    largest = max(magnitudes, default=np.inf)
-    return largest + max(0.2 * largest, margin)
-
-
-def last_range(frame: Frame | Recording, max_range: float | None) -> float:
-    """End of the range axis [m]."""
-    unambiguous = frame.radar.waveform.max_range * (2.0 if np.iscomplexobj(frame.cube) else 1.0)
-    return unambiguous if max_range is None else min(check.positive("max_range", max_range, "m"), unambiguous)
-
-
-def range_end(
-    frame: Frame | Recording,
-    max_range: float | None,
-    ranges: NDArray[np.float64],
-    is_there: NDArray[np.bool_],
-    detections: Detections | None = None,
-) -> float:
-    """End of the range axis [m]: `max_range`, or a little beyond all echoes, detections and bodies.
-
-    Without truth, as of a sensor, the largest range of the radar: weak echoes may be anywhere.
-    """
-    last = last_range(frame, max_range)
-    if max_range is not None or frame.truth is None:
-        return last
-    known = [value for value in frame.truth.range.flat if value <= last]
-    known += [] if detections is None else detections.range.tolist()
-    return min(last, reach(ranges, is_there, known, 10.0 * frame.radar.waveform.range_resolution))
-
-
-def velocity_end(
-    frame: Frame | Recording,
-    max_velocity: float | None,
-    velocities: NDArray[np.float64],
-    is_there: NDArray[np.bool_],
-    detections: Detections | None = None,
-) -> float:
-    """End of the velocity axis to either side [m/s], as `range_end`."""
     wf = frame.radar.waveform
-    if max_velocity is not None:
-        return min(check.positive("max_velocity", max_velocity, "m/s"), wf.max_velocity)
+    if quantity == "range":
+        limit, margin = wf.max_range * (2.0 if np.iscomplexobj(frame.cube) else 1.0), 10.0 * wf.range_resolution
+    else:
+        limit, margin = wf.max_velocity, 3.0 * wf.velocity_resolution
+    if most is not None:
+        return min(check.positive(f"max_{quantity}", most, "m" if quantity == "range" else "m/s"), limit)
     if frame.truth is None:
-        return wf.max_velocity
-    known = [value for value in frame.truth.velocity.flat if abs(value) <= wf.max_velocity]
-    known += [] if detections is None else detections.velocity.tolist()
-    return min(wf.max_velocity, reach(velocities, is_there, known, 3.0 * wf.velocity_resolution))
+        return limit
+    known = [getattr(one, quantity).ravel() for one in (frame.truth, detections) if one is not None]
+    sizes = np.abs(np.concatenate([values[is_there], *known]))
+    farthest = max(sizes[sizes <= limit].tolist(), default=limit)
+    return min(limit, farthest + max(0.2 * farthest, margin))
 
 
 def padded(length: int) -> int:

@@ -79,7 +79,7 @@ def range_time(
     )
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
-    end = canvas.range_end(recording, max_range, found.range, canvas.stands_out(found.power, axis=0))
+    end = canvas.axis_end(recording, "range", max_range, found.range, canvas.stands_out(found.power, axis=0))
     title = f"Range{', static echoes removed' if subtract_mean else ''}"
     ax.set(ylim=(0.0, end), title=title, ylabel="Range [m]")
     _draw_truth(ax, recording, "range", names)
@@ -147,7 +147,7 @@ def spectrogram(
     ax = canvas.new_axes() if ax is None else ax
     _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
-    fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
+    fastest = canvas.axis_end(recording, "velocity", max_velocity, found.velocity, is_something)
     fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # less than the waveform's for single-chirp frames
     title = f"Spectrogram{', static echoes removed' if subtract_mean else ''}"
     ax.set(ylim=(-fastest, fastest), title=title, ylabel="Velocity [m/s, receding positive]")
