@@ -15,8 +15,8 @@ from radarcore.geometry.mesh_files import load_mesh as load_mesh
 from radarcore.geometry.mesh_files import load_meshes as load_meshes
 from radarcore.geometry.mesh_report import mesh_report as mesh_report
 from radarcore.geometry.pose import Pose as Pose
-from radarcore.motion.attached import Attached as Attached
 from radarcore.motion.deformation import Deformation as Deformation
+from radarcore.motion.group import Attached as Attached
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.live import Live as Live
 from radarcore.motion.live import LiveGroup as LiveGroup

@@ -19,7 +19,7 @@ from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.images import PlanarDepth, from_coppeliasim
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.live import LiveGroup
 from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body

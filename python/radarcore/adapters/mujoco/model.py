@@ -17,7 +17,7 @@ from radarcore import check, notice
 from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.mujoco.tessellation import kind_of, mesh_of, meshes_of
 from radarcore.geometry.pose import as_pose, transforms
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.live import KEPT, LiveGroup
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
