@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.direction import angles
+from radarcore.geometry.mesh import nearest_point
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at, with_factors
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
@@ -163,6 +164,10 @@ class RecordedTruth:
         return np.where(np.isnan(bent), 0.0, bent)
 
 
+TruthOverTime = MovingTargets | RecordedTruth
+"""Truth that can be asked for any times."""
+
+
 def with_names(truth: Truth, names: Sequence[str]) -> Truth:
     """Truth of the bodies with these names, (frame, body); NaN for those that it does not know."""
     rows = np.full((len(TRUTH_FIELDS), len(truth.range), len(names)), np.nan)
@@ -220,24 +225,5 @@ def nearest_points(places: _Floats, corners: _Floats) -> _Floats:
     limits = cKDTree(corners.reshape(-1, 3)).query(places)[0] + reach
     candidates = tree.query_ball_point(places, limits * (1.0 + 1e-9))
     return np.array(
-        [_nearest_point(place, corners[near]) for place, near in zip(places, candidates, strict=True)]
+        [nearest_point(place, corners[near]) for place, near in zip(places, candidates, strict=True)]
     ).reshape(-1, 3)
-
-
-def _nearest_point(place: _Floats, corners: _Floats) -> _Floats:
-    """The point of triangles (triangle, 3, 3) nearest to a place: on an edge, or inside of one of them."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    along = np.clip(((place - corners) * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
-    on_edges = corners + along[..., None] * edges
-    gaps = np.square(on_edges - place).sum(axis=-1)
-    triangle, edge = np.unravel_index(int(gaps.argmin()), gaps.shape)
-
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    heights = ((place - corners[:, 0]) * normals).sum(axis=-1)
-    feet = place - heights[:, None] * normals
-    sides = (np.cross(edges, feet[:, None] - corners) * normals[:, None]).sum(axis=-1)
-    inside = np.where((sides >= 0.0).all(axis=1), np.square(heights), np.inf)
-    foot = int(inside.argmin())
-    nearest: _Floats = feet[foot] if inside[foot] < gaps[triangle, edge] else on_edges[triangle, edge]
-    return nearest
