@@ -19,6 +19,7 @@ from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
+from radarcore.units import decibels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,7 +193,7 @@ def antenna_pattern(
     for pattern, name in patterns.items():
         for axis, angle_deg in (("azimuth", np.arange(-180.0, 180.5, 0.5)), ("elevation", np.arange(-90.0, 90.5, 0.5))):
             angles = {"azimuth": 0.0, "elevation": 0.0} | {axis: np.deg2rad(angle_deg)}
-            cuts.append((angle_deg, _db(pattern.gain(**angles)), ", ".join(filter(None, (name, axis)))))
+            cuts.append((angle_deg, decibels(pattern.gain(**angles)), ", ".join(filter(None, (name, axis)))))
     ax = _cut_axes(polar) if ax is None else ax
     top = _top(np.concatenate([level for _, level, _ in cuts]))
     for i, (angle_deg, level, label) in enumerate(cuts):
@@ -319,7 +320,7 @@ def rcs(
     depth = check.positive("dynamic_range_db", dynamic_range_db, "dB")
     is_first = ax is None or not ax.lines
     ax = _cut_axes(polar) if ax is None else ax
-    level = _db(sections)
+    level = decibels(sections)
     top = _top(level)
     # The first curve was drawn down to this floor.
     lowest, top = (top - depth, top) if is_first else (ax.get_ylim()[0], max(ax.get_ylim()[1], top))
@@ -348,12 +349,6 @@ def _cut_axes(polar: bool) -> Axes:
         return canvas.new_axes()
     axes: Axes = canvas.new_figure(5.6, 5.4).add_subplot(projection="polar")
     return axes
-
-
-def _db(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    with np.errstate(divide="ignore"):  # nothing is -inf, below the floor
-        level: NDArray[np.float64] = 10.0 * np.log10(power)
-    return level
 
 
 def _top(level: NDArray[np.float64]) -> float:

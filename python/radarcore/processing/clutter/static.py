@@ -190,15 +190,13 @@ def remove_running_mean(
     >>> bool(np.abs(moving.cube[1:]).max() < 0.1 * np.abs(still.cube).max())
     True
     """
+    if isinstance(cube, Recording | Iterator) and time is not None:
+        raise TypeError("time: expected none with frames or a Recording, which have their times")
     if isinstance(cube, Recording):
-        if time is not None:
-            raise TypeError("time: expected none with a Recording, which has its times")
         require_one_waveform(cube.radar)
         moved = remove_running_mean(cube.cube, cube.time, time_constant=time_constant)
         return with_samples(cube, moved, cube.radar)
     if isinstance(cube, Iterator):
-        if time is not None:
-            raise TypeError("time: expected none with frames, which have their times")
         return _moving_frames(cube, check.positive("time_constant", time_constant, "s"))
     if isinstance(cube, Frame):
         raise TypeError("cube: expected a Recording, frames or a cube of several frames, got one Frame")

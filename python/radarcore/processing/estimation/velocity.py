@@ -28,7 +28,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
-from radarcore.units import SPEED_OF_LIGHT
+from radarcore.units import SPEED_OF_LIGHT, decibels
 
 Array = NDArray[np.float64]
 
@@ -441,8 +441,7 @@ def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | 
 def _estimate(given: _Input, rows: list[_Row], bound: Callable[..., CramerRaoBound]) -> VelocityEstimate:
     """Estimates with the deviations of the bound at their SNR: numbers of one frame, arrays of several."""
     distance, velocity, ratio = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    with np.errstate(divide="ignore"):  # -inf for an echo without power
-        snr_db = 10.0 * np.log10(ratio)
+    snr_db = decibels(ratio)
     least = bound(snr_db, is_real=not np.iscomplexobj(given.samples), num_channels=given.samples.shape[1])
     columns = distance, velocity, least.range, least.velocity, snr_db
     return VelocityEstimate(*(column.item() if given.is_one else column for column in columns))
