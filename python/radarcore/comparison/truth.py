@@ -122,15 +122,13 @@ class RecordedTruth:
         self.names: tuple[str, ...] = truth.names
 
     @property
-    def span(self) -> tuple[float, float] | None:
-        """Times of the first and the last frame [s]; None without frames."""
-        return (float(self.times[0]), float(self.times[-1])) if len(self.times) > 0 else None
+    def span(self) -> tuple[float, float]:
+        """Times of the first and the last frame [s]."""
+        return float(self.times[0]), float(self.times[-1])
 
     def at(self, times: ArrayLike) -> Truth:
         """Truth at times of the common base [s]; NaN beyond the frames, in gaps, and where a neighbour has none."""
         wanted = check.numbers("times", times)
-        if len(self.times) == 0:
-            return Truth(self.names, *np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan))
         right = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))
         left, right = right - 1, np.minimum(right, len(self.times) - 1)
         step = self.times[right] - self.times[left]

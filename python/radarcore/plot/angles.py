@@ -58,7 +58,7 @@ def range_angle_map(
     method, elevation, num_sources, channel_phase
         As in `radarcore.range_angle`; one elevation [rad].
     field_of_view_deg : float
-        Width of the sector shown [degrees], at most 180.
+        Width of the sector shown [degrees], 1 to 180.
     dynamic_range_db : float or None
         Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from radarcore.processing.detection.point_cloud import Detections
 
+Floats = NDArray[np.float64]
+
 _MISS = "0.82"
 """Grey of pixels without a value."""
 
@@ -147,11 +149,7 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
 
 
 def line_name(
-    text: str,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    limits: tuple[float, float] = (-np.inf, np.inf),
-    color: str = GREY,
+    text: str, x: Floats, y: Floats, limits: tuple[float, float] = (-np.inf, np.inf), color: str = GREY
 ) -> list[Name]:
     """The name in the middle of the part of a line whose y is within limits; none where no part is."""
     (shown,) = np.nonzero((y >= limits[0]) & (y <= limits[1]))
@@ -215,7 +213,7 @@ def _place_names(ax: Axes, names: Sequence[Name], outline: str, dpi: float) -> N
         taken.append(box)
 
 
-def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
+def _corners_drawn(ax: Axes) -> Floats:
     """Points along all lines and corners of outlines, (n, 2) pixels; NaN where a line is interrupted."""
     paths = [line.get_path() for line in ax.lines]
     lines = [ax.transData.transform(path.interpolated(_PER_SEGMENT).vertices) for path in paths if len(path) > 0]
@@ -242,7 +240,7 @@ class Scale(NamedTuple):
         """Arguments of matplotlib for pictures of levels."""
         return {"cmap": color_map("inferno"), "vmin": self.low, "vmax": self.high}
 
-    def level_db(self, power: NDArray[Any]) -> NDArray[np.float64]:
+    def level_db(self, power: NDArray[Any]) -> Floats:
         """Levels, not below the lowest [dB]; silence lies there."""
         relative = np.asarray(power, dtype=np.float64) / self.reference
         return np.asarray(10.0 * np.log10(np.maximum(relative, 10.0 ** (self.low / 10.0))))
@@ -289,7 +287,7 @@ def axis_end(
     frame: Frame | Recording,
     quantity: str,
     most: float | None,
-    values: NDArray[np.float64],
+    values: Floats,
     is_there: NDArray[np.bool_],
     detections: Detections | None = None,
 ) -> float:
@@ -330,7 +328,7 @@ def padded(length: int) -> int:
     return max(length, min(4 * length, 2048)) | 1
 
 
-def edges(centres: NDArray[np.float64], width: float) -> tuple[float, float]:
+def edges(centres: Floats, width: float) -> tuple[float, float]:
     """Outer edges of equal cells; `width` is that of a single one."""
     half = 0.5 * (centres[1] - centres[0] if len(centres) > 1 else width)
     return float(centres[0] - half), float(centres[-1] + half)
