@@ -20,10 +20,10 @@ WORKERS = $(shell $(PYTHON) -c "import os; print((3 * os.cpu_count() + 1) // 2)"
 # What `make test` runs.
 CHECKS = layout lint-python tests-rust tests-python levels lint-rust types benches-python wheel-check
 
-# Lower instruction sets for the kernel tests, and the Python tests that detect a wrong sum.
-LOWER_LEVELS = $(if $(filter x86_64 amd64,$(shell uname -m)),baseline avx2)
+# Kernel tests, and the Python tests that detect a wrong sum, for the instruction sets below the machine's.
 KERNELS = numeric:: paths:: scattering:: synthesis::
-OF_LEVELS = tests/boundary $(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
+OF_LEVELS = $(addprefix tests/boundary/test_core_,extremes.py receive.py threads.py) \
+	$(addprefix tests/simulate/test_,closed_forms.py exact_surfaces.py beat.py synthesis.py)
 
 # Older versions of make cannot keep the outputs of two commands apart.
 IN_PIECES = $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
@@ -90,9 +90,11 @@ tests-rust: $(VENV)/created
 	@cargo test --quiet --locked --profile dev --test '*' --benches -- --test
 	@cargo test --quiet --locked --profile dev --doc
 
-# Most kernel tests loop over the levels themselves; the others and the user-level tests run once more at each.
+# Most kernel tests loop over the levels themselves; the others and the user-level tests run once more at each level
+# that the machine has below its highest, which all other checks use.
 levels: $(VENV)/dev $(VENV)/built | tests-rust tests-python
-	@set -e; for level in $(LOWER_LEVELS); do \
+	@set -e; levels=$$($(BIN)/python -c "from radarcore import _core; print(*_core.levels()[:-1])"); \
+	for level in $$levels; do \
 		echo "-- tests: kernels, at most $$level"; \
 		RADARCORE_SIMD=$$level cargo test --quiet --locked --lib -- $(KERNELS) --skip every_level; \
 		RADARCORE_SIMD=$$level $(BIN)/python -m pytest --quiet --numprocesses=$(WORKERS) $(OF_LEVELS); \

@@ -49,13 +49,13 @@ def works() -> dict[str, Callable[[], object]]:
         rc.Scene([*rc.models.Human().bodies(), *points]), rc.bgt60tr13c(num_chirps=128, max_velocity=5.0)
     )
     large = rc.Simulator(rc.Scene(points), rc.Radar(fast, **array, receiver=receiver))
-    recording = small.record(0.0, 0.5)
+    recording = small.record(0.0, 0.2)
     rng = np.random.default_rng(1)
     channels = rng.normal(size=(2000, 12)) + 1j
     times = np.arange(0.0, 60.0, 0.01)
     walk = np.cos(times**1.5)
     found: dict[str, Callable[[], object]] = {
-        "record": lambda: small.record(0.0, 0.5),
+        "record": lambda: small.record(0.0, 0.2),
         "track": lambda: rc.track(recording, smooth=True),
         "spectrogram": lambda: rc.spectrogram(recording, subtract_mean=True),
         "directions": lambda: rc.directions(channels, large.radar, snr_db=np.full(2000, 20.0)),

@@ -24,8 +24,8 @@ WAVEFORM: dict[str, Any] = {
 DELAY = np.full((2, 3), 1e-8)
 AMPLITUDE = np.ones((2, 3), complex)
 
-# Two squares that face the sensor, one body at x = 2 m.
-VERTICES = np.array([[0.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (-0.5, 0.5)])
+# Two small squares that face the sensor, one body at x = 2 m: matt bodies take points by their area.
+VERTICES = np.array([[0.0, y, z] for y in (-0.2, 0.0, 0.2) for z in (-0.1, 0.1)])
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [2, 3, 5], [2, 5, 4]], np.uint32)
 POSES = np.array([[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]])
 IMAGE: dict[str, Any] = {"rows": 20, "columns": 30, "half_width": 0.5, "half_height": 0.5}

@@ -9,6 +9,7 @@ import hashlib
 import json
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +62,7 @@ def sums() -> dict[str, Any]:
 
 
 def frames() -> dict[str, Any]:
-    """Frames of every sampling, hits, noise, far fields and tracks."""
+    """Frames of every sampling, hits, noise and far fields."""
     radar = replace(rc.bgt60tr13c(num_chirps=32, num_samples=64), receiver=None)
     results: dict[str, Any] = {"frames": {}}
     for name, settings in (
@@ -75,8 +76,6 @@ def frames() -> dict[str, Any]:
         cube = recording.cube.astype(np.complex128)
         some = cube.ravel()[:: cube.size // 50] / np.sqrt(np.mean(np.abs(cube) ** 2))
         results["frames"][name] = digest(cube), np.stack([some.real, some.imag], axis=1).ravel().tolist()
-        if name == "adaptive":
-            list(rc.track(recording))
     image = sim.depth_image(0.0)
     results["hits"] = digest(image.distance, image.body)
     results["noise"] = digest(_core.normal(1000, seed=1, start=0.0))
@@ -84,25 +83,33 @@ def frames() -> dict[str, Any]:
     return results
 
 
-def degenerate(folder: Path) -> dict[str, Any]:
-    """Thousands of equal triangles, and a polygon of thousands of corners from a file."""
-    equal = np.tile([[0, 1, 2]], (3000, 1))
-    mesh = rc.Mesh(np.eye(3), equal)
+def equal_triangles() -> dict[str, Any]:
+    """A frame of thousands of equal triangles."""
+    mesh = rc.Mesh(np.eye(3), np.tile([[0, 1, 2]], (3000, 1)))
     rc.Simulator(rc.Scene([rc.Body(mesh, motion=rc.Pose([2.0, 0.0, 0.0]))]), rc.bgt60tr13c(num_chirps=4)).frame(0.0)
+    return {}
+
+
+def without_kernels(folder: Path) -> dict[str, Any]:
+    """A polygon of thousands of corners from a file, and tracks: equal at every level."""
     angles = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
     radii = np.where(np.arange(4000) % 2, 1.0, 0.5)
     corners = np.stack([np.zeros(4000), radii * np.cos(angles), radii * np.sin(angles)], axis=1)
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f " + " ".join(str(i + 1) for i in range(4000))]
     path = folder / "star.obj"
     path.write_text("\n".join(lines))
-    return {"triangles": len(rc.load_mesh(path).triangles)}
+    tracks = list(rc.track(rc.Simulator(scene(), rc.bgt60tr13c()).record(0.0, 0.1, 40.0, progress=False)))
+    return {"triangles": len(rc.load_mesh(path).triangles), "tracks": len(tracks)}
 
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     found: dict[str, Any] = {"level": _core.levels()[-1]}
     threading.stack_size(STACK)
+    works: list[Callable[[], dict[str, Any]]] = [sums, frames, equal_triangles]
+    if found["level"] == "baseline":
+        works.append(lambda: without_kernels(folder))
     with ThreadPoolExecutor(1) as thread:
-        for work in (sums, frames, lambda: degenerate(folder)):
+        for work in works:
             found |= thread.submit(work).result()
     (folder / "found.json").write_text(json.dumps(found))

@@ -53,6 +53,11 @@ class Receivers:
         return np.clip(np.rint(codes), 0, 4095).astype(np.uint16)
 
 
+def noise_codes(shape: tuple[int, ...], index: int) -> NDArray[np.uint16]:
+    """Codes of a frame without echoes, for a `ComLibDouble`."""
+    return np.random.default_rng(index).normal(MIDDLE, 1.1, shape).astype(np.uint16)
+
+
 def controller(receivers: Receivers | None = None, **options: Any) -> Controller:
     """Board with a BGT60TR13C; as fast as the host reads, where no `speed` is given."""
     source = Receivers() if receivers is None else receivers

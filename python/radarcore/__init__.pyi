@@ -15,8 +15,8 @@ from radarcore.geometry.mesh_files import load_mesh as load_mesh
 from radarcore.geometry.mesh_files import load_meshes as load_meshes
 from radarcore.geometry.mesh_report import mesh_report as mesh_report
 from radarcore.geometry.pose import Pose as Pose
-from radarcore.motion.attached import Attached as Attached
 from radarcore.motion.deformation import Deformation as Deformation
+from radarcore.motion.group import Attached as Attached
 from radarcore.motion.linear import Linear as Linear
 from radarcore.motion.live import Live as Live
 from radarcore.motion.live import LiveGroup as LiveGroup
@@ -57,8 +57,8 @@ from radarcore.radar.schedule import Schedule as Schedule
 from radarcore.radar.waveform import Waveform as Waveform
 from radarcore.recording.frame import Frame as Frame
 from radarcore.recording.frame import Truth as Truth
+from radarcore.recording.native import RecordingWriter as RecordingWriter
 from radarcore.recording.recording import Recording as Recording
-from radarcore.recording.writer import RecordingWriter as RecordingWriter
 from radarcore.scene.body import Body as Body
 from radarcore.scene.body import PointTarget as PointTarget
 from radarcore.scene.interferer import Interferer as Interferer

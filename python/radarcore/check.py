@@ -281,13 +281,13 @@ def increasing(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return times
 
 
-def in_order(name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times [s] made read-only, or a ValueError where one is not after that before it."""
-    if not (np.diff(times) > 0.0).all():
-        k = int((np.diff(times) <= 0.0).argmax())
-        pair = f"{times[k]:.15g} and then {times[k + 1]:.15g} at index {k + 1}"  # with all digits of an epoch
-        raise ValueError(f"{name}: expected increasing times [s], got {pair}")
-    return frozen(times)
+def in_order(name: str, values: NDArray[np.float64], kind: str = "times [s]") -> NDArray[np.float64]:
+    """Values made read-only, or a ValueError where one does not exceed the value before it."""
+    if not (np.diff(values) > 0.0).all():
+        k = int((np.diff(values) <= 0.0).argmax())
+        pair = f"{values[k]:.15g} and then {values[k + 1]:.15g} at index {k + 1}"  # with all digits of an epoch
+        raise ValueError(f"{name}: expected increasing {kind}, got {pair}")
+    return frozen(values)
 
 
 def frozen(values: NDArray[_Scalar]) -> NDArray[_Scalar]:

@@ -30,6 +30,12 @@ def power_from_dbm(level_dbm: float) -> float:
     return 1e-3 * power_from_db(level_dbm)
 
 
+def decibels(power: ArrayLike) -> NDArray[np.float64]:
+    """Level of a power ratio in dB; -inf of none."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(10.0 * np.log10(power))
+
+
 def db_from_amplitude(amplitude: ArrayLike, floor_db: float = -400.0) -> NDArray[np.float64]:
     """Level in dB of an amplitude (20 log10), never below `floor_db`: zeros do not become -inf."""
     magnitude = np.abs(np.asarray(amplitude))

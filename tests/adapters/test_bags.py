@@ -19,7 +19,6 @@ import pytest
 pytest.importorskip("rosbags", reason="needs the extra `ros`: pip install radarcore[ros]")
 
 from full_disk import largest_file
-from radarcore.adapters.ros import bags as bags_module
 from radarcore.adapters.ros import cut_mcap
 from radarcore.adapters.ros.bag_writer import BagWriter
 from radarcore.adapters.ros.bags import BagReader, Topic, is_bag, typed, typestore
@@ -231,28 +230,17 @@ def test_other_cut_bags_are_refused_with_the_command_that_mends_them(
         BagReader(path)
 
 
-@pytest.mark.parametrize("kind", ["ros1", "mcap", "mcap without index", "message"])
+@pytest.mark.parametrize("kind", ["mcap", "mcap without index", "message"])
 def test_small_bags_do_not_fill_the_memory(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """40 MB of zeros, packed into some kilobytes, or 160 by LZ4, are refused before they are unpacked."""
-    for module in (bags_module, cut_mcap):
-        monkeypatch.setattr(module, "MOST_UNPACKED", 1 << 22)
-    if kind == "ros1":
-        from rosbags.rosbag1 import Writer as Writer1
-        from rosbags.typesys import Stores, get_typestore
+    """40 MB of zeros, packed into some kilobytes, are refused before they are unpacked."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-        store = get_typestore(Stores.ROS1_NOETIC)
-        bag = Writer1(path := tmp_path / "small.bag")
-        bag.set_compression(bag.CompressionFormat.LZ4)
-    else:
-        from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-        from rosbags.rosbag2 import Writer as Writer2
-
-        store = typestore()
-        bag = Writer2(path := tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP)
-        mode = CompressionMode.MESSAGE if kind == "message" else CompressionMode.STORAGE
-        bag.set_compression(mode, CompressionFormat.ZSTD)
+    monkeypatch.setattr(cut_mcap, "MOST_UNPACKED", 1 << 22)
+    bag = Writer(path := tmp_path / "small", version=9, storage_plugin=StoragePlugin.MCAP)
+    mode = CompressionMode.MESSAGE if kind == "message" else CompressionMode.STORAGE
+    bag.set_compression(mode, CompressionFormat.ZSTD)
     with bag:
-        connection = bag.add_connection("/array", ARRAY, typestore=store)
+        connection = bag.add_connection("/array", ARRAY, typestore=typestore())
         bag.write(connection, START_NS, bytes(40_000_000))
     if kind == "message":
         (path,) = path.glob("*.mcap")

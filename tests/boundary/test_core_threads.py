@@ -33,7 +33,7 @@ from radarcore import _core
 
 def test_threads_do_not_change_a_bit() -> None:
     rng = np.random.default_rng(1)
-    vertices = np.concatenate([VERTICES, rng.uniform(-1.0, 1.0, (24, 3))])
+    vertices = np.concatenate([VERTICES, rng.uniform(-0.6, 0.6, (24, 3))])
     triangles = np.concatenate([TRIANGLES, np.arange(6, 30, dtype=np.uint32).reshape(8, 3)])
     body = surface(vertices, triangles, crease_angle=0.8)
     two = POSES + np.array([0.0, 0.0, 0.0, -0.5]) * np.arange(2)[:, None, None]
@@ -45,7 +45,7 @@ def test_threads_do_not_change_a_bit() -> None:
         placement(0.0 * SENSOR, nodes[:1] - nodes[2:3], 0.0 * points[:1]),
     )
     world = scene([body, SURFACE], rcs=np.ones(7), point_numbers=list(range(2, 9)))
-    materials, plane = [MATERIAL, GLASS], (67, 91, 0.5, 0.5)
+    materials, plane = [MATERIAL, GLASS], (67, 91, 0.3, 0.3)
 
     def everything(threads: int | None) -> list[NDArray[Any]]:
         sim = simulator(world, materials, threads=threads, rays=plane, image=plane, method="auto")

@@ -15,16 +15,16 @@ from cyclopts import App
 
 import radarcore as rc
 from doubles.boards import CLI, SWING, Numbered, python
+from doubles.comlib_boards import ComLibDouble
 from radarcore.cli.board_settings import NOT_SET, BoardSettings, radar_of, sight
 from radarcore.cli.main import main
 from radarcore.sensor import open_sensor, virtual_board
 from radarcore.sensor.bgt60.settings import Settings
 from radarcore.sensor.device import Sensor
-from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard
 from radarcore.sensor.transport import ports
-from selftest_boards import Receivers, controller
+from selftest_boards import Receivers, controller, noise_codes
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")
 
@@ -116,7 +116,7 @@ def test_view_writes_pictures_of_a_port_and_a_scene(port, capsys, tmp_path, scen
 
 
 def test_gain_is_refused_where_a_board_has_none(capsys, tmp_path):
-    with virtual_board(Numbered(), protocol="comlib", speed=None) as board, PtyPort(board) as port:
+    with PtyPort(ComLibDouble()) as port:
         assert main(["sensor", "record", port.path, "-o", str(tmp_path / "rec"), "--frames", "1", "--gain", "33"]) == 1
     expected = "radarcore: --gain: expected an option of BGT60TR24B (rx_mask or tx_power), got 33\n"
     assert capsys.readouterr().err == expected
@@ -282,7 +282,7 @@ def test_board_with_a_fault_fails_and_says_how_to_report_it(capsys, tmp_path):
 
 
 def test_board_with_comlib_is_tested_as_far_as_its_protocol_goes(capsys):
-    with PtyPort(ComLibEmulator(Receivers(), speed=1.0)) as pty:
+    with PtyPort(ComLibDouble(noise_codes, clock=time.monotonic)) as pty:
         main(["sensor", "selftest", pty.path, "--duration", "0.4"])  # a busy host may see another rate
     text = capsys.readouterr().out
     assert "SKIP  registers              not in the protocol of this board\n" in text

@@ -182,18 +182,18 @@ def test_recordings_of_other_scenes_have_targets_of_their_own(simulated: rc.Reco
 
 
 def test_what_leaves_tables_empty_is_warned_of(simulated: rc.Recording) -> None:
+    some = simulated[:5]
     with pytest.warns(UserWarning, match="offset: expected recordings with times in common, got A from 0.00"):
-        compare(simulated, simulated, offset=1e4)
-    short = rc.Recording(simulated.cube[:2], simulated.time[:2], RADAR, truth=simulated.truth[:2])
+        compare(some, some, offset=1e4)
     with pytest.warns(UserWarning, match="^A: expected at least one track, got none in 2 frames"):
-        compare(short)
+        compare(simulated[:2])
     with pytest.warns(UserWarning, match="truth: expected some body before the radar at the times of A from"):
-        compare(simulated, truth={"ball": rc.Pose([-2.0, 0.0, 0.0])})
+        compare(some, truth={"ball": rc.Pose([-2.0, 0.0, 0.0])})
     with pytest.warns(UserWarning, match="got 2200 m or more; are its lengths in metres?"):
-        compare(simulated, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])})
+        compare(some, truth={"ball": rc.Pose([2200.0, 0.0, 0.0])})
     # I/Q samples reach twice as far.
     assert WF.max_range < 15.0 < RADAR.max_unambiguous_range
-    compare(simulated, truth={"ball": rc.Pose([15.0, 0.0, 0.0])})
+    compare(some, truth={"ball": rc.Pose([15.0, 0.0, 0.0])})
 
 
 def test_radar_without_velocities_is_compared_in_range(tmp_path: Path) -> None:
@@ -268,4 +268,4 @@ def test_refusals_say_what_was_expected(
     simulated: rc.Recording, call: Callable[[rc.Recording], object], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        call(simulated)
+        call(simulated[:5])

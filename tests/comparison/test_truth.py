@@ -7,7 +7,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.comparison.truth import MovingTargets, RecordedTruth, nearest_points
-from radarcore.motion.attached import Inverse
+from radarcore.motion.group import Inverse
 
 TIMES = np.array([0.0, 0.1, 0.35])
 NAN = np.nan

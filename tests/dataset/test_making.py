@@ -69,53 +69,30 @@ def test_processes_threads_and_any_order_make_the_same_files(serial: rc.dataset.
         assert digests(scene.parent / name) == expected
 
 
-KILLED = """
-import os, sys
-from pathlib import Path
-import zarr
-import radarcore as rc
-import radarcore.dataset.making
-scene, folder = sys.argv[1], Path(sys.argv[2])
-settings = {"count": 3, "seed": 3, "samples_per_shard": 2, "workers": 1, "progress": False, "resume": True}
-replace = Path.replace
+def test_run_that_is_killed_at_any_write_is_open_and_resumes_to_the_same_files(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every chunk is written beside its place and renamed: the folder is kept as it is before each of these steps."""
+    target, replace, left = tmp_path / "set", Path.replace, []
 
+    def kept(self: Path, to: Path) -> Path:
+        if self.name.endswith(".partial") and target.exists():
+            left.append(Path(shutil.copytree(target, tmp_path / str(len(left)))))
+        return replace(self, to)
 
-def make_and_die(number):
-    def dying(self, target):
-        if self.name.endswith(".partial") and str(folder / f"{number}.part") not in str(self) and left.pop() == 0:
-            os._exit(9)
-        return replace(self, target)
-
-    left = list(range(number + 1))
-    Path.replace = dying
-    rc.dataset.make(scene, folder / str(number), **settings)
-    os._exit(0)
-
-
-# Each child is a copy of a process that has neither simulated nor written, and so has no threads yet.
-for number in range(1000):
-    if (child := os.fork()) == 0:
-        make_and_die(number)
-    if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0:
-        print(number)
-        break
-"""
-
-
-def test_run_that_is_killed_at_any_write_is_open_and_resumes_to_the_same_files(scene: Path, tmp_path: Path) -> None:
-    """Every chunk is written beside its place and renamed: the process ends before each of these steps in turn."""
-    command = [sys.executable, "-c", KILLED, str(scene), str(tmp_path)]
-    whole = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-    expected = rc.dataset.open_dataset(tmp_path / str(whole))
-    assert whole == 2 * len(expected.names), "a write for every variable of two shards"
-    for number in range(whole):
-        opened = rc.dataset.open_dataset(tmp_path / str(number))
+    settings = {"count": 3, "seed": 3, "samples_per_shard": 2, "workers": 1}
+    monkeypatch.setattr(Path, "replace", kept)
+    expected = rc.dataset.make(scene, target, **settings)
+    monkeypatch.undo()
+    assert len(left) == 2 * len(expected.names), "a write for every variable of two shards"
+    for folder in left:
+        opened = rc.dataset.open_dataset(folder)
         for index in opened.made.tolist():
             for name, values in expected[index].items():
                 np.testing.assert_array_equal(opened[index][name], values)
-        assert rc.dataset.verify(opened.path, again=0).is_good
-        rc.dataset.make(scene, opened.path, count=3, seed=3, samples_per_shard=2, workers=1, resume=True)
-        assert digests(opened.path) == digests(expected.path)
+        assert rc.dataset.verify(folder, again=0).is_good
+        rc.dataset.make(scene, folder, **settings, resume=True)
+        assert digests(folder) == digests(expected.path)
 
 
 SLOW = """

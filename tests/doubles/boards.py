@@ -92,15 +92,10 @@ def plugged(controller: Controller, transport: str) -> Iterator[tuple[dict[str, 
             yield {"port": port.path}, board
     else:
         bus = EmulatedBus()
-        board: Any = VendorBoard(controller) if transport == "vendor" else CdcBoard(controller)
-        device = vendor_device(board) if transport == "vendor" else cdc_device(board)
-        bus.plug(device)
-
-        def replug() -> None:
-            board.plug()
-            bus.plug(device)
-
-        board.replug = replug
+        kind, device_of = (VendorBoard, vendor_device) if transport == "vendor" else (CdcBoard, cdc_device)
+        board: Any = kind(controller)
+        bus.plug(device_of(board))
+        board.replug = lambda: bus.plug(device_of(kind(controller)))
         yield {"usb_backend": bus}, board
     controller.close()
 

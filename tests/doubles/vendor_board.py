@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from doubles.usb_bus import Stall
 from radarcore.sensor.emulator.pty import Unplugged
 from radarcore.sensor.emulator.strata import Controller
@@ -16,29 +18,30 @@ class VendorBoard:
         self.controller = controller
         self._is_gone = False
         self._answer: tuple[tuple[int, int, int], Response] | None = None
+        self._last = Response(Kind.WRITE, 0)
 
     def control_out(self, request_type: int, request: int, value: int, index: int, data: bytes) -> None:
         """A write, or the first half of a transfer."""
         self._check()
         asked = Request(request_type, request, value, index, len(data), data)
-        response = self.controller.handle(asked)
+        self._last = self.controller.handle(asked)
         if request_type == Kind.TRANSFER:
-            self._answer = ((request, value, index), response)
+            self._answer = ((request, value, index), self._last)
 
     def control_in(self, request_type: int, request: int, value: int, index: int, length: int) -> bytes:
         """A read, the second half of a transfer, or the status of what was before."""
         self._check()
         if (request_type, request, value) == (Kind.READ, Code.BOARD_INFO, Info.STATUS):
-            return self.controller.last_status
+            return packets.encode_response(replace(self._last, payload=b""))[:4]
         if request_type == Kind.FETCH:
             answer, self._answer = self._answer, None
             if answer is None or answer[0] != (request, value, index) or answer[1].status != 0:
                 raise Stall
             return answer[1].payload[:length]
-        response = self.controller.handle(Request(request_type, request, value, index, length, b""))
-        if response.status != 0:
+        self._last = self.controller.handle(Request(request_type, request, value, index, length, b""))
+        if self._last.status != 0:
             raise Stall
-        return response.payload
+        return self._last.payload
 
     def send(self, size: int, timeout: float) -> bytes:
         """Data packet."""
@@ -58,11 +61,6 @@ class VendorBoard:
         self._is_gone = True
         with self.controller.arrived:
             self.controller.arrived.notify_all()
-
-    def plug(self) -> None:
-        """The board is back, as after power-up."""
-        self.controller.power_up()
-        self._is_gone = False
 
     def _check(self) -> None:
         if self._is_gone:

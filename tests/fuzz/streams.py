@@ -12,14 +12,13 @@ from typing import Any
 from unittest.mock import patch
 
 from doubles.boards import Numbered
-from doubles.comlib_boards import Pipe, Ramp
+from doubles.comlib_boards import ComLibDouble, Pipe
 from doubles.comlib_boards import radar as comlib_radar
 from fuzz.cases import Case, damaged, damaged_tree, json_bytes
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.sensor.comlib import messages as comlib
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.emulator.comlib import ComLibEmulator
-from radarcore.sensor.emulator.strata import CdcBoard, Controller
+from radarcore.sensor.emulator.strata import CdcBoard, Controller, slice_size_of
 from radarcore.sensor.errors import ProtocolError, RequestError
 from radarcore.sensor.interface import Board, Damage
 from radarcore.sensor.strata import packets
@@ -88,16 +87,15 @@ def read_stream(folder: Path) -> None:
                 elif not isinstance(item, Damage):
                     payloads.append(item.payload)
         assert num_bytes <= len(data)
-    for number_of_endpoints in ((), (3,)):
-        comlib_parser = comlib.Parser(*number_of_endpoints)
-        for number, piece in enumerate(_pieces(data)):
-            messages = [item for item in comlib_parser.feed(piece) if isinstance(item, comlib.Message)]
-            payloads += [message.payload for message in messages]
-            assert len(comlib_parser._buffer) <= 65541
-            if number % 3 == 2:  # a silence
-                comlib_parser.reset()
-        comlib_parser.reset()
-        assert comlib_parser.feed(comlib.Message(1, b"\x22").encode()) == [comlib.Message(1, b"\x22")]
+    comlib_parser = comlib.Parser()
+    for number, piece in enumerate(_pieces(data)):
+        messages = [item for item in comlib_parser.feed(piece) if isinstance(item, comlib.Message)]
+        payloads += [message.payload for message in messages]
+        assert len(comlib_parser._buffer) <= 65541
+        if number % 3 == 2:  # a silence
+            comlib_parser.reset()
+    comlib_parser.reset()
+    assert comlib_parser.feed(comlib.Message(1, b"\x22").encode()) == [comlib.Message(1, b"\x22")]
     for payload in payloads:
         for decode in DECODERS:
             with suppress(ProtocolError, RequestError):
@@ -106,10 +104,10 @@ def read_stream(folder: Path) -> None:
 
 DECODERS: Any = (
     *(packets.decode_data, packets.Version.decode, packets.decode_board_info, packets.decode_text, packets.uuid_text),
-    *(packets.decode_values, packets.decode_commands, packets.decode_data_configuration),
+    *(packets.decode_values, packets.decode_commands, slice_size_of),
     lambda payload: [endpoint.letters for endpoint in comlib.decode_endpoints(payload)],
     *(comlib.Firmware.decode, comlib.Info.decode, comlib.Format.decode, comlib.FmcwSettings.decode),
-    *(comlib.AdcSettings.decode, comlib.Temperature.decode, comlib.decode_byte, comlib.decode_number),
+    *(comlib.AdcSettings.decode, comlib.Temperature.decode, comlib.decode_number),
     comlib.Frame.decode,
 )
 
@@ -154,7 +152,7 @@ def capture_seeds() -> list[Case]:
             _talk(StrataBoard(strata_stream.StreamLink(Capture(Pipe(CdcBoard(controller)), path))), STRATA_RADAR)
         controller.close()
         strata = path.read_bytes()
-        _talk(ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path), timeout=0.1, board_timeout=0.2), COMLIB_RADAR)
+        _talk(ComLibBoard(Capture(Pipe(ComLibDouble()), path), timeout=0.1, board_timeout=0.2), COMLIB_RADAR)
         both = [b"\n".join(data.splitlines()[:300]) + b"\n" for data in (strata, path.read_bytes())]
     return [{"capture.jsonl": data} for data in both]
 

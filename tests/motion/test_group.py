@@ -11,8 +11,7 @@ import pytest
 
 import radarcore as rc
 from radarcore.models.robots.arm import RobotArm
-from radarcore.motion.attached import Inverse
-from radarcore.motion.group import Motions, is_static
+from radarcore.motion.group import Inverse, Motions, is_static
 from radarcore.motion.protocol import FunctionMotion, derivative, poses_at
 
 TIMES = np.array([0.2, 0.9, 1.7])

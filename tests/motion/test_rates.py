@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.motion.attached import Inverse
-from radarcore.motion.group import Motions
+from radarcore.motion.group import Inverse, Motions
 from radarcore.motion.protocol import FunctionMotion, poses_at
 
 # Without a choice, motions say once that they go on at the velocity of their end.

@@ -85,7 +85,7 @@ def test_experiment_of_one_measured_frame_and_an_empty_scene() -> None:
 def test_name_of_a_point_out_of_view_is_left_out() -> None:
     ax = canvas.new_axes()
     ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
-    canvas.place_names(ax, [canvas.Name(0.1, 0.5, "wall", "k"), canvas.Name(3.0, 0.5, "far", "k")])
+    canvas.place_names((ax, [canvas.Name(0.1, 0.5, "wall", "k"), canvas.Name(3.0, 0.5, "far", "k")], "black"))
     (name,) = ax.texts
     assert name.get_text() == "wall"
 

@@ -452,11 +452,17 @@ def test_paced_frames_come_no_faster_than_their_times() -> None:
 
 
 def test_key_shows_what_is_static() -> None:
-    def frames(canvas: Any) -> Iterator[Frame]:
-        yield from approach(3)
-        while not any("frame 2" in text.get_text() for ax in canvas.figure.axes for text in list(ax.texts)):
-            time.sleep(0.01)
-        canvas.callbacks.process("key_press_event", backend_bases.KeyEvent("key_press_event", canvas, "m"))
+    pressed = []
+
+    def frames(canvas: Any) -> list[Frame]:
+        def events(_: float) -> None:  # in the thread of the window, as those of a user
+            shown = [text.get_text() for ax in canvas.figure.axes for text in ax.texts]
+            if not pressed and any("frame 2" in text for text in shown):
+                pressed.append("m")
+                canvas.callbacks.process("key_press_event", backend_bases.KeyEvent("key_press_event", canvas, "m"))
+
+        canvas.start_event_loop = events
+        return approach(3)
 
     _, live = play(frames)
     assert live is not None

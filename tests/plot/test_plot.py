@@ -64,7 +64,7 @@ ARM = r"estimates\['arm'\]"
 REFUSED: list[tuple[Any, type[Exception], str]] = [
     (lambda: plot.chirp(frame(), channel=1), ValueError, "channel: expected an index below 1, got 1"),
     (lambda: picture(np.ones(3), 60, 60), ValueError, r"image: expected arrays of shape \(row, column\), got \(3,\)"),
-    (lambda: picture(np.ones((3, 3)), 180, 60), ValueError, "field_of_view_deg: expected two angles between 0 and 180"),
+    (lambda: picture(np.ones((3, 3)), 180, 60), ValueError, "field_of_view_deg: expected angles between 0 and 180"),
     (lambda: plot.range_time(recording([])), ValueError, "recording: expected at least one frame, got none"),
     (lambda: plot.range_time(recording(), names=["leg"]), KeyError, "no truth of 'leg'; there is wall, arm"),
     (

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from radarcore import processing
 
 WIDE = {"start_frequency": 58e9, "stop_frequency": 63.5e9, "num_samples": 64}
 """Sweep of the chip's settings at power-up."""
@@ -21,6 +22,13 @@ def measured(*points: rc.PointTarget, num_chirps: int = 16, **settings: Any) -> 
     """Simulator of the chip's whole chain, leakage and codes included."""
     radar = rc.bgt60tr13c(receiver="measured", if_gain_db=23, num_chirps=num_chirps, **settings)
     return rc.Simulator(rc.Scene(list(points)), radar)
+
+
+def peak_of(frame: rc.Frame, **limits: float) -> processing.Peak:
+    """The strongest peak, which there is."""
+    peak = rc.strongest_peak(frame, **limits)  # type: ignore[arg-type]
+    assert peak is not None
+    return peak
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +44,7 @@ def real() -> rc.Recording:
 @pytest.mark.parametrize("settings", [{}, WIDE], ids=["1 GHz", "5.5 GHz"])
 def test_leakage_alone_is_no_peak(settings: dict[str, Any]) -> None:
     frame = measured(**settings).frame()
-    loudest = rc.strongest_peak(frame, min_range=0.0)
-    assert loudest is not None
+    loudest = peak_of(frame, min_range=0.0)
     assert loudest.range_index == 0, "there is leakage"
     assert loudest.snr_db > 50.0
     assert rc.strongest_peak(frame) is None
@@ -60,9 +67,7 @@ def test_leakage_in_a_bare_cube_raises_a_warning() -> None:
 def test_echo_is_found_beside_leakage_that_is_much_louder(settings: dict[str, Any], distance: float) -> None:
     frame = measured(rc.PointTarget([distance, 0.0, 0.0], rcs=0.02), **settings).frame()
     wf = frame.radar.waveform
-    loudest, peak = rc.strongest_peak(frame, min_range=0.0), rc.strongest_peak(frame)
-    assert loudest is not None
-    assert peak is not None
+    loudest, peak = peak_of(frame, min_range=0.0), peak_of(frame)
     assert loudest.power > 1e3 * peak.power
     # Noise at 17 dB and more is a tenth of a bin; what leakage leaves there adds some.
     assert abs(peak.range - distance) < 0.5 * wf.range_resolution
@@ -75,11 +80,9 @@ def test_limit_of_range_that_is_given_is_the_only_one() -> None:
     """What a user asks for is what is searched, leakage or not; samples of no ADC have no leakage to leave out."""
     frame = measured().frame()
     width = frame.radar.waveform.range_resolution
-    near = rc.strongest_peak(frame, min_range=0.5 * width, max_range=8.0 * width)
-    assert near is not None, "a sidelobe of the leakage"
+    peak_of(frame, min_range=0.5 * width, max_range=8.0 * width)  # a sidelobe of the leakage
     ideal = rc.Simulator(rc.Scene([rc.PointTarget([1.5 * width, 0.0, 0.0])]), rc.bgt60tr13c(num_chirps=16)).frame()
-    peak = rc.strongest_peak(ideal)
-    assert peak is not None
+    peak = peak_of(ideal)
     assert abs(peak.range - 1.5 * width) < 0.5 * width, "an ideal echo in the nearest bins is one"
 
 
@@ -94,8 +97,7 @@ def test_near_echo_behind_an_adc_without_leakage_is_a_peak(distance: float, outp
     point = rc.PointTarget([distance, 0.0, 0.0], rcs=0.01)
     frame = rc.Simulator(rc.Scene([point]), radar).frame()
     assert (frame.raw is not None) == (output == "real")
-    peak = rc.strongest_peak(frame)
-    assert peak is not None
+    peak = peak_of(frame)
     # The mirror image of real samples moves what is nearer than a bin.
     assert abs(peak.range - distance) < (0.3 if output == "real" else 0.02) * radar.waveform.range_resolution
 
@@ -108,7 +110,7 @@ def test_offset_of_the_adc_is_no_peak(effect: dict[str, Any]) -> None:
     receiver = rc.Receiver(noise_figure_db=12.0, output="real", **settings)
     radar = replace(rc.bgt60tr13c(num_chirps=16), receiver=receiver)
     frame = rc.Simulator(rc.Scene([]), radar).frame()
-    assert rc.strongest_peak(frame, min_range=0.0) is not None, "there is one at 0 m"
+    peak_of(frame, min_range=0.0)  # at 0 m
     assert rc.strongest_peak(frame) is None
 
 
@@ -132,8 +134,7 @@ def test_frames_are_filtered_as_they_come() -> None:
 
     for number, frame in enumerate(rc.remove_running_mean(frames(), time_constant=1.0)):
         assert taken[-1] == number, "none is taken ahead"
-        peak = rc.strongest_peak(frame)
-        assert peak is not None
+        peak = peak_of(frame)
         assert abs(peak.range - (2.0 + 0.8 * 25e-3 * number)) < 0.5 * frame.radar.waveform.range_resolution
 
 
@@ -168,10 +169,7 @@ def test_frames_that_do_not_belong_together_are_refused() -> None:
 def test_person_is_the_strongest_peak_of_every_frame_of_a_real_sensor(real: rc.Recording) -> None:
     """The person sits at 0.33 to 0.40 m, as a spectrum of the recording without its mean shows."""
     for index in range(0, len(real), 8):
-        loudest, peak = (rc.strongest_peak(real[index], min_range=low) for low in (0.0, None))
-        assert loudest is not None
-        assert loudest.range < 0.01, "the leakage"
-        assert peak is not None
-        assert 0.33 < peak.range < 0.40
+        assert peak_of(real[index], min_range=0.0).range < 0.01, "the leakage"
+        assert 0.33 < peak_of(real[index]).range < 0.40
         with pytest.warns(UserWarning, match="as a sensor hears its own transmitter there, got it at "):
             rc.strongest_peak(real[index].cube, real.radar)

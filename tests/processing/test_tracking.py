@@ -328,30 +328,6 @@ def chi_square_bounds(degrees: int) -> tuple[float, float]:
     return degrees - 4.5 * np.sqrt(2.0 * degrees), degrees + 4.5 * np.sqrt(2.0 * degrees)
 
 
-def test_errors_of_tracks_are_those_that_their_covariance_says() -> None:
-    """NEES of 40 targets with white acceleration, at uneven times: chi-square with 2 degrees of freedom each."""
-    rng = np.random.default_rng(3)
-    density, number = 0.5, 40
-    times = np.cumsum(rng.uniform(0.02, 0.1, 120))
-    # A first state whose errors are those of a first detection, as a Bayesian filter asks for.
-    state = np.stack([10.0 * np.arange(1, number + 1), rng.uniform(-1.0, 1.0, number)], axis=1)
-    truth, frames, last = [], [], times[0]
-    for time in times:
-        transition, noise = white_acceleration(time - last, density, 1)
-        state = state @ transition.T + rng.multivariate_normal([0.0, 0.0], noise, number, check_valid="ignore")
-        truth.append(state)
-        frames.append(detections(state + ERRORS[:2] * rng.standard_normal((number, 2)), time))
-        last = time
-    tracks = track(frames, acceleration_density=density, gate=1.0 - 1e-9, **POINTS, max_speed=20.0)
-    assert frames_of(tracks) == [(0, 119)] * number
-    errors = np.array([one.state for one in tracks]) - np.array(truth).transpose(1, 0, 2)
-    inverse = np.linalg.inv([one.state_covariance for one in tracks])
-    squares = np.einsum("tfi,tfij,tfj->tf", errors, inverse, errors)
-    # The targets are independent, the frames of one are not: each frame by itself.
-    low, high = chi_square_bounds(2 * number)
-    assert ((squares.sum(axis=0) > low) & (squares.sum(axis=0) < high)).all()
-
-
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions: int) -> None:
     """NIS and NEES of 500 targets about 3 m ahead: chi-square, with the second order of the range rate."""
@@ -385,23 +361,26 @@ def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions
 
 
 def test_smoothed_track_is_the_least_squares_of_all_detections() -> None:
-    """Normal equations of all detections and of the motion between them, at once; ten frames have no detection."""
+    """Normal equations of all detections and of the motion between them, at once, at uneven times; ten frames have no
+    detection."""
     number, density = 30, 0.5
-    frames = stream(moving(2.0, 0.8, number)[:, None], seed=3)
+    times = np.random.default_rng(3).uniform(0.02, 0.1, number).cumsum()
+    values = np.stack([2.0 + 0.8 * times, np.full(number, 0.8)], axis=1)
+    frames = stream(values[:, None], seed=3, times=times)
     seen = np.delete(np.arange(number), slice(12, 22))
     some = [frame if k in seen else detections(np.zeros((0, 2)), frame.time) for k, frame in enumerate(frames)]
     (found,) = track(some, smooth=True, acceleration_density=density, **POINTS)
 
-    transition, disturbance = white_acceleration(1.0 / RATE, density, 1)
-    weight, known = np.linalg.inv(disturbance), np.diag(ERRORS[:2] ** -2.0)
+    known = np.diag(ERRORS[:2] ** -2.0)
     information, score = np.zeros((number, 2, number, 2)), np.zeros((number, 2))
     for k in seen:
         information[k, :, k] += known
         score[k] += known @ [frames[k].range[0], frames[k].velocity[0]]
     for k in range(number - 1):
+        transition, disturbance = white_acceleration(times[k + 1] - times[k], density, 1)
         step = np.zeros((2, number, 2))  # the state less what the one before is expected to become
         step[:, k + 1], step[:, k] = np.eye(2), -transition
-        information += np.einsum("iab,ij,jcd->abcd", step, weight, step)
+        information += np.einsum("iab,ij,jcd->abcd", step, np.linalg.inv(disturbance), step)
     covariance = np.linalg.inv(information.reshape(2 * number, -1))
     state = (covariance @ score.ravel()).reshape(number, 2)
     np.testing.assert_allclose(found.state, state, rtol=1e-8)

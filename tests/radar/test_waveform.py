@@ -26,6 +26,8 @@ SETTINGS: dict[str, Any] = {
 }
 """20 us of samples at 50 MHz/us: 1 GHz."""
 
+STAGGERED = (400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)).tolist()
+
 
 def waveform(**changes: Any) -> rc.Waveform:
     return rc.Waveform(**(SETTINGS | changes))
@@ -106,15 +108,15 @@ def test_chirps_follow_at_their_interval_and_last_sample_ends_the_frame() -> Non
 
 
 def test_default_chirps_and_frames_are_back_to_back() -> None:
-    wf = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=40, num_chirps=3, adc_delay=3e-6)
+    wf = waveform(num_chirps=3, chirp_interval=None, frame_interval=None)
     assert wf.chirp_interval == pytest.approx(23e-6, rel=4 * EPS)
     assert wf.frame_interval == pytest.approx(3 * 23e-6, rel=4 * EPS)
-    single = rc.Waveform(start_frequency=60e9, slope=50e12, sample_rate=2e6, num_samples=40)
+    single = waveform(num_chirps=1, chirp_interval=None, frame_interval=None, adc_delay=0.0)
     assert (single.num_chirps, single.chirp_interval, single.frame_interval) == (1, 20e-6, 20e-6)
 
 
 def test_given_chirp_times_are_kept_and_their_mean_spacing_is_the_interval() -> None:
-    times = 400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)
+    times = np.array(STAGGERED)
     wf = waveform(chirp_times=times, chirp_interval=None)
     np.testing.assert_array_equal(wf.chirp_times, times)
     assert wf.chirp_interval == pytest.approx(times[-1] / 15, rel=4 * EPS)
@@ -159,12 +161,11 @@ def test_replace_changes_what_is_named_and_nothing_else() -> None:
 
 
 def test_replace_keeps_staggered_chirps_until_their_number_or_interval_changes() -> None:
-    times = 400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)
-    wf = waveform(chirp_times=times, chirp_interval=None)
-    np.testing.assert_array_equal(wf.replace(slope=40e12).chirp_times, times)
+    wf = waveform(chirp_times=STAGGERED, chirp_interval=None)
+    np.testing.assert_array_equal(wf.replace(slope=40e12).chirp_times, STAGGERED)
     assert wf.replace(num_chirps=4).has_uniform_chirps
     np.testing.assert_array_equal(wf.replace(chirp_interval=500e-6).chirp_times, 500e-6 * np.arange(16))
-    np.testing.assert_array_equal(waveform().replace(chirp_times=times).chirp_times, times)
+    np.testing.assert_array_equal(waveform().replace(chirp_times=STAGGERED).chirp_times, STAGGERED)
 
 
 def test_replace_keeps_the_delay_of_a_waveform_that_starts_late() -> None:
@@ -185,25 +186,16 @@ def test_replace_keeps_the_delay_of_a_waveform_that_starts_late() -> None:
 )
 @pytest.mark.parametrize("delay", [0.0, 1e-3])
 def test_intervals_that_were_back_to_back_are_so_again(delay: float, changes: dict[str, Any]) -> None:
-    basic: dict[str, Any] = {"start_frequency": 60e9, "slope": 1e12, "sample_rate": 1e6, "num_samples": 100}
-    settings = basic | {"num_chirps": 4}
-
-    def made(**intervals: float) -> rc.Waveform:
-        return rc.Waveform(**settings, **intervals).delayed(delay)
-
-    def expected(**intervals: float) -> rc.Waveform:
-        return rc.Waveform(**settings | changes, **intervals)
-
+    settings: dict[str, Any] = {"start_frequency": 60e9, "slope": 1e12, "sample_rate": 1e6, "num_samples": 100}
+    settings["num_chirps"] = 4
     for intervals in ({}, {"frame_interval": 5e-3}, {"chirp_interval": 300e-6, "frame_interval": 5e-3}):
-        found, wanted = made(**intervals).replace(**changes), expected(**intervals)
+        found = rc.Waveform(**settings, **intervals).delayed(delay).replace(**changes)
+        wanted = rc.Waveform(**settings | changes, **intervals)
         assert found.chirp_interval == pytest.approx(wanted.chirp_interval, rel=1e-12)
         assert found.frame_interval == pytest.approx(wanted.frame_interval, rel=1e-12)
         np.testing.assert_allclose(found.chirp_times, delay + wanted.chirp_times, rtol=1e-12)
-    kept = made().replace(**changes, chirp_interval=300e-6)
+    kept = rc.Waveform(**settings).delayed(delay).replace(**changes, chirp_interval=300e-6)
     assert kept.chirp_interval == pytest.approx(300e-6, rel=1e-12)
-
-
-STAGGERED = (400e-6 * np.arange(16) + 30e-6 * (np.arange(16) % 2)).tolist()
 
 
 @pytest.mark.parametrize(
@@ -232,19 +224,9 @@ def test_waveforms_are_equal_when_their_numbers_are() -> None:
     assert waveform() == waveform(chirp_interval=None, chirp_times=waveform().chirp_times)
     assert hash(waveform()) == hash(waveform())
     assert len({waveform(), waveform(), waveform(slope=40e12)}) == 2
-    changes: list[dict[str, Any]] = [
-        {"start_frequency": 61e9},
-        {"slope": -50e12},
-        {"sample_rate": 2.5e6},
-        {"num_samples": 41},
-        {"num_chirps": 15},
-        {"chirp_interval": 401e-6},
-        {"frame_interval": 26e-3},
-        {"adc_delay": 0.0},
-        {"chirp_interval": None, "chirp_times": STAGGERED},
-    ]
-    for change in changes:
-        assert waveform(**change) != waveform(), change
+    for name, value in SETTINGS.items():
+        assert waveform(**{name: 2 * value}) != waveform(), name
+    assert waveform(chirp_interval=None, chirp_times=STAGGERED) != waveform()
     assert waveform() != "waveform"
 
 

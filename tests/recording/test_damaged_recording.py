@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from recordings import RADAR, assert_same, cut, frame, recording, refused, sensor_frame
 
 

@@ -13,8 +13,8 @@ import pytest
 
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame, Truth
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from recordings import CUBE, FILES, RADAR, assert_same, frame, recording
 
 

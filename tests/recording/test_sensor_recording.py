@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from recordings import CODES, CUBE, FRAME_TIMES, RADAR, SENSOR, recording, sensor_frame
 
 

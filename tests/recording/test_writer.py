@@ -14,8 +14,8 @@ import pytest
 from full_disk import largest_file
 from radarcore.radar.bgt60_presets import bgt60tr13c
 from radarcore.recording.frame import Frame
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from recordings import FRAME_TIMES, RADAR, SENSOR, assert_same, frame, recording, sensor_frame
 
 

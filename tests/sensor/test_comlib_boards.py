@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from doubles.comlib_boards import Pipe, Ramp, board_with, radar
-from radarcore.sensor.comlib import messages as comlib
+from doubles.boards import number_of
+from doubles.comlib_boards import ALL, INFO, NO_ADC, ComLibDouble, board_of, described_payload, frame_payload, radar
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.codes import Base, EndpointType
-from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.comlib.codes import EndpointType
+from radarcore.sensor.comlib.messages import AdcSettings, FmcwSettings, Format, encode_number
 from radarcore.sensor.errors import (
     ProtocolError,
     RequestError,
@@ -22,15 +20,10 @@ from radarcore.sensor.errors import (
     SensorError,
     SensorTimeoutError,
 )
-from radarcore.sensor.interface import RawFrame
-
-
-def configurable(**options: Any) -> ComLibBoard:
-    return ComLibBoard(Pipe(ComLibEmulator(Ramp(), **options)))
 
 
 def test_board_tells_what_it_is():
-    info = configurable().info
+    info = board_of().info
     assert (info.port, info.protocol, info.chip, info.firmware) == ("pipe", "comlib", "BGT60TR24B", "1.0.0")
     assert info.name == "BGT60TR24B radar board, emulated"
 
@@ -46,49 +39,32 @@ def test_board_tells_what_it_is():
     ],
 )
 def test_settings_of_the_board_come_near_to_the_radar(wanted, name, value):
-    emulator = ComLibEmulator(Ramp())
-    board = ComLibBoard(Pipe(emulator))
-    achieved = board.configure(radar(**wanted)).waveform
+    achieved = board_of().configure(radar(**wanted)).waveform
     assert getattr(achieved, name) == pytest.approx(value, rel=1e-6)
-    board.start()
-    assert getattr(emulator.radar.waveform, name) == pytest.approx(value, rel=1e-6)
 
 
 def test_configured_radar_is_the_one_of_the_board():
-    emulator = ComLibEmulator(Ramp())
-    board = ComLibBoard(Pipe(emulator))
-    wanted = radar(2, sample_rate=1e6)
-    achieved = board.configure(wanted, tx_power=10)
-    wave, truth = achieved.waveform, emulator.radar.waveform
+    double = ComLibDouble()
+    board = board_of(double)
+    achieved = board.configure(radar(2, sample_rate=1e6), rx_mask=0b1010, tx_power=10)
+    board.start()
     # 64 samples at 1 MHz and 22 us; slopes in whole MHz/s of ramps in whole kHz.
-    assert wave.chirp_interval == pytest.approx(86e-6, rel=1e-12)
+    assert double.ramp == FmcwSettings(57_000_000, 60_440_000, 0, 10)
+    assert (double.adc.sample_rate, double.form, double.interval) == (1_000_000, Format(64, 16, 0b1010), 50_000)
+    wave = achieved.waveform
+    assert (wave.start_frequency, wave.sample_rate, wave.num_samples, wave.num_chirps) == (57e9, 1e6, 64, 16)
     assert wave.slope == pytest.approx(40e12, rel=1e-6)
-    assert wave.slope == pytest.approx(truth.slope, rel=1e-7)
-    for name in ("start_frequency", "sample_rate", "num_samples", "num_chirps", "chirp_interval", "adc_delay"):
-        assert getattr(wave, name) == pytest.approx(getattr(truth, name), rel=1e-12), name
+    assert (wave.chirp_interval, wave.adc_delay) == pytest.approx((86e-6, 11e-6), rel=1e-12)
     assert wave.frame_interval == 0.05
     assert achieved.is_real
     assert (len(achieved.rx), achieved.receiver.noise_figure_db) == (2, 12.0)
-    board.start()
-    assert emulator.radar.waveform.frame_interval == 0.05
-    assert emulator.radar.num_channels == 2
-
-
-def test_enabled_receivers_are_those_of_the_mask():
-    emulator = ComLibEmulator(Ramp())
-    board = ComLibBoard(Pipe(emulator))
-    board.configure(radar(2), rx_mask=0b1010)
-    board.start()
-    board.read(60.0)
-    rx = emulator.radar.rx
-    # RX2 and RX4 are on the left of the square of 3.5 mm.
-    np.testing.assert_allclose(rx, [[0, 1.75e-3, 1.75e-3], [0, 1.75e-3, -1.75e-3]], rtol=1e-12)
 
 
 def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
     for num_samples in (63, 64, 200):
-        emulator = ComLibEmulator(Ramp(), has_adc=False, sample_rate=1.7e6)
-        board = ComLibBoard(Pipe(emulator))
+        double = ComLibDouble(types=NO_ADC)
+        double.adc = AdcSettings(1_700_000)
+        board = board_of(double)
         achieved = board.configure(radar(sample_rate=1.7e6, num_samples=num_samples))
         assert (achieved.waveform.sample_rate, achieved.waveform.num_samples) == (1.7e6, num_samples)
         message = r"sample_rate: expected 1\.7e\+06 Hz.*got 2e\+06; the endpoint .*\(RadarSoli\) is not public"
@@ -99,103 +75,56 @@ def test_sample_rate_of_a_board_without_adc_endpoint_is_measured():
             board.start()
 
 
-def test_refusal_of_the_board_is_told_in_words():
-    board = ComLibBoard(Pipe(ComLibEmulator(Ramp())))
-    with pytest.raises(
-        RequestError, match=r"pipe: endpoint 1 refused a request: unsupported format \(0x0008\)"
-    ) as refused:
-        board.configure(radar(num_samples=4096, num_chirps=64, frame_interval=None, slope=1e12))
-    assert refused.value.status == 0x08
-    with pytest.raises(RequestError, match="sample rate out of range"):
-        board.configure(radar(sample_rate=4e6))
-
-
-class OtherEndpoints(ComLibEmulator):
-    """Board with endpoints of other types."""
-
-    def __init__(self, types: Sequence[int]) -> None:
-        super().__init__(Ramp())
-        self._endpoints = [comlib.Endpoint(kind) for kind in types]
-
-
 @pytest.mark.parametrize(
     ("types", "message"),
     [
-        ([EndpointType.IRDR], r"pipe: the board speaks the ComLib of 2016/17 .*iRDR"),
-        ([EndpointType.RBAS, 0x5244504C], "expected an FMCW radar with endpoint RFMC, got RBAS, RDPL"),
+        ((EndpointType.IRDR,), r"pipe: the board speaks the ComLib of 2016/17 .*iRDR"),
+        ((EndpointType.RBAS, 0x5244504C), "expected an FMCW radar with endpoint RFMC, got RBAS, RDPL"),
     ],
 )
 def test_boards_with_other_endpoints_are_refused_by_name(types, message):
     with pytest.raises(SensorError, match=message):
-        ComLibBoard(Pipe(OtherEndpoints(types)))
-
-
-def test_board_with_iq_samples_alone_is_refused():
-    class Complex(ComLibEmulator):
-        def _set_format(self, form: comlib.Format) -> list[comlib.Message]:
-            return super()._set_format(replace(form, signal_part=form.signal_part ^ 2))
-
-    board = ComLibBoard(Pipe(Complex(Ramp())))
-    with pytest.raises(RequestError, match=r"signal part not available .*the board has no real samples"):
-        board.configure(radar())
-
-
-class Lying(ComLibEmulator):
-    """Board that answers some requests to RBAS and RFMC, by endpoint and code, with what is given."""
-
-    def __init__(self, lies: dict[tuple[int, int], bytes], **options: Any) -> None:
-        super().__init__(Ramp(), **options)
-        self.lies = lies
-
-    def _messages(self, request: comlib.Message) -> list[comlib.Message]:
-        lie = self.lies.get((request.endpoint, request.code))
-        return super()._messages(request) if lie is None else [comlib.Message(request.endpoint, lie)]
+        board_of(ComLibDouble(types=types))
 
 
 @pytest.mark.parametrize(
-    ("lies", "has_adc", "error", "message"),
+    ("request_of", "answer", "types", "error", "message"),
     [
-        ({(1, 0x40): comlib.Format(64, 16, 0xF, 2).encode()}, False, SensorError, "real samples .*got signal part 2"),
-        ({(1, 0x40): comlib.Format(32, 16, 0xF).encode()}, False, ProtocolError, "was set to .*64.* and says .*32"),
+        ((1, 0x41), 0x08, NO_ADC, RequestError, r"pipe: endpoint 1 refused a request: unsupported format \(0x0008\)"),
+        ((1, 0x41), 0x0B, NO_ADC, RequestError, "signal part not available .*the board has no real samples"),
+        ((1, 0x40), Format(64, 16, 0xF, 2).encode(), NO_ADC, SensorError, "real samples .*got signal part 2"),
+        ((1, 0x40), Format(32, 16, 0xF).encode(), NO_ADC, ProtocolError, "was set to .*64.* and says .*32"),
+        ((2, 0x00), FmcwSettings(57_000_000, 58_000_000, 2, 0).encode(), NO_ADC, ProtocolError, "board was set to"),
+        ((1, 0x34), encode_number(0x35, 7), NO_ADC, ProtocolError, "expected the one with more samples to last"),
+        ((1, 0x34), encode_number(0x37, 7), NO_ADC, ProtocolError, "answer 0x35 .* to 0x34, got none"),
+        ((1, 0x36), b"\x37\0", NO_ADC, ProtocolError, "pipe: ComLib message: expected 5 bytes, got 2"),
+        ((1, 0x01), bytes(18), NO_ADC, ProtocolError, "^pipe: ComLib frame: expected real samples .* got 0, 0, 0"),
         (
-            {(2, 0x00): comlib.FmcwSettings(57_000_000, 58_000_000, 2, 0).encode()},
-            False,
-            ProtocolError,
-            "the board was set to",
-        ),
-        (
-            {(1, 0x34): comlib.encode_number(0x35, 7)},
-            False,
-            ProtocolError,
-            "expected the one with more samples to last",
-        ),
-        (
-            {(1, 0x34): comlib.encode_number(0x35, 0)},
-            True,
-            ProtocolError,
-            "expected a sample rate and a duration",
-        ),
-        ({(1, 0x34): comlib.encode_number(0x37, 7)}, False, ProtocolError, "answer 0x35 .* to 0x34, got none"),
-        ({(1, 0x36): b"\x37\0"}, False, ProtocolError, "pipe: ComLib message: expected 5 bytes, got 2"),
-        (
-            {(1, 0x01): comlib.Frame(0, np.zeros((4, 16, 63), np.uint16), 0xF).encode()},
-            False,
+            (1, 0x01),
+            frame_payload(0, np.zeros((4, 16, 63), np.uint16), 0xF),
+            NO_ADC,
             ProtocolError,
             r"^pipe: expected a frame of \[rx, chirp, sample\] \(4, 16, 64\), got \(4, 16, 63\)",
         ),
-        ({(1, 0x01): bytes(18)}, False, ProtocolError, r"^pipe: ComLib frame: expected real samples .* got 0, 0, 0"),
         (
-            {(1, 0x22): comlib.Info(56_000_000, 64_000_000, 1, 4, 31, 0, 1, 0, 0, 0, "board").encode()},
-            False,
+            (1, 0x22),
+            described_payload(replace(INFO, num_sensors=0)),
+            NO_ADC,
             SensorError,
             "has no temperature sensor",
         ),
+        ((1, 0x34), encode_number(0x35, 0), ALL, ProtocolError, "expected a sample rate and a duration"),
+        ((3, 0x01), 0x50, ALL, RequestError, "sample rate out of range"),
     ],
 )
-def test_board_that_says_something_else_than_it_was_set_to_is_refused(lies, has_adc, error, message):
-    board = ComLibBoard(Pipe(Lying(lies, has_adc=has_adc)))
-    with pytest.raises(error, match=message):
+def test_board_that_refuses_or_says_something_else_than_it_was_set_to_is_told(
+    request_of, answer, types, error, message
+):
+    board = board_of(ComLibDouble(types=types, other_answers={request_of: answer}))
+    with pytest.raises(error, match=message) as caught:
         measured_once(board)
+    if isinstance(answer, int):
+        assert caught.value.status == answer
 
 
 def measured_once(board: ComLibBoard) -> None:
@@ -206,52 +135,46 @@ def measured_once(board: ComLibBoard) -> None:
 
 
 def test_slope_follows_from_the_ramp_where_the_board_does_not_tell():
-    board = ComLibBoard(Pipe(Lying({(2, 0x02): comlib.encode_number(0x02, 0)})))
+    board = board_of(ComLibDouble(other_answers={(2, 0x02): encode_number(0x02, 0)}))
     assert board.configure(radar()).waveform.slope == pytest.approx(40e12, rel=1e-6)
 
 
 # Boards that measure
 
 
-@pytest.mark.parametrize("is_interleaved", [False, True])
-def test_frames_come_as_the_source_gave_them(is_interleaved):
-    source = Ramp()
-    board = ComLibBoard(Pipe(ComLibEmulator(source, is_interleaved=is_interleaved), size=64))
+def test_frames_come_as_they_were_sent():
+    board = board_of(size=64)
     board.configure(radar(3))
     board.start()
     frames = [item for _ in range(3) for item in board.read(60.0)]
     board.stop()
-    assert all(isinstance(frame, RawFrame) for frame in frames)
-    assert [frame.index for frame in frames] == [0, 1, 2]
-    for index, frame in enumerate(frames):
-        assert frame.codes.dtype == np.uint16
-        np.testing.assert_array_equal(frame.codes, Ramp().frame(radar(3), index, 0.0))
-    assert [(index, round(begin, 9)) for _, index, begin in source.calls] == [(0, 0.0), (1, 0.05), (2, 0.1)]
+    assert [(frame.index, number_of(frame.codes)) for frame in frames] == [(0, 0), (1, 1), (2, 2)]
+    assert (frames[0].codes.shape, frames[0].codes.dtype) == ((3, 16, 64), np.uint16)
 
 
-def started(emulator: ComLibEmulator) -> ComLibBoard:
-    """A board that measures."""
-    board = ComLibBoard(Pipe(emulator))
+class Clock:
+    """Time that goes on by hand [s]."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def started(clock: Clock | None = None) -> ComLibBoard:
+    """A board that measures, with an interval of 50 ms."""
+    board = board_of(ComLibDouble(clock=clock))
     board.configure(radar())
     board.start()
     return board
 
 
-class Stepped(ComLibEmulator):
-    """Board whose time goes on by hand."""
-
-    now = 0.0
-
-    def _now(self) -> float:
-        return self.now
-
-
 def test_frames_that_were_over_are_reported():
-    emulator = Stepped(Ramp(), speed=1.0)
-    board = started(emulator)
-    emulator.now = 0.06  # [s], an interval takes 50 ms
+    clock = Clock()
+    board = started(clock)
+    clock.now = 0.06
     (first,) = board.read(60.0)
-    emulator.now = 10.0
+    clock.now = 10.0
     (second,) = board.read(60.0)
     assert (first.index, first.lost_reasons) == (0, ())
     assert second.index > 100
@@ -259,31 +182,30 @@ def test_frames_that_were_over_are_reported():
 
 
 def test_late_frame_is_that_of_the_next_read():
-    emulator = Stepped(Ramp(), speed=1.0)
-    board = started(emulator)
+    clock = Clock()
+    board = started(clock)
     assert board.read(0.0) == []
-    emulator.now = 0.06
+    clock.now = 0.06
     (frame,) = board.read(0.0)
     assert frame.index == 0
     # The temperature is asked for once the frame has come; no frame gets lost by that.
     assert board.read(0.0) == []
-    emulator.now = 0.11
+    clock.now = 0.11
     assert board.temperature() == pytest.approx(40.0)
     (frame,) = board.read(0.0)
     assert frame.index == 1
 
 
 def test_stop_and_start_count_from_zero():
-    emulator = Stepped(Ramp(), speed=1.0)
-    board = ComLibBoard(Pipe(emulator), timeout=0.1)
-    board.configure(radar())
+    clock = Clock()
+    board = started(clock)
     board.stop()
     for _ in range(2):
         board.start()
-        emulator.now += 0.06
+        clock.now += 0.06
         assert board.read(0.0)[0].index == 0
         assert board.read(0.0) == []
-        emulator.now += 0.06
+        clock.now += 0.06
         board.stop()
         with pytest.raises(SensorError, match="not measuring"):
             board.read(0.0)
@@ -291,21 +213,20 @@ def test_stop_and_start_count_from_zero():
 
 def test_frame_that_never_comes_does_not_hold_up_the_board_for_ever():
     # The board does not even answer what is asked behind it.
-    emulator = Stepped(Ramp(), speed=1.0)
-    board = ComLibBoard(Pipe(emulator), timeout=0.05, board_timeout=0.05)
+    clock = Clock()
+    board = board_of(ComLibDouble(clock=clock), timeout=0.05, board_timeout=0.05)
     board.configure(radar(frame_interval=0.01))
     board.start()
     assert board.read(0.0) == []
     with pytest.raises(SensorTimeoutError, match="pipe: no answer"):
         board.temperature()
-    emulator.now = 1.0
+    clock.now = 1.0
     assert board.temperature() == pytest.approx(40.0)
     board.stop()
 
 
 def test_host_finds_step_again_after_damage():
-    emulator = ComLibEmulator(Ramp(), resync_timeout=0.05)
-    board = board_with(emulator)
+    board = board_of(timeout=0.1, board_timeout=0.2)
     board.configure(radar())
     board.start()
     pipe = board._stream
@@ -320,9 +241,10 @@ def test_host_finds_step_again_after_damage():
 
 
 def test_host_waits_for_a_board_that_has_lost_step():
-    emulator = ComLibEmulator(Ramp(), resync_timeout=0.1)
-    board = ComLibBoard(Pipe(emulator), timeout=0.05, board_timeout=60.0)
-    emulator.receive(b"\xc0")
+    double = ComLibDouble()
+    double.patience = 0.1
+    board = board_of(double, timeout=0.05, board_timeout=60.0)
+    double.receive(b"\xc0")
     begin = time.monotonic()
     with pytest.raises(RequestError, match=r"bad start \(0x0002\)"):
         board.temperature()
@@ -332,18 +254,19 @@ def test_host_waits_for_a_board_that_has_lost_step():
 
 
 def test_board_that_was_left_half_way_is_opened():
-    emulator = ComLibEmulator(Ramp(), resync_timeout=0.05)
+    double = ComLibDouble()
+    double.patience = 0.05
     # Another program has sent half a request; its rest is taken from the first of ours.
-    emulator.receive(bytes.fromhex("5a 01 02 00"))
-    assert board_with(emulator).temperature() == pytest.approx(40.0)
+    double.receive(bytes.fromhex("5a 01 02 00"))
+    assert board_of(double, timeout=0.1, board_timeout=0.2).temperature() == pytest.approx(40.0)
 
 
-class Silent(ComLibEmulator):
+class Silent(ComLibDouble):
     def receive(self, data: bytes) -> None:
         pass
 
 
-class Noise(ComLibEmulator):
+class Noise(ComLibDouble):
     def send(self, size: int, timeout: float) -> bytes:
         time.sleep(0.001)
         return b"\xd3" * size
@@ -352,103 +275,14 @@ class Noise(ComLibEmulator):
 @pytest.mark.parametrize(("kind", "message"), [(Silent, r"no answer in 0\.05 s"), (Noise, "the line is never silent")])
 def test_silence_and_endless_noise_are_no_comlib(kind, message):
     with pytest.raises(SensorTimeoutError, match=f"pipe: {message}"):
-        ComLibBoard(Pipe(kind(Ramp())), timeout=0.05, board_timeout=0.05)
+        board_of(kind(), timeout=0.05, board_timeout=0.05)
 
 
 def test_unplugged_board_is_disconnected_and_can_be_closed():
-    emulator = ComLibEmulator(Ramp())
-    board = started(emulator)
-    emulator.unplug()
+    board = started()
+    board._stream.board.is_gone = True
     with pytest.raises(SensorDisconnectedError):
         board.read(60.0)
     board.close()
     board.close()
     assert board._stream.is_closed
-
-
-# The emulator, byte by byte
-
-
-def talk(emulator: ComLibEmulator, endpoint: int, payload: bytes) -> list[comlib.Message | comlib.StatusMessage]:
-    """Everything that a request is answered with."""
-    emulator.receive(comlib.Message(endpoint, payload).encode())
-    parser = comlib.Parser()
-    found = []
-    while data := emulator.send(7, 0.0):
-        found += parser.feed(data)
-    assert parser.is_idle
-    return found
-
-
-def codes_of(answer: Sequence[comlib.Message | comlib.StatusMessage]) -> list[tuple[int, int]]:
-    return [
-        (item.endpoint, item.code if isinstance(item, comlib.Message) else -1 - item.status)
-        for item in answer
-    ]  # fmt: skip
-
-
-OK = -1
-
-
-def test_emulator_tells_what_follows_from_a_setting():
-    emulator = ComLibEmulator(Ramp())
-    assert codes_of(talk(emulator, 1, comlib.Format(64, 16, 0xF).encode())) == [
-        (1, 0x41), (1, 0x35), (1, 0x37), (3, 0x01), (2, 0x02), (1, OK),
-    ]  # fmt: skip
-    ramp = comlib.FmcwSettings(57_000_000, 64_000_000, 0, 31)
-    assert codes_of(talk(emulator, 2, ramp.encode())) == [(1, 0x33), (1, 0x33), (2, 0x01), (2, OK)]
-    assert codes_of(talk(emulator, 3, comlib.AdcSettings(1_000_000).encode())) == [
-        (1, 0x35),
-        (1, 0x37),
-        (3, 0x01),
-        (3, OK),
-    ]
-    without = ComLibEmulator(Ramp(), has_adc=False)
-    assert codes_of(talk(without, 1, comlib.Format(64, 16, 0xF).encode())) == [
-        (1, 0x41), (1, 0x35), (1, 0x37), (2, 0x02), (1, OK),
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("endpoint", "payload", "status"),
-    [
-        (0, b"\x07", 0xFFFF),
-        (1, b"\x01", 0xFFFF),
-        (1, comlib.encode_number(0x02, 1), 0x05),
-        (1, bytes(8).replace(b"\0", b"\x03", 1), 0x03),
-        (1, b"\x30\x01", 0x07),
-        (1, b"\x32\x02", 0x06),
-        (1, comlib.Format(64, 16, 0x10).encode(), 0x06),
-        (1, comlib.Format(0, 16, 1).encode(), 0x08),
-        (1, comlib.Format(64, 16, 1, 2).encode(), 0x0B),
-        (2, comlib.FmcwSettings(55_999_999, 64_000_000, 0, 0).encode(), 0x09),
-        (2, comlib.FmcwSettings(57_000_000, 64_000_000, 0, 32).encode(), 0x0A),
-        (2, comlib.FmcwSettings(57_000_000, 64_000_000, 2, 0).encode(), 0x20),
-        (3, comlib.AdcSettings(3_000_001).encode(), 0x50),
-        (3, comlib.AdcSettings(1_000_000, 10).encode(), 0x51),
-    ],
-)
-def test_emulator_refuses_with_the_status_of_the_protocol(endpoint, payload, status):
-    assert talk(ComLibEmulator(Ramp()), endpoint, payload) == [comlib.StatusMessage(endpoint, status)]
-
-
-def test_frame_that_is_not_ready_is_refused_or_held_back():
-    # A frame every 100 ms, which takes days of the clock.
-    emulator = ComLibEmulator(Ramp(), speed=1e-6)
-    talk(emulator, 1, comlib.encode_number(0x02, 100_000))
-    assert talk(emulator, 1, b"\x01\x00") == [comlib.StatusMessage(1, 0x02)]
-    assert talk(emulator, 1, b"\x01\x01") == []
-    # The next request waits behind it.
-    assert talk(emulator, 1, b"\x22") == []
-
-
-def test_frame_comes_when_its_interval_is_over():
-    emulator = ComLibEmulator(Ramp(), speed=2.0)
-    talk(emulator, 1, comlib.encode_number(0x02, 100_000))
-    begin = time.monotonic()
-    emulator.receive(comlib.Message(1, b"\x01\x01").encode())
-    data = emulator.send(100, 60.0)
-    # Half the interval, less what passed before the clock was read.
-    assert data
-    assert time.monotonic() - begin > 0.02
-    assert data[4] == Base.FRAME

@@ -9,7 +9,7 @@ import pytest
 
 import radarcore as rc
 from doubles.boards import LARGE, SMALL, TRANSPORTS, Numbered, number_of, opened, plugged
-from doubles.comlib_boards import Pipe, Ramp
+from doubles.comlib_boards import ComLibDouble, Pipe
 from doubles.usb_bus import bus_with, cdc_device
 from full_disk import largest_file
 from radarcore.recording.frame import to_samples
@@ -21,10 +21,8 @@ from radarcore.sensor import (
     SensorTimeoutError,
     list_sensors,
     open_sensor,
-    virtual_board,
 )
 from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
@@ -183,7 +181,7 @@ def test_captured_conversation_plays_without_the_board(tmp_path):
 
 def test_capture_of_comlib_plays_without_its_name(tmp_path):
     path = tmp_path / "comlib.jsonl"
-    ComLibBoard(Capture(Pipe(ComLibEmulator(Ramp())), path)).close()
+    ComLibBoard(Capture(Pipe(ComLibDouble()), path)).close()
     with open_sensor(f"capture:{path}") as sensor:
         assert sensor.info.protocol == "comlib"
 
@@ -228,16 +226,16 @@ def test_recorded_frames_keep_codes_losses_and_settings(tmp_path):
 def test_board_with_comlib_is_found_by_asking_or_by_its_usb_ids():
     wanted = rc.bgt60tr13c(num_samples=64, num_chirps=4, frame_interval=50e-3)
     radar = rc.Radar(wanted.waveform, rx=[[0.0, 0.0, 0.0]], receiver=wanted.receiver)
-    with virtual_board(Numbered(), protocol="comlib", speed=None) as board:
-        with PtyPort(board) as port, open_sensor(port.path) as sensor:
-            assert sensor.info.protocol == "comlib"
-            achieved = sensor.configure(radar, rx_mask=1)
-            frames = list(sensor.frames(5))
-            assert [number_of(frame.raw) for frame in frames] == [0, 1, 2, 3, 4]
-            assert frames[0].radar is achieved
-            assert frames[0].cube.shape == (1, 4, 64)
-        (info,) = list_sensors(usb_backend=bus_with(cdc_device(board, product_id=0x0058)))
-        assert (info.protocol, info.port) == ("comlib", "usb:1-1")
+    board = ComLibDouble()
+    with PtyPort(board) as port, open_sensor(port.path) as sensor:
+        assert sensor.info.protocol == "comlib"
+        achieved = sensor.configure(radar, rx_mask=1)
+        frames = list(sensor.frames(5))
+        assert [number_of(frame.raw) for frame in frames] == [0, 1, 2, 3, 4]
+        assert frames[0].radar is achieved
+        assert frames[0].cube.shape == (1, 4, 64)
+    (info,) = list_sensors(usb_backend=bus_with(cdc_device(board, product_id=0x0058)))
+    assert (info.protocol, info.port) == ("comlib", "usb:1-1")
 
 
 def test_wrong_use_names_what_is_expected():

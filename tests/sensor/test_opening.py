@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from doubles.boards import SMALL, Numbered, number_of, opened, plugged
+from doubles.comlib_boards import ComLibDouble
 from doubles.small_boards import Loopback, list_serial_ports, other_user
 from doubles.usb_bus import EmulatedBus, cdc_device
 from radarcore.sensor import (
@@ -21,7 +22,6 @@ from radarcore.sensor import (
     list_sensors,
     open_sensor,
     opening,
-    virtual_board,
 )
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.source import Noise
@@ -80,7 +80,7 @@ def is_stop(request: Request) -> bool:
     return (request.request, request.value) == (Code.DATA, Data.STOP)
 
 
-@pytest.mark.parametrize("status", [0x01, 0x05, 0x16, 0x86, 0x90])
+@pytest.mark.parametrize("status", [0x05, 0x16, 0x86])
 @pytest.mark.parametrize("transport", ["cdc", "vendor"])
 def test_stop_may_be_refused_with_any_status(transport: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, is_stop, status)
@@ -143,10 +143,9 @@ def test_silent_board_with_known_ids_is_asked_nothing_else(monkeypatch: pytest.M
 
 @needs_pty
 def test_xmc_board_at_a_named_port_hears_comlib_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    with virtual_board(Numbered(), protocol="comlib", speed=None) as board:
-        heard = Heard(board)
-        with named_port(monkeypatch, heard, (0x058B, 0x0058)) as port, open_sensor(port.path) as sensor:
-            assert sensor.info.protocol == "comlib"
+    heard = Heard(ComLibDouble())
+    with named_port(monkeypatch, heard, (0x058B, 0x0058)) as port, open_sensor(port.path) as sensor:
+        assert sensor.info.protocol == "comlib"
     assert heard.bytes[0] == 0x5A
 
 
@@ -160,16 +159,6 @@ def test_windows_names_of_a_port_are_one(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 # The reason of a failure
-
-
-@needs_pty
-@pytest.mark.parametrize("ids", [(0x058B, 0x0251), None])
-def test_old_firmware_at_a_named_port_is_told(ids: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    with (
-        named_port(monkeypatch, CdcBoard(Controller(Noise(), identity=OLD)), ids) as port,
-        pytest.raises(SensorError, match=f"^{port.path}: expected protocol 4 of Strata, got 3.0; update the board's"),
-    ):
-        open_sensor(port.path)
 
 
 @needs_pty

@@ -14,20 +14,20 @@ import pytest
 
 import radarcore as rc
 from doubles.boards import TRANSPORTS, opened, plugged
+from doubles.comlib_boards import ALL, NO_ADC, ComLibDouble
 from radarcore.sensor import SensorError, open_sensor
 from radarcore.sensor.bgt60 import registers as reg
 from radarcore.sensor.bgt60.registers import test_pattern as pattern_of
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.checks import chirp_noise, clipped, leakage, reasons_of
+from radarcore.sensor.checks import chirp_noise, reasons_of
 from radarcore.sensor.emulator import chip
-from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import Controller, Identity
 from radarcore.sensor.interface import RawFrame
 from radarcore.sensor.selftest import pace_of
 from radarcore.sensor.strata import board as strata_board
 from radarcore.sensor.strata.packets import Version
-from selftest_boards import Receivers, controller
+from selftest_boards import Receivers, controller, noise_codes
 
 STRATA = [
     *("USB ids", "board name", "firmware", "protocol", "chip id", "UUID", "temperature", "registers", "test pattern"),
@@ -50,10 +50,11 @@ def failed(checks):
 
 
 def calm(sensor, duration):
-    """Checks of a sensor at its real pace; once more where the host was busy with something else."""
-    checks = list(sensor.selftest(duration=duration))
-    if {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+    """Checks of a sensor at its real pace; up to twice more where the host was busy with something else."""
+    for _ in range(3):
         checks = list(sensor.selftest(duration=duration))
+        if not {check.name for check in checks if check.result == "FAIL"} & {"frame rate", "frames lost", "slices"}:
+            break
     return checks
 
 
@@ -85,9 +86,9 @@ def test_healthy_board_passes_behind_every_transport(transport):
     assert seen == pytest.approx(0.975 * np.array([1240.0, 650.0, 360.0]), abs=2.0)
 
 
-@pytest.mark.parametrize("has_adc", [True, False])
-def test_healthy_board_with_comlib_passes_what_its_protocol_allows(has_adc):
-    board = ComLibEmulator(Receivers(), speed=1.0, has_adc=has_adc)
+@pytest.mark.parametrize("types", [ALL, NO_ADC])
+def test_healthy_board_with_comlib_passes_what_its_protocol_allows(types):
+    board = ComLibDouble(noise_codes, clock=time.monotonic, types=types)
     with PtyPort(board) as port, open_sensor(port.path, protocol="comlib") as sensor:
         checks = {check.name: check for check in calm(sensor, 0.5)}
     assert failed(checks) == []
@@ -315,17 +316,6 @@ def test_first_chirps_and_samples_are_no_noise():
     codes[:, :, :8] += 50.0
     codes[:, :, ::2, :16] += 50.0
     assert chirp_noise(codes) == pytest.approx([2.0], rel=0.05)
-
-
-def test_leakage_is_the_change_of_the_mean_chirp():
-    off = np.full((2, 2, 4, 8), 2000) + np.arange(8) % 2  # what is there without the transmitter too
-    on = off + np.array([10, 300])[:, None, None] * (np.arange(8) == 0)
-    assert leakage(on, off).tolist() == [10.0, 300.0]
-    assert leakage(off, off).tolist() == [0.0, 0.0]
-
-
-def test_clipped_samples_are_those_at_both_ends():
-    assert clipped([0, 1, 4094, 4095]) == 0.5
 
 
 def test_pace_is_that_of_most_frames():

@@ -13,12 +13,10 @@ import pytest
 import radarcore as rc
 from chip_settings import power_up
 from doubles.boards import Numbered, opened
-from doubles.comlib_boards import Pipe, Ramp, radar
+from doubles.comlib_boards import board_of, radar
 from radarcore.sensor.bgt60.registers import start_words, temperature_code, temperature_of, write_word
 from radarcore.sensor.bgt60.settings import Settings, registers_of
-from radarcore.sensor.comlib.board import ComLibBoard
-from radarcore.sensor.comlib.messages import Format, Message
-from radarcore.sensor.emulator.comlib import ComLibEmulator
+from radarcore.sensor.comlib.messages import Format
 from radarcore.sensor.emulator.strata import Controller
 from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.strata import packets
@@ -27,13 +25,6 @@ from radarcore.sensor.transport.capture import Replay
 from radarcore.sensor.transport.serialport import SerialStream
 
 Row = tuple[Callable[[], object], str]
-
-
-class Small:
-    """Source of frames of another shape than the board's."""
-
-    def frame(self, radar: rc.Radar, index: int, time: float) -> np.ndarray:
-        return np.zeros((1, 2, 3), np.uint16)
 
 
 def of_antennas(**antennas: Any) -> Settings:
@@ -49,13 +40,7 @@ def of_changed(**changes: Any) -> Settings:
 
 
 def comlib(wanted: rc.Radar | None = None, **options: Any) -> rc.Radar:
-    return ComLibBoard(Pipe(ComLibEmulator(Ramp()))).configure(radar() if wanted is None else wanted, **options)
-
-
-def frame_of(source: Any) -> bytes:
-    board = ComLibEmulator(source)
-    board.receive(Message(1, b"\x01\x01").encode())
-    return board.send(100, 0.0)
+    return board_of().configure(radar() if wanted is None else wanted, **options)
 
 
 def data(text: str) -> DataPacket:
@@ -94,14 +79,7 @@ COMLIB: list[Row] = [
     (lambda: comlib(tx_power=32), "tx_power: expected 0 to 31, got 32"),
     (lambda: comlib(radar(start_frequency=77e9)), r"start_frequency: expected 5\.6e\+10 to 6\.4e\+10 Hz"),
     (lambda: comlib(radar(start_frequency=64e9)), "start_frequency: expected room for a ramp"),
-    (lambda: comlib(radar(num_chirps=3, chirp_times=[0.0, 1e-3, 3e-3])), "chirp_times: expected evenly spaced chirps"),
-    (lambda: comlib(radar(num_chirps=2, chirp_times=[1e-3, 2e-3])), "chirp_times: .* from 0 s on, got 0.001 s"),
-    (lambda: comlib(replace(radar(), waveform=radar().waveform.alternating())), "waveform: expected one, got 2 sub"),
-    (lambda: comlib(replace(radar(), schedule=rc.Schedule.ddm())), "schedule: expected none with one antenna"),
-    (lambda: Message(1, bytes(65536)).encode(), "payload: expected at most 65535 bytes, got 65536"),
     (lambda: Format(-1, 0, 0).encode(), "ComLib frame format: .*-1"),
-    (lambda: ComLibEmulator(Ramp(), sample_rate=4e6), "sample_rate: expected 20000 to 3000000 Hz, got 4000000"),
-    (lambda: frame_of(Small()), r"frame: expected codes of 12 bit, uint16 \(4, 16, 64\), got uint16 \(1, 2, 3\)"),
 ]
 PORTS: list[Row] = [
     (lambda: SerialStream(""), "path: expected the path of a serial port"),

@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from doubles.small_boards import pieces
+from radarcore.sensor.emulator.strata import slice_size_of
 from radarcore.sensor.errors import RequestError
 from radarcore.sensor.interface import Damage
 from radarcore.sensor.strata import packets as strata
@@ -140,23 +141,22 @@ def test_error_of_another_length_than_4_is_a_text():
 
 
 @pytest.mark.parametrize(
-    ("payload", "options", "status"),
+    ("payload", "status"),
     [
-        ("10 00 00 00 00 00 00 00 60 00 00 18", {"index": 1}, 0x06),
-        ("10 00 00 00 00 00 00 00 60 00 00 18", {"max_slice_size": 6142}, 0x07),
-        ("", {}, 0x02),
-        ("10 00 00 00 00 00 00 00 60 00 00", {}, 0x02),
-        ("10 00 00 00 00 00 00 00 60 00 00 18 60 00 00 18", {}, 0x02),
-        ("10 00 00 00 00 00 00 00", {}, 0x03),
-        ("10 00 00 00 00 00 00 00 00 01 00 18", {}, 0x03),
-        ("10 00 00 00 00 00 00 00 60 00 01 18", {}, 0x03),
-        ("10 00 00 00 00 00 00 00 60 00 00 00", {}, 0x03),
-        ("11 00 00 00 00 00 00 00 60 00 00 18", {}, 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 02 40", 0x07),
+        ("", 0x02),
+        ("10 00 00 00 00 00 00 00 60 00 00", 0x02),
+        ("10 00 00 00 00 00 00 00 60 00 00 18 60 00 00 18", 0x02),
+        ("10 00 00 00 00 00 00 00", 0x03),
+        ("10 00 00 00 00 00 00 00 00 01 00 18", 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 01 18", 0x03),
+        ("10 00 00 00 00 00 00 00 60 00 00 00", 0x03),
+        ("11 00 00 00 00 00 00 00 60 00 00 18", 0x03),
     ],
 )
-def test_data_configuration_is_refused_with_the_status_of_a_board(payload, options, status):
+def test_data_configuration_is_refused_with_the_status_of_a_board(payload, status):
     with pytest.raises(RequestError) as refused:
-        strata.decode_data_configuration(bytes.fromhex(payload), **options)
+        slice_size_of(bytes.fromhex(payload))
     assert refused.value.status == status
 
 
@@ -375,7 +375,7 @@ HEADLESS = SliceLost("packet of a slice whose first packet is missing", 1)
         ),
         (
             [FIRST, DataPacket(b"", 1, timestamp=123456, error=7)],
-            [SliceLost("incomplete slice before an error", 1), StreamError(7, 123456)],
+            [SliceLost("incomplete slice before an error", 1), StreamError(7)],
         ),
     ],
 )

@@ -18,7 +18,6 @@ from doubles.vendor_board import VendorBoard
 from radarcore.sensor import Sensor, SensorTimeoutError, device, open_sensor
 from radarcore.sensor.comlib.board import ComLibBoard
 from radarcore.sensor.comlib.codes import Base
-from radarcore.sensor.emulator.comlib import ComLibEmulator
 from radarcore.sensor.emulator.pty import PtyPort
 from radarcore.sensor.emulator.strata import CdcBoard, Controller
 from radarcore.sensor.interface import RawFrame
@@ -186,7 +185,7 @@ def mute_board(kind: str) -> Iterator[tuple[Mute, Sensor]]:
     radar, options = SMALL, {}
     controller = Controller(Numbered())
     if kind == "comlib":
-        board = Mute(ComLibEmulator(Numbered(), speed=1.0))
+        board = Mute(comlib_boards.ComLibDouble(clock=time.monotonic))
         radar, options = rc.Radar(SMALL.waveform, rx=[[0.0, 0.0, 0.0]], receiver=SMALL.receiver), {"rx_mask": 1}
         plugged = cdc_device(board, product_id=0x0058)
     elif kind == "vendor":
@@ -338,10 +337,10 @@ def test_lost_answer_to_a_start_of_a_comlib_board_is_followed_by_a_stop() -> Non
                 self.intervals.append(int.from_bytes(data[5:9], "little"))
                 if self.intervals[-1] and self.lost:
                     self.lost -= 1
-                    while self.emulator.send(65536, 0.0):
+                    while self.board.send(65536, 0.0):
                         pass
 
-    board = ComLibBoard(Pipe(ComLibEmulator(comlib_boards.Ramp())), timeout=0.2)
+    board = ComLibBoard(Pipe(comlib_boards.ComLibDouble()), timeout=0.2)
     board.configure(comlib_boards.radar())
     Pipe.intervals.clear()
     began = time.monotonic()

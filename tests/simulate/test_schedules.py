@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from radarcore.simulate.schedule import at_receivers, ramps_of
+from radarcore.simulate.engine import at_receivers, ramps_of
 from reference import point_echo_reference
 
 WAVEFORM = rc.Waveform(

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 import radarcore as rc
 from radarcore.receive import chain
-from radarcore.simulate import schedule
 
 C = 299_792_458.0
 
@@ -308,7 +307,7 @@ def test_interrupted_recording_leaves_its_whole_frames(tmp_path: Path, monkeypat
             raise KeyboardInterrupt
         return received(ideal, radar, start, **options)
 
-    monkeypatch.setattr(schedule, "receive", interrupted)
+    monkeypatch.setattr(chain, "receive", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sim.record(0.0, 1.0, 40.0, progress=False, path=tmp_path / "rec")
     monkeypatch.undo()
@@ -323,7 +322,7 @@ def test_unwritable_place_fails_before_any_frame_is_simulated(tmp_path: Path, mo
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(schedule, "receive", never)
+    monkeypatch.setattr(chain, "receive", never)
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(OSError, match="file"):
         small().record(0.0, 1.0, progress=False, path=tmp_path / "file" / "rec")

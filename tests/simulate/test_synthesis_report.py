@@ -87,7 +87,7 @@ print(run(delay, amplitude, *[rate] * {num_rates}), 1024 * (kilobytes("VmHWM") -
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="peak memory is read from Linux's /proc")
 @pytest.mark.parametrize(("tolerance", "num_rates", "threads"), [(1e-3, 1, 2), (1e-8, 2, 1)])
 def test_a_sum_takes_no_more_memory_than_its_report_says(tolerance: float, num_rates: int, threads: int) -> None:
-    num_paths = 1_000_000
+    num_paths = 400_000
     code = PEAK_OF_A_SUM.format(num_paths=num_paths, tolerance=tolerance, num_rates=num_rates, threads=threads)
     # The samples, a flag per path, and some tables; a tenth for records in lists that grow.
     beside = 16 * 64 * 64 + num_paths + 1e6

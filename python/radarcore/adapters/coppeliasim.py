@@ -19,7 +19,7 @@ from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.images import PlanarDepth, from_coppeliasim
 from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.live import LiveGroup
 from radarcore.motion.protocol import Motion
 from radarcore.scene.body import Body
@@ -297,7 +297,8 @@ class VisionSensor:
         self.far: float = float(sim.getObjectFloatParam(handle, sim.visionfloatparam_far_clipping))
         self.angle: float = float(sim.getObjectFloatParam(handle, sim.visionfloatparam_perspective_angle))
         if self.near < _NEAREST:
-            error = _rounding(self.near, self.far)
+            # Quantum of the z-buffer at 3 m, uniformly distributed.
+            error = 9.0 * (self.far - self.near) / (self.far * self.near * 2.0**_BITS) / np.sqrt(12.0)
             notice.warn(
                 f"{path}: expected a near clipping plane at {_NEAREST:g} m or farther, got {self.near:g} m: depths of "
                 f"3 m are rounded by {1e6 * error:.0f} um rms, {720.0 * error / 5e-3:.1f} degrees of phase at 60 GHz"
@@ -325,11 +326,6 @@ class VisionSensor:
         grey = from_grey_buffer(*sim.getVisionSensorImg(number, _GREY))
         pose = from_matrix(sim.getObjectMatrix(number, sim.handle_world))
         return VisionImage(planar, grey, pose @ radar_in_camera("coppeliasim"), time)
-
-
-def _rounding(near: float, far: float) -> float:
-    """Rms error of depths of 3 m from a z-buffer of 24 bits [m]: ``z^2 (f - n)/(f n 2^24)/sqrt(12)``."""
-    return float(9.0 * (far - near) / (far * near * 2.0**_BITS) / np.sqrt(12.0))
 
 
 _SHORT_PATH = 1

@@ -132,9 +132,7 @@ def unpacked(name: str, data: Any, kind: DTypeLike, rows: int, columns: int, ste
     needed = (rows - 1) * step + columns * size
     if raw.size < needed:
         raise ValueError(f"{name}: expected {needed} bytes for {rows} rows of {step}, got {raw.size}")
-    padded = np.zeros(rows * step, np.uint8)
-    padded[: min(raw.size, rows * step)] = raw.ravel()[: rows * step]
-    return np.ascontiguousarray(padded.reshape(rows, step)[:, : columns * size]).view(dtype)
+    return np.ndarray((rows, columns), dtype, np.ascontiguousarray(raw), strides=(step, size))
 
 
 def centered(name: str, angle: float, pixels: int, shape: tuple[int, ...]) -> Camera:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,15 +111,11 @@ def sight(radar: Radar) -> str:
 def _designed(wishes: dict[str, Any]) -> Radar:
     """A BGT60TR13C for the wishes; without a wish for the range, it sees a room if the others allow it."""
     resolution = wishes.get("range_resolution")
-    room: dict[str, Any] = {}
-    if "max_range" not in wishes:
-        room["max_range"] = _MAX_RANGE
-        if resolution is not None:
-            range_of_many = 0.5 * resolution * _MANY_SAMPLES
-            room["max_range"] = min(_MAX_RANGE, max(_LEAST_RANGE, range_of_many))
+    range_of_many = _MAX_RANGE if resolution is None else 0.5 * resolution * _MANY_SAMPLES
+    room: dict[str, Any] = {"max_range": min(_MAX_RANGE, max(_LEAST_RANGE, range_of_many))}
     try:
         try:
-            return bgt60tr13c(**wishes, **room)
+            return bgt60tr13c(**room | wishes)
         except WishError:
             if resolution is None:
                 raise
@@ -142,9 +138,7 @@ def _changed(radar: Radar, wishes: dict[str, Any]) -> Radar:
         changes["frame_interval"] = 1.0 / check.positive("rate", changes.pop("rate"), "Hz")
     if not changes:
         return radar
-    values = radar.to_dict()
-    values["waveform"] = radar.waveform.replace(**changes).to_dict()
-    return Radar.from_dict(values)
+    return replace(radar, waveform=radar.waveform.replace(**changes))
 
 
 def _bandwidth(text: str) -> float:

@@ -23,7 +23,7 @@ from radarcore.cli.terminal import show
 from radarcore.comparison.targets import TargetErrors, estimates, found_in, target_errors
 from radarcore.models.robots.named import is_available
 from radarcore.output import check_file, write_text
-from radarcore.recording.writer import check_room
+from radarcore.recording.native import check_room
 from radarcore.scenefile.load import load_scene
 from radarcore.table import Table, finite
 

@@ -15,9 +15,8 @@ from radarcore.cli.options import Json, Source
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording
 from radarcore.cli.terminal import show
 from radarcore.dataset.store import attrs_of
-from radarcore.dataset.tree import varies
 from radarcore.dataset.variation import Parameter as Varying
-from radarcore.dataset.variation import Variation
+from radarcore.dataset.variation import Variation, varies
 from radarcore.geometry.mesh_files import STEP_SUFFIXES, SUFFIXES, load_mesh
 from radarcore.geometry.mesh_report import mesh_report
 from radarcore.recording.bare import NO_DESCRIPTION, Description

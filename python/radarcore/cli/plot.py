@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from radarcore import check, plot
-from radarcore.cli.options import Count, Metres, Output, Overwrite, Source, SubtractMean, whole_number
+from radarcore.cli.options import Count, Metres, Output, Overwrite, Source, SubtractMean, given, whole_number
 from radarcore.cli.sources import NOT_BARE, BareSamples, load_recording, moving, moving_frame, subtracts_mean
 from radarcore.cli.terminal import show
 from radarcore.output import check_file
@@ -112,22 +112,15 @@ def run(
     max_velocity : float
         end of the velocity axis to either side [m/s]
     """
-    view = {
-        "channel": channel,
-        "min_range": min_range,
-        "max_range": max_range,
-        "max_velocity": max_velocity,
-        "subtract_mean": subtract_mean,
-    }
     plot.require()
     suffixes = (".png", ".pdf", ".svg", ".jpg")
     if output.suffix.lower() not in suffixes:
         raise ValueError(f"{output}: expected a picture ({', '.join(suffixes)}), got suffix {output.suffix!r}")
     check_file(output, overwrite=overwrite)
-    chosen: dict[str, Any] = {name: value for name, value in view.items() if value is not None}
-    if wrong := sorted(
-        name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ())
-    ):
+    limits = given(channel=channel, min_range=min_range, max_range=max_range, max_velocity=max_velocity)
+    chosen = limits | given(subtract_mean=subtract_mean)
+    wrong = sorted(name for name, value in chosen.items() if value is not False and name not in VIEWS.get(kind, ()))
+    if wrong:
         kinds = ", ".join(name for name, names in VIEWS.items() if wrong[0] in names)
         raise ValueError(f"{wrong[0]}: expected a picture of kind {kinds}, got {kind!r}")
     if kind in FIGURES:
@@ -200,29 +193,16 @@ def _number(number: int | None, num_frames: int) -> int:
     return num_frames // 2 if number is None else check.index("frame", number, num_frames)
 
 
-def _detections(
-    frame: Frame,
-    *,
-    channel: int | None = None,
-    min_range: float | None = None,
-    max_range: float | None = None,
-    max_velocity: float | None = None,
-) -> Axes:
+def _detections(frame: Frame, *, min_range: float | None = None, max_range: float | None = None, **view: Any) -> Axes:
     """The range-velocity map, of one channel or all, with what is detected in all of them."""
     found = detect(frame, min_range=min_range, max_range=max_range)
-    return plot.range_doppler_map(frame, channel, detections=found, max_range=max_range, max_velocity=max_velocity)
+    return plot.range_doppler_map(frame, detections=found, max_range=max_range, **view)
 
 
-def _tracks(
-    recording: Recording,
-    *,
-    min_range: float | None = None,
-    max_range: float | None = None,
-    subtract_mean: bool = False,
-) -> Axes:
+def _tracks(recording: Recording, *, subtract_mean: bool = False, **limits: Any) -> Axes:
     """Tracks in range over time, and the true ranges of all bodies where they are known."""
     frames = moving(recording) if subtract_mean else recording.frames()
-    found = track(frames, detector=partial(detect, min_range=min_range, max_range=max_range), num_dimensions=1)
+    found = track(frames, detector=partial(detect, **limits), num_dimensions=1)
     ax = plot.tracks(recording, found)
     ax.set_title(f"Tracks{f', {_WITHOUT_STATIC}' if subtract_mean else ''}")
     return ax

@@ -41,8 +41,8 @@ from radarcore.cli.terminal import complain, show, show_result
 from radarcore.output import check_file, write_text
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
+from radarcore.recording.native import check_room
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import check_room
 from radarcore.table import Table
 
 if TYPE_CHECKING:
@@ -50,9 +50,6 @@ if TYPE_CHECKING:
     from radarcore.sensor.checks import Check
 
 _LENGTH = one_of_several()
-
-_BOARDS = {"strata": ("BGT60TR13C", "Strata"), "comlib": ("BGT60TR24B", "ComLib")}
-"""Chip and protocol of the boards."""
 
 _Group = Literal["identity", "registers", "pattern", "noise", "frames"]
 
@@ -350,7 +347,6 @@ def run_serve(
     source: Source,
     /,
     *,
-    protocol: Literal["strata", "comlib"] = "strata",
     link: Annotated[Path | None, Parameter(metavar="PATH")] = None,
     force: Flag = False,
     speed: Speed = 1.0,
@@ -365,8 +361,6 @@ def run_serve(
     ----------
     source : path
         scene file (TOML), or recording with ADC codes
-    protocol : str
-        of the board
     link : path
         also make a symbolic link to the port
     force : bool
@@ -388,16 +382,14 @@ def run_serve(
     if duration is not None:
         check.positive("duration", duration, "s")
     frames, settings = _served(source)
-    chip, language = _BOARDS[protocol]
-    settings_of_board: dict[str, Any] = {"protocol": protocol, "speed": speed, "threads": threads, "receiver": receiver}
     with (
-        virtual_board(frames, latency=latency, **settings_of_board) as board,
+        virtual_board(frames, latency=latency, speed=speed, threads=threads, receiver=receiver) as board,
         PtyPort(board, link=link, replace_link=force) as port,
     ):
         try:
             name = link or port.path
             print(f"listening on {name}")
-            print(f"{source} as a {chip}, protocol {language}; {settings}")
+            print(f"{source} as a BGT60TR13C, protocol Strata; {settings}")
             print(f"connect by `radarcore sensor view {name}`; Ctrl-C ends the server", flush=True)
             deadline = math.inf if duration is None else time.monotonic() + duration
             while time.monotonic() < deadline:
@@ -406,8 +398,6 @@ def run_serve(
                     print(line, file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
-        finally:
-            board.close()  # before the port, which waits for answers and thus for a frame that is being simulated
     print(f"{board.num_frames} frames delivered, {board.num_lost} lost")
 
 

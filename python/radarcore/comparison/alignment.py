@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.comparison.clocks import rival_peak
 from radarcore.comparison.targets import Found, measured
-from radarcore.comparison.truth import RecordedTruth
+from radarcore.comparison.truth import RecordedTruth, TruthOverTime
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
 from radarcore.recording.recording import middles, usual_interval
@@ -68,19 +68,6 @@ _BIAS = 0.3
 _STEPS = 20
 _SETTLED = 1e-6
 """Change of the offset that ends the search [s]."""
-
-
-class TruthOverTime(Protocol):
-    """Truth that can be asked for any times."""
-
-    @property
-    def span(self) -> tuple[float, float] | None:
-        """First and last time at which it is known, by the common base [s]; None: without an end."""
-        ...
-
-    def at(self, times: ArrayLike) -> Truth:
-        """Truth at times of the common base [s], arrays (time, target); NaN where it is not known."""
-        ...
 
 
 def estimated_offset(
@@ -305,7 +292,8 @@ def aligned(
         clocks: list[RecordingOffset] = []
         for one, offset in zip(found, wanted, strict=True):
             # A truth without an end is that of the time in which A was.
-            span = given.span or (_span(found[0], clocks[0].seconds) if clocks else None)
+            times = middles(found[0].recording, clocks[0].seconds).tolist() if clocks else []
+            span = given.span or ((times[0], times[-1]) if times else None)
             clocks.append(_clock(one, offset, given, longest, span))
         return Alignment(tuple(clocks), (given,) * len(found), is_by_tracks=False)
     if isinstance(wanted[0], str):
@@ -370,9 +358,3 @@ def _truth_of_tracks(found: Found, offset: float) -> RecordedTruth:
         rows[2:, track.frame, k] = track.azimuth, track.elevation
     names = tuple(f"track {track.id}" for track in tracks)
     return RecordedTruth(middles(found.recording, offset), Truth(names, *rows))
-
-
-def _span(found: Found, offset: float) -> tuple[float, float]:
-    """Time of the first and the last frame, by the common base [s]."""
-    time = middles(found.recording, offset)
-    return float(time[0]), float(time[-1])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.comparison.alignment import TruthOverTime, aligned, offsets
+from radarcore.comparison.alignment import aligned, offsets
 from radarcore.comparison.echoes import echo_difference
 from radarcore.comparison.figure import draw
 from radarcore.comparison.record import Record, Side, TargetComparison, differences
@@ -23,7 +23,7 @@ from radarcore.comparison.targets import (
     found_in,
     target_errors,
 )
-from radarcore.comparison.truth import MovingTargets, RecordedTruth, with_names
+from radarcore.comparison.truth import MovingTargets, RecordedTruth, TruthOverTime, with_names
 from radarcore.motion.protocol import AnyMotion
 from radarcore.output import check_file, write_text
 from radarcore.plot.canvas import thing

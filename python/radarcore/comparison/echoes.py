@@ -93,8 +93,6 @@ def _tones(radar: Radar, distance: float, velocity: float) -> tuple[NDArray[np.c
 
 def pairs(times_a: _Floats, times_b: _Floats, longest: float) -> NDArray[np.intp]:
     """Frames of A and B at about the same time, (pair, 2): each of B with the nearest of A, within `longest` [s]."""
-    if len(times_a) == 0 or len(times_b) == 0:
-        return np.zeros((0, 2), dtype=np.intp)
     nearest = np.abs(times_b[:, None] - times_a).argmin(axis=1)
     is_near = np.abs(times_a[nearest] - times_b) <= longest
     both: NDArray[np.intp] = np.stack([nearest, np.arange(len(times_b))], axis=1)[is_near]

@@ -92,11 +92,8 @@ def draw(
                 ax.plot(one.time, 0.0, "|", color=color, markersize=9.0, transform=ax.get_xaxis_transform())
 
     # Names come last, when everything has its place, and leave it there.
-    figure.draw_without_rendering()
+    canvas.place_names(*((ax, names, "white" if ax in (ranges, velocities) else "black") for ax, names in named))
     figure.set_layout_engine("none")
-    for ax, names in named:
-        is_map = ax not in (ranges, velocities)
-        canvas.place_names(ax, names, outline="black" if is_map else "white")
     canvas.save(figure, path, overwrite=overwrite)
     return figure
 

@@ -20,17 +20,19 @@ from radarcore.recording.recording import Recording
 _ROUNDING = 1e-9
 """Relative difference of numbers that are the same."""
 
-_UNITS = {
+_OF_WAVEFORM = {
     "start_frequency": "Hz",
     "slope": "Hz/s",
     "sample_rate": "Hz",
+    "num_samples": "",
+    "adc_delay": "s",
+    "num_chirps": "",
     "chirp_interval": "s",
     "frame_interval": "s",
-    "adc_delay": "s",
-    "tx_power": "dBm",
     "range_resolution": "m",
     "velocity_resolution": "m/s",
 }
+"""Settings of a waveform, and their units."""
 
 
 class Difference(NamedTuple):
@@ -43,27 +45,23 @@ class Difference(NamedTuple):
 
 def differences(a: Radar, b: Radar) -> tuple[Difference, ...]:
     """Settings in which two radars differ, those of the waveform first."""
-    pairs = zip(_settings(a), _settings(b), strict=True)
-    return tuple(
-        Difference(name, _text(name, first), _text(name, second))
-        for (name, first), (_, second) in pairs
-        if not _same(first, second)
-    )
+    found = []
+    for (name, unit, one), (_, _, other) in zip(_settings(a), _settings(b), strict=True):
+        if not _same(one, other):
+            found.append(Difference(name, _text(one, unit), _text(other, unit)))
+    return tuple(found)
 
 
-def _settings(radar: Radar) -> Iterator[tuple[str, Any]]:
-    """Settings by name."""
-    wf = radar.waveform
-    for name in ("start_frequency", "slope", "sample_rate", "num_samples", "adc_delay"):
-        yield name, getattr(wf, name)
-    for name in ("num_chirps", "chirp_interval", "frame_interval", "range_resolution", "velocity_resolution"):
-        yield name, getattr(wf, name)
-    yield "samples", "real" if radar.is_real else "I/Q"
-    yield "transmitters [m]", _places(radar.tx)
-    yield "receivers [m]", _places(radar.rx)
-    yield "tx_power", radar.tx_power_dbm
-    yield "antenna pattern", "; ".join(dict.fromkeys(map(str, (*radar.tx_patterns, *radar.rx_patterns))))
-    yield "receiver", _receiver(radar)
+def _settings(radar: Radar) -> Iterator[tuple[str, str, Any]]:
+    """Names, units and values."""
+    for name, unit in _OF_WAVEFORM.items():
+        yield name, unit, getattr(radar.waveform, name)
+    yield "samples", "", "real" if radar.is_real else "I/Q"
+    yield "transmitters [m]", "", _places(radar.tx)
+    yield "receivers [m]", "", _places(radar.rx)
+    yield "tx_power", "dBm", radar.tx_power_dbm
+    yield "antenna pattern", "", "; ".join(dict.fromkeys(map(str, (*radar.tx_patterns, *radar.rx_patterns))))
+    yield "receiver", "", _receiver(radar)
 
 
 def _places(antennas: Any) -> str:
@@ -86,9 +84,9 @@ def _same(first: Any, second: Any) -> bool:
     return bool(first == second)
 
 
-def _text(name: str, value: Any) -> str:
+def _text(value: Any, unit: str) -> str:
     number = f"{value:.9g}" if isinstance(value, float) else str(value)
-    return f"{number} {_UNITS[name]}" if name in _UNITS else number
+    return f"{number} {unit}".rstrip()
 
 
 @dataclass(frozen=True, eq=False)

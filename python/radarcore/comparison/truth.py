@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.direction import angles
+from radarcore.geometry.mesh import nearest_point
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at, with_factors
 from radarcore.recording.frame import TRUTH_FIELDS, Truth
@@ -121,15 +122,13 @@ class RecordedTruth:
         self.names: tuple[str, ...] = truth.names
 
     @property
-    def span(self) -> tuple[float, float] | None:
-        """Times of the first and the last frame [s]; None without frames."""
-        return (float(self.times[0]), float(self.times[-1])) if len(self.times) > 0 else None
+    def span(self) -> tuple[float, float]:
+        """Times of the first and the last frame [s]."""
+        return float(self.times[0]), float(self.times[-1])
 
     def at(self, times: ArrayLike) -> Truth:
         """Truth at times of the common base [s]; NaN beyond the frames, in gaps, and where a neighbour has none."""
         wanted = check.numbers("times", times)
-        if len(self.times) == 0:
-            return Truth(self.names, *np.full((len(TRUTH_FIELDS), len(wanted), len(self.names)), np.nan))
         right = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))
         left, right = right - 1, np.minimum(right, len(self.times) - 1)
         step = self.times[right] - self.times[left]
@@ -161,6 +160,10 @@ class RecordedTruth:
         bent: _Floats = t * (1.0 - t) * ((1.0 - t) * before - t * after)
         # Radars without velocities tell no slopes.
         return np.where(np.isnan(bent), 0.0, bent)
+
+
+TruthOverTime = MovingTargets | RecordedTruth
+"""Truth that can be asked for any times."""
 
 
 def with_names(truth: Truth, names: Sequence[str]) -> Truth:
@@ -220,24 +223,5 @@ def nearest_points(places: _Floats, corners: _Floats) -> _Floats:
     limits = cKDTree(corners.reshape(-1, 3)).query(places)[0] + reach
     candidates = tree.query_ball_point(places, limits * (1.0 + 1e-9))
     return np.array(
-        [_nearest_point(place, corners[near]) for place, near in zip(places, candidates, strict=True)]
+        [nearest_point(place, corners[near]) for place, near in zip(places, candidates, strict=True)]
     ).reshape(-1, 3)
-
-
-def _nearest_point(place: _Floats, corners: _Floats) -> _Floats:
-    """The point of triangles (triangle, 3, 3) nearest to a place: on an edge, or inside of one of them."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    along = np.clip(((place - corners) * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
-    on_edges = corners + along[..., None] * edges
-    gaps = np.square(on_edges - place).sum(axis=-1)
-    triangle, edge = np.unravel_index(int(gaps.argmin()), gaps.shape)
-
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    heights = ((place - corners[:, 0]) * normals).sum(axis=-1)
-    feet = place - heights[:, None] * normals
-    sides = (np.cross(edges, feet[:, None] - corners) * normals[:, None]).sum(axis=-1)
-    inside = np.where((sides >= 0.0).all(axis=1), np.square(heights), np.inf)
-    foot = int(inside.argmin())
-    nearest: _Floats = feet[foot] if inside[foot] < gaps[triangle, edge] else on_edges[triangle, edge]
-    return nearest

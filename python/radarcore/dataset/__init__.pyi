@@ -1,4 +1,4 @@
-from radarcore.dataset.bodies import JOINTS as JOINTS
+from radarcore.dataset.labels import JOINTS as JOINTS
 from radarcore.dataset.labels import LabelLayout as LabelLayout
 from radarcore.dataset.labels import Labelled as Labelled
 from radarcore.dataset.labels import Labels as Labels

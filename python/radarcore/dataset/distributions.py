@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from inspect import signature
 from itertools import accumulate
 from math import ceil, floor, inf, isfinite
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 from scipy.special import ndtr, ndtri
 
@@ -26,35 +26,37 @@ _SMALLEST_SHARE = 1e-9
 """Least probability between the bounds of a normal distribution: below, its quantiles lose their digits."""
 
 
-class Distribution(Protocol):
-    """Distribution that a value is drawn from."""
+@dataclass(frozen=True)
+class _Interval:
+    """Values from `low` to `high`.
 
-    @property
-    def kind(self) -> str:
-        """Word that stands for it in scene files."""
-        ...
+    Like all distributions it has the word for it in scene files (`kind`), the values that it may take and that all
+    others lie between (`ends`; those of a choice are all), and the value that a share of all draws lies below (`at`).
+    """
+
+    low: Any
+    high: Any
+    kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"{self.kind}: expected the smaller end first, got [{self.low}, {self.high}]")
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Values that it may take and that all others lie between, to be tried; those of a choice are all."""
-        ...
-
-    def at(self, share: float) -> Value:
-        """The value that a share of all draws lies below, 0 <= share < 1."""
-        ...
+        """Smallest and largest value."""
+        return self.low, self.high
 
 
 @dataclass(frozen=True)
-class Uniform:
+class Uniform(_Interval):
     """Numbers of equal density, or of equal probability on a grid of `step`."""
 
-    low: float
-    high: float
     step: float | None = None
     kind = "uniform"
 
     def __post_init__(self) -> None:
-        _check_order(self)
+        super().__post_init__()
         _check_step(self.step, self.high - self.low, "ends")
 
     @property
@@ -65,7 +67,7 @@ class Uniform:
     def at(self, share: float) -> float:
         """Quantile."""
         if self.step is None:
-            return self.low + share * (self.high - self.low)
+            return float(self.low + share * (self.high - self.low))
         return self._on_grid(int(share * (self._num_steps + 1)))
 
     @property
@@ -138,21 +140,14 @@ class Normal:
 
 
 @dataclass(frozen=True)
-class LogUniform:
+class LogUniform(_Interval):
     """Positive numbers whose logarithms have equal density."""
 
-    low: float
-    high: float
     kind = "log_uniform"
 
     def __post_init__(self) -> None:
         check.positive("log_uniform", self.low)
-        _check_order(self)
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Smallest and largest value."""
-        return self.low, self.high
+        super().__post_init__()
 
     def at(self, share: float) -> float:
         """Quantile."""
@@ -160,23 +155,16 @@ class LogUniform:
 
 
 @dataclass(frozen=True)
-class Integers:
+class Integers(_Interval):
     """Integers of equal probability, both ends among them."""
 
-    low: Any
-    high: Any
     kind = "integers"
 
     def __post_init__(self) -> None:
         if not (isinstance(self.low, int) and isinstance(self.high, int)):
             raise ValueError(f"integers: expected two integers, got [{self.low}, {self.high}]")
         if self.low != self.high:
-            _check_order(self)
-
-    @property
-    def ends(self) -> tuple[int, int]:
-        """Smallest and largest value."""
-        return self.low, self.high
+            super().__post_init__()
 
     def at(self, share: float) -> int:
         """Quantile."""
@@ -223,6 +211,8 @@ def is_distribution(value: object) -> bool:
     return isinstance(value, Mapping) and any(name in value for name in DISTRIBUTIONS)
 
 
+Distribution = Uniform | Normal | LogUniform | Integers | Choice
+
 _KINDS: dict[str, Callable[..., Distribution]] = {
     each.kind: each for each in (Uniform, Normal, LogUniform, Integers, Choice)
 }
@@ -249,11 +239,6 @@ def distribution_of(table: Mapping[str, Value]) -> Distribution:
     numbers = [check.number(kind, end) for end in value]
     ends = value if kind == "integers" else numbers
     return _KINDS[kind](*ends, **{name: check.number(name, option) for name, option in options.items()})
-
-
-def _check_order(of: Uniform | LogUniform | Integers) -> None:
-    if not of.low < of.high:
-        raise ValueError(f"{of.kind}: expected the smaller end first, got [{of.low}, {of.high}]")
 
 
 def _check_step(step: float | None, width: float, between: str) -> None:

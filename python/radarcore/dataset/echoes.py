@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import notice
-from radarcore.dataset.bodies import Floats, Members
 from radarcore.processing.inputs import require_one_waveform, require_uniform_chirps
 from radarcore.processing.spectra.spectra import range_doppler
 from radarcore.processing.spectra.windows import window_weights
@@ -19,6 +18,10 @@ from radarcore.scene.scene import Parts, Scene
 from radarcore.simulate.beat import beat_signal
 from radarcore.simulate.simulator import Simulator
 from radarcore.units import power_from_db
+
+Floats = NDArray[np.float64]
+Members = tuple[NDArray[np.intp], ...]
+"""Per label the numbers in the scene of the bodies that it stands for; none where it is absent."""
 
 DEPTH_DB = 60.0
 """Lowest level of a labelled cell below the strongest of the map [dB]."""

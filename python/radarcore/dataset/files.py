@@ -8,7 +8,6 @@ import re
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
-from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -123,16 +122,12 @@ def _key(name: str) -> str:
 def _value(value: object) -> str:
     if isinstance(value, str):
         return _string(value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return "nan" if isnan(value) else repr(value)
     if isinstance(value, Mapping):
         inner = ", ".join(f"{_key(name)} = {_value(entry)}" for name, entry in value.items())
         return f"{{ {inner} }}" if inner else "{}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
-    return str(value)  # integers, dates and times
+    return str(value).lower() if isinstance(value, bool) else str(value)  # numbers, dates and times
 
 
 def _string(text: str) -> str:

@@ -21,9 +21,8 @@ import scipy
 from numpy.typing import NDArray
 
 from radarcore import _core, check
-from radarcore.dataset.bodies import JOINTS
 from radarcore.dataset.files import digests_of, keep
-from radarcore.dataset.labels import Labels, dims_of
+from radarcore.dataset.labels import JOINTS, Labels, dims_of
 from radarcore.dataset.variation import Variation
 from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty, naming
 from radarcore.radar.radar import Radar
@@ -237,14 +236,9 @@ def stored_parameters(values: Mapping[str, Any], layout: Layout) -> dict[str, An
     """Drawn values by the names of their variables; true and false become texts."""
     stored: dict[str, float | str] = {}
     for name, variable in layout.variables.items():
-        path = variable.attrs.get("path")
-        if path is None or path not in values:
-            continue
-        value = values[path]
-        if variable.dtype != TEXT:
-            stored[name] = float(value)
-        else:
-            stored[name] = value if isinstance(value, str) else json.dumps(value)
+        if (path := variable.attrs.get("path", "")) in values:
+            needs_json = variable.dtype == TEXT and not isinstance(values[path], str)
+            stored[name] = json.dumps(values[path]) if needs_json else values[path]
     return stored
 
 
@@ -258,12 +252,11 @@ def _frame_variables(frames: list[Frame]) -> dict[str, Variable]:
         "coordinates": "time slow_time",
         "long_name": "beat signal",
     }
-    variable = Variable(axes, shape, cube.dtype.name, np.nan, attrs)
-    if first.raw is not None:
+    has_codes = first.raw is not None
+    if has_codes:
         # As CF conventions and xarray have it: value = code * scale_factor + add_offset.
-        scale = {"scale_factor": 2.0 / (NUM_CODES - 1), "add_offset": -1.0, "_FillValue": NO_CODE}
-        attrs |= {"units": "full scale", **scale}
-        variable = Variable(axes, shape, "uint16", NO_CODE, attrs, compressed=True)
+        attrs |= {"scale_factor": 2.0 / (NUM_CODES - 1), "add_offset": -1.0, "_FillValue": NO_CODE}
+    variable = Variable(axes, shape, cube.dtype.name, NO_CODE if has_codes else np.nan, attrs, has_codes)
     time = {"units": "s", "long_name": "start of the first chirp"}
     return {"cube": variable, "time": Variable(("frame",), (num_frames,), "float64", np.nan, time)}
 

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from radarcore import check, notice
-from radarcore.dataset.distributions import Choice, Distribution, Integers
+from radarcore.dataset.distributions import Choice, Distribution, Integers, distribution_of, is_distribution
 from radarcore.dataset.sample import Sample
-from radarcore.dataset.tree import Found, Varied, found_in, prepared, resolved, shared
 from radarcore.radar.radar import Radar
 from radarcore.scenefile.build.cache import BuildCache
 from radarcore.scenefile.load import Simulation
 from radarcore.scenefile.read import located, unit_at, values_of
-from radarcore.scenefile.tables import RunTable
+from radarcore.scenefile.tables import RunTable, SceneTable
+
+_KINDS = ("body", "point", "human", "arm", "interferer")
+"""Arrays of tables whose entries have names and may be repeated."""
+
+_MOST_COPIES = 1000
+
+_SHAPE = "the shape of the cube"
+_AXES = "the axes of the cube"
+_FIXED = {
+    **dict.fromkeys(("preset", "num_samples", "num_chirps", "alternating", "sequences", "chirp_times"), _SHAPE),
+    **dict.fromkeys(("max_range", "range_resolution", "max_velocity", "velocity_resolution", "rate"), _SHAPE),
+    **dict.fromkeys(("start_frequency", "stop_frequency", "slope", "sample_rate"), _AXES),
+    **dict.fromkeys(("chirp_interval", "frame_interval", "adc_delay"), _AXES),
+}
+"""Keys of the radar that are the same in all samples, and what they decide."""
+
+_OF_ANGLES = ("azimuth_deg", "elevation_deg", "phases_deg")
+"""Keys of a schedule that decide neither shape nor axes."""
 
 _SEED_PATH = "run.seed"
 _NUM_SEEDS = 2**53
@@ -28,6 +45,163 @@ _OF_NAMES = ("model", "meshes", "materials", "shape", "path")
 
 _TRIED_SAMPLES = 20
 """Samples of which one has to be possible."""
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A value that is drawn, at its place in the tables, under a path such as ``human.person 0.speed``."""
+
+    path: str
+    distribution: Distribution
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """An entry of an array of tables that comes in copies: their number, and as many of them as there may be."""
+
+    count: int | Varied
+    copies: list[dict[str, Any]]
+
+
+_Pick = Callable[[Varied], tuple[Any, int | None]]
+"""Value drawn, and the number of the option of a choice."""
+
+
+def varies(values: object) -> bool:
+    """True for tables of a scene file with a distribution, or an entry that comes in copies."""
+    if isinstance(values, dict):
+        return is_distribution(values) or "repeat" in values or any(map(varies, values.values()))
+    return isinstance(values, list) and any(map(varies, values))
+
+
+def _prepared(values: dict[str, Any]) -> dict[str, Any]:
+    """The tables with `Varied` and `Repeated` in the place of what stands for them, and a name for every entry.
+
+    A ValueError names the path of what is wrong.
+    """
+    result: dict[str, Any] = {}
+    for key, value in values.items():
+        if is_distribution(value):
+            raise ValueError(f"{key}: expected distributions of values in it, got one of the whole")
+        if key in (*_KINDS, "material") and isinstance(value, list):
+            result[key] = [_entry(key, i, table) for i, table in enumerate(value)]
+        else:
+            result[key] = _varied(value, key)
+    return result
+
+
+def _entry(kind: str, index: int, table: Any) -> Any:
+    """An entry of an array of tables."""
+    if not isinstance(table, dict) or is_distribution(table):
+        got = repr(table) if not isinstance(table, dict) else "a distribution"
+        raise ValueError(f"{kind}[{index}]: expected a table, got {got}")
+    name = table.get("name", _default_name(kind) or f"{kind} {index}")
+    if not isinstance(name, str):
+        raise ValueError(f"{kind}[{index}]: name: expected text, the same in all samples, got {name!r}")
+    path = f"{kind}.{name}"
+    if kind == "material":
+        return _varied(table, path)
+    if "repeat" not in table:
+        return _varied({"name": name, **table}, path)
+    count, most = _count(table["repeat"], f"{path}.repeat")
+    one = {"name": name, **{key: value for key, value in table.items() if key != "repeat"}}
+    return Repeated(count, [_varied({**one, "name": f"{name} {k}"}, f"{path} {k}") for k in range(most)])
+
+
+def _default_name(kind: str) -> str | None:
+    (table,) = get_args(SceneTable.model_fields[kind].annotation)  # of a list of tables
+    default = table.model_fields["name"].default
+    return default if isinstance(default, str) else None
+
+
+def _count(value: Any, path: str) -> tuple[int | Varied, int]:
+    """Number of copies, and the largest that there may be."""
+    with located(f"{path}: "):
+        found = distribution_of(value) if is_distribution(value) else Choice([value])
+        if any(isinstance(end, bool) or not isinstance(end, int) for end in found.ends):
+            raise ValueError(f"expected an integer, or a distribution of integers, got {value!r}")
+        if min(found.ends) < 0 or max(found.ends) > _MOST_COPIES:
+            raise ValueError(f"expected 0 to {_MOST_COPIES} copies, got {value!r}")
+    return Varied(path, found) if len(set(found.ends)) > 1 else int(found.ends[0]), int(max(found.ends))
+
+
+def _varied(value: Any, path: str) -> Any:
+    if is_distribution(value):
+        _check_may_vary(path)
+        with located(f"{path}: "):
+            found = distribution_of(value)
+        if isinstance(found, Choice):
+            options = tuple(_varied(option, f"{path}{{{k}}}") for k, option in enumerate(found.values))
+            found = Choice(options, found.weights)
+        return Varied(path, found)
+    if isinstance(value, dict):
+        return {key: _varied(entry, f"{path}.{key}") for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_varied(entry, f"{path}[{i}]") for i, entry in enumerate(value)]
+    return value
+
+
+def _check_may_vary(path: str) -> None:
+    """Refuse to vary what all samples of a dataset share."""
+    table, _, rest = path.partition(".")
+    key = rest.partition(".")[0].partition("[")[0].partition("{")[0]
+    reason = None
+    if table == "radar":
+        reason = _FIXED.get(key)
+        if rest in ("tx", "rx", "tx_patterns", "rx_patterns", "receiver.output"):
+            reason = _SHAPE
+        elif key == "schedule" and not rest.removeprefix("schedule.").startswith(_OF_ANGLES):
+            reason = _AXES
+    elif table == "run" and key in ("start", "stop", "rate"):
+        reason = "the number of frames"
+    if reason is not None:
+        raise ValueError(_shared(path, reason))
+
+
+def _shared(path: str, reason: str) -> str:
+    """Error of a distribution for a value that all samples share."""
+    return f"{path}: expected one value for all samples, as it decides {reason}, got a distribution"
+
+
+def _resolved(tables: dict[str, Any], pick: _Pick) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Tables with a value in every place, and the values that were drawn by path.
+
+    Of a choice of tables or lists the number of the option counts as the value.
+    """
+    drawn: dict[str, Any] = {}
+
+    def value_of(value: Any) -> Any:
+        if isinstance(value, Varied):
+            found, number = pick(value)
+            drawn[value.path] = number if isinstance(found, dict | list | Varied) else found
+            return value_of(found)
+        if isinstance(value, dict):
+            return {key: value_of(entry) for key, entry in value.items()}
+        if isinstance(value, list):
+            return [value_of(each) for entry in value for each in entries_of(entry)]
+        return value
+
+    def entries_of(entry: Any) -> list[Any]:
+        return entry.copies[: value_of(entry.count)] if isinstance(entry, Repeated) else [entry]
+
+    return value_of(tables), drawn
+
+
+def _found(value: Any, most_copies: int | None = None) -> Iterator[Varied]:
+    """All distributions, those of copies once for every copy that there may be, or for the first ones."""
+    inner: Iterable[Any] = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    if isinstance(value, Varied):
+        yield value
+        inner = value.distribution.values if isinstance(value.distribution, Choice) else ()
+    elif isinstance(value, Repeated):
+        inner = [value.count, *value.copies[:most_copies]]
+    for entry in inner:
+        yield from _found(entry, most_copies)
+
+
+def _around(path: str) -> dict[str, int]:
+    """Paths of the choices around a path, and the numbers of their options that it lies in."""
+    return {path[: option.start()]: int(option[1]) for option in re.finditer(r"\{(\d+)\}", path)}
 
 
 @dataclass(frozen=True)
@@ -156,13 +330,13 @@ class Variation:
         file = Path(path)
         values = values_of(file)
         with located(f"{file}: "):
-            tables = prepared(values)
+            tables = _prepared(values)
         run = tables.setdefault("run", {})
         if isinstance(run, dict):
-            run.setdefault("seed", Varied(Integers(0, _NUM_SEEDS - 1)))
-        found = list(found_in(tables))
+            run.setdefault("seed", Varied(_SEED_PATH, Integers(0, _NUM_SEEDS - 1)))
+        found = list(_found(tables))
         with notice.gathered():  # warnings come with the samples
-            trials = _Trials(file, tables, found)
+            trials = _Trials(file, tables)
             trials.check_ends()
             names = trials.body_names()
         return cls(file, tuple(map(_parameter, found)), names, trials.run, tables)
@@ -201,10 +375,7 @@ class Variation:
         """
         number, series = check.count("index", index, 0), check.count("seed", seed, 0)
 
-        def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
-            return _drawn(distribution, share_of(series, number, path))
-
-        tables, values = resolved(self._tables, pick)
+        tables, values = _resolved(self._tables, lambda value: _drawn(value, series, number))
         return Sample(number, series, values, self.path, tables, self._kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -224,14 +395,15 @@ def share_of(seed: int, index: int, path: str) -> float:
     return float((int.from_bytes(digest, "big") >> 11) * 2.0**-53)
 
 
-def _drawn(distribution: Distribution, share: float) -> tuple[Any, int | None]:
+def _drawn(value: Varied, seed: int, index: int) -> tuple[Any, int | None]:
+    distribution, share = value.distribution, share_of(seed, index, value.path)
     if isinstance(distribution, Choice):
         number = distribution.number_at(share)
         return distribution.values[number], number
     return distribution.at(share), None
 
 
-def _parameter(found: Found) -> Parameter:
+def _parameter(found: Varied) -> Parameter:
     ends = found.distribution.ends
     if isinstance(found.distribution, Choice):
         values = found.distribution.values
@@ -242,10 +414,10 @@ def _parameter(found: Found) -> Parameter:
 class _Trials:
     """Samples that are tried when a variation is loaded: one, and that with every end of every distribution."""
 
-    def __init__(self, file: Path, tables: dict[str, Any], found: list[Found]) -> None:
+    def __init__(self, file: Path, tables: dict[str, Any]) -> None:
         self._file, self._tables, self._kept = file, tables, BuildCache()
         # All copies have the distributions of the first.
-        self._found = [each for each in found if each.copy == 0]
+        self._found = list(_found(tables, most_copies=1))
         self._index = 0
         possible = self._possible()
         self._names, self.run, self._radar = possible.scene.names, possible.run, possible.radar
@@ -267,18 +439,16 @@ class _Trials:
     def _sample(self, forced: Mapping[str, int], most_copies: int | None = None) -> Sample:
         """A sample with as many copies as there may be, or fewer, and at some paths an end, by its number."""
 
-        def pick(path: str, distribution: Distribution) -> tuple[Any, int | None]:
-            if path in forced:
-                end = forced[path]
-                if isinstance(distribution, Choice):
-                    return distribution.values[end], end
-                return distribution.ends[end], None
-            if path.endswith(".repeat"):
-                number: int = max(distribution.ends)
+        def pick(value: Varied) -> tuple[Any, int | None]:
+            if value.path in forced:
+                end = forced[value.path]
+                return _values(value.distribution)[end], end
+            if value.path.endswith(".repeat"):
+                number = int(max(value.distribution.ends))
                 return number if most_copies is None else min(number, most_copies), None
-            return _drawn(distribution, share_of(0, self._index, path))
+            return _drawn(value, 0, self._index)
 
-        tables, values = resolved(self._tables, pick)
+        tables, values = _resolved(self._tables, pick)
         return Sample(self._index, 0, values, self._file, tables, self._kept)
 
     def check_ends(self) -> None:
@@ -287,11 +457,11 @@ class _Trials:
             if found.path == _SEED_PATH or found.path.endswith(".repeat"):
                 continue
             for number, end in enumerate(_values(found.distribution)):
-                sample = self._sample({**dict(found.within), found.path: number}, most_copies=1)
+                sample = self._sample({**_around(found.path), found.path: number}, most_copies=1)
                 try:
                     radar = sample.simulation().radar
                     if _shape_of(radar) != _shape_of(self._radar):
-                        raise ValueError(f"{self._file}: {shared(found.path, 'the shape of the cube')}")
+                        raise ValueError(f"{self._file}: {_shared(found.path, 'the shape of the cube')}")
                 except ValueError as error:
                     if error.__cause__ is None:
                         raise
@@ -308,7 +478,7 @@ class _Trials:
                 continue
             for number in range(len(found.distribution.values)):
                 try:
-                    others = self._sample({**dict(found.within), found.path: number}).simulation().scene.names
+                    others = self._sample({**_around(found.path), found.path: number}).simulation().scene.names
                 except ValueError:  # together with the other values of this sample
                     continue
                 place = 0

@@ -14,10 +14,10 @@ from radarcore.depth.motion import ImageMotion
 from radarcore.geometry.camera import Camera
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
+from radarcore.receive.chain import received
 from radarcore.recording.frame import Frame, adc_codes, frame_of
 from radarcore.scene.scene import Scene
-from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
-from radarcore.simulate.schedule import at_receivers, ramps_of, received
+from radarcore.simulate.engine import NUM_TIMES, at_receivers, counts_of, ideal_frame, new_engine, ramps_of
 from radarcore.simulate.settings import Settings
 from radarcore.simulate.warnings import Warnings
 

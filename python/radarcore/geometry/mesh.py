@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,19 +67,6 @@ class Mesh:
     0.5
     """
 
-    __slots__ = (
-        "_bounds",
-        "_core",
-        "_sealed",
-        "crease_angle_deg",
-        "is_reflector",
-        "num_dropped",
-        "num_merged",
-        "shading",
-        "triangles",
-        "vertices",
-    )
-
     vertices: NDArray[np.float64]
     triangles: NDArray[np.uint32]
     num_dropped: int
@@ -86,7 +74,6 @@ class Mesh:
     crease_angle_deg: float
     shading: str
     _core: _core.Surface
-    _bounds: NDArray[np.float64] | None
     is_reflector: bool
 
     def __init__(
@@ -116,7 +103,6 @@ class Mesh:
         kept = self._core.kept()
         self.num_dropped = 0 if kept is None else len(rows) - len(kept)
         self.triangles = rows if kept is None else rows[kept]
-        self._bounds = None
         self.is_reflector = False
         self.vertices.flags.writeable = False
         self.triangles.flags.writeable = False
@@ -126,15 +112,11 @@ class Mesh:
                 "the mesh is empty",
             )
 
-    @property
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Smallest and largest coordinates of the triangles, (2, 3) [m]; NaN for an empty mesh."""
-        found = self._bounds
-        if found is None:
-            used = used_by(self.triangles, len(self.vertices))
-            found = bounds_of(self.vertices if used.all() else self.vertices[used])
-            object.__setattr__(self, "_bounds", found)
-        return found.copy()
+        used = used_by(self.triangles, len(self.vertices))
+        return check.frozen(bounds_of(self.vertices if used.all() else self.vertices[used]))
 
     @property
     def area(self) -> float:
@@ -174,6 +156,25 @@ def bounds_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.full((2, 3), np.nan)
     # Axis by axis: numpy takes twenty times longer along the first axis of three columns.
     return np.array([[extreme(axis) for axis in points.T] for extreme in (np.min, np.max)])
+
+
+def nearest_point(place: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point of triangles (triangle, 3, 3) nearest to a place: on an edge, or inside of one of them."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    along = np.clip(((place - corners) * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
+    on_edges = corners + along[..., None] * edges
+    gaps = np.square(on_edges - place).sum(axis=-1)
+    triangle, edge = np.unravel_index(int(gaps.argmin()), gaps.shape)
+
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    heights = ((place - corners[:, 0]) * normals).sum(axis=-1)
+    feet = place - heights[:, None] * normals
+    sides = (np.cross(edges, feet[:, None] - corners) * normals[:, None]).sum(axis=-1)
+    inside = np.where((sides >= 0.0).all(axis=1), np.square(heights), np.inf)
+    foot = int(inside.argmin())
+    nearest: NDArray[np.float64] = feet[foot] if inside[foot] < gaps[triangle, edge] else on_edges[triangle, edge]
+    return nearest
 
 
 def merged_mesh(parts: Sequence[tuple[Mesh, Pose]]) -> Mesh:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import count
 from os import PathLike, fspath
 from pathlib import Path
@@ -143,17 +141,11 @@ def _load_obj(path: str | PathLike[str]) -> Any:
 
 def _load_other(path: Path) -> tuple[NDArray[np.float64], NDArray[Any]]:
     """Vertices and triangles of a file that is no OBJ file."""
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not path.exists():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    path.open("rb").close()  # an OSError of its own where there is no file
     kind = path.suffix.lower()
-    readers: dict[str, Callable[[Path], tuple[NDArray[np.float64], NDArray[Any]]]] = {
-        ".dae": _load_collada,
-        ".3mf": _load_3mf,
-    }
+    read = _load_collada if kind == ".dae" else _load_3mf if kind == ".3mf" else _load_with_trimesh
     try:
-        vertices, triangles = readers.get(kind, _load_with_trimesh)(path)
+        vertices, triangles = read(path)
     except ImportError:
         raise
     except Exception as error:  # whatever their many readers raise, the user wants the path
@@ -198,13 +190,9 @@ def _beginning(path: Path) -> str:
         return "the file is empty"
     if head.startswith(b"version https://git-lfs"):
         return "the file is a pointer of Git LFS: fetch its content by git lfs pull"
-    if _is_text(head):
+    if all(byte >= 32 or byte in b"\t\n\r" for byte in head):
         return f"the file begins with {head.decode('utf-8', 'replace')!r}"
     return f"the file begins with the bytes {head[:8].hex(' ')}"
-
-
-def _is_text(data: bytes) -> bool:
-    return all(byte >= 32 or byte in b"\t\n\r" for byte in data)
 
 
 # Axes of a file (columns: its x, y and z) in those with z up, by COLLADA 1.4.1, table of <up_axis>: right, up and

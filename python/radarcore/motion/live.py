@@ -377,44 +377,35 @@ class Between:
 
     def __init__(self, pairs: Sequence[tuple[Update, Update]], segments: NDArray[np.intp], times: Matrix) -> None:
         start, end = np.array([[update.time for update in pair] for pair in pairs]).T
-        self._length, self._at = (end - start)[segments, None, None], segments
-        self._s = (times - start[segments])[:, None, None] / self._length
+        length = (end - start)[:, None, None]
         # Poses and rates at both ends of every segment, (segment, end, body, ...).
         maps = np.array([[update.maps for update in pair] for pair in pairs])
         velocities, turning = np.moveaxis(np.array([[update.past for update in pair] for pair in pairs]), 2, 0)
-        self._rotations, positions = maps[:, 0, :, :, :3], maps[..., 3]
-        turn = rotation_vectors(maps[:, 1, :, :, :3] @ np.swapaxes(self._rotations, -1, -2))
+        rotations, positions = maps[:, 0, :, :, :3], maps[..., 3]
+        turn = rotation_vectors(maps[:, 1, :, :, :3] @ np.swapaxes(rotations, -1, -2))
         bend = (inverse_rate_jacobian(turn) @ turning[:, 1, :, :, None])[..., 0]
-        # Position and rotation vector side by side, (segment, body, 6): values at both ends, then rates.
-        self._first = np.concatenate([positions[:, 0], 0.0 * turn], axis=-1)
-        self._last = np.concatenate([positions[:, 1], turn], axis=-1)
-        self._leaving = np.concatenate([velocities[:, 0], turning[:, 0]], axis=-1)
-        self._arriving = np.concatenate([velocities[:, 1], bend], axis=-1)
+        # Cubics of position and rotation vector side by side, (power, time, body, 6), by values and rates at both ends.
+        first = np.concatenate([positions[:, 0], 0.0 * turn], axis=-1)
+        leaving = np.concatenate([velocities[:, 0], turning[:, 0]], axis=-1)
+        arriving = np.concatenate([velocities[:, 1], bend], axis=-1)
+        mean = np.concatenate([positions[:, 1] - positions[:, 0], turn], axis=-1) / length
+        square, cube = (3.0 * mean - 2.0 * leaving - arriving) / length, (leaving + arriving - 2.0 * mean) / length**2
+        self._cubics = np.array([first, leaving, square, cube])[:, segments]
+        self._rotations, self._elapsed = rotations[segments], (times - start[segments])[:, None, None]
 
     def poses(self) -> Matrix:
         """``[rotation | position]`` at the times, (n, body, 3, 4)."""
-        s, r = self._s, 1.0 - self._s
-        values = self._sum((1.0 + 2.0 * s) * r**2, s**2 * (3.0 - 2.0 * s), s * r**2, -(s**2) * r)
-        return transforms(self._turned(values[..., 3:]), values[..., :3])
+        first, leaving, square, cube = self._cubics
+        values = first + self._elapsed * (leaving + self._elapsed * (square + self._elapsed * cube))
+        return transforms(rotations_about(values[..., 3:]) @ self._rotations, values[..., :3])
 
     def rates(self) -> Matrix:
         """Time derivatives of `poses`."""
-        s, r = self._s, 1.0 - self._s
-        slopes = self._sum(-6.0 * s * r, 6.0 * s * r, r * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)) / self._length
-        turn = self._sum((1.0 + 2.0 * s) * r**2, s**2 * (3.0 - 2.0 * s), s * r**2, -(s**2) * r)[..., 3:]
+        _, leaving, square, cube = self._cubics
+        turn = (self._elapsed * (leaving + self._elapsed * (square + self._elapsed * cube)))[..., 3:]
+        slopes = leaving + self._elapsed * (2.0 * square + 3.0 * self._elapsed * cube)
         angular = (rate_jacobian(turn) @ slopes[..., 3:, None])[..., 0]
-        return transforms(cross_matrix(angular) @ self._turned(turn), slopes[..., :3])
-
-    def _sum(self, first: Matrix, last: Matrix, leaving: Matrix, arriving: Matrix) -> Matrix:
-        """Hermite's form: weights of the values and, times the length, of the rates at both ends."""
-        total: Matrix = leaving * self._leaving[self._at] + arriving * self._arriving[self._at]
-        total *= self._length
-        total += first * self._first[self._at] + last * self._last[self._at]
-        return total
-
-    def _turned(self, turn: Matrix) -> Matrix:
-        turned: Matrix = rotations_about(turn) @ self._rotations[self._at]
-        return turned
+        return transforms(cross_matrix(angular) @ rotations_about(turn) @ self._rotations, slopes[..., :3])
 
 
 def poses_at(updates: Sequence[Update], times: Matrix) -> Matrix:

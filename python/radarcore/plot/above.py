@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.direction import unit_vectors
+from radarcore.geometry.camera import checked_field_of_view
 from radarcore.geometry.mesh import used_by
 from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at
@@ -79,7 +80,7 @@ def scene_from_above(
     """
     ax = canvas.new_axes() if ax is None else ax
     names = draw_scene(ax, scene, radar_motion, times, field_of_view_deg, colors)
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 
@@ -129,7 +130,7 @@ def tracks_from_above(
         names.append(Name(float(one.position[-1, 0]), float(one.position[-1, 1]), name, color))
     ax.plot(0.0, 0.0, "o", color="black", markersize=6.0, zorder=6.0)
     _finish(ax)
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 
@@ -161,27 +162,22 @@ def draw_scene(
     moments = np.sort(check.array("times", times, (None,)))
     if len(moments) == 0:
         raise ValueError("times: expected at least one time [s], got none")
-    if field_of_view_deg is not None:
-        angles = check.array("field_of_view_deg", field_of_view_deg, (2,))
-        if not ((angles > 0.0) & (angles < 180.0)).all():
-            raise ValueError(f"field_of_view_deg: expected two angles between 0 and 180 degrees, got {angles.tolist()}")
+    view = None if field_of_view_deg is None else checked_field_of_view(field_of_view_deg)
     dense = _dense(moments)
     palette = scene_colors(scene, moments) if colors is None else colors
-    sensor_pose = sensor.at(float(moments[-1]))
+    last = float(moments[-1])
+    sensor_pose = sensor.at(last)
 
     # Bodies, from the largest to the smallest so that none is covered.
     names = []
-    last = float(moments[-1])
     for name, body in sorted(zip(scene.names, scene.bodies, strict=True), key=lambda pair: -_extent(pair[1], last)):
-        trail = _trail(body, dense)
-        moves = _moves(body, dense)
         color = palette.get(name, canvas.GREY)
-        shown = moments if moves else moments[-1:]
-        if moves:
+        shown = moments[-1:]
+        if _moves(body, dense):
+            shown, trail = moments, _trail(body, dense)
             ax.plot(*trail.T, color=color, linewidth=1.0, linestyle=(0, (4, 2)), alpha=0.8, zorder=3.0)
-        for k, time in enumerate(shown.tolist()):
-            strength = (k + 1) / len(shown)
-            _draw_body(ax, body, time, color, strength, sensor_pose.position[:2])
+        for k, time in enumerate(shown.tolist(), 1):
+            _draw_body(ax, body, time, color, k / len(shown), sensor_pose.position[:2])
         names.append(_name_place(name, body, last, color, sensor_pose.position[:2]))
 
     # The sensor on top, then the limits, and the field of view as far as they go.
@@ -195,8 +191,8 @@ def draw_scene(
         ax.plot(x, y, "s", color="black", markersize=5.0, fillstyle="none", zorder=6.0)
         names.append(Name(x, y, name, "black"))
     _finish(ax)
-    if field_of_view_deg is not None:
-        _draw_view(ax, sensor_pose, float(angles[0]))
+    if view is not None:
+        _draw_view(ax, sensor_pose, view[0])
     return names
 
 

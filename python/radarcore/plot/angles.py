@@ -19,6 +19,7 @@ from radarcore.processing.spectra.windows import Window, window_weights
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import Frame
+from radarcore.units import decibels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +58,7 @@ def range_angle_map(
     method, elevation, num_sources, channel_phase
         As in `radarcore.range_angle`; one elevation [rad].
     field_of_view_deg : float
-        Width of the sector shown [degrees], at most 180.
+        Width of the sector shown [degrees], 1 to 180.
     dynamic_range_db : float or None
         Largest range of levels below the maximum that colours span [dB]; None: 60, and not deeper than the noise.
     max_range : float, optional
@@ -77,10 +78,7 @@ def range_angle_map(
     ('y [m], to the left', 'x [m], forward')
     """
     check.instance("frame", frame, Frame)
-    width = check.positive("field_of_view_deg", field_of_view_deg, "degrees")
-    if width > 180.0:
-        raise ValueError(f"field_of_view_deg: expected at most 180 degrees, got {width:g}")
-    canvas.last_range(frame, max_range)  # refuses what is no range
+    width = check.within("field_of_view_deg", field_of_view_deg, 1.0, 180.0, "degrees")
     wf = frame.radar.waveform
     n = canvas.padded(wf.num_samples)
     half = np.deg2rad(0.5 * width)
@@ -95,7 +93,7 @@ def range_angle_map(
         channel_phase=channel_phase,
     )
     ranges = wf.range_axis(n)[: len(power)]
-    last = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1))
+    last = canvas.axis_end(frame, "range", max_range, ranges, canvas.stands_out(power, axis=1))
     shown = ranges <= last
     noise = None if method == "music" else known_noise(frame, window_weights("window", "hann", wf.num_samples))
     scale = canvas.scale(power[shown], noise and noise / frame.radar.num_channels, dynamic_range_db)
@@ -104,13 +102,8 @@ def range_angle_map(
     ax = canvas.new_axes() if ax is None else ax
     step = ranges[1] if len(ranges) > 1 else last
     rims = np.clip(np.append(ranges[shown] - 0.5 * step, ranges[shown][-1] + 0.5 * step), 0.0, last)[:, None]
-    picture = ax.pcolormesh(
-        rims * np.sin(sides),
-        rims * np.cos(sides),
-        scale.level_db(power[shown]),
-        rasterized=True,
-        **scale.colors,
-    )
+    x, y = rims * np.sin(sides), rims * np.cos(sides)
+    picture = ax.pcolormesh(x, y, scale.level_db(power[shown]), rasterized=True, **scale.colors)
     reach = last * np.sin(half)
     what = "Pseudo-spectrum" if method == "music" else "Power"
     ax.set(xlim=(reach, -reach), ylim=(0.0, last), aspect="equal", title=f"{what} in front at {frame.time:.3f} s")
@@ -119,7 +112,7 @@ def range_angle_map(
     if frame.truth is not None:
         places = frame.truth.range[..., None] * unit_vectors(frame.truth.azimuth, frame.truth.elevation)
         forward, left, _ = np.moveaxis(places, -1, 0)
-        canvas.place_names(ax, mark(ax, left, forward, frame.truth.names))
+        canvas.place_names((ax, mark(ax, left, forward, frame.truth.names), "black"))
     return ax
 
 
@@ -200,7 +193,7 @@ def antenna_pattern(
     for pattern, name in patterns.items():
         for axis, angle_deg in (("azimuth", np.arange(-180.0, 180.5, 0.5)), ("elevation", np.arange(-90.0, 90.5, 0.5))):
             angles = {"azimuth": 0.0, "elevation": 0.0} | {axis: np.deg2rad(angle_deg)}
-            cuts.append((angle_deg, _db(pattern.gain(**angles)), ", ".join(filter(None, (name, axis)))))
+            cuts.append((angle_deg, decibels(pattern.gain(**angles)), ", ".join(filter(None, (name, axis)))))
     ax = _cut_axes(polar) if ax is None else ax
     top = _top(np.concatenate([level for _, level, _ in cuts]))
     for i, (angle_deg, level, label) in enumerate(cuts):
@@ -327,7 +320,7 @@ def rcs(
     depth = check.positive("dynamic_range_db", dynamic_range_db, "dB")
     is_first = ax is None or not ax.lines
     ax = _cut_axes(polar) if ax is None else ax
-    level = _db(sections)
+    level = decibels(sections)
     top = _top(level)
     # The first curve was drawn down to this floor.
     lowest, top = (top - depth, top) if is_first else (ax.get_ylim()[0], max(ax.get_ylim()[1], top))
@@ -356,12 +349,6 @@ def _cut_axes(polar: bool) -> Axes:
         return canvas.new_axes()
     axes: Axes = canvas.new_figure(5.6, 5.4).add_subplot(projection="polar")
     return axes
-
-
-def _db(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    with np.errstate(divide="ignore"):  # nothing is -inf, below the floor
-        level: NDArray[np.float64] = 10.0 * np.log10(power)
-    return level
 
 
 def _top(level: NDArray[np.float64]) -> float:

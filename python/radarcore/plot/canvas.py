@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from radarcore.processing.detection.point_cloud import Detections
 
+Floats = NDArray[np.float64]
+
 _MISS = "0.82"
 """Grey of pixels without a value."""
 
@@ -147,32 +149,32 @@ def once_per_thing(names: Sequence[Name]) -> list[Name]:
 
 
 def line_name(
-    text: str,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    limits: tuple[float, float] = (-np.inf, np.inf),
-    color: str = GREY,
+    text: str, x: Floats, y: Floats, limits: tuple[float, float] = (-np.inf, np.inf), color: str = GREY
 ) -> list[Name]:
     """The name in the middle of the part of a line whose y is within limits; none where no part is."""
     (shown,) = np.nonzero((y >= limits[0]) & (y <= limits[1]))
     return [Name(float(x[at]), float(y[at]), text, color) for at in shown[len(shown) // 2 :][:1]]
 
 
-def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> None:
-    """Names beside their points; one that would cover another name or a point everywhere is left out.
+def place_names(*named: tuple[Axes, Sequence[Name], str]) -> None:
+    """Names of axes of one figure, beside their points and outlined in a colour; limits must be final.
 
-    Each name takes the free place that hides the least of the lines. Parts of one thing are named once. Limits must
-    be final.
+    A name that would cover another name or a point everywhere is left out. Each takes the free place that hides the
+    least of the lines. Parts of one thing are named once.
     """
+    shown = [(ax, once_per_thing(names), outline) for ax, names, outline in named if names]
+    if shown and (figure := shown[0][0].get_figure(root=True)) is not None:
+        figure.draw_without_rendering()
+        for ax, names, outline in shown:
+            _place_names(ax, names, outline, figure.dpi)
+
+
+def _place_names(ax: Axes, names: Sequence[Name], outline: str, dpi: float) -> None:
+    """Names of axes in a figure that is laid out."""
     from matplotlib.transforms import Bbox
 
-    figure = ax.get_figure(root=True)
-    if not names or figure is None:
-        return
-    names = once_per_thing(names)
-    figure.draw_without_rendering()
     view, drawn = ax.get_window_extent(), _corners_drawn(ax)
-    reach = 5.0 * figure.dpi / 72.0
+    reach = 5.0 * dpi / 72.0
     taken = [
         Bbox.from_extents(x - reach, y - reach, x + reach, y + reach)
         for x, y in ax.transData.transform([(name.x, name.y) for name in names])
@@ -211,7 +213,7 @@ def place_names(ax: Axes, names: Sequence[Name], *, outline: str = "black") -> N
         taken.append(box)
 
 
-def _corners_drawn(ax: Axes) -> NDArray[np.float64]:
+def _corners_drawn(ax: Axes) -> Floats:
     """Points along all lines and corners of outlines, (n, 2) pixels; NaN where a line is interrupted."""
     paths = [line.get_path() for line in ax.lines]
     lines = [ax.transData.transform(path.interpolated(_PER_SEGMENT).vertices) for path in paths if len(path) > 0]
@@ -238,7 +240,7 @@ class Scale(NamedTuple):
         """Arguments of matplotlib for pictures of levels."""
         return {"cmap": color_map("inferno"), "vmin": self.low, "vmax": self.high}
 
-    def level_db(self, power: NDArray[Any]) -> NDArray[np.float64]:
+    def level_db(self, power: NDArray[Any]) -> Floats:
         """Levels, not below the lowest [dB]; silence lies there."""
         relative = np.asarray(power, dtype=np.float64) / self.reference
         return np.asarray(10.0 * np.log10(np.maximum(relative, 10.0 ** (self.low / 10.0))))
@@ -281,65 +283,44 @@ def stands_out(power: NDArray[Any], axis: int | None = None) -> NDArray[np.bool_
     return np.asarray(is_there if axis is None else is_there.any(axis=axis))
 
 
-def reach(values: NDArray[np.float64], is_there: NDArray[np.bool_], known: Iterable[float], margin: float) -> float:
-    """Largest magnitude of an axis at which something is there or known to be, and a fifth more; inf without any.
+def axis_end(
+    frame: Frame | Recording,
+    quantity: str,
+    most: float | None,
+    values: Floats,
+    is_there: NDArray[np.bool_],
+    detections: Detections | None = None,
+) -> float:
+    """End of an axis of ranges [m] or of velocities, to either side [m/s].
+
+    That is `most`, or a fifth beyond all echoes, detections and bodies. Without truth, as of a sensor, it is the
+    largest value of the radar: weak echoes may be anywhere.
 
     Parameters
     ----------
+    frame : Frame or Recording
+    quantity : "range" or "velocity"
+    most : float or None
     values : (cell,) array
         The axis.
     is_there : (cell,) array of bool
-    known : iterable of float
-        Values that must be in view; NaN is not.
-    margin : float
-        Least room around it.
+        Cells with an echo.
+    detections : Detections, optional
+        They must be in view; NaN is not.
     """
-    magnitudes = [*np.abs(values[is_there]), *(abs(value) for value in known if np.isfinite(value))]
-    largest = max(magnitudes, default=np.inf)
-    return largest + max(0.2 * largest, margin)
-
-
-def last_range(frame: Frame | Recording, max_range: float | None) -> float:
-    """End of the range axis [m]."""
-    unambiguous = frame.radar.waveform.max_range * (2.0 if np.iscomplexobj(frame.cube) else 1.0)
-    return unambiguous if max_range is None else min(check.positive("max_range", max_range, "m"), unambiguous)
-
-
-def range_end(
-    frame: Frame | Recording,
-    max_range: float | None,
-    ranges: NDArray[np.float64],
-    is_there: NDArray[np.bool_],
-    detections: Detections | None = None,
-) -> float:
-    """End of the range axis [m]: `max_range`, or a little beyond all echoes, detections and bodies.
-
-    Without truth, as of a sensor, the largest range of the radar: weak echoes may be anywhere.
-    """
-    last = last_range(frame, max_range)
-    if max_range is not None or frame.truth is None:
-        return last
-    known = [value for value in frame.truth.range.flat if value <= last]
-    known += [] if detections is None else detections.range.tolist()
-    return min(last, reach(ranges, is_there, known, 10.0 * frame.radar.waveform.range_resolution))
-
-
-def velocity_end(
-    frame: Frame | Recording,
-    max_velocity: float | None,
-    velocities: NDArray[np.float64],
-    is_there: NDArray[np.bool_],
-    detections: Detections | None = None,
-) -> float:
-    """End of the velocity axis to either side [m/s], as `range_end`."""
     wf = frame.radar.waveform
-    if max_velocity is not None:
-        return min(check.positive("max_velocity", max_velocity, "m/s"), wf.max_velocity)
+    if quantity == "range":
+        limit, margin = wf.max_range * (2.0 if np.iscomplexobj(frame.cube) else 1.0), 10.0 * wf.range_resolution
+    else:
+        limit, margin = wf.max_velocity, 3.0 * wf.velocity_resolution
+    if most is not None:
+        return min(check.positive(f"max_{quantity}", most, "m" if quantity == "range" else "m/s"), limit)
     if frame.truth is None:
-        return wf.max_velocity
-    known = [value for value in frame.truth.velocity.flat if abs(value) <= wf.max_velocity]
-    known += [] if detections is None else detections.velocity.tolist()
-    return min(wf.max_velocity, reach(velocities, is_there, known, 3.0 * wf.velocity_resolution))
+        return limit
+    known = [getattr(one, quantity).ravel() for one in (frame.truth, detections) if one is not None]
+    sizes = np.abs(np.concatenate([values[is_there], *known]))
+    farthest = max(sizes[sizes <= limit].tolist(), default=limit)
+    return min(limit, farthest + max(0.2 * farthest, margin))
 
 
 def padded(length: int) -> int:
@@ -347,7 +328,7 @@ def padded(length: int) -> int:
     return max(length, min(4 * length, 2048)) | 1
 
 
-def edges(centres: NDArray[np.float64], width: float) -> tuple[float, float]:
+def edges(centres: Floats, width: float) -> tuple[float, float]:
     """Outer edges of equal cells; `width` is that of a single one."""
     half = 0.5 * (centres[1] - centres[0] if len(centres) > 1 else width)
     return float(centres[0] - half), float(centres[-1] + half)

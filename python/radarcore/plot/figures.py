@@ -99,8 +99,7 @@ def overview(
         names += [(ax, frame_pictures.mark(ax, across, up, truth.names)) for ax in panels[:2]]
 
     # Names come last, when everything has its place.
-    for ax, points in names:
-        canvas.place_names(ax, points)
+    canvas.place_names(*((ax, points, "black") for ax, points in names))
     canvas.save(figure, path, overwrite=overwrite)
     return figure
 
@@ -200,8 +199,7 @@ def experiment(
     history.add_legends(ranges, velocities)
 
     # Names come last, when everything has its place.
-    canvas.place_names(from_above, scene_names, outline="white")
-    canvas.place_names(on_map, map_names)
+    canvas.place_names((from_above, scene_names, "white"), (on_map, map_names, "black"))
     canvas.save(figure, path, overwrite=overwrite)
     return figure
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import check
+from radarcore.geometry.camera import checked_field_of_view
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
 from radarcore.processing.detection.point_cloud import Detections
@@ -193,7 +194,7 @@ def range_profile(
     ranges = wf.range_axis(n)[: len(power)]
     ax = canvas.new_axes() if ax is None else ax
     ax.plot(ranges, scale.level_db(power), color="tab:blue", linewidth=1.4)
-    end = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power))
+    end = canvas.axis_end(frame, "range", max_range, ranges, canvas.stands_out(power))
     ax.set(xlabel="Range [m]", ylabel=scale.label, title=f"Range at {frame.time:.3f} s", xlim=(0.0, end))
     ax.set_ylim(scale.low, scale.high + 3.0)
     ax.grid(alpha=0.3)
@@ -245,16 +246,8 @@ def range_doppler_map(
     ('Velocity [m/s, receding positive]', 'Range [m]')
     """
     ax = canvas.new_axes() if ax is None else ax
-    names = draw_map(
-        ax,
-        frame,
-        channel,
-        detections=detections,
-        dynamic_range_db=dynamic_range_db,
-        max_range=max_range,
-        max_velocity=max_velocity,
-    )
-    canvas.place_names(ax, names)
+    limits = {"dynamic_range_db": dynamic_range_db, "max_range": max_range, "max_velocity": max_velocity}
+    canvas.place_names((ax, draw_map(ax, frame, channel, detections=detections, **limits), "black"))
     return ax
 
 
@@ -281,8 +274,8 @@ def draw_map(
     velocities, ranges = wf.velocity_axis(num_velocity), wf.range_axis(num_range)[: len(power)]
     extent = (*canvas.edges(velocities, 2.0 * wf.max_velocity), *canvas.edges(ranges, wf.max_range))
     picture = ax.imshow(scale.level_db(power), extent=extent, origin="lower", aspect="auto", **scale.colors)
-    fastest = canvas.velocity_end(frame, max_velocity, velocities, canvas.stands_out(power, axis=0), detections)
-    farthest = canvas.range_end(frame, max_range, ranges, canvas.stands_out(power, axis=1), detections)
+    fastest = canvas.axis_end(frame, "velocity", max_velocity, velocities, canvas.stands_out(power, axis=0), detections)
+    farthest = canvas.axis_end(frame, "range", max_range, ranges, canvas.stands_out(power, axis=1), detections)
     ax.set(xlabel="Velocity [m/s, receding positive]", xlim=(-fastest, fastest), ylim=(0.0, farthest))
     ax.set(ylabel="Range [m]", title=f"Range and velocity at {frame.time:.3f} s")
     canvas.color_bar(ax, picture, scale.label)
@@ -321,9 +314,7 @@ def _draw_image(
     hit = np.isfinite(np.asarray(image.distance)) & np.isfinite(values)
     if values.ndim != 2:
         raise ValueError(f"image: expected arrays of shape (row, column), got {values.shape}")
-    widths = check.array("field_of_view_deg", image.field_of_view_deg, (2,))
-    if not ((widths > 0.0) & (widths < 180.0)).all():
-        raise ValueError(f"field_of_view_deg: expected two angles between 0 and 180 degrees, got {widths.tolist()}")
+    widths = checked_field_of_view(image.field_of_view_deg)
     shown = values[hit]
     low = float(shown.min(initial=np.inf)) if lowest is None else lowest
     high = float(shown.max(initial=-np.inf))
@@ -331,7 +322,7 @@ def _draw_image(
         low, high = (low, low + 1.0) if np.isfinite(low) else (0.0, 1.0)
 
     ax = canvas.new_axes() if ax is None else ax
-    half_width, half_height = np.tan(np.deg2rad(widths) / 2.0)
+    half_width, half_height = np.tan(0.5 * np.deg2rad(widths))
     picture = ax.imshow(
         np.ma.masked_array(values, ~hit),
         extent=(half_width, -half_width, -half_height, half_height),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.plot import canvas
-from radarcore.processing.spectra.time_frequency import USUAL_LENGTH
+from radarcore.processing.spectra.time_frequency import USUAL_LENGTH, RangeTime, Spectrogram
 from radarcore.processing.spectra.time_frequency import range_time as power_of_ranges
 from radarcore.processing.spectra.time_frequency import spectrogram as power_of_velocities
 from radarcore.processing.tracking.tracks import Track, Tracks, assign_to_truth
@@ -19,6 +19,8 @@ from radarcore.recording.recording import Recording, middles, usual_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_Floats = NDArray[np.float64]
 
 _MOST_APART = 8
 """Tracks that are told apart by their colours."""
@@ -78,8 +80,8 @@ def range_time(
         recording, channel=channel, subtract_mean=subtract_mean, num_bins=canvas.padded(wf.num_samples)
     )
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.range, found.power, found.noise, dynamic_range_db)
-    end = canvas.range_end(recording, max_range, found.range, canvas.stands_out(found.power, axis=0))
+    _draw_power(ax, recording, found, found.range, dynamic_range_db)
+    end = canvas.axis_end(recording, "range", max_range, found.range, canvas.stands_out(found.power, axis=0))
     title = f"Range{', static echoes removed' if subtract_mean else ''}"
     ax.set(ylim=(0.0, end), title=title, ylabel="Range [m]")
     _draw_truth(ax, recording, "range", names)
@@ -145,9 +147,9 @@ def spectrogram(
     if np.isnan(found.velocity).any():
         raise ValueError("recording: expected windows of several chirps, got a single chirp, which has no velocity")
     ax = canvas.new_axes() if ax is None else ax
-    _draw_power(ax, recording, found.time, found.velocity, found.power, found.noise, dynamic_range_db)
+    _draw_power(ax, recording, found, found.velocity, dynamic_range_db)
     is_something = canvas.stands_out(found.power, axis=0)
-    fastest = canvas.velocity_end(recording, max_velocity, found.velocity, is_something)
+    fastest = canvas.axis_end(recording, "velocity", max_velocity, found.velocity, is_something)
     fastest = min(fastest, canvas.edges(found.velocity, 0.0)[1])  # less than the waveform's for single-chirp frames
     title = f"Spectrogram{', static echoes removed' if subtract_mean else ''}"
     ax.set(ylim=(-fastest, fastest), title=title, ylabel="Velocity [m/s, receding positive]")
@@ -244,9 +246,7 @@ def add_legends(*axes: Axes) -> None:
             _add_legend(ax, figure.dpi)
 
 
-def _draw_all_truth(
-    ax: Axes, time: NDArray[np.float64], truth: Mapping[str, NDArray[np.float64]], colors: Mapping[str, str] | None
-) -> Axes:
+def _draw_all_truth(ax: Axes, time: _Floats, truth: Mapping[str, _Floats], colors: Mapping[str, str] | None) -> Axes:
     """Lines of all bodies; the parts of one thing share a colour and an entry of the legend."""
     parts = Counter(map(canvas.thing, truth))
     palette = canvas.color_cycle(parts, colors)
@@ -306,11 +306,11 @@ def _draw_tracks(
     add_legends(_finished(ax, recording, label))
 
     names = [label for name, values in truth.items() for label in canvas.line_name(name, truth_time, values)]
-    canvas.place_names(ax, names, outline="white")
+    canvas.place_names((ax, names, "white"))
     return ax
 
 
-def _error_text(errors: NDArray[np.float64]) -> str:
+def _error_text(errors: _Floats) -> str:
     """Errors in bins, for a legend."""
     return f": median {np.median(errors):.2f}, max {errors.max():.2f} bins" if errors.size > 0 else ""
 
@@ -331,19 +331,13 @@ def check_recording(recording: object) -> None:
 
 
 def _draw_power(
-    ax: Axes,
-    recording: Recording,
-    time: NDArray[np.float64],
-    values: NDArray[np.float64],
-    power: NDArray[np.float64],
-    noise: float | None,
-    dynamic_range_db: float | None,
+    ax: Axes, recording: Recording, found: RangeTime | Spectrogram, values: _Floats, dynamic_range_db: float | None
 ) -> None:
     """Power (column, value) over time; a pause much longer than that between frames is grey."""
-    scale = canvas.scale(power, noise, dynamic_range_db)
+    scale = canvas.scale(found.power, found.noise, dynamic_range_db)
     # Columns of frames that overlap are in disorder.
-    order = np.argsort(time, kind="stable")
-    time, level = time[order], scale.level_db(power[order])
+    order = np.argsort(found.time, kind="stable")
+    time, level = found.time[order], scale.level_db(found.power[order])
 
     # A column reaches half way to its neighbours, in a pause as far as it would in an ordinary one.
     usual = usual_interval(recording)
@@ -367,10 +361,10 @@ def _draw_truth(ax: Axes, recording: Recording, quantity: str, names: Sequence[s
     for name, values in _truth(recording, quantity, names).items():
         ax.plot(time, values, color="white", linewidth=1.0, linestyle=(0, (5, 4)), path_effects=canvas.outlined(2.2))
         labels += canvas.line_name(name, time, values, ax.get_ylim(), "white")
-    canvas.place_names(ax, labels)
+    canvas.place_names((ax, labels, "black"))
 
 
-def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, NDArray[np.float64]]:
+def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> dict[str, _Floats]:
     """Truth by name, (frame,); those that were never visible are left out."""
     if recording.truth is None:
         if names:
@@ -381,7 +375,7 @@ def _truth(recording: Recording, quantity: str, names: Sequence[str] | None) -> 
     return {name: values for name, values in zip(truth.names, columns, strict=True) if np.isfinite(values).any()}
 
 
-def _track(name: str, track: object, quantity: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _track(name: str, track: object, quantity: str) -> tuple[_Floats, _Floats]:
     """Times and values of the estimates of one body that are numbers."""
     columns = []
     for key in ("time", quantity):
@@ -400,12 +394,7 @@ def _track(name: str, track: object, quantity: str) -> tuple[NDArray[np.float64]
     return time[is_there], values[is_there]
 
 
-def _errors(
-    time: NDArray[np.float64],
-    values: NDArray[np.float64],
-    truth_time: NDArray[np.float64],
-    truth: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _errors(time: _Floats, values: _Floats, truth_time: _Floats, truth: _Floats) -> _Floats:
     """Absolute errors where the truth is known on both sides, or at the time itself."""
     rounding = 1e-6  # [s]
     nearest = np.clip(time, truth_time[0], truth_time[-1])

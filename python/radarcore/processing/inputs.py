@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import FULL_SCALE, PARTS_OF_FULL_SCALE, Frame, frame_of, unit_of
 from radarcore.recording.recording import Recording
 
+Kind = TypeVar("Kind", Frame, Recording)
 Samples = ArrayLike | Frame | Recording
 """A cube, which comes with its radar or waveform, or a frame or recording, which has one."""
 
@@ -118,6 +119,15 @@ def transform_length(name: str, value: int | None, minimum_name: str, minimum: i
     if (length := check.count(name, value)) < minimum:
         raise ValueError(f"{name}: expected at least {minimum} ({minimum_name}), got {length}")
     return length
+
+
+def range_limits(min_range: float | None, max_range: float | None) -> tuple[float, float]:
+    """Both limits of the ranges that count [m]; 0 and infinity without."""
+    nearest = 0.0 if min_range is None else check.non_negative("min_range", min_range, "m")
+    farthest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
+    if farthest < nearest:
+        raise ValueError(f"max_range: expected at least min_range = {nearest:g} m, got {farthest:g}")
+    return nearest, farthest
 
 
 def require_uniform_chirps(waveform: Waveform) -> None:

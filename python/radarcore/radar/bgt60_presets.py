@@ -179,12 +179,9 @@ def _designed(divider: int, wishes: dict[str, float], others: dict[str, Any]) ->
     given: dict[str, Any] = wishes | {
         name: others[name] for name in ("start_frequency", "num_samples", "num_chirps") if name in others
     }
-    defaults: dict[str, Any] = {
-        "default_start": _START,
-        "default_bandwidth": _WIDTH,
-        "default_interval": _CHIRP_INTERVAL,
-    }
-    keywords = design.keywords_for(limits, **given, **defaults)
+    keywords = design.keywords_for(
+        limits, **given, default_start=_START, default_bandwidth=_WIDTH, default_interval=_CHIRP_INTERVAL
+    )
     times = {name: others[name] for name in ("chirp_interval", "frame_interval") if name in others}
     keywords |= {name: check.positive(name, value, "s") for name, value in times.items()}
     if keywords["frame_interval"] is None:

@@ -310,10 +310,7 @@ def _angles(name: str, value: ArrayLike, limit: float, unit: str) -> NDArray[np.
         hint = "; degrees? np.deg2rad" if unit == "rad" else ""
         bad = angles[int(is_beyond.argmax())]
         raise ValueError(f"{name}: expected angles from {-limit:.6g} to {limit:.6g} [{unit}], got {bad:g}{hint}")
-    if not (np.diff(angles) > 0.0).all():
-        k = int((np.diff(angles) <= 0.0).argmax())
-        pair = f"{angles[k]:g} and then {angles[k + 1]:g} at index {k + 1}"
-        raise ValueError(f"{name}: expected increasing angles [{unit}], got {pair}")
+    check.in_order(name, angles, f"angles [{unit}]")
     return check.frozen(np.clip(angles, -limit, limit))
 
 

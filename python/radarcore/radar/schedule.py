@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -252,10 +253,6 @@ def require_fit(schedule: Schedule, num_tx: int, num_chirps: int) -> None:
             raise ValueError(f"schedule: expected {name} of shape {expected}, got {np.shape(value)}")
 
 
-def _interval(name: str, value: object) -> float:
-    return check.positive(name, value, "s")
-
-
 def _order(name: str, value: Any) -> tuple[int, ...]:
     if not np.iterable(value):
         raise TypeError(f"{name}: expected numbers of transmitters, got {value!r}")
@@ -286,7 +283,7 @@ def _angles(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 _SETTINGS: dict[str, tuple[str, Callable[[str, Any], Any]]] = {
-    "interval": ("tdm", _interval),
+    "interval": ("tdm", partial(check.positive, unit="s")),
     "order": ("tdm", _order),
     "turns": ("ddm", _turns),
     "weights": ("steered", _weights),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from radarcore.receive import adc
 from radarcore.receive.adc import apply_iq_imbalance
 from radarcore.receive.filters import phase_noise_delays, phase_noise_shares
 from radarcore.receive.leakage import leakage_step, leakage_tones
-from radarcore.receive.noise import RandomStreams, thermal_noise, turn_on_noise
+from radarcore.receive.noise import GOLDEN, RandomStreams, thermal_noise, turn_on_noise
 from radarcore.receive.phase_noise import phase_differences
 
 
@@ -49,6 +50,28 @@ def receive(
     elif signal.size < ideal.size:
         signal = signal.copy()  # without the memory of the parts
     return _digitised(signal, receiver, radar, draws, [] if uses is None else uses)
+
+
+def received(
+    samples: Sequence[NDArray[Any]], sequences: Sequence[Radar], start: float, *, seed: int
+) -> tuple[NDArray[Any], adc.Use | None]:
+    """Cube of a frame as the receivers deliver it, (channel, chirp, sample), and its use of the ADC's range.
+
+    Parameters
+    ----------
+    samples : sequence of arrays
+        Samples at the receivers, of every sub-sequence.
+    sequences : sequence of Radar
+        Of the same sub-sequences.
+    start : float
+        Start of the frame [s].
+    seed : int
+    """
+    parts: list[NDArray[Any]] = []
+    uses: list[adc.Use] = []
+    for number, (arriving, part) in enumerate(zip(samples, sequences, strict=True)):
+        parts.append(receive(arriving, part, start, seed=(seed + number * GOLDEN) % 2**64, uses=uses))
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), adc.use_of_all(uses) if uses else None
 
 
 def _mixed(ideal: NDArray[Any], receiver: Receiver, radar: Radar, draws: RandomStreams) -> NDArray[Any]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, overload
+from typing import Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from radarcore import check
 from radarcore.radar.radar import Radar
 from radarcore.recording import bare, infineon
-from radarcore.recording.bare import Description
+from radarcore.recording.bare import Description, is_setup
 from radarcore.recording.frame import (
     FULL_SCALE,
     TRUTH_FIELDS,
@@ -33,10 +33,8 @@ from radarcore.recording.frame import (
     to_codes,
     unit_of,
 )
-from radarcore.recording.native import Stored, format_of, load_directory, load_npz, save_npz
+from radarcore.recording.native import RecordingWriter, Stored, format_of, load_directory, load_npz, open_as, save_npz
 from radarcore.recording.npy import Converted
-from radarcore.recording.radar_files import is_setup
-from radarcore.recording.writer import RecordingWriter, open_as
 from radarcore.units import html_table
 
 _FILES = (".npz", ".npy", ".mat", ".bin")
@@ -348,7 +346,8 @@ class Recording(Stored):
         """
         path = Path(path)
         kind = format_of(path) if format is None else check.choice("format", format, ("npz", "infineon"))
-        _FORMATS[kind].save(path, self, overwrite)
+        save = {"npz": save_npz, "infineon": infineon.save, "directory": _save_directory}[kind]
+        save(path, self, overwrite)
 
     @classmethod
     def load(
@@ -440,18 +439,13 @@ def _stored_at(path: Path, mmap: bool, description: Description) -> Stored:
         return bare.opened(path, description)
     description.refuse(path, "no bare file")
     refuse_several(path)
-    known = next((kind for kind in _FORMATS.values() if kind.knows(path)), None)
-    if known is None:
-        raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
-    return known.load(path, mmap)
-
-
-class _Format(NamedTuple):
-    """Format on disk: a test of a path, a reader and a writer."""
-
-    knows: Callable[[Path], bool]
-    load: Callable[[Path, bool], Stored]
-    save: Callable[[Path, Recording, bool], None]
+    if infineon.is_recording(path):
+        return infineon.opened(path)
+    if path.is_dir():
+        return load_directory(path, mmap)
+    if path.exists():
+        return load_npz(path)
+    raise FileNotFoundError(errno.ENOENT, "no such recording", str(path))
 
 
 def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
@@ -460,14 +454,6 @@ def _save_directory(path: Path, recording: Recording, overwrite: bool) -> None:
         open_as(writer, kind_of(recording.cube, recording.truth))  # also where there are no frames
         for frame in recording.frames():
             writer.append(frame)
-
-
-_FORMATS = {
-    "infineon": _Format(infineon.is_recording, lambda path, _: infineon.opened(path), infineon.save),
-    "directory": _Format(Path.is_dir, load_directory, _save_directory),
-    "npz": _Format(Path.exists, lambda path, _: load_npz(path), save_npz),
-}
-"""Formats in the order in which they are tried on a path."""
 
 
 def middles(recording: Recording, offset: float = 0.0) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from radarcore import notice
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
-from radarcore.recording.radar_files import configuration
+from radarcore.recording.bare import configuration
 from radarcore.recording.recording import Recording
 from radarcore.scene.scene import Scene
 from radarcore.scenefile import read

@@ -18,8 +18,7 @@ from pydantic.fields import FieldInfo
 from radarcore.geometry import shapes
 from radarcore.models.robots.named import arm_names
 from radarcore.radar.receiver import AdcErrors, Leakage, Receiver
-from radarcore.simulate.schedule import frame_times
-from radarcore.simulate.settings import NOT_RECORDED, SAMPLINGS, Settings
+from radarcore.simulate.settings import NOT_RECORDED, SAMPLINGS, Settings, frame_times
 from radarcore.simulate.simulator import Simulator
 
 Vector = tuple[float, float, float]

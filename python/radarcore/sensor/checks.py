@@ -88,22 +88,11 @@ def judged(name: str, is_good: object, measured: str, expected: str, /, **values
     return Check(name, result, measured, expected, values)
 
 
-def present_radar(board: Board, interval: float) -> Radar:
-    """The radar that a board with ComLib is set to, at its fastest or every `interval` [s]."""
-    if not isinstance(board, ComLibBoard):
-        raise SensorError(f"{board.info.port}: expected a board with Strata or ComLib, got {board.info.protocol}")
-    radar = board.present_radar()
-    waveform = radar.waveform
-    return replace(radar, waveform=waveform.replace(frame_interval=max(interval, waveform.frame_interval)))
-
-
 def set_to(board: Board, radar: Radar, **options: Any) -> float:
     """Configure a board; the interval of frames that it has then [s]."""
     try:
         return board.configure(radar, **options).waveform.frame_interval
     except ValueError as error:
-        if not isinstance(board, ComLibBoard):
-            raise
         raise SensorError(f"{board.info.port}: the board's own settings are beyond its limits: {error}") from error
 
 
@@ -205,9 +194,9 @@ def noise_checks(board: StrataBoard) -> Iterator[Check]:
             yield judged("leakage, 23 dB, TX on", is_good, text, expected, leakage=change.tolist())
 
 
-def any_noise_checks(board: Board) -> Iterator[Check]:
+def comlib_noise_checks(board: ComLibBoard) -> Iterator[Check]:
     """Noise of a board with ComLib, at the gain that it has."""
-    check = _noise_within("noise", _codes(board, present_radar(board, 50e-3)), _COMLIB_NOISE)
+    check = _noise_within("noise", _codes(board, board.present_radar(50e-3)), _COMLIB_NOISE)
     yield replace(check, expected=f"{check.expected}: receivers neither dead nor saturated")
 
 

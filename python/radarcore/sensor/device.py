@@ -7,10 +7,11 @@ import threading
 import weakref
 from _thread import start_new_thread
 from collections import deque
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from os import PathLike
 from time import monotonic
 from types import TracebackType
@@ -19,11 +20,11 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.radar.radar import Radar
 from radarcore.recording.frame import FULL_SCALE, Frame, frame_of, to_samples
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from radarcore.sensor.checks import Check
 from radarcore.sensor.errors import FramesLostWarning, SensorError, SensorTimeoutError
-from radarcore.sensor.interface import Board, BoardInfo, RawFrame, check_options
+from radarcore.sensor.interface import Board, BoardInfo, RawFrame
 from radarcore.sensor.selftest import GROUPS, run_checks
 
 _POLL = 0.02
@@ -125,7 +126,10 @@ class Sensor:
         """
         self._check_open()
         check.instance("radar", radar, Radar)
-        check_options(options, self._board.configure, self.info.chip)
+        for name, value in options.items():
+            if name not in self._board.options:
+                known = " or ".join(self._board.options)
+                raise TypeError(f"{name}: expected an option of {self.info.chip} ({known}), got {value!r}")
         self.stop()
         with self._board_lock.waiting, self._board_lock.used:
             self.radar = _with_phases(self._board.configure(radar, **options), radar)
@@ -200,7 +204,7 @@ class Sensor:
         except BaseException as error:
             if self._reader is reader:
                 with suppress(SensorError):  # what went wrong first is what is told
-                    self._end(is_silent=isinstance(error, SensorTimeoutError))
+                    self._end(finish=partial(self._board.stop, is_silent=isinstance(error, SensorTimeoutError)))
             raise
         if self._reader is reader:
             self._end()
@@ -222,8 +226,8 @@ class Sensor:
         """
         self._end()
 
-    def _end(self, reason: str = "", *, is_silent: bool = False) -> None:
-        """End measuring; with a reason, iterations that still ask for frames raise it."""
+    def _end(self, reason: str = "", finish: Callable[[], None] | None = None) -> None:
+        """End measuring by `finish`, or else a stop; with a reason, iterations that still ask for frames raise it."""
         reader, self._reader = self._reader, None
         if reader is not None:  # known to be over before Ctrl-C can come, which it does at calls
             reader.reason, reader.is_over = reason, True
@@ -232,7 +236,7 @@ class Sensor:
                 reader.close()
         finally:
             with self._board_lock.waiting, self._board_lock.used:
-                self._board.stop(is_silent=is_silent)
+                (finish or self._board.stop)()
 
     def record(
         self,
@@ -398,15 +402,7 @@ class Sensor:
             if not self._is_open:
                 return
             self._is_open = False
-            reader, self._reader = self._reader, None
-            if reader is not None:
-                reader.reason, reader.is_over = "the sensor was closed", True
-            try:
-                if reader is not None:
-                    reader.close()
-            finally:
-                with self._board_lock.waiting, self._board_lock.used:
-                    self._board.close()
+            self._end("the sensor was closed", self._board.close)
             self._forgotten.detach()
 
     def _configured(self, method: str) -> Radar:

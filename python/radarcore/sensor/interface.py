@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any, Protocol
 
 import numpy as np
@@ -96,6 +95,8 @@ class Board(Protocol):
     """A board with its connection. One thread uses it at a time: `Sensor` sees to that."""
 
     info: BoardInfo
+    options: tuple[str, ...]
+    """Options of `configure`."""
 
     @property
     def configure(self) -> Callable[..., Radar]:
@@ -121,16 +122,6 @@ class Board(Protocol):
 
     def close(self) -> None:
         """Give the port back; may be called twice."""
-
-
-def check_options(options: Mapping[str, Any], function: Callable[..., Any], whose: str) -> None:
-    """Refuse options that a function of a board does not have; one that hands them on takes all."""
-    parameters = signature(function).parameters.values()
-    known = [one.name for one in parameters if one.kind is one.KEYWORD_ONLY]
-    takes_all = any(one.kind is one.VAR_KEYWORD for one in parameters)
-    if not takes_all and (wrong := next((name for name in options if name not in known), None)) is not None:
-        listed = " or ".join(known) if known else "none"
-        raise TypeError(f"{wrong}: expected an option of {whose} ({listed}), got {options[wrong]!r}")
 
 
 def check_single_ramp(radar: Radar) -> None:

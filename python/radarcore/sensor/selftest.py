@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,12 +15,11 @@ from radarcore.sensor.bgt60.registers import CHIP_ID, COMPARED, FIFO, chip_name,
 from radarcore.sensor.bgt60.settings import Settings, choose_slice_size, registers_of
 from radarcore.sensor.checks import (
     Check,
-    any_noise_checks,
+    comlib_noise_checks,
     judged,
     measure,
     noise_checks,
     pattern_checks,
-    present_radar,
     reasons_of,
     set_to,
     with_rx,
@@ -54,22 +54,24 @@ def run_checks(board: Board, groups: Collection[str] = GROUPS, *, duration: floa
         Length of the measurement whose frame rate is checked [s].
     """
     if isinstance(board, StrataBoard):
-        strata = board
         steps: list[tuple[str, str, Callable[[], Iterator[Check]]]] = [
-            ("identity", "identity", lambda: _identity(strata)),
-            ("identity", "temperature", lambda: _temperature(strata)),
-            ("registers", "registers", lambda: _registers(strata)),
-            ("pattern", "test pattern", lambda: pattern_checks(strata)),
-            ("noise", "noise", lambda: noise_checks(strata)),
-            ("frames", "frame rate", lambda: _rate(strata, _usual_radar(), duration)),
-            ("frames", "slices", lambda: _slices(strata)),
+            ("identity", "identity", partial(_identity, board)),
+            ("identity", "temperature", partial(_temperature, board)),
+            ("registers", "registers", partial(_registers, board)),
+            ("pattern", "test pattern", partial(pattern_checks, board)),
+            ("noise", "noise", partial(noise_checks, board)),
+            # Frames of one slice, 40 a second.
+            ("frames", "frame rate", partial(_rate, board, bgt60tr13c(num_chirps=16, frame_interval=25e-3), duration)),
+            ("frames", "slices", partial(_slices, board)),
         ]
     else:
+        assert isinstance(board, ComLibBoard)
+        present = board.present_radar
         steps = [
-            ("identity", "identity", lambda: _names(board)),
-            ("identity", "temperature", lambda: _temperature(board)),
-            ("noise", "noise", lambda: any_noise_checks(board)),
-            ("frames", "frame rate", lambda: _rate(board, present_radar(board, 50e-3), duration)),
+            ("identity", "identity", partial(_names, board)),
+            ("identity", "temperature", partial(_temperature, board)),
+            ("noise", "noise", partial(comlib_noise_checks, board)),
+            ("frames", "frame rate", lambda: _rate(board, present(50e-3), duration)),
         ]
     for group in GROUPS:
         if group in groups and group not in {of_group for of_group, _, _ in steps}:
@@ -239,11 +241,6 @@ def _slices(board: StrataBoard) -> Iterator[Check]:
     facts = f"{num_slices} slices a frame of {size} samples in {parts} packets, {stamps} time stamps"
     values = {"slice_size": size, "packets_per_slice": parts, "has_time_stamps": stamps == "with"}
     yield replace(check, measured=f"{facts}; {check.measured}", values=check.values | values)
-
-
-def _usual_radar() -> Radar:
-    """Frames of one slice, 40 a second."""
-    return bgt60tr13c(num_samples=128, num_chirps=16, frame_interval=25e-3)
 
 
 def _lost(name: str, frames: list[RawFrame]) -> Check:

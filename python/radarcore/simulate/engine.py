@@ -1,4 +1,4 @@
-"""The core's simulator: made for a radar, asked for ideal frames, and its counts."""
+"""The core's simulator: ramps that it is made for, ideal frames with their counts, and samples at the receivers."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from math import hypot
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarcore import _core
 from radarcore.radar.radar import Radar
+from radarcore.radar.waveform import Waveform
 from radarcore.receive.filters import responses
-from radarcore.simulate.schedule import ramps_of
 from radarcore.simulate.settings import Settings, core_settings
 
 NUM_TIMES = 17
@@ -94,3 +95,44 @@ def _antennas(radar: Radar) -> _core.Antennas:
         responses=None if gains is None else np.repeat(gains[0], len(radar.tx), axis=0),
         longest_path=0.0 if gains is None else gains[1],
     )
+
+
+def ramps_of(radar: Radar) -> Waveform:
+    """Waveform of the ramps of all transmitters of a radar with one sub-sequence; the core sees its times alone."""
+    waveform = radar.waveform
+    if not _takes_turns(radar):
+        return waveform
+    starts = np.sort(_starts(radar), axis=None)
+    return waveform.replace(num_chirps=len(starts), chirp_times=starts)
+
+
+def at_receivers(cube: NDArray[Any], radar: Radar) -> NDArray[Any]:
+    """Samples that arrive at the receivers, (channel, chirp, sample), in the precision of the cube.
+
+    `cube`: (TX-RX pair, ramp, sample), every transmitter received by itself in all of the `ramps_of` a radar. With
+    phase noise there are several such blocks, and as many of the result, one after the other.
+    """
+    num_tx, num_rx, waveform = len(radar.tx), len(radar.rx), radar.waveform
+    pairs = cube.reshape(-1, num_tx, num_rx, cube.shape[1], waveform.num_samples)
+    if _takes_turns(radar):
+        starts = _starts(radar)
+        ramps = np.searchsorted(np.sort(starts, axis=None), starts)  # (tx, chirp)
+        turns = np.stack([np.take(pairs[:, tx], ramps[tx], axis=2) for tx in range(num_tx)], axis=1)
+        return turns.reshape(-1, *turns.shape[3:])
+    if radar.schedule is None or not radar.schedule.is_sum:
+        return cube
+    weights = radar.schedule.tx_weights(radar.tx, waveform.wavelength, waveform.num_chirps).conj().astype(cube.dtype)
+    total: NDArray[Any] = pairs[:, 0] * weights[:, 0, None]
+    for tx in range(1, num_tx):
+        total += pairs[:, tx] * weights[:, tx, None]
+    return total.reshape(-1, *total.shape[2:])
+
+
+def _takes_turns(radar: Radar) -> bool:
+    """True if ramps of some transmitters come after those of others."""
+    return radar.schedule is not None and not radar.schedule.is_sum and len(radar.tx) > 1
+
+
+def _starts(radar: Radar) -> NDArray[np.float64]:
+    """Starts of the ramps of transmitters in turn [s], (tx, chirp)."""
+    return np.add.outer(radar.channel_offsets[:: len(radar.rx)], radar.waveform.chirp_times)

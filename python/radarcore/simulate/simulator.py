@@ -19,18 +19,18 @@ from radarcore.motion.protocol import AnyMotion, Motion, as_motion
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import frame_rate
 from radarcore.receive.adc import Use
+from radarcore.receive.chain import received
 from radarcore.recording.frame import Frame, adc_codes, frame_of, truth_of_rows
+from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from radarcore.recording.writer import RecordingWriter
 from radarcore.records import sealed
 from radarcore.scene.scene import Scene
 from radarcore.simulate.depth_image import DepthImage
-from radarcore.simulate.engine import NUM_TIMES, counts_of, ideal_frame, new_engine
+from radarcore.simulate.engine import NUM_TIMES, at_receivers, counts_of, ideal_frame, new_engine, ramps_of
 from radarcore.simulate.interference import Counts, Interference, counted
 from radarcore.simulate.paths import Paths
 from radarcore.simulate.placement import Placement
-from radarcore.simulate.schedule import at_receivers, frame_times, ramps_of, received
-from radarcore.simulate.settings import Settings, changed_settings
+from radarcore.simulate.settings import Settings, changed_settings, frame_times
 from radarcore.simulate.side_by_side import Ask, directly, in_order
 from radarcore.simulate.view import Angles, is_outside, whole_tiles
 from radarcore.simulate.warnings import Warnings

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from radarcore import _core, notice
 from radarcore.direction import angles
+from radarcore.geometry.mesh import nearest_point
 from radarcore.motion.protocol import poses_at
 from radarcore.radar import beam
 from radarcore.radar.radar import Radar
@@ -323,7 +324,8 @@ def check_antennas(
         if len(near) == 0:
             continue
         corners = parts.vertices_at(mesh, time)[parts.meshed[mesh].mesh.triangles]
-        _check_gap(min(_distance_to_triangles(antenna, corners) for antenna in near), name, scene.names[number])
+        gaps = [float(np.linalg.norm(nearest_point(antenna, corners) - antenna)) for antenna in near]
+        _check_gap(min(gaps), name, scene.names[number])
         if np.linalg.norm(high - low) < _ROOM and any(_is_inside(antenna, corners) for antenna in near):
             raise ValueError(
                 f"{name}: expected the antennas outside of every body smaller than {_ROOM:g} m when the run begins, "
@@ -352,22 +354,3 @@ def _is_inside(point: NDArray[np.float64], corners: NDArray[np.float64]) -> bool
     volume = (a * np.cross(b, c)).sum(-1)
     cosines = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
     return bool(abs(np.arctan2(volume, cosines).sum()) > np.pi)
-
-
-def _distance_to_triangles(point: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Smallest distance of a point to triangles (n, 3, 3), none of them degenerate; inf without any."""
-    from_point = corners - point
-    edges = np.roll(from_point, -1, axis=1) - from_point
-
-    # Distance to the nearest point of every edge.
-    along = np.clip(-(from_point * edges).sum(axis=-1) / (edges * edges).sum(axis=-1), 0.0, 1.0)
-    to_edges = np.linalg.norm(from_point + along[..., None] * edges, axis=-1)
-
-    # Distance to the planes whose foot point lies inside the triangle.
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    heights = (from_point[:, 0] * normals).sum(axis=-1)
-    feet = heights[:, None] * normals
-    sides = (np.cross(edges, feet[:, None] - from_point) * normals[:, None]).sum(axis=-1)
-    to_planes = np.abs(heights[(sides >= 0.0).all(axis=1)])
-    return float(min(to_edges.min(initial=np.inf), to_planes.min(initial=np.inf)))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from dataclasses import asdict, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
@@ -80,20 +80,16 @@ class Simulated:
         self.start: float = check.number("start", start, "s")
         check.choice("receiver", receiver, RECEIVERS)
         self._simulator = simulator
-        self._simulators: dict[Radar, Simulator] = {}
-        self._known: dict[tuple[Radar, float], tuple[Radar, bool]] = {}  # as received
         own = simulator.radar.receiver
-        self._own = None if own is None or is_plain(own) else own
-        self._is_ideal = receiver == "ideal" and self._own is None
+        own = None if own is None or is_plain(own) else own
+        self._simulator_of = lru_cache(_MOST_RADARS)(simulator.with_radar)
+        self._received = lru_cache(_MOST_RADARS)(partial(_received, own, receiver == "ideal" and own is None))
         self._worker: Worker[NDArray[np.float64]] = Worker("radarcore-simulate")
         self._ahead: dict[tuple[Radar, int], tuple[float, Future[NDArray[np.float64]]]] = {}
 
     def frame(self, radar: Radar, index: int, time: float, *, if_gain_db: float = 23.0) -> NDArray[np.uint16]:
         """The frame that starts `time` after `start`."""
-        if (known := self._known.get((radar, if_gain_db))) is None:
-            _make_room(self._known)
-            known = self._known[radar, if_gain_db] = self._received(radar, if_gain_db)
-        radar, has_codes = known
+        radar, has_codes = self._received(radar, if_gain_db)
         samples = self._taken(radar, index, time)
         for k in range(1, _NUM_AHEAD + 1):
             self._begin(radar, index + k, time + k * radar.waveform.frame_interval)
@@ -107,20 +103,6 @@ class Simulated:
     def close(self) -> None:
         """End simulating; whoever waits for a frame gets a RuntimeError instead, at once. May be called twice."""
         self._worker.close()
-
-    def _received(self, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
-        """The radar with the chain of its receivers, and True where that gives codes."""
-        receiver = radar.receiver or Receiver(output="real")
-        places = [] if self._is_ideal else _places(radar)
-        if not places:
-            return replace(radar, receiver=replace(receiver, high_pass=None)), False
-        own = self._own
-        cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
-        chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
-        chain = replace(chain, phase_noise=None) if own is None else _switched(chain, own)
-        if radar.waveform.is_cw:
-            chain = replace(chain, high_pass=None)
-        return replace(radar, receiver=chain.of_receivers(places)), True
 
     def _taken(self, radar: Radar, index: int, time: float) -> NDArray[np.float64]:
         """Samples of a frame, simulated ahead or now; frames ahead of others are forgotten."""
@@ -143,18 +125,19 @@ class Simulated:
         samples: NDArray[np.float64] = self._simulator_of(radar).frame(start).cube
         return samples
 
-    def _simulator_of(self, radar: Radar) -> Simulator:
-        found = self._simulators.get(radar)
-        if found is None:
-            _make_room(self._simulators)
-            found = self._simulators[radar] = self._simulator.with_radar(radar)
-        return found
 
-
-def _make_room(kept: dict[Any, Any]) -> None:
-    """Forget what was added first, where there is no room for one more."""
-    while len(kept) >= _MOST_RADARS:
-        del kept[next(iter(kept))]
+def _received(own: Receiver | None, is_ideal: bool, radar: Radar, if_gain_db: float) -> tuple[Radar, bool]:
+    """The radar with the chain of its receivers, and True where that gives codes; `own` is the chain of a scene."""
+    receiver = radar.receiver or Receiver(output="real")
+    places = [] if is_ideal else _places(radar)
+    if not places:
+        return replace(radar, receiver=replace(receiver, high_pass=None)), False
+    cutoff = receiver.high_pass or (None if own is None else own.high_pass) or HIGHPASS_CUTOFFS[-1]
+    chain = measured_receiver(round(if_gain_db), cutoff, bandwidth=radar.waveform.bandwidth)
+    chain = replace(chain, phase_noise=None) if own is None else _switched(chain, own)
+    if radar.waveform.is_cw:
+        chain = replace(chain, high_pass=None)
+    return replace(radar, receiver=chain.of_receivers(places)), True
 
 
 def _nothing(radar: Radar) -> NDArray[np.complex64]:

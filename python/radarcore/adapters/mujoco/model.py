@@ -17,7 +17,7 @@ from radarcore import check, notice
 from radarcore.adapters.depth import radar_in_camera
 from radarcore.adapters.mujoco.tessellation import kind_of, mesh_of, meshes_of
 from radarcore.geometry.pose import as_pose, transforms
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.live import KEPT, LiveGroup
 from radarcore.motion.protocol import Motion
 from radarcore.radar.radar import Radar
@@ -137,29 +137,32 @@ def geom_materials(
     The first that `materials` has of the names of the geom, its material in MuJoCo, its mesh and its body; else the
     one of radarcore's library that is called as its material in MuJoCo; else the default.
     """
-    geom_names, body_names, material_names, mesh_names = (
-        names_of(model, kind) for kind in ("geom", "body", "mat", "mesh")
-    )
     chosen = {name: _material(f"materials[{name!r}]", value) for name, value in (materials or {}).items()}
-    known = {*geom_names, *body_names, *material_names, *mesh_names} - {""}
+    known = {name for kind in ("geom", "body", "mat", "mesh") for name in names_of(model, kind)} - {""}
     for name in chosen:
         if name not in known:
             raise ValueError(
                 f"materials: nothing in the model is called {name!r}, no geom, material, mesh or body; "
                 f"{check.near_names(name, sorted(known))}"
             )
-    other = _material("default", default)
+    other, names, found = _material("default", default), _geom_names(model), []
+    for geom in geoms:
+        material = names[geom][1]
+        named = [chosen[name] for name in names[geom] if name in chosen]
+        found.append(named[0] if named else library.get(material, other))
+    return found
 
-    def material(geom: int) -> Material:
-        paint, mesh = int(model.geom_matid[geom]), mesh_of(model, geom)
-        of_material = material_names[paint] if paint >= 0 else ""
-        of_mesh = mesh_names[mesh] if mesh >= 0 else ""
-        for name in (geom_names[geom], of_material, of_mesh, body_names[int(model.geom_bodyid[geom])]):
-            if name in chosen:
-                return chosen[name]
-        return library.get(of_material, other)
 
-    return [material(geom) for geom in geoms]
+def _geom_names(model: Any) -> list[tuple[str, str, str, str]]:
+    """Names of every geom, its material, its mesh and its body; empty for none."""
+    geoms, materials, meshes, bodies = (names_of(model, kind) for kind in ("geom", "mat", "mesh", "body"))
+    # The last one is for the number -1.
+    materials, meshes = [*materials, ""], [*meshes, ""]
+    owners = zip(model.geom_matid.tolist(), model.geom_bodyid.tolist(), strict=True)
+    return [
+        (geoms[geom], materials[paint], meshes[mesh_of(model, geom)], bodies[body])
+        for geom, (paint, body) in enumerate(owners)
+    ]
 
 
 def _material(name: str, value: Material | str) -> Material:
@@ -406,18 +409,15 @@ class LiveModel:
 
 def _geoms(model: Any, groups: tuple[int, ...], skip: Collection[str]) -> tuple[int, ...]:
     """Numbers of the geoms that the radar sees."""
-    geom_names, body_names = names_of(model, "geom"), names_of(model, "body")
-    known = {*geom_names, *body_names} - {""}
+    known = {*names_of(model, "geom"), *names_of(model, "body")} - {""}
     for name in skip:
         if name not in known:
             raise ValueError(f"skip: no geom or body {name!r} in the model; {check.near_names(name, sorted(known))}")
     transparent = is_transparent(model)
     return tuple(
         geom
-        for geom, body in enumerate(model.geom_bodyid.tolist())
-        if int(model.geom_group[geom]) in groups
-        and not transparent[geom]
-        and not {geom_names[geom], body_names[body]} & set(skip)
+        for geom, (name, _, _, body) in enumerate(_geom_names(model))
+        if int(model.geom_group[geom]) in groups and not transparent[geom] and not {name, body} & set(skip)
     )
 
 
@@ -432,12 +432,12 @@ def is_transparent(model: Any) -> NDArray[np.bool_]:
 
 def _body_names(model: Any, geoms: tuple[int, ...]) -> list[str]:
     """Names of the geoms, or of their bodies and meshes or types; equal ones are numbered."""
-    geom_names, body_names, mesh_names = (names_of(model, kind) for kind in ("geom", "body", "mesh"))
+    names = _geom_names(model)
 
     def name(geom: int) -> str:
-        body, mesh = body_names[int(model.geom_bodyid[geom])], mesh_of(model, geom)
-        part = mesh_names[mesh] if mesh >= 0 and mesh_names[mesh] else kind_of(model, geom)
-        return geom_names[geom] or (f"{body}/{part}" if body else part)
+        own, _, mesh, body = names[geom]
+        part = mesh or kind_of(model, geom)
+        return own or (f"{body}/{part}" if body else part)
 
     given, found = [name(geom) for geom in geoms], dict[str, None]()
     for text in given:

@@ -245,6 +245,13 @@ def packet_kind(packet: bytes) -> int:
     return int(kind)
 
 
+def _payload(packet: bytes, kind: Kind) -> bytes:
+    """Content of a packet, or a NatNetError if it is of another kind."""
+    if (got := packet_kind(packet)) != kind:
+        raise NatNetError(f"packet: expected one of kind {int(kind)} ({kind.name}), got {got}")
+    return packet[4 : 4 + struct.unpack_from("<H", packet, 2)[0]]
+
+
 def checked_version(version: Version) -> Version:
     """Version of the protocol, or a NatNetError if it is not supported."""
     if version < OLDEST or version[0] > _NEWEST_MAJOR:
@@ -271,7 +278,7 @@ def decode_server_info(packet: bytes) -> ServerInfo:
     >>> info.name, info.version, info.multicast_address
     ('Motive', (4, 1), '239.255.42.99')
     """
-    data = _Reader(packet, Kind.SERVER_INFO)
+    data = _Reader(_payload(packet, Kind.SERVER_INFO))
     name = data.take(256).split(b"\0")[0].decode("utf-8", "replace")
     data.take(4)  # version of the program
     major, minor, *_ = data.numbers("4B")
@@ -311,21 +318,16 @@ def decode_frame(packet: bytes, version: Version) -> NatNetFrame:
     (12.5, (0.5, 1.25, -0.75))
     """
     is_sized = checked_version(version) >= SIZED
-    data = _Reader(packet, Kind.FRAME, is_sized=is_sized)
-    section = data.section
-
-    def bodies() -> tuple[BodyState, ...]:
-        return data.items(lambda: _body(data))
-
-    (number,) = data.numbers("i")
-    section(lambda: (data.text(), data.skip_items(12)))  # marker sets
-    section(lambda: data.take(12))  # markers without labels
-    free = section(lambda: _body(data))
-    skeletons = section(lambda: (data.number("i"), bodies()))
-    assets = section(lambda: (data.number("i"), bodies(), data.skip_items(26))) if is_sized else ()
-    markers = section(lambda: _marker(data))
+    data = _Reader(_payload(packet, Kind.FRAME), is_sized=is_sized)
+    number = data.number("i")
+    data.section(lambda each: (each.text(), each.skip_items(12)))  # marker sets
+    data.section(lambda each: each.take(12))  # markers without labels
+    free = data.section(_body)
+    skeletons = data.section(lambda each: (each.number("i"), each.items(_body)))
+    assets = data.section(lambda each: (each.number("i"), each.items(_body), each.skip_items(26))) if is_sized else ()
+    markers = data.section(_marker)
     for _ in ("force plates", "devices"):
-        section(lambda: (data.number("i"), data.items(lambda: data.skip_items(4))))
+        data.section(lambda each: (each.number("i"), each.items(lambda channel: channel.skip_items(4))))
     *_, timestamp, exposure, received, transmitted = data.numbers("IId3Q")
     if is_sized:
         data.take(8)  # seconds and their fraction, by a clock of higher precision
@@ -361,36 +363,35 @@ def decode_model(packet: bytes, version: Version) -> ModelNames:
     >>> rc.adapters.optitrack.decode_model(struct.pack("<HH", 5, len(packet)) + packet, (4, 1)).bodies
     {1: 'ball'}
     """
-    data = _Reader(packet, Kind.MODEL, is_sized=checked_version(version) >= SIZED)
+    packed = _Reader(_payload(packet, Kind.MODEL), is_sized=checked_version(version) >= SIZED)
     names = ModelNames()
 
-    def body() -> tuple[int, str]:
+    def body(data: _Reader) -> tuple[int, str]:
         return _description(data, version)
 
-    for _ in range(data.count()):
-        kind, end = data.number("i"), data.end_of_section()
+    for _ in range(packed.count()):
+        kind, data = packed.number("i"), packed.part()
         match kind:
             case 0:  # a set of markers
-                data.text(), data.items(data.text)
+                data.text(), data.items(_Reader.text)
             case 1:  # a rigid body
-                number, name = body()
+                number, name = body(data)
                 names.bodies[number] = name
             case 2:  # a skeleton
                 name, number = data.text(), data.number("i")
                 names.skeletons[number] = name, dict(data.items(body))
             case 3:  # a force plate: sizes, origin, calibration (12 x 12), corners, kinds
-                data.number("i"), data.text(), data.take(4 * (2 + 3 + 144 + 12 + 2)), data.items(data.text)
+                data.number("i"), data.text(), data.take(4 * (2 + 3 + 144 + 12 + 2)), data.items(_Reader.text)
             case 4:  # a device
-                data.number("i"), data.text(), data.text(), data.take(8), data.items(data.text)
+                data.number("i"), data.text(), data.text(), data.take(8), data.items(_Reader.text)
             case 5:  # a camera
                 data.text(), data.take(28)
             case 6:  # an asset
                 name, (_, number) = data.text(), data.numbers("ii")
                 names.assets[number] = name, dict(data.items(body))
-                data.items(lambda: (data.text(), data.take(4 + 12 + 4 + 2)))
-            case _ if end is None:
+                data.items(lambda marker: (marker.text(), marker.take(4 + 12 + 4 + 2)))
+            case _ if version < SIZED:
                 raise NatNetError(f"packet: expected a description of kinds 0 to 6, got {kind}")
-        data.finish(end)
     return names
 
 
@@ -428,18 +429,20 @@ def _marker(data: _Reader) -> MarkerState:
 
 
 class _Reader:
-    """Payload of a packet, read from its begin; whatever goes beyond its end is a NatNetError."""
+    """Bytes read from their begin; whatever goes beyond their end is a NatNetError."""
 
-    def __init__(self, packet: bytes, kind: Kind, *, is_sized: bool = False) -> None:
-        if (got := packet_kind(packet)) != kind:
-            raise NatNetError(f"packet: expected one of kind {int(kind)} ({kind.name}), got {got}")
-        self._data = packet[4 : 4 + struct.unpack_from("<H", packet, 2)[0]]
+    def __init__(self, data: bytes, *, is_sized: bool = False) -> None:
+        self._data, self._is_sized = data, is_sized
         self._at = 0
-        self._is_sized = is_sized
 
     def take(self, size: int) -> bytes:
         """The next bytes."""
-        self.go_to(self._at + size)
+        if not 0 <= size <= len(self._data) - self._at:
+            raise NatNetError(
+                f"packet: expected {size} bytes at byte {self._at}, got {len(self._data) - self._at}: truncated, or of "
+                "another version"
+            )
+        self._at += size
         return self._data[self._at - size : self._at]
 
     def numbers(self, layout: str) -> tuple[Any, ...]:
@@ -464,37 +467,19 @@ class _Reader:
             raise NatNetError(f"packet: expected a zero at the end of the text at byte {self._at}, got none: truncated")
         return self.take(end + 1 - self._at)[:-1].decode("utf-8", "replace")
 
-    def items(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
+    def items(self, read: Callable[[_Reader], _Item]) -> tuple[_Item, ...]:
         """Count and things."""
-        return tuple(read() for _ in range(self.count()))
+        return tuple(read(self) for _ in range(self.count()))
 
-    def skip_items(self, size: int) -> int:
+    def skip_items(self, size: int) -> bytes:
         """Count of things of some bytes each, which are left out."""
-        count = self.count()
-        self.take(size * count)
-        return count
+        return self.take(size * self.count())
 
-    def section(self, read: Callable[[], _Item]) -> tuple[_Item, ...]:
+    def section(self, read: Callable[[_Reader], _Item]) -> tuple[_Item, ...]:
         """Count, size in bytes if the version has it, and things."""
-        count, end = self.count(), self.end_of_section()
-        found = tuple(read() for _ in range(count))
-        self.finish(end)
-        return found
+        count, part = self.count(), self.part()
+        return tuple(read(part) for _ in range(count))
 
-    def end_of_section(self) -> int | None:
-        """Place of the end of what follows, by its size in bytes; None in versions without sizes."""
-        return int(self.number("i")) + self._at if self._is_sized else None
-
-    def finish(self, end: int | None) -> None:
-        """Go forward to the end of a section."""
-        if end is not None:
-            self.go_to(end)
-
-    def go_to(self, place: int) -> None:
-        """Go forward to a place."""
-        if not self._at <= place <= len(self._data):
-            raise NatNetError(
-                f"packet: expected {place} bytes after the header at byte {self._at}, got {len(self._data)}: "
-                "truncated, or of another version"
-            )
-        self._at = place
+    def part(self) -> _Reader:
+        """What follows, alone if the version has its size in bytes."""
+        return _Reader(self.take(self.number("i")), is_sized=True) if self._is_sized else self

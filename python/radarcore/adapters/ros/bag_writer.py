@@ -303,14 +303,5 @@ def _transient_local() -> Any:
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     forever = QosTime(2147483647, 4294967295)
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL,
-        forever,
-        forever,
-        QosLiveliness.AUTOMATIC,
-        forever,
-        False,
-    )
+    delivery = QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL
+    return Qos(QosHistory.KEEP_LAST, 1, *delivery, forever, forever, QosLiveliness.AUTOMATIC, forever, False)

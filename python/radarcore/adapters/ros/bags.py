@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from heapq import merge
 from importlib.util import find_spec
 from io import BufferedReader, FileIO
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from radarcore import check, notice
-from radarcore.adapters.ros.cut_mcap import MOST_UNPACKED, CutMcap, reason, unpacked
+from radarcore.adapters.ros.cut_mcap import CutMcap, check_unpacked, reason, unpacked
 from radarcore.adapters.ros.messages import DEFINITIONS
 from radarcore.output import LOCK
 from radarcore.recording import infineon
@@ -59,36 +59,26 @@ def typed(store: Any, name: str, source: Any) -> Any:
     """
     if name not in store.fielddefs:
         raise ValueError(f"type: expected a known message, got {name!r}")
-    values = {
-        field: _value(store, description, _field(source, field, name), f"{name}.{field}")
-        for field, description in store.fielddefs[name][1]
-    }
+    kinds = dict(store.fielddefs[name][1])
+    if not isinstance(source, Mapping):
+        source = {field: getattr(source, field) for field in kinds if hasattr(source, field)}
+    given = {"structure_needs_at_least_one_member": 0, **source}  # of messages without fields
+    if missing := [field for field in kinds if field not in given]:
+        raise ValueError(f"{name}: expected the field {missing[0]!r}, got none")
+    values = {field: _value(store, kind, given[field], f"{name}.{field}") for field, kind in kinds.items()}
     return store.types[name](**values)
-
-
-def _field(source: Any, field: str, name: str) -> Any:
-    if isinstance(source, Mapping):
-        if field in source:
-            return source[field]
-    elif hasattr(source, field):
-        return getattr(source, field)
-    if field == "structure_needs_at_least_one_member":  # of messages without fields
-        return 0
-    raise ValueError(f"{name}: expected the field {field!r}, got none")
 
 
 def _value(store: Any, description: Any, value: Any, where: str) -> Any:
     """A field as rosbags takes it: numbers in arrays, messages in lists."""
     kind, details = description
     if kind.name == "BASE":
-        return str(value) if details[0] in ("string", "wstring") else value
+        return str(value) if details[0] in _TEXTS else value
     if kind.name == "NAME":
         return typed(store, details, value)
     inner, _ = details
-    if inner[0].name == "NAME":
-        return [typed(store, inner[1], entry) for entry in value]
-    if inner[1][0] in ("string", "wstring"):
-        return [str(entry) for entry in value]
+    if inner[0].name == "NAME" or inner[1][0] in _TEXTS:
+        return [_value(store, inner, entry, where) for entry in value]
     dtype = {"byte": "uint8", "octet": "uint8", "char": "uint8"}.get(inner[1][0], inner[1][0])
     array = np.frombuffer(value, np.uint8) if isinstance(value, bytes | bytearray | memoryview) else np.asarray(value)
     if array.dtype.kind == "f" and np.dtype(dtype).kind != "f":
@@ -98,6 +88,8 @@ def _value(store: Any, description: Any, value: Any, where: str) -> Any:
         raise ValueError(f"{where}: expected numbers of type {dtype}, got {array.min()} to {array.max()}")
     return numbers
 
+
+_TEXTS = ("string", "wstring")
 
 _SUFFIXES = (".mcap", ".db3", ".bag")
 """Of the files in a folder; the first that there are count."""
@@ -355,7 +347,7 @@ class BagReader:
         try:
             for connection, time, data in reader.messages(connections=own, start=start, stop=stop):
                 # A message may be packed by itself: metadata.yaml says so, where there is one.
-                yield connection, time, unpacked("zstd", data) if data.startswith(_ZSTD_MAGIC) else data
+                yield connection, time, unpacked(data) if data.startswith(_ZSTD_MAGIC) else data
         except Exception as error:  # of rosbags, its decompressors and databases: whatever a damaged file leads to
             self._warn(reason(error))
 
@@ -514,22 +506,13 @@ def _check_database(file: Path, *, is_part: bool) -> None:
 
 
 def _check_reader(reader: Any) -> None:
-    """Refuse topics without a name, and chunks that unpack to more than `MOST_UNPACKED`."""
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag1.reader import decompressors
-
+    """Refuse topics without a name, and chunks that are larger than recorders make."""
     if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
         raise ValueError("expected names of topics and types, got none")
-    if isinstance(reader, Reader1):
-        names = {function: name for name, function in decompressors.items()}
-        for place, chunk in reader.chunks.items():
-            bounded = partial(unpacked, names[chunk.decompressor])
-            reader.chunks[place] = chunk._replace(decompressor=bounded)
     storage = getattr(reader, "storage", None)
     for file in (storage, *getattr(storage, "storages", ())):  # a folder has several files
         for chunk in getattr(file, "chunks", ()):
-            if chunk.uncompressed_size > MOST_UNPACKED:
-                raise ValueError(f"a chunk of {chunk.compressed_size} bytes unpacks to more than {MOST_UNPACKED}")
+            check_unpacked(chunk.uncompressed_size)
 
 
 def _owner(connection: Any) -> int:

@@ -6,10 +6,8 @@ middle of a record. The chunk that is cut is lost.
 
 from __future__ import annotations
 
-from bz2 import BZ2Decompressor
 from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -99,36 +97,25 @@ def _records(file: IO[bytes], size: int) -> Iterator[Any]:
 
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:
         if isinstance(record, Chunk):
-            content = unpacked(record.compression, record.data)
-            yield from breakup_chunk(replace(record, compression="", data=content), validate_crc=True)
+            check_unpacked(record.uncompressed_size)
+            yield from breakup_chunk(record, validate_crc=True)
         else:
             yield record
 
 
-def unpacked(compression: str, data: bytes) -> bytes:
-    """Content of a chunk or a message, of limited size."""
-    if compression in ("", "none"):
-        return data
-    content: bytes = _decompressor(compression).decompress(data, MOST_UNPACKED + 1)
-    if len(content) > MOST_UNPACKED:
-        raise ValueError(f"a chunk of {len(data)} bytes unpacks to more than {MOST_UNPACKED}")
+def unpacked(data: bytes) -> bytes:
+    """Content of a message that is packed by Zstandard."""
+    from zstandard import ZstdDecompressor
+
+    content: bytes = ZstdDecompressor().stream_reader(data).read(MOST_UNPACKED + 1)
+    check_unpacked(len(content))
     return content
 
 
-def _decompressor(compression: str) -> Any:
-    if compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        return LZ4FrameDecompressor()
-    if compression == "bz2":
-        return BZ2Decompressor()
-    if compression == "zstd":
-        try:
-            from compression import zstd
-        except ImportError:  # before Python 3.14
-            from backports import zstd
-        return zstd.ZstdDecompressor()
-    raise ValueError(f"a chunk has the unknown compression {check.printable(compression)!r}")
+def check_unpacked(num_bytes: int) -> None:
+    """Raise a ValueError for a chunk or message that is larger than recorders make."""
+    if num_bytes > MOST_UNPACKED:
+        raise ValueError(f"a part of it unpacks to more than {MOST_UNPACKED} bytes")
 
 
 def reason(error: Exception) -> str:

@@ -24,7 +24,7 @@ from radarcore.adapters.ros.poses import (
 )
 from radarcore.check import near_names
 from radarcore.geometry.pose import Pose
-from radarcore.motion.attached import Attached, Inverse
+from radarcore.motion.group import Attached, Inverse
 from radarcore.motion.protocol import Motion
 from radarcore.records import sealed
 

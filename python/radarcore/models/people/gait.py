@@ -148,13 +148,8 @@ def _series(relative_speed: float) -> _FourierSeries:
     }
     roll = _smooth_curve({0.0: 0.0, 0.15: -3.32 * RV, 0.5: 0.0, 0.65: 3.32 * RV}, _half_cosines)
     lean = _amplitude(8.0, 2.0, RV)
-    right = np.array(
-        [
-            *(angles[name] for name in ("hip", "knee", "ankle")),
-            _sine(-9.88 * RV, 1, 0.25, 3.0 - 4.94 * RV),
-            angles["elbow"],
-        ]
-    )
+    shoulder = _sine(-9.88 * RV, 1, 0.25, 3.0 - 4.94 * RV)
+    right = np.array([angles["hip"], angles["knee"], angles["ankle"], shoulder, angles["elbow"]])
     left = right * np.exp(1j * np.pi * _HARMONICS)
     trunk = [roll, _sine(-4.0 * RV, 1, 0.25), angles["thorax"], _sine(lean, 2, -0.05, -lean)]
     root = [

@@ -14,7 +14,7 @@ from radarcore.geometry.mesh import Mesh
 from radarcore.geometry.pose import Pose, as_pose
 from radarcore.geometry.rotation import Matrix, cross_matrix
 from radarcore.models.robots.joint import Joint, JointAngles, JointMotion, JointTrajectory
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.protocol import AnyMotion, LinkMotion, Motion, as_motion, derivative, latest_update, poses_at
 from radarcore.records import sealed
 from radarcore.scene.body import Body

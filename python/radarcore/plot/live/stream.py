@@ -130,9 +130,8 @@ class Stream:
         self._column_time = self.seconds / num_columns
         self._origin, self._column = np.nan, 0
 
-        self.num_frames: int
-        self.num_lost: int
-        self.num_frames = self.num_lost = 0
+        self.num_frames: int = 0
+        self.num_lost: int = 0
         self._times: deque[float] = deque(maxlen=_RATE_INTERVALS + 1)
         self._static: NDArray[Any] | None = None
         self._num_static = 0
@@ -213,12 +212,7 @@ class Stream:
 
     def _detections(self, moving: NDArray[Any]) -> list[Detection]:
         """The strongest detections above the threshold, by increasing range."""
-        found = detect(
-            moving,
-            self.radar,
-            false_alarm_rate=_FALSE_ALARM_RATE,
-            dynamic_range_db=_DYNAMIC_RANGE_DB,
-        )
+        found = detect(moving, self.radar, false_alarm_rate=_FALSE_ALARM_RATE, dynamic_range_db=_DYNAMIC_RANGE_DB)
         found = found[(found.snr_db >= self._threshold_db) & (found.range <= self.ranges[-1])]
         strongest = np.sort(np.argsort(-found.snr_db, kind="stable")[: self._max_detections])
         rows = np.stack([found.range, found.velocity, found.snr_db], axis=1)[strongest]

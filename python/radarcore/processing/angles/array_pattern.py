@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from radarcore.processing.angles.steering import (
 from radarcore.processing.spectra.windows import Window, symmetric_window
 from radarcore.radar.pattern import Pattern
 from radarcore.radar.radar import Radar
+from radarcore.units import decibels
 
 Steer = ArrayLike | None
 """Azimuth, or azimuth and elevation, to steer to [rad]; None: straight ahead."""
@@ -130,13 +132,9 @@ def array_pattern(
 
 
 def _steered_to(steer: Steer) -> tuple[float, float]:
-    if steer is None:
-        return 0.0, 0.0
-    if np.ndim(steer) == 0:
-        azimuth, _ = checked_angles(steer, 0.0)
-        return float(azimuth), 0.0
-    azimuth, elevation = check.radians("steer", check.array("steer", steer, (2,)))
-    return float(azimuth), float(elevation)
+    to: Any = (0.0, 0.0) if steer is None else (steer, 0.0) if np.ndim(steer) == 0 else steer
+    azimuth, elevation = check.radians("steer", check.array("steer", to, (2,))).tolist()
+    return azimuth, elevation
 
 
 def _weights(name: str, given: ArrayLike | None, number: int) -> NDArray[np.complex128]:
@@ -171,7 +169,4 @@ def _gain_db(
     waves = steering_vectors(positions - positions.mean(axis=0), wavelength, unit_vectors(az, el))
     known: dict[Pattern, NDArray[np.float64]] = {p: np.sqrt(p.gain(az, el)) for p in dict.fromkeys(patterns)}
     fields = np.stack([known[pattern] for pattern in patterns], axis=-1)
-    total = np.abs((waves * fields) @ weights) ** 2 / np.sum(np.abs(weights) ** 2)
-    with np.errstate(divide="ignore"):  # nothing is -inf
-        level: NDArray[np.float64] = 10.0 * np.log10(total)
-    return level
+    return decibels(np.abs((waves * fields) @ weights) ** 2 / np.sum(np.abs(weights) ** 2))

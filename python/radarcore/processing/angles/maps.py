@@ -19,6 +19,9 @@ from radarcore.radar.waveform import require_range
 
 METHODS = ("bartlett", "capon", "music", "fft")
 
+_FRONT = np.deg2rad(np.arange(-90.0, 90.5))
+"""Angles of the front half, one degree apart [rad]."""
+
 _BLOCK = 2**20
 """Numbers of the largest intermediate array worked on at a time, 16 MB."""
 
@@ -102,7 +105,7 @@ def range_angle(
     31 degrees
     """
     samples, radar = _checked(cube, radar)
-    az, el = checked_angles(_front() if azimuth is None else azimuth, elevation)
+    az, el = checked_angles(_FRONT if azimuth is None else azimuth, elevation)
     if len(shape := np.broadcast_shapes(az.shape, el.shape)) > 1:
         raise ValueError(f"azimuth, elevation: expected angles that broadcast to one axis, got shape {shape}")
     require_range(radar.waveform)
@@ -161,8 +164,8 @@ def azimuth_elevation(
     (121, 121)
     """
     samples, radar = _checked(cube, radar)
-    az = np.atleast_1d(checked_angles(_front() if azimuth is None else azimuth, 0.0)[0])
-    el = np.atleast_1d(checked_angles(0.0, _front() if elevation is None else elevation)[1])
+    az = np.atleast_1d(checked_angles(_FRONT if azimuth is None else azimuth, 0.0)[0])
+    el = np.atleast_1d(checked_angles(0.0, _FRONT if elevation is None else elevation)[1])
     for name, angles in (("azimuth", az), ("elevation", el)):
         if angles.ndim != 1:
             raise ValueError(f"{name}: expected shape (n,), got {angles.shape}")
@@ -199,12 +202,6 @@ def _maps(
         for k in range(0, num_ranges, block):
             power[(*which, slice(k, k + block))] = to_power(covariances[k : k + block])
     return power
-
-
-def _front() -> NDArray[np.float64]:
-    """Angles of the front half, one degree apart [rad]."""
-    angles: NDArray[np.float64] = np.deg2rad(np.arange(-90.0, 90.5))
-    return angles
 
 
 def _checked(cube: Samples, radar: Radar | None) -> tuple[NDArray[Any], Radar]:

@@ -14,14 +14,14 @@ goes.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check, notice
 from radarcore.motion.protocol import STALE, AnyMotion, as_motion, sensor_state
-from radarcore.processing.inputs import require_one_waveform, require_transmitters_apart, with_samples
+from radarcore.processing.inputs import Kind, require_one_waveform, require_transmitters_apart, with_samples
 from radarcore.products import orthonormal, product
 from radarcore.radar.beam import is_in_beam
 from radarcore.radar.pattern import Pattern
@@ -48,17 +48,15 @@ _TRANSITION = 3.0
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_Kind = TypeVar("_Kind", Frame, Recording)
-
 
 def remove_static(
-    frame: _Kind,
+    frame: Kind,
     motion: AnyMotion | ArrayLike,
     *,
     method: str = "doppler",
     field_of_view_deg: tuple[float, float] | None = None,
     suppression_db: float = 50.0,
-) -> _Kind:
+) -> Kind:
     """Take the echoes of what stands still off frames of a moving sensor.
 
     With a velocity of 0 the mean over the chirps is taken off, of every channel and sample. Otherwise a band of
@@ -116,6 +114,7 @@ def remove_static(
     radar = frame.radar
     require_one_waveform(radar)
     require_transmitters_apart(frame, radar)
+    is_one = isinstance(frame, Frame)
     given = _sensor_velocity(frame, motion)
     if (fastest := float(np.abs(given).max(initial=0.0))) > 1e-3 * SPEED_OF_LIGHT:
         raise ValueError(f"motion: expected at most {1e-3 * SPEED_OF_LIGHT:.0f} m/s, got {fastest:g}")
@@ -125,13 +124,11 @@ def remove_static(
     if radar.waveform.is_cw and not np.iscomplexobj(frame.cube):
         raise ValueError("frame: expected I/Q samples of a CW radar (slope = 0 Hz/s), got real ones")
 
-    if isinstance(frame, Frame):
-        cube = _filtered(frame.cube, radar, given, view, residual, is_joint)
-    else:
-        cube = np.empty_like(frame.cube)
-        for samples, velocity, out in zip(frame.cube, np.broadcast_to(given, (len(cube), 3)), cube, strict=True):
-            out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
-    return with_samples(frame, cube, radar)
+    cubes = frame.cube[None] if is_one else frame.cube
+    filtered = np.empty_like(cubes)
+    for samples, velocity, out in zip(cubes, np.broadcast_to(given, (len(cubes), 3)), filtered, strict=True):
+        out[:] = _filtered(samples, radar, velocity, view, residual, is_joint)
+    return with_samples(frame, filtered[0] if is_one else filtered, radar)
 
 
 def _sensor_velocity(frame: Frame | Recording, motion: AnyMotion | ArrayLike) -> Array:
@@ -230,11 +227,9 @@ def _from_clutter(
     for first in range(0, num_samples, step):
         part = slice(first, min(first + step, num_samples))
         wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * float(frequency[part].mean())
-        over_time = product(
-            band.polynomials.T, np.exp(2j * wavenumber * np.outer(band.time, rates))
-        )  # (degree, direction)
+        turns = np.exp(2j * wavenumber * np.outer(band.time, rates))  # (chirp, direction)
         of_channels = errors * np.exp(-1j * wavenumber * along)[:, None]
-        steering = (of_channels * over_time).reshape(num_channels * num_degrees, -1)
+        steering = (of_channels * product(band.polynomials.T, turns)).reshape(num_channels * num_degrees, -1)
         basis = _span(product(steering, steering.conj().T), residual)
         flat = projected[..., part].reshape(num_channels * num_degrees, -1)
         kept[..., part] = product(basis, product(basis.conj().T, flat)).reshape(num_channels, num_degrees, -1)

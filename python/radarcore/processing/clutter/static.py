@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import replace
-from typing import Any, TypeVar, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.processing.inputs import (
+    Kind,
     Samples,
     checked_samples,
     require_one_waveform,
@@ -21,14 +22,12 @@ from radarcore.processing.spectra.windows import window_weights
 from radarcore.recording.frame import Frame, check_alike, is_of_adc
 from radarcore.recording.recording import Recording
 
-_Kind = TypeVar("_Kind", Frame, Recording)
-
 _BINOMIAL = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
 """Weights of the cancellers by the number of their pulses, oldest first."""
 
 
 @overload
-def remove_mean(cube: _Kind, *, axis: int = ...) -> _Kind: ...
+def remove_mean(cube: Kind, *, axis: int = ...) -> Kind: ...
 @overload
 def remove_mean(cube: ArrayLike, *, axis: int = ...) -> NDArray[Any]: ...
 def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Recording:
@@ -82,7 +81,7 @@ def remove_mean(cube: Samples, *, axis: int = -2) -> NDArray[Any] | Frame | Reco
 
 
 @overload
-def cancel_pulses(cube: _Kind, *, num_pulses: int = ...) -> _Kind: ...
+def cancel_pulses(cube: Kind, *, num_pulses: int = ...) -> Kind: ...
 @overload
 def cancel_pulses(cube: ArrayLike, *, num_pulses: int = ...) -> NDArray[Any]: ...
 def cancel_pulses(cube: Samples, *, num_pulses: int = 2) -> NDArray[Any] | Frame | Recording:
@@ -191,15 +190,13 @@ def remove_running_mean(
     >>> bool(np.abs(moving.cube[1:]).max() < 0.1 * np.abs(still.cube).max())
     True
     """
+    if isinstance(cube, Recording | Iterator) and time is not None:
+        raise TypeError("time: expected none with frames or a Recording, which have their times")
     if isinstance(cube, Recording):
-        if time is not None:
-            raise TypeError("time: expected none with a Recording, which has its times")
         require_one_waveform(cube.radar)
         moved = remove_running_mean(cube.cube, cube.time, time_constant=time_constant)
         return with_samples(cube, moved, cube.radar)
     if isinstance(cube, Iterator):
-        if time is not None:
-            raise TypeError("time: expected none with frames, which have their times")
         return _moving_frames(cube, check.positive("time_constant", time_constant, "s"))
     if isinstance(cube, Frame):
         raise TypeError("cube: expected a Recording, frames or a cube of several frames, got one Frame")

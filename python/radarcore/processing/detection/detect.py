@@ -198,11 +198,11 @@ def detect(
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
     snr = np.maximum(matched - len(cells), 0.1 * matched)  # of all channels; the noise in the fit taken off
-    in_cell = snr / tones.energy_gain * layout.gain**2 / len(cells)
+    in_cell = snr / tones.energy_gain * (layout.slow.sum() * layout.fast.sum()) ** 2 / len(cells)
 
     # Range and velocity, and their covariance.
     rows, columns = (peaks + tones.offset).T
-    beat = layout.signed_beat_step * layout.wrapped_column(columns)
+    beat = layout.beat_step * layout.wrapped_column(columns)
     doppler = layout.doppler_step * layout.wrapped_row(rows)
     range_, velocity = layout.coordinates.at(beat, doppler)
     variance = 0.5 / (snr[:, None] * np.where(tones.information > 0.0, tones.information, np.inf))  # in cells^2

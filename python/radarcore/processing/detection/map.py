@@ -20,6 +20,7 @@ from radarcore.processing.detection.cfar import (
     training_means,
 )
 from radarcore.processing.detection.tone import REACH, Axes, axes_of
+from radarcore.processing.inputs import range_limits
 from radarcore.processing.spectra.windows import (
     Window,
     centred_window,
@@ -79,14 +80,7 @@ class DetectionSettings:
         self.subtract_mean = check.flag("subtract_mean", self.subtract_mean)
         self.window = hashable("window", self.window)
         self.doppler_window = hashable("doppler_window", self.doppler_window)
-        if self.min_range is not None:
-            self.min_range = check.non_negative("min_range", self.min_range, "m")
-        if self.max_range is not None:
-            self.max_range = check.positive("max_range", self.max_range, "m")
-            if self.min_range is not None and self.max_range < self.min_range:
-                raise ValueError(
-                    f"max_range: expected at least min_range = {self.min_range:g} m, got {self.max_range:g}"
-                )
+        range_limits(self.min_range, self.max_range)
         self.dynamic_range_db = check.positive("dynamic_range_db", self.dynamic_range_db, "dB")
 
 
@@ -112,17 +106,12 @@ class Layout:
     row_gain: NDArray[np.float64]
     """Noise of every row, relative to that without removal of static echoes, (row,)."""
     beat_step: float
-    """Beat frequency from one column to the next [Hz], without its sign."""
+    """Beat frequency from one column to the next, with the sign of the slope [Hz]."""
     doppler_step: float
     """Doppler frequency from one row to the next [Hz]."""
     smear: float
     """Cells that a target crosses in a frame per row of its velocity."""
     coordinates: Coordinates
-
-    @cached_property
-    def gain(self) -> float:
-        """Amplitude of a tone of amplitude 1 in the middle of a cell."""
-        return float(self.slow.sum() * (self.fast.sum()))
 
     @cached_property
     def envelopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -150,21 +139,11 @@ class Layout:
         return axes_of((self.slow, self.fast), num_cells, is_conjugate=self.is_down)
 
     @cached_property
-    def signed_beat_step(self) -> float:
-        """Beat frequency from one column to the next, with the sign of the slope [Hz]."""
-        return float(np.sign(self.coordinates.waveform.slope)) * self.beat_step
-
-    @cached_property
     def slopes(self) -> NDArray[np.float64]:
         """Derivatives of range and velocity by row and column, (2, 2); NaN for what is not observable."""
-        slopes: NDArray[np.float64] = self.coordinates.slopes()[:, ::-1] * [self.doppler_step, self.signed_beat_step]
+        slopes: NDArray[np.float64] = self.coordinates.slopes()[:, ::-1] * [self.doppler_step, self.beat_step]
         slopes[[not self.has_range, not self.has_velocity]] = np.nan
         return slopes
-
-    @cached_property
-    def metres_per_column(self) -> float:
-        """Range from one column to the next [m]."""
-        return abs(float(self.beat_step * self.coordinates.slopes()[0, 0]))
 
     @cached_property
     def num_rows(self) -> int:
@@ -175,7 +154,8 @@ class Layout:
         """First and last column (exclusive) to be searched."""
         if not self.has_range or self.num_columns <= 2 * MAIN_LOBE:
             return 0, self.num_columns
-        first = MAIN_LOBE if lowest is None else min(MAIN_LOBE, int(lowest / self.metres_per_column))
+        metres_per_column = self.beat_step * self.coordinates.slopes()[0, 0]
+        first = MAIN_LOBE if lowest is None else min(MAIN_LOBE, int(lowest / metres_per_column))
         return first, self.num_columns - (first if self.is_iq else 1)
 
     def wrapped_row(self, row: Any) -> Any:
@@ -215,7 +195,7 @@ def layout_of(radar: Radar, window: Window, doppler_window: Window, subtract_mea
         num_looks=num_looks,
         num_columns=1 if not has_range else wf.num_samples if is_iq else wf.num_samples // 2 + 1,
         row_gain=row_gain,
-        beat_step=wf.sample_rate / wf.num_samples,
+        beat_step=np.sign(wf.slope) * wf.sample_rate / wf.num_samples,
         doppler_step=1.0 / (wf.num_chirps * wf.chirp_interval),
         smear=wf.velocity_resolution * wf.duration / wf.range_resolution if has_velocity and has_range else 0.0,
         coordinates=Coordinates(wf, *centres, has_velocity),

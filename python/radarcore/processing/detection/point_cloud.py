@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarcore import check
 from radarcore.direction import unit_vectors
+from radarcore.records import sealed
 
 COORDINATES = ("range", "velocity", "azimuth", "elevation")
 """Coordinates of a detection, in the order of its covariance."""
 
 
-@dataclass(frozen=True, eq=False)
+@sealed
+@dataclass(eq=False)
 class Detections:
     """Detections of a frame, by increasing range; NaN for a coordinate that the radar does not tell.
 
@@ -66,24 +68,20 @@ class Detections:
     alternatives: NDArray[np.float64] = None  # type: ignore[assignment]  # likewise
 
     def __post_init__(self) -> None:
-        number = len(np.atleast_1d(np.asarray(self.range)))
+        number = np.size(self.range)
         for name in (*COORDINATES, "snr_db"):
-            object.__setattr__(self, name, _numbers(name, getattr(self, name), (number,)))
-        covariance = self.covariance
-        if covariance is None:
-            covariance = np.full((number, 4, 4), np.nan)
-        object.__setattr__(self, "covariance", _numbers("covariance", covariance, (number, 4, 4)))
-        object.__setattr__(self, "time", check.number("time", self.time, "s"))
-        given: Any = self.is_resolved
-        resolved = np.ones(number, bool) if given is None else np.array(given, bool, ndmin=1)
-        if resolved.shape != (number,):
-            raise ValueError(f"is_resolved: expected shape ({number},), got {resolved.shape}")
-        object.__setattr__(self, "is_resolved", check.frozen(resolved))
-        angle = check.positive("ambiguous_beyond", self.ambiguous_beyond, "rad")
-        object.__setattr__(self, "ambiguous_beyond", angle)
+            setattr(self, name, _numbers(name, getattr(self, name), (number,)))
+        covariance: Any = self.covariance
+        resolved: Any = self.is_resolved
         others: Any = self.alternatives
+        covariance = np.full((number, 4, 4), np.nan) if covariance is None else covariance
+        resolved = np.ones(number, bool) if resolved is None else np.array(resolved, bool, ndmin=1)
         others = np.zeros((number, 0, 2)) if others is None else others
-        object.__setattr__(self, "alternatives", _numbers("alternatives", others, (number, None, 2)))
+        self.covariance = _numbers("covariance", covariance, (number, 4, 4))
+        self.time = check.number("time", self.time, "s")
+        self.is_resolved = check.frozen(check.shaped("is_resolved", resolved, (number,)))
+        self.ambiguous_beyond = check.positive("ambiguous_beyond", self.ambiguous_beyond, "rad")
+        self.alternatives = _numbers("alternatives", others, (number, None, 2))
 
     def __len__(self) -> int:
         return len(self.range)
@@ -93,8 +91,7 @@ class Detections:
         if isinstance(which, int | np.integer):
             which = [which]
         names = (*COORDINATES, "snr_db", "covariance", "is_resolved", "alternatives")
-        kept = {name: getattr(self, name)[which] for name in names}
-        return Detections(**kept, time=self.time, ambiguous_beyond=self.ambiguous_beyond)
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
     @property
     def position(self) -> NDArray[np.float64]:

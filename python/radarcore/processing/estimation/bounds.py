@@ -104,7 +104,7 @@ def doppler_bound(
     require_range(waveform)
     if waveform.num_chirps < 2:
         raise ValueError(f"waveform: expected at least 2 chirps, got {waveform.num_chirps}")
-    weights = _weights(waveform, window, doppler_window)
+    weights = sample_weights(waveform, window, doppler_window)
     gradients = range_and_velocity_gradients(waveform)
     covariance = _covariance(gradients, weights, per_chirp=False)
     return _bound(covariance, snr_db, is_real, num_channels)
@@ -288,9 +288,8 @@ def _beat_covariance(waveform: Waveform, window: Window) -> NDArray[np.float64]:
     observable = np.flatnonzero([True, waveform.num_chirps > 1, waveform.num_samples > 2])
     covariance = np.full((3, 3), np.inf)
     gradients = beat_gradients(waveform)[observable]
-    covariance[np.ix_(observable, observable)] = _covariance(
-        gradients, _weights(waveform, window, None), per_chirp=True
-    )
+    weights = sample_weights(waveform, window, None)
+    covariance[np.ix_(observable, observable)] = _covariance(gradients, weights, per_chirp=True)
     return covariance
 
 
@@ -310,7 +309,7 @@ def _covariance(
     return scaled / np.outer(size, size)
 
 
-def _weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDArray[np.float64]:
+def sample_weights(waveform: Waveform, window: Window, doppler_window: Window) -> NDArray[np.float64]:
     """Of least squares, (chirp, sample)."""
     fast = window_weights("window", window, waveform.num_samples)
     return np.outer(window_weights("doppler_window", doppler_window, waveform.num_chirps), fast)

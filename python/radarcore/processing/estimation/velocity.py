@@ -23,12 +23,12 @@ from radarcore.processing.inputs import (
     require_transmitters_apart,
     require_uniform_chirps,
 )
-from radarcore.processing.spectra.windows import Window, window_weights
+from radarcore.processing.spectra.windows import Window
 from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform, require_range
 from radarcore.recording.frame import Frame
 from radarcore.recording.recording import Recording
-from radarcore.units import SPEED_OF_LIGHT
+from radarcore.units import SPEED_OF_LIGHT, decibels
 
 Array = NDArray[np.float64]
 
@@ -99,14 +99,7 @@ def doppler_velocity(
     given = _checked_input(cube, waveform)
     wf = given.waveform
     require_uniform_chirps(wf)
-    if wf.num_chirps < 2:
-        raise ValueError(f"waveform: expected at least 2 chirps, got {wf.num_chirps}")
-    limits("range", "m", min_range, max_range)
-    limits("velocity", "m/s", min_velocity, max_velocity)
-    weights = np.outer(
-        window_weights("doppler_window", doppler_window, wf.num_chirps),
-        window_weights("window", window, wf.num_samples),
-    )
+    weights = bounds.sample_weights(wf, window, doppler_window)
     level = _checked_noise(noise)
     slow, fast = bounds.times_from_middle(wf)
     gradients = bounds.range_and_velocity_gradients(wf)
@@ -227,7 +220,7 @@ def up_down_velocity(
             matrix = np.stack([equations[:, 0], by_velocity], axis=1)
             distance, velocity = np.linalg.solve(matrix, [fit.parameters[0] for fit in fits])
         ratios = [
-            _snr(frame, wf, fit, level, _weights(wf, window))
+            _snr(frame, wf, fit, level, bounds.sample_weights(wf, window, None))
             for frame, wf, fit in zip(frames, waveforms, fits, strict=True)
         ]
         return distance, velocity, float(np.mean(ratios))
@@ -294,7 +287,7 @@ def chirp_rate_velocity(
     fastest = check.non_negative("max_velocity", max_velocity, "m/s")
     level = _checked_noise(noise)
     search = _beat_fit(given, ranges, fastest, window)
-    weights = _weights(wf, window)
+    weights = bounds.sample_weights(wf, window, None)
 
     def measure(frame: NDArray[Any]) -> _Row:
         fit = search(frame)
@@ -320,7 +313,7 @@ def _beat_fit(
     wf = given.waveform
     observable = [0, *([1] if wf.num_chirps > 1 else []), *([2] if wf.num_samples > 2 else [])]
     gradients = bounds.beat_gradients(wf)[observable]
-    weights = _weights(wf, window)
+    weights = bounds.sample_weights(wf, window, None)
     slow, fast = bounds.beat_times(wf)
     shifted = slow + given.offsets[:, None, None]  # (channel or 1, chirp, 1)
 
@@ -338,11 +331,6 @@ def _beat_fit(
         return fit_phase(frame, phase, gradients, np.array(start)[observable], weights, per_chirp=True)
 
     return search
-
-
-def _weights(waveform: Waveform, window: Window) -> Array:
-    """Of least squares whose amplitudes are free from chirp to chirp, (chirp, sample)."""
-    return np.tile(window_weights("window", window, waveform.num_samples), (waveform.num_chirps, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -453,8 +441,7 @@ def _snr(frame: NDArray[Any], waveform: Waveform, fit: PhaseFit, level: float | 
 def _estimate(given: _Input, rows: list[_Row], bound: Callable[..., CramerRaoBound]) -> VelocityEstimate:
     """Estimates with the deviations of the bound at their SNR: numbers of one frame, arrays of several."""
     distance, velocity, ratio = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    with np.errstate(divide="ignore"):  # -inf for an echo without power
-        snr_db = 10.0 * np.log10(ratio)
+    snr_db = decibels(ratio)
     least = bound(snr_db, is_real=not np.iscomplexobj(given.samples), num_channels=given.samples.shape[1])
     columns = distance, velocity, least.range, least.velocity, snr_db
     return VelocityEstimate(*(column.item() if given.is_one else column for column in columns))

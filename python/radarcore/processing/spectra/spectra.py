@@ -139,26 +139,6 @@ def range_doppler(
     """
     cube, waveform = cube_and_waveform(cube, waveform)
     require_range(waveform)
-    return spectrum(
-        cube,
-        waveform,
-        window=window,
-        doppler_window=doppler_window,
-        num_range_bins=num_range_bins,
-        num_velocity_bins=num_velocity_bins,
-    )
-
-
-def spectrum(
-    cube: ArrayLike,
-    waveform: Waveform,
-    *,
-    window: Window,
-    doppler_window: Window,
-    num_range_bins: int | None,
-    num_velocity_bins: int | None,
-) -> NDArray[Any]:
-    """`range_doppler`, also of a CW radar, whose bins are no ranges."""
     samples = checked_samples(
         cube, "(..., chirp, sample)", num_chirps=waveform.num_chirps, num_samples=waveform.num_samples
     )

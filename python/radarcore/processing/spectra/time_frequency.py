@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore import check
 from radarcore.processing.clutter.static import has_offsets, without_offset
-from radarcore.processing.inputs import recording_of, require_one_waveform, require_uniform_chirps
+from radarcore.processing.inputs import range_limits, recording_of, require_one_waveform, require_uniform_chirps
 from radarcore.processing.spectra.noise import known_noise
 from radarcore.processing.spectra.spectra import fast_spectrum, powers
 from radarcore.processing.spectra.windows import Window, window_centre, window_weights
@@ -320,10 +320,7 @@ def _doppler_power(run: NDArray[Any], weights: NDArray[np.float64], num_bins: in
 
 def _gate(recording: Recording, min_range: float | None, max_range: float | None) -> slice:
     """Bins of the range profile between two ranges."""
-    nearest = 0.0 if min_range is None else check.non_negative("min_range", min_range, "m")
-    farthest = np.inf if max_range is None else check.positive("max_range", max_range, "m")
-    if farthest < nearest:
-        raise ValueError(f"max_range: expected at least min_range = {nearest:g} m, got {farthest:g}")
+    nearest, farthest = range_limits(min_range, max_range)
     wf = recording.radar.waveform
     if wf.is_cw:
         if min_range is not None or max_range is not None:

@@ -22,9 +22,7 @@ _COSINES = {"boxcar": (1.0,), "hann": (0.5, 0.5), "hamming": (0.54, 1.0 - 0.54),
 
 def window_weights(name: str, window: Window, length: int) -> NDArray[np.float64]:
     """Periodic window, (length,), read-only."""
-    if window is None or isinstance(window, str):
-        return _named(name, window, length)
-    return _weights(name, window, length, periodic=True)
+    return _weights(name, hashable(name, window), length, periodic=True)
 
 
 def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64]:
@@ -37,7 +35,7 @@ def centred_window(name: str, window: Window, length: int) -> NDArray[np.float64
         return window_weights(name, window, length)
     if isinstance(window, str) and window in _COSINES:
         return check.frozen(_sum_of_cosines(_COSINES[window], 2 * length + 1)[1::2])
-    longer = _weights(name, window, length + 1, periodic=False)
+    longer = _weights(name, hashable(name, window), length + 1, periodic=False)
     return check.frozen(0.5 * (longer[1:] + longer[:-1]))
 
 
@@ -46,16 +44,12 @@ def symmetric_window(name: str, window: Window, length: int) -> NDArray[np.float
     with warnings.catch_warnings():
         # SciPy warns of high side lobes for the sake of spectra; arrays of few elements have them for narrow beams.
         warnings.filterwarnings("ignore", message="This window is not suitable for spectral analysis")
-        return _weights(name, window, length, periodic=False)
+        return _weights(name, hashable(name, window), length, periodic=False)
 
 
 @lru_cache(maxsize=64)
-def _named(name: str, window: str | None, length: int) -> NDArray[np.float64]:
-    """Window that all frames of a stream share."""
-    return _weights(name, window, length, periodic=True)
-
-
 def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArray[np.float64]:
+    """Window that all frames of a stream share."""
     if window is None:
         return check.frozen(np.ones(length))
     if isinstance(window, str) and window in _COSINES and length > 0:
@@ -64,8 +58,6 @@ def _weights(name: str, window: Window, length: int, *, periodic: bool) -> NDArr
         return check.frozen(_sum_of_cosines(_COSINES[window], length + periodic)[:length])
     from scipy.signal import get_window  # here: importing radarcore imports numpy and nothing heavier
 
-    if not isinstance(window, str | tuple):
-        raise TypeError(f"{name}: {_EXPECTED}, got {window!r}")
     try:
         weights = np.asarray(get_window(window, length, fftbins=periodic), dtype=np.float64)
     except (ValueError, TypeError) as error:

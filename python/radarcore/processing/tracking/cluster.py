@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,18 +135,9 @@ def cluster(
     labels, found = groups(values, levels(detections), covariance, connected(len(values), near, fewest), periods)
     is_resolved = np.ones(len(found.counts), dtype=bool)
     is_resolved[labels[(labels >= 0) & ~detections.is_resolved]] = False
-    ranges, velocities, azimuths, elevations = found.values.T
-    centroids = Detections(
-        ranges,
-        velocities,
-        azimuths,
-        elevations,
-        found.snr_db,
-        found.covariance,
-        detections.time,
-        is_resolved,
-        detections.ambiguous_beyond,
-    )
+    means: dict[str, Any] = dict(zip(COORDINATES, found.values.T, strict=True))
+    means |= {"snr_db": found.snr_db, "covariance": found.covariance, "is_resolved": is_resolved}
+    centroids = replace(detections, **means)
     extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
     return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)
 

@@ -287,11 +287,11 @@ def polar(state: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def cartesian(state: Array) -> tuple[Array, Array]:
-    """Places of targets and their rates, (target, 3) each; NaN without angles, 0 along z without an elevation."""
-    number, d = len(state), state.shape[1] // 2
-    position, motion = np.full((2, number, 3), np.nan if d == 1 else 0.0)
+    """Places of targets and their rates, ([target,] 3) each; NaN without angles, 0 along z without an elevation."""
+    d = state.shape[-1] // 2
+    position, motion = np.full((2, *state.shape[:-1], 3), np.nan if d == 1 else 0.0)
     if d > 1:
-        position[:, :d], motion[:, :d] = state[:, :d], state[:, d:]
+        position[..., :d], motion[..., :d] = state[..., :d], state[..., d:]
     return position, motion
 
 

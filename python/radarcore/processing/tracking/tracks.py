@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,67 @@ _COLUMNS = (
 )
 """Fields that `Track` has a row of for each `TrackState`."""
 
+_Value = TypeVar("_Value", float, Array)
+
+
+class _Coordinates(Generic[_Value]):
+    """Coordinates of the state of a target: numbers of a `TrackState`, an array (row,) of a `Track`."""
+
+    state: Array
+    sensor_pose: Array
+    sensor_velocity: Array
+
+    @property
+    def range(self) -> _Value:
+        """Distance from the centre of the array [m]."""
+        return self._polar[0][0]
+
+    @property
+    def velocity(self) -> _Value:
+        """Range rate, receding positive [m/s]."""
+        return self._polar[0][1]
+
+    @property
+    def azimuth(self) -> _Value:
+        """Angle to the left [rad]; NaN if the radar does not tell it."""
+        return self._polar[0][2]
+
+    @property
+    def elevation(self) -> _Value:
+        """Angle up [rad]; NaN if the radar does not tell it."""
+        return self._polar[0][3]
+
+    @property
+    def covariance(self) -> Array:
+        """Of range, velocity, azimuth and elevation, ([row,] 4, 4), in their units; NaN for unknown angles."""
+        return self._polar[1]
+
+    @property
+    def position(self) -> Array:
+        """Place in the world of the sensor's motion, without one in the sensor frame, ([row,] 3) [m].
+
+        NaN without angles; without an elevation in the plane of the sensor.
+        """
+        return self._in_world(0) + self.sensor_pose[..., 3]
+
+    @property
+    def motion(self) -> Array:
+        """Rate of `position`, ([row,] 3) [m/s]."""
+        return self._in_world(1) + self.sensor_velocity
+
+    def _in_world(self, which: int) -> Array:
+        """Place or velocity relative to the sensor, along the axes of the world."""
+        turned: Array = (self.sensor_pose[..., :3] @ cartesian(self.state)[which][..., None])[..., 0]
+        return turned
+
+    @cached_property
+    def _polar(self) -> tuple[list[_Value], Array]:
+        """Range, velocity, azimuth and elevation, and their covariance."""
+        raise NotImplementedError
+
 
 @dataclass(frozen=True, eq=False)
-class TrackState:
+class TrackState(_Coordinates[float]):
     """A target at one time.
 
     Parameters
@@ -83,56 +141,18 @@ class TrackState:
     sensor_age: float
 
     @property
-    def range(self) -> float:
-        """Distance from the centre of the array [m]."""
-        return float(self._polar[0][0])
-
-    @property
-    def velocity(self) -> float:
-        """Range rate, receding positive [m/s]."""
-        return float(self._polar[0][1])
-
-    @property
-    def azimuth(self) -> float:
-        """Angle to the left [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[0][2])
-
-    @property
-    def elevation(self) -> float:
-        """Angle up [rad]; NaN if the radar does not tell it."""
-        return float(self._polar[0][3])
-
-    @property
-    def covariance(self) -> Array:
-        """Of range, velocity, azimuth and elevation, (4, 4), in their units; NaN for angles that are not told."""
-        return self._polar[1]
-
-    @property
-    def position(self) -> Array:
-        """Place in the world of the sensor's motion, without one in the sensor frame, (3,) [m].
-
-        NaN without angles; without an elevation in the plane of the sensor.
-        """
-        return _in_world(self)[0]
-
-    @property
-    def motion(self) -> Array:
-        """Rate of `position`, (3,) [m/s]."""
-        return _in_world(self)[1]
-
-    @property
     def is_stale(self) -> bool:
         """Whether the newest update of the sensor's live motion is more than 0.1 s old: places may be off."""
         return self.sensor_age > STALE
 
     @cached_property
-    def _polar(self) -> tuple[Array, Array]:
+    def _polar(self) -> tuple[list[float], Array]:
         values, covariances = polar(self.state[None], self.state_covariance[None])
-        return values[0], covariances[0]
+        return values[0].tolist(), covariances[0]
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(_Coordinates[Array]):
     """A target from its first to its last detection, one row per frame.
 
     Parameters
@@ -184,44 +204,9 @@ class Track:
         return len(self.frame)
 
     @property
-    def range(self) -> Array:
-        """Distance from the centre of the array, (row,) [m]."""
-        return self._polar[0][:, 0]
-
-    @property
-    def velocity(self) -> Array:
-        """Range rate, receding positive, (row,) [m/s]."""
-        return self._polar[0][:, 1]
-
-    @property
-    def azimuth(self) -> Array:
-        """Angle to the left, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[0][:, 2]
-
-    @property
-    def elevation(self) -> Array:
-        """Angle up, (row,) [rad]; NaN if the radar does not tell it."""
-        return self._polar[0][:, 3]
-
-    @property
-    def covariance(self) -> Array:
-        """Of range, velocity, azimuth and elevation, (row, 4, 4), in their units; NaN for angles that are not told."""
-        return self._polar[1]
-
-    @property
     def deviation(self) -> Array:
         """Standard deviations of range, velocity, azimuth and elevation, (row, 4)."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-    @property
-    def position(self) -> Array:
-        """Places as `TrackState.position`, (row, 3) [m]."""
-        return _in_world(self)[0]
-
-    @property
-    def motion(self) -> Array:
-        """Rates of `position`, (row, 3) [m/s]."""
-        return _in_world(self)[1]
 
     @property
     def num_hits(self) -> int:
@@ -235,8 +220,9 @@ class Track:
         return int(np.diff(hits).max(initial=1)) - 1
 
     @cached_property
-    def _polar(self) -> tuple[Array, Array]:
-        return polar(self.state, self.state_covariance)
+    def _polar(self) -> tuple[list[Array], Array]:
+        values, covariances = polar(self.state, self.state_covariance)
+        return list(values.T), covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,16 +356,6 @@ def _nearest_body(track: Track, truth: Truth, limit: float) -> str | None:
     medians = [np.median(body[~np.isnan(body)]) if np.isfinite(body).any() else np.inf for body in apart.T]
     best = int(np.argmin(medians)) if medians else -1
     return truth.names[best] if best >= 0 and medians[best] <= limit else None
-
-
-def _in_world(one: TrackState | Track) -> tuple[Array, Array]:
-    """Places and velocities in the world, (3,) each, or (row, 3) of a track."""
-    state = np.atleast_2d(one.state)
-    position, motion = cartesian(state)
-    rotation, place = one.sensor_pose[..., :3], one.sensor_pose[..., 3]
-    shape = (*one.state.shape[:-1], 3)
-    turned = [(rotation @ values.reshape(shape)[..., None])[..., 0] for values in (position, motion)]
-    return turned[0] + place, turned[1] + one.sensor_velocity
 
 
 def _row(track: Track, row: int) -> TrackState:

@@ -13,7 +13,7 @@ from radarcore.geometry.pose import Pose
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.joint import JointAngles, JointTrajectory
 from radarcore.models.robots.line import cartesian_line
-from radarcore.motion.attached import Attached
+from radarcore.motion.group import Attached
 from radarcore.motion.linear import Linear
 from radarcore.motion.protocol import Motion
 from radarcore.motion.trajectory import Trajectory

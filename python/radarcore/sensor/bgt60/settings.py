@@ -383,13 +383,11 @@ def choose_slice_size(settings: Settings) -> int:
         wanted = pair * math.ceil(1.0 / (200.0 * settings.frame_time * pair))
         return frame * min(wanted, fitting)
     if pair == 2:
-        samples = (n for n in (settings.num_samples - 1, settings.num_samples + 1) if 1 <= n <= MAX_SAMPLES)
-        chirps = (n for n in (settings.num_chirps - 1, settings.num_chirps + 1) if n >= 1)
         raise LimitError(
             "num_samples",
             f"expected an even number of samples in a frame of more than {MAX_SLICE_SIZE // 2}, got "
             f"{len(settings.rx_indices)} receivers x {settings.num_chirps} chirps x {settings.num_samples} samples; "
-            f"the nearest are {' or '.join(map(str, samples))} samples, or {' or '.join(map(str, chirps))} chirps",
+            f"take an even number of samples or chirps",
         )
     return next(size for size in range(MAX_SLICE_SIZE, 0, -2) if frame % size == 0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 import time
 from collections.abc import Callable
@@ -39,7 +40,6 @@ from radarcore.sensor.comlib.messages import (
     Temperature,
     decode_endpoints,
     decode_number,
-    encode_byte,
     encode_number,
 )
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
@@ -103,6 +103,7 @@ class ComLibBoard:
     """
 
     info: BoardInfo
+    options: tuple[str, ...] = ("rx_mask", "tx_power")
 
     def __init__(self, stream: Stream, *, timeout: float = _TIMEOUT, board_timeout: float = _BOARD_TIMEOUT) -> None:
         self._stream = stream
@@ -143,8 +144,8 @@ class ComLibBoard:
         self._adc = types.index(EndpointType.RADX) + 1 if EndpointType.RADX in types else None
 
         self._exchange(self._base, encode_number(Base.SET_INTERVAL, 0))
-        firmware = self._decoded(Firmware.decode, self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE))
-        self._limits = self._decoded(Info.decode, self._ask(self._base, Base.GET_INFO, Base.INFO))
+        firmware = self._ask(0, ProtocolCode.FIRMWARE, ProtocolCode.FIRMWARE, Firmware.decode)
+        self._limits = self._ask(self._base, Base.GET_INFO, Base.INFO, Info.decode)
         chip = re.search(r"BGT\w+", f"{self._limits.description} {firmware.description}")
         return BoardInfo(
             port=stream.name,
@@ -198,41 +199,35 @@ class ComLibBoard:
         if self._adc is not None:
             settings = replace(self._adc_settings(self._adc), sample_rate=round(wave.sample_rate))
             self._exchange(self._adc, settings.encode())
-        self._set_format(Format(wave.num_samples, wave.num_chirps, rx_mask))
-        sample_rate = self._sample_rate(wave, rx_mask)
+        form = Format(wave.num_samples, wave.num_chirps, rx_mask)
+        self._set_format(form)
+        sample_rate = self._sample_rate(form, wave.sample_rate)
         # The ramp lasts as long as the chirp, which follows from rate and format.
         duration = self._chirp_duration(sample_rate)
         ramp = self._set_ramp(wave, power, duration)
-        slope = self._decoded(decode_number, self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE)) * 1e6
-        shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
-
-        # Settings of the board.
-        self._interval_us = max(1, shortest, min(round(wave.frame_interval * 1e6), 0xFFFFFFFF))
+        achieved = self._achieved(ramp, form, sample_rate, duration, wave.frame_interval)
+        self._interval_us = round(achieved.frame_interval * 1e6)
         self._shape = (rx_mask.bit_count(), wave.num_chirps, wave.num_samples)
-        if slope == 0.0:
-            slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
-        form = Format(wave.num_samples, wave.num_chirps, rx_mask)
-        achieved = _waveform_of(ramp, slope, form, sample_rate, duration, self._interval_us / 1e6)
         noise_figure_db = None if radar.receiver is None else radar.receiver.noise_figure_db
         receiver = Receiver(output="real", noise_figure_db=noise_figure_db)
         return replace(radar, waveform=achieved, receiver=receiver)
 
-    def present_radar(self) -> Radar:
-        """The radar that the board is set to: `configure` finds nothing to change. Its antennas stand in one place."""
+    def present_radar(self, interval: float) -> Radar:
+        """The radar that the board is set to, with frames every `interval` [s] or as fast as it can.
+
+        `configure` finds nothing else to change. Its antennas stand in one place.
+        """
         self._stop()
         ramp = self._fmcw_settings()
-        form = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
         # Real samples are what is wanted, whatever the board was set to.
-        self._set_format(replace(form, signal_part=SignalPart.I))
+        form = replace(self._ask(self._base, Base.GET_FORMAT, Base.FORMAT, Format.decode), signal_part=SignalPart.I)
+        self._set_format(form)
         if self._adc is not None:
             sample_rate = float(self._adc_settings(self._adc).sample_rate)
         else:
-            sample_rate = self._measured_rate(form.num_samples, form.num_chirps, form.rx_mask)
+            sample_rate = self._measured_rate(form)
         duration = self._chirp_duration(sample_rate)
-        shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL) / 1e6
-        slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
-        interval = max(shortest, form.num_chirps * duration)
-        waveform = _waveform_of(ramp, slope, form, sample_rate, duration, interval)
+        waveform = self._achieved(ramp, form, sample_rate, duration, max(interval, form.num_chirps * duration))
         return Radar(waveform, rx=[[0.0, 0.0, 0.0]] * form.rx_mask.bit_count(), receiver=Receiver(output="real"))
 
     def start(self) -> None:
@@ -287,8 +282,8 @@ class ComLibBoard:
         """Temperature of the chip [degrees Celsius]."""
         if not self._limits.num_sensors:
             raise SensorError(f"{self.info.port}: {self.info.name} has no temperature sensor")
-        request = encode_byte(Base.GET_TEMPERATURE, 0)
-        return self._decoded(Temperature.decode, self._ask(self._base, request, Base.TEMPERATURE)).thousandths / 1e3
+        request = bytes([Base.GET_TEMPERATURE, 0])
+        return self._ask(self._base, request, Base.TEMPERATURE, Temperature.decode).thousandths / 1e3
 
     def close(self) -> None:
         """Stop, and give the port back; may be called twice."""
@@ -342,7 +337,7 @@ class ComLibBoard:
                     f"{error}: the board has no real samples, and radarcore reads no other", error.status
                 ) from None
             raise
-        answer = self._decoded(Format.decode, self._ask(self._base, Base.GET_FORMAT, Base.FORMAT))
+        answer = self._ask(self._base, Base.GET_FORMAT, Base.FORMAT, Format.decode)
         if answer.signal_part != SignalPart.I:
             raise SensorError(
                 f"{self._stream.name}: expected real samples (signal part {SignalPart.I.value}), got signal part "
@@ -351,33 +346,34 @@ class ComLibBoard:
         if answer != wanted:
             raise ProtocolError(f"{self._stream.name}: the board was set to {wanted}, and says {answer}")
 
-    def _sample_rate(self, wave: Waveform, rx_mask: int) -> float:
-        """Sample rate of the board [Hz]; ValueError if it is another than the waveform's and cannot be set."""
+    def _sample_rate(self, form: Format, wanted: float) -> float:
+        """Sample rate of the board [Hz]; ValueError if it is another than the wanted one and cannot be set."""
         if self._adc is not None:
             return float(self._adc_settings(self._adc).sample_rate)
-        rate = self._measured_rate(wave.num_samples, wave.num_chirps, rx_mask)
-        if abs(rate / wave.sample_rate - 1.0) > _RATE_TOLERANCE:
+        rate = self._measured_rate(form)
+        if abs(rate / wanted - 1.0) > _RATE_TOLERANCE:
             raise ValueError(
-                f"sample_rate: expected {rate:.4g} Hz, which the board is set to, got {wave.sample_rate:g}; the "
+                f"sample_rate: expected {rate:.4g} Hz, which the board is set to, got {wanted:g}; the "
                 f"endpoint that sets the sample rate of BGT60 boards (RadarSoli) is not public"
             )
-        return wave.sample_rate
+        return wanted
 
-    def _measured_rate(self, num_samples: int, num_chirps: int, rx_mask: int) -> float:
+    def _measured_rate(self, form: Format) -> float:
         """Sample rate [Hz] of a board that does not tell it; leaves the board with this format."""
         # Chirps of n and of other samples differ by the time of the samples between them.
+        num_samples = form.num_samples
         other = num_samples // 2 if num_samples >= 128 else num_samples + 64
         durations = []
         for samples in (other, num_samples):
-            self._set_format(Format(samples, num_chirps, rx_mask))
+            self._set_format(replace(form, num_samples=samples))
             durations.append(self._number(Base.GET_CHIRP_DURATION, Base.CHIRP_DURATION))
-        difference = (durations[1] - durations[0]) * (1 if num_samples > other else -1)
-        if difference <= 0:
+        rate = (num_samples - other) / ((durations[1] - durations[0]) / 1e9 or math.inf)
+        if rate <= 0.0:
             raise ProtocolError(
                 f"{self._stream.name}: chirps of {other} and {num_samples} samples last {durations[0]} and "
                 f"{durations[1]} ns; expected the one with more samples to last longer"
             )
-        return abs(num_samples - other) / (difference / 1e9)
+        return rate
 
     def _chirp_duration(self, sample_rate: float) -> float:
         """Duration of a chirp [s]; an error where it or the sample rate is none."""
@@ -389,14 +385,34 @@ class ComLibBoard:
             )
         return duration
 
+    def _achieved(
+        self, ramp: FmcwSettings, form: Format, sample_rate: float, duration: float, interval: float
+    ) -> Waveform:
+        """Waveform of the board's settings: chirps of a `duration`, frames every `interval` [s] or at its fastest."""
+        slope = self._ask(self._fmcw, Fmcw.SLOPE, Fmcw.SLOPE, decode_number) * 1e6
+        shortest = self._number(Base.GET_MIN_INTERVAL, Base.MIN_INTERVAL)
+        if slope == 0.0:
+            slope = (ramp.upper_khz - ramp.lower_khz) * 1e3 / duration
+        is_down = ramp.direction == Direction.DOWN
+        return Waveform(
+            start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
+            slope=-slope if is_down else slope,
+            sample_rate=sample_rate,
+            num_samples=form.num_samples,
+            num_chirps=form.num_chirps,
+            chirp_interval=duration,
+            frame_interval=max(1, shortest, min(round(interval * 1e6), 0xFFFFFFFF)) / 1e6,
+            adc_delay=0.5 * max(0.0, duration - form.num_samples / sample_rate),
+        )
+
     def _fmcw_settings(self) -> FmcwSettings:
-        return self._decoded(FmcwSettings.decode, self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS))
+        return self._ask(self._fmcw, Fmcw.GET_SETTINGS, Fmcw.SETTINGS, FmcwSettings.decode)
 
     def _adc_settings(self, endpoint: int) -> AdcSettings:
-        return self._decoded(AdcSettings.decode, self._ask(endpoint, Adc.GET_SETTINGS, Adc.SETTINGS))
+        return self._ask(endpoint, Adc.GET_SETTINGS, Adc.SETTINGS, AdcSettings.decode)
 
     def _number(self, request: int, code: int) -> int:
-        return self._decoded(decode_number, self._ask(self._base, request, code))
+        return self._ask(self._base, request, code, decode_number)
 
     # Frames
 
@@ -418,7 +434,7 @@ class ComLibBoard:
     def _read_frame(self, timeout: float) -> None:
         """Ask for a frame where none is due, and put it into `_ready` when it has come."""
         if not self._is_frame_due:
-            self._send(self._base, encode_byte(Base.GET_FRAME, 1))
+            self._send(self._base, bytes([Base.GET_FRAME, 1]))
             self._is_frame_due = True
         try:
             messages = self._answer(self._base, timeout)
@@ -463,14 +479,14 @@ class ComLibBoard:
                 raise
 
     def _endpoints(self) -> list[Endpoint]:
-        return self._decoded(decode_endpoints, self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS))
+        return self._ask(0, ProtocolCode.ENDPOINTS, ProtocolCode.ENDPOINTS, decode_endpoints)
 
-    def _ask(self, endpoint: int, request: int | bytes, code: int) -> bytes:
-        """Payload with `code` of the answer to a request, among others that may come with it."""
+    def _ask(self, endpoint: int, request: int | bytes, code: int, decode: Callable[[bytes], _Decoded]) -> _Decoded:
+        """Decoded payload with `code` of the answer to a request, among others that may come with it."""
         payload = bytes([request]) if isinstance(request, int) else request
         for message in self._exchange(endpoint, payload):
             if message.endpoint == endpoint and message.code == code:
-                return message.payload
+                return self._decoded(decode, message.payload)
         raise ProtocolError(
             f"{self._stream.name}: expected answer 0x{code:02x} of endpoint {endpoint} to 0x{payload[0]:02x}, got none"
         )
@@ -550,20 +566,3 @@ class ComLibBoard:
                 )
         self._parser.reset()
         self._is_out_of_step = self._is_board_confused = False
-
-
-def _waveform_of(
-    ramp: FmcwSettings, slope: float, form: Format, sample_rate: float, duration: float, interval: float
-) -> Waveform:
-    """Waveform of a board's settings: slope [Hz/s] without its sign, duration of a chirp, frame interval [s]."""
-    is_down = ramp.direction == Direction.DOWN
-    return Waveform(
-        start_frequency=(ramp.upper_khz if is_down else ramp.lower_khz) * 1e3,
-        slope=-slope if is_down else slope,
-        sample_rate=sample_rate,
-        num_samples=form.num_samples,
-        num_chirps=form.num_chirps,
-        chirp_interval=duration,
-        frame_interval=interval,
-        adc_delay=0.5 * max(0.0, duration - form.num_samples / sample_rate),
-    )

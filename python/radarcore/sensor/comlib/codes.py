@@ -23,7 +23,6 @@ class Protocol(IntEnum):
 
     ENDPOINTS = 0x00
     FIRMWARE = 0x01
-    RESET = 0x02
 
 
 class Base(IntEnum):
@@ -32,15 +31,10 @@ class Base(IntEnum):
     FRAME = 0x00
     GET_FRAME = 0x01
     SET_INTERVAL = 0x02
-    TEST = 0x03
-    GET_VERSION = 0x20
-    VERSION = 0x21
     GET_INFO = 0x22
     INFO = 0x23
     GET_TEMPERATURE = 0x30
     TEMPERATURE = 0x31
-    GET_TX_POWER = 0x32
-    TX_POWER = 0x33
     GET_CHIRP_DURATION = 0x34
     CHIRP_DURATION = 0x35
     GET_MIN_INTERVAL = 0x36
@@ -65,12 +59,10 @@ class Adc(IntEnum):
 
 
 class Direction(IntEnum):
-    """Direction of the chirps of a frame."""
+    """Direction of the chirps of a frame; boards can alternate, too."""
 
     UP = 0
     DOWN = 1
-    ALTERNATING_UP = 2
-    ALTERNATING_DOWN = 3
 
 
 class SignalPart(IntEnum):

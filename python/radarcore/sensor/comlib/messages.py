@@ -1,4 +1,4 @@
-"""ComLib messages and their payloads: between bytes and records, for both ends of the wire.
+"""ComLib messages and their payloads, between bytes and records.
 
 The host asks with one payload message to an endpoint of the board; the board answers with any number of payload
 messages and then one status of that endpoint. A payload begins with the code of the message. Numbers are
@@ -18,7 +18,6 @@ from radarcore.sensor.comlib.codes import Adc, Base, Fmcw, Protocol, ProtocolSta
 from radarcore.sensor.errors import ProtocolError
 from radarcore.sensor.interface import Damage
 
-MAX_PAYLOAD = 0xFFFF
 MESSAGE_START = 0x5A
 STATUS_START = 0x5B
 END_MARKER = b"\xdb\xe0"
@@ -37,11 +36,7 @@ class Message:
         return self.payload[0] if self.payload else -1
 
     def encode(self) -> bytes:
-        """Bytes on the wire; ValueError if endpoint or payload do not fit."""
-        if not 0 <= self.endpoint <= 0xFF:
-            raise ValueError(f"endpoint: expected 0 to 255, got {self.endpoint}")
-        if len(self.payload) > MAX_PAYLOAD:
-            raise ValueError(f"payload: expected at most {MAX_PAYLOAD} bytes, got {len(self.payload)}")
+        """Bytes on the wire."""
         return struct.pack("<BBH", MESSAGE_START, self.endpoint, len(self.payload)) + self.payload + END_MARKER
 
 
@@ -53,8 +48,8 @@ class StatusMessage:
     status: int
 
     def encode(self) -> bytes:
-        """Bytes on the wire; ValueError if a number does not fit."""
-        return pack("status", "<BBH", STATUS_START, self.endpoint, self.status)
+        """Bytes on the wire."""
+        return struct.pack("<BBH", STATUS_START, self.endpoint, self.status)
 
 
 class Parser:
@@ -62,25 +57,11 @@ class Parser:
 
     A `Damage` has the status that a board reports. Everything behind it is discarded until `reset`: call it when the
     line has been silent.
-
-    Parameters
-    ----------
-    num_endpoints : int, optional
-        Endpoints 0 to `num_endpoints` of the board that gets the bytes; default: they come from a board.
-    max_payload : int
-        Largest payload [bytes].
     """
 
-    def __init__(self, num_endpoints: int | None = None, max_payload: int = MAX_PAYLOAD) -> None:
+    def __init__(self) -> None:
         self._buffer = bytearray()
-        self._num_endpoints = num_endpoints
-        self._max_payload = max_payload
         self._wrong: ProtocolStatus | None = None
-
-    @property
-    def is_idle(self) -> bool:
-        """True when the next byte begins a message."""
-        return not self._buffer and self._wrong is None
 
     @property
     def num_held(self) -> int:
@@ -109,23 +90,14 @@ class Parser:
 
     def _next(self) -> Message | StatusMessage | ProtocolStatus | None:
         """Take the message at the front of the buffer: itself, the error in it, or None where it is not whole."""
-        is_status = self._buffer[0] == STATUS_START and self._num_endpoints is None
-        if self._buffer[0] != MESSAGE_START and not is_status:
+        if self._buffer[0] not in (MESSAGE_START, STATUS_START):
             return ProtocolStatus.BAD_START
         if len(self._buffer) < 4:
             return None
-        endpoint: int
-        number: int
-        endpoint, number = struct.unpack_from("<xBH", self._buffer)
-        if is_status:
+        start, endpoint, number = struct.unpack_from("<BBH", self._buffer)
+        if start == STATUS_START:
             del self._buffer[:4]
             return StatusMessage(endpoint, number)
-        if self._num_endpoints is not None and endpoint > self._num_endpoints:
-            return ProtocolStatus.NO_SUCH_ENDPOINT
-        if self._num_endpoints is not None and number == 0:
-            return ProtocolStatus.EMPTY_PAYLOAD
-        if number > self._max_payload:
-            return ProtocolStatus.PAYLOAD_TOO_LARGE
         end = 4 + number
         # The first byte of the end marker may be wrong already.
         if not END_MARKER.startswith(bytes(self._buffer[end : end + 2])):
@@ -153,12 +125,6 @@ class Endpoint(NamedTuple):
         return "".join(letter if letter.isprintable() else rf"\x{ord(letter):02x}" for letter in letters)
 
 
-def encode_endpoints(endpoints: list[Endpoint]) -> bytes:
-    """Answer to `Protocol.ENDPOINTS`; the first is endpoint 1."""
-    records = b"".join(pack("endpoint", "<IH", *endpoint) for endpoint in endpoints)
-    return bytes([Protocol.ENDPOINTS, len(endpoints)]) + records
-
-
 def decode_endpoints(payload: bytes) -> list[Endpoint]:
     """Endpoints from 1 on; ProtocolError if the answer is of a wrong size."""
     if len(payload) < 2 or len(payload) != 2 + 6 * payload[1]:
@@ -176,10 +142,12 @@ class _Record:
     _has_text: ClassVar[bool] = False
 
     def encode(self) -> bytes:
-        """Payload with its code; ValueError if a number does not fit."""
-        values = list(astuple(self))
-        text = values.pop().encode() + b"\0" if self._has_text else b""
-        return pack(self._name, f"<B{self._layout}", self._code, *values) + text
+        """Payload of numbers with its code; ValueError if one does not fit."""
+        numbers = astuple(self)
+        try:
+            return struct.pack(f"<B{self._layout}", self._code, *numbers)
+        except struct.error as error:
+            raise ValueError(f"ComLib {self._name}: {error}, got {numbers}") from None
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
@@ -263,31 +231,9 @@ class Temperature(_Record):
     thousandths: int
 
 
-@dataclass(frozen=True)
-class TxPower(_Record):
-    """Thousandths of a dBm of a TX antenna."""
-
-    _code, _name, _layout = Base.TX_POWER, "reading", "Bi"
-
-    antenna: int
-    thousandths: int
-
-
-def encode_byte(code: int, number: int) -> bytes:
-    """Payload of a code and 8 bits: to wait for a frame, the number of a sensor or antenna."""
-    return pack("message", "<BB", code, number)
-
-
-def decode_byte(payload: bytes) -> int:
-    """The 8 bits behind a code; ProtocolError if the payload is of a wrong size."""
-    number: int
-    (number,) = _fields("message", "<xB", payload)
-    return number
-
-
 def encode_number(code: int, number: int) -> bytes:
     """Payload of a code and 32 bits: frame interval [us], chirp duration [ns], slope [MHz/s]."""
-    return pack("message", "<BI", code, number)
+    return struct.pack("<BI", code, number)
 
 
 def decode_number(payload: bytes) -> int:
@@ -297,94 +243,52 @@ def decode_number(payload: bytes) -> int:
     return number
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """Real samples of a frame, 12 bits each.
+class Frame(NamedTuple):
+    """Real samples of a frame.
 
     Attributes
     ----------
     number : int
         Counts from the last time that the interval was set.
     codes : (rx, chirp, sample) uint16
-        Codes of the ADC.
-    rx_mask : int
-        Enabled receivers, the first in the lowest bit.
-    is_interleaved : bool
-        On the wire: receivers in turn, sample by sample.
+        Codes of the ADC, of 12 bits.
     """
 
     number: int
     codes: NDArray[np.uint16]
-    rx_mask: int
-    is_interleaved: bool = False
-
-    def encode(self) -> bytes:
-        """Payload with its code; ValueError if a number does not fit."""
-        num_rx, num_chirps, num_samples = self.codes.shape
-        head = pack(
-            "frame",
-            "<BIIBIBBBB",
-            Base.FRAME,
-            self.number,
-            num_chirps,
-            num_rx,
-            num_samples,
-            self.rx_mask,
-            0,
-            12,
-            self.is_interleaved,
-        )
-        return head + pack_bits(self.codes.transpose(_WIRE_AXES[self.is_interleaved]).ravel(), 12)
 
     @classmethod
     def decode(cls, payload: bytes) -> Frame:
         """Decode a payload; ProtocolError for I/Q, other samples than of 12 bit, and a wrong size."""
-        head = _fields("frame", "<xIIBIBBBB", payload[:18])
-        number, num_chirps, num_rx, num_samples, rx_mask, data_format, resolution, is_interleaved = head
+        head = _fields("frame", "<xIIBIxBBB", payload[:18])
+        number, num_chirps, num_rx, num_samples, data_format, resolution, is_interleaved = head
         if data_format != 0 or resolution != 12 or is_interleaved > 1:
             raise ProtocolError(
                 f"ComLib frame: expected real samples (data format 0) of 12 bit, interleaved 0 or 1, "
                 f"got {data_format}, {resolution}, {is_interleaved}"
             )
-        shape = (num_rx, num_chirps, num_samples)
         num_codes = num_rx * num_chirps * num_samples
         size = 18 + -(-num_codes * resolution // 8)
         if len(payload) != size:
+            shape = (num_rx, num_chirps, num_samples)
             raise ProtocolError(
                 f"ComLib frame: expected {size} bytes for [rx, chirp, sample] {shape}, got {len(payload)}"
             )
-        # Axes in the order of the wire, then in ours.
-        axes = _WIRE_AXES[bool(is_interleaved)]
-        codes = unpack_bits(payload[18:], num_codes, resolution).reshape([shape[axis] for axis in axes])
-        codes = np.ascontiguousarray(codes.transpose(np.argsort(axes)))
-        return cls(number, codes, rx_mask, bool(is_interleaved))
-
-
-_WIRE_AXES = {False: (1, 0, 2), True: (1, 2, 0)}
-"""Axes of [rx, chirp, sample] from the outermost, by `Frame.is_interleaved`."""
-
-
-def pack_bits(codes: NDArray[np.uint16], resolution: int) -> bytes:
-    """Codes of `resolution` bits in a row, the lowest bit of the first code in the lowest bit of the first byte."""
-    bits = codes.astype("<u2")[:, None].view(np.uint8)
-    rows = np.unpackbits(bits, axis=1, bitorder="little")[:, :resolution]
-    return np.packbits(rows, bitorder="little").tobytes()
+        codes = unpack_bits(payload[18:], num_codes, resolution)
+        # Chirp by chirp: receivers in turn, sample by sample, or one after the other.
+        if is_interleaved:
+            codes = codes.reshape(num_chirps, num_samples, num_rx).transpose(2, 0, 1)
+        else:
+            codes = codes.reshape(num_chirps, num_rx, num_samples).transpose(1, 0, 2)
+        return cls(number, np.ascontiguousarray(codes))
 
 
 def unpack_bits(data: bytes, num_codes: int, resolution: int) -> NDArray[np.uint16]:
-    """Codes that `pack_bits` put in a row, (num_codes,)."""
+    """Codes of `resolution` bits in a row, the lowest bit first: (num_codes,)."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8), count=num_codes * resolution, bitorder="little")
     rows = np.zeros((num_codes, 16), np.uint8)
     rows[:, :resolution] = bits.reshape(num_codes, resolution)
     return np.packbits(rows, axis=1, bitorder="little").view("<u2")[:, 0].astype(np.uint16)
-
-
-def pack(name: str, layout: str, *numbers: int) -> bytes:
-    """Numbers in a layout of `struct`; a ValueError if one does not fit."""
-    try:
-        return struct.pack(layout, *numbers)
-    except struct.error as error:
-        raise ValueError(f"ComLib {name}: {error}, got {numbers}") from None
 
 
 def _fields(name: str, layout: str, payload: bytes, *, has_text: bool = False) -> tuple[Any, ...]:

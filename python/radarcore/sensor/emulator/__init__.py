@@ -1,1 +1,1 @@
-"""The board's side of the wire protocols, for tests and for virtual sensors."""
+"""The board's side of Strata, for tests and for virtual sensors."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from radarcore.sensor.bgt60.registers import (
     CHIP_ID,
     FIFO_RESET,
+    FIFO_SIZE,
     FRAME_START,
     FSM_RESET,
     FSTAT,
@@ -34,8 +35,6 @@ from radarcore.sensor.bgt60.registers import (
 from radarcore.sensor.bgt60.settings import slice_size_of
 from radarcore.sensor.emulator.sequence import Ramps, Sequence, constant_wave_of, sequence_of
 from radarcore.sensor.emulator.source import FrameSource
-
-FIFO_SAMPLES = 16384
 
 # Status byte in front of every answer.
 _STATUS = 0xF0
@@ -117,13 +116,6 @@ class Chip:
         """Hardware reset: registers as after power-up, nothing measured."""
         self._stop()
         self._clear()
-
-    def power_up(self) -> None:
-        """Restart after a loss of power: the clock begins anew too."""
-        self.reset()
-        with self._lock:
-            self.complains = False
-            self._began, self._latest = time.monotonic(), 0.0
 
     def _clear(self) -> None:
         with self._lock:
@@ -360,7 +352,7 @@ class Chip:
                 self._lock.wait(0.5)
             if self._run != run:
                 return False
-            has_room = self._fill + len(samples) <= FIFO_SAMPLES
+            has_room = self._fill + len(samples) <= FIFO_SIZE
             self._latest = when
             if has_room:
                 self._fifo.append((samples, when))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass, field, replace
 
 from radarcore import check
+from radarcore.sensor.bgt60.registers import FIFO_SIZE
 from radarcore.sensor.emulator.chip import Chip
 from radarcore.sensor.emulator.faults import Faults
 from radarcore.sensor.emulator.pty import Unplugged
@@ -64,6 +66,19 @@ class Identity:
     chip_id: int = 0x000303
 
 
+def slice_size_of(payload: bytes) -> int:
+    """Samples of a slice from the payload of `Data.CONFIGURE`, read in one burst from a register."""
+    if len(payload) not in (8, 12):
+        raise RequestError("data configuration", Status.INVALID_SIZE)
+    # Eight bytes are settings without a read-out, which is one of no samples.
+    data_format, address, size = struct.unpack("<B7xHH", payload.ljust(12, b"\0"))
+    if data_format not in (DataFormat.PACKED12, DataFormat.AUTO) or address > 0xFF or size == 0 or size % 2:
+        raise RequestError("data configuration", Status.INVALID_PARAMETER)
+    if size > FIFO_SIZE:
+        raise RequestError("slice size", Status.OVERFLOW)
+    return int(size)
+
+
 class Controller:
     """Answers requests and makes data packets of the chip's samples; transports are for others.
 
@@ -113,7 +128,6 @@ class Controller:
         self._counter = 0
         self._slice_size: int | None = None
         self._is_sending = False
-        self._last_status = (int(Kind.WRITE), 0)
         self.chip: Chip = Chip(
             source,
             speed=speed,
@@ -127,31 +141,15 @@ class Controller:
         """End measuring."""
         self.chip.close()
 
-    def power_up(self) -> None:
-        """Restart after a loss of power."""
-        self.chip.power_up()
-        with self.arrived:
-            self.packets.clear()
-            self._num_slices = self._counter = 0
-            self._is_sending = False
-            self._slice_size = None
-
     def handle(self, request: Request) -> Response:
         """The answer to a request; failures are in its status."""
         try:
             answer = self._answer(request)
             if request.kind == Kind.READ and len(answer) != request.length:
                 raise RequestError("length", Status.BAD_LENGTH)
-            response = Response(request.kind, 0, answer)
+            return Response(request.kind, 0, answer)
         except RequestError as error:
-            response = Response(request.kind, error.status, b"")
-        self._last_status = (response.kind, response.status)
-        return response
-
-    @property
-    def last_status(self) -> bytes:
-        """Kind and status of the last answer, as vendor requests ask for it."""
-        return packets.encode_response(Response(*self._last_status))[:4]
+            return Response(request.kind, error.status, b"")
 
     def _answer(self, request: Request) -> bytes:
         if request.request == Code.BOARD_INFO:
@@ -182,10 +180,7 @@ class Controller:
             return bytes(4)
         if asked == (Kind.WRITE, Data.CONFIGURE):
             self._is_sending = False
-            configuration = packets.decode_data_configuration(request.payload)
-            if configuration.data_format not in (DataFormat.PACKED12, DataFormat.AUTO):
-                raise RequestError("data format", Status.INVALID_PARAMETER)
-            self._slice_size = configuration.slice_size
+            self._slice_size = slice_size_of(request.payload)
         elif asked == (Kind.WRITE, Data.START):
             if self._slice_size is None:
                 raise RequestError("data start", Status.NOT_CONFIGURED)
@@ -368,15 +363,6 @@ class CdcBoard:
         self._is_gone = True
         with self.controller.arrived:
             self.controller.arrived.notify_all()
-
-    def plug(self) -> None:
-        """The board is back, as after power-up."""
-        self.controller.power_up()
-        with self.controller.arrived:
-            self._out.clear()
-            self._answers.clear()
-        self._parser.reset()
-        self._is_gone = False
 
     def _check(self) -> None:
         if self._is_gone and not self._out:

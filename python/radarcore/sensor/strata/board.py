@@ -25,7 +25,7 @@ from radarcore.sensor.bgt60.registers import (
 )
 from radarcore.sensor.bgt60.settings import Settings, achieved, choose_slice_size, registers_of
 from radarcore.sensor.errors import ProtocolError, RequestError, SensorError, SensorTimeoutError, answering
-from radarcore.sensor.interface import BoardInfo, Damage, RawFrame, check_options
+from radarcore.sensor.interface import BoardInfo, Damage, RawFrame
 from radarcore.sensor.strata import packets
 from radarcore.sensor.strata.packets import Avian, Code, Component, Data, Info, Request, Status, Version
 from radarcore.sensor.strata.slices import Slice, SliceAssembler, SliceLost, StreamError, unpack_msb
@@ -73,6 +73,14 @@ class StrataBoard:
     SensorError
         When there is no board that speaks Strata 4, or none with this chip.
     """
+
+    options: tuple[str, ...] = (
+        "tx_power_level",
+        "if_gain_db",
+        "highpass_cutoff",
+        "is_transmitting",
+        "has_test_pattern",
+    )
 
     def __init__(self, link: Link, *, timeout: float = 1.0) -> None:
         self._link = link
@@ -132,7 +140,6 @@ class StrataBoard:
 
     def configure(self, radar: Radar, **options: Any) -> Radar:
         """Settings for the next start; `options` are those of `Settings.from_radar`."""
-        check_options(options, Settings.from_radar, self.info.chip)
         settings = Settings.from_radar(radar, **options)
         slice_size = choose_slice_size(settings)
         registers_of(settings, slice_size)  # refuses what the chip cannot do

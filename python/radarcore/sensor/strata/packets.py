@@ -86,13 +86,9 @@ class Avian(IntEnum):
 
 
 class DataFormat(IntEnum):
-    """Format of the samples in data packets (Strata, configure)."""
+    """Format of the samples in data packets (Strata, configure): 12 bits each; there are others."""
 
-    U16 = 0x02
-    U64 = 0x04
-    """Time stamps of the interrupts in place of samples."""
     PACKED12 = 0x10
-    RAW12 = 0x2C
     AUTO = 0xFF
 
 
@@ -350,43 +346,12 @@ def uuid_text(payload: bytes) -> str:
     return "-".join((digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:]))
 
 
-class DataConfiguration(NamedTuple):
-    """Readout of samples: `slice_size` of them in one burst from register `address`."""
-
-    data_format: int
-    address: int
-    slice_size: int
-
-
 def data_configuration(slice_size: int, address: int = 0x60) -> bytes:
     """Payload of `Data.CONFIGURE`: slices of `slice_size` samples of 12 bit, two in three bytes.
 
     `address` is the radar's FIFO.
     """
     return struct.pack("<B7xHH", DataFormat.PACKED12, address, slice_size)
-
-
-def decode_data_configuration(payload: bytes, *, index: int = 0, max_slice_size: int = 16384) -> DataConfiguration:
-    """Configuration from a request's payload, with the checks of a board.
-
-    `index` is ``wIndex`` of the request; `max_slice_size` [samples] what the board has room for. Raises
-    `RequestError` with the status that the board answers.
-    """
-    if index != 0:
-        raise RequestError(f"data index: expected 0, got {index}", Status.OUT_OF_BOUNDS)
-    if len(payload) not in (8, 12):
-        raise RequestError(f"data configuration: expected 12 bytes, got {len(payload)}", Status.INVALID_SIZE)
-    # Eight bytes are settings without a read-out, which is one of no samples.
-    data_format, address, slice_size = struct.unpack("<B7xHH", payload.ljust(12, b"\0"))
-    if data_format not in iter(DataFormat):
-        raise RequestError(f"data format: expected a known one, got 0x{data_format:02x}", Status.INVALID_PARAMETER)
-    if address > 0xFF:
-        raise RequestError(f"read-out address: expected at most 0xff, got 0x{address:x}", Status.INVALID_PARAMETER)
-    if slice_size == 0 or slice_size % 2:
-        raise RequestError(f"slice size: expected an even number above 0, got {slice_size}", Status.INVALID_PARAMETER)
-    if slice_size > max_slice_size:
-        raise RequestError(f"slice size: expected at most {max_slice_size}, got {slice_size}", Status.OVERFLOW)
-    return DataConfiguration(data_format, address, slice_size)
 
 
 def encode_commands(words: Iterable[int]) -> bytes:

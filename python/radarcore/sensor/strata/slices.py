@@ -48,10 +48,9 @@ class SliceLost:
 
 @dataclass(frozen=True)
 class StreamError:
-    """The board ended its stream with an error: a code (see `STATUS_NAMES`) or a text; `timestamp` [us]."""
+    """The board ended its stream with an error: a code (see `STATUS_NAMES`) or a text."""
 
     error: int | str
-    timestamp: int | None = None
 
 
 class SliceAssembler:
@@ -84,7 +83,7 @@ class SliceAssembler:
         # An error ends the stream; a first packet begins a slice; any other belongs to one.
         if packet.error is not None:
             self._throw_away(found, "incomplete slice before an error")
-            found.append(StreamError(packet.error, packet.timestamp))
+            found.append(StreamError(packet.error))
             return found
         if packet.is_first:
             self._throw_away(found, "incomplete slice before the next one")

@@ -28,7 +28,8 @@ from radarcore.sensor.strata.packets import (
     encode_request,
     status_text,
 )
-from radarcore.sensor.transport.stream import Stalled, Stream, VendorPort
+from radarcore.sensor.transport.stream import Stalled, Stream
+from radarcore.sensor.transport.usbport import UsbVendorPort
 
 Packet = TypeVar("Packet")
 
@@ -133,9 +134,8 @@ class _Parser(Generic[Packet]):
     def reset(self) -> None:
         """Forget all bytes."""
         self._buffer.clear()
+        self._lose_step(Damage(0, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID))
         self._is_in_step = self._starts_in_step
-        self._num_searched = 0  # packets that end within these bytes have been tried
-        self._damage = Damage(0, "bytes before the first whole packet", Status.REQUEST_TYPE_INVALID)
 
     @property
     def num_held(self) -> int:
@@ -175,26 +175,29 @@ class _Parser(Generic[Packet]):
     def _lose_step(self, damage: Damage) -> None:
         self._is_in_step = False
         self._damage = damage
-        self._num_searched = 0
+        self._pending: list[int] = []  # places of incomplete packets
+        self._num_searched = 0  # bytes before which all other places have been tried
 
     def _search(self, found: list[Packet | Damage]) -> bool:
         """Discard bytes up to the first packet with a good CRC and take it; False where there is none yet."""
-        first_incomplete = len(self._buffer)
-        for begin in [match.start() for match in self._header.finditer(self._buffer)]:
-            if (size := self._size(begin)) > self._largest:
+        places = [*self._pending, *(match.start() for match in self._header.finditer(self._buffer, self._num_searched))]
+        self._pending, self._num_searched = [], len(self._buffer)
+        for begin in places:
+            size = self._size(begin)
+            if size == 0:
+                self._num_searched = begin  # the header is incomplete
+                break
+            if size > self._largest:
                 continue
-            if size == 0 or begin + size > len(self._buffer):
-                first_incomplete = min(first_incomplete, begin)
-            elif begin + size > self._num_searched:  # else it was tried before
-                packet = self._packet(begin, size)
-                if not isinstance(packet, Damage):
-                    self._discard(begin, found)
-                    found.append(packet)
-                    del self._buffer[:size]
-                    self._is_in_step = True
-                    return True
-        self._discard(first_incomplete, found)
-        self._num_searched = len(self._buffer)
+            if begin + size > len(self._buffer):
+                self._pending.append(begin)
+            elif not isinstance(packet := self._packet(begin, size), Damage):
+                self._discard(begin, found)
+                found.append(packet)
+                del self._buffer[:size]
+                self._is_in_step = True
+                return True
+        self._discard([*self._pending, self._num_searched][0], found)
         return False
 
     def _discard(self, num_bytes: int, found: list[Packet | Damage]) -> None:
@@ -202,6 +205,8 @@ class _Parser(Generic[Packet]):
             found.append(Damage(num_bytes, self._damage.reason, self._damage.status))
             self._damage = Damage(0, self._damage.reason)
             del self._buffer[:num_bytes]
+            self._pending = [begin - num_bytes for begin in self._pending]
+            self._num_searched -= num_bytes
 
     def _packet(self, begin: int, size: int) -> Packet | Damage:
         """Packet at a place of the buffer, or its damage."""
@@ -410,7 +415,7 @@ class VendorLink:
 
     num_held = 0
 
-    def __init__(self, port: VendorPort) -> None:
+    def __init__(self, port: UsbVendorPort) -> None:
         self.name: str = port.name
         self._port = port
         self._is_silent = False

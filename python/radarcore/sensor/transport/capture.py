@@ -174,42 +174,29 @@ class Replay:
 
 def _events(path: Path) -> list[_Event]:
     """Events of a capture, in order."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: expected a capture of text lines, got other data ({error})") from error
-    lines = text.split("\n")
-    if lines.pop():
+    *lines, rest = path.read_bytes().split(b"\n")
+    if rest or not lines:
         raise ValueError(f"{path}: line {len(lines) + 1}: the file is cut off within the line")
-    header = _record(path, 1, lines[0] if lines else "")
-    if header.get("format") != FORMAT:
-        raise ValueError(f"{path}: expected a header with the format {FORMAT!r}, got {header.get('format')!r}")
-    if header.get("version") != VERSION:
-        raise ValueError(f"{path}: expected version {VERSION}, got {header.get('version')!r}")
-    return [_event(path, number, line) for number, line in enumerate(lines[1:], 2)]
+    events = []
+    for number, line in enumerate(lines, 1):
+        expected = "time, direction and bytes" if number > 1 else f"the header of a {FORMAT} of version {VERSION}"
+        try:
+            record = json.loads(line)
+            if number > 1:
+                events.append(_event(record))
+            elif (record["format"], record["version"]) != (FORMAT, VERSION):
+                raise ValueError("another format or version")
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+            raise ValueError(f"{path}: line {number}: expected {expected}, got {line[:60]!r} ({error})") from error
+    return events
 
 
-def _record(path: Path, number: int, line: str) -> dict[str, Any]:
-    try:
-        record = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: line {number}: expected JSON, got {line[:60]!r}") from error
-    if not isinstance(record, dict):
-        raise ValueError(f"{path}: line {number}: expected a JSON object, got {line[:60]!r}")
-    return record
-
-
-def _event(path: Path, number: int, line: str) -> _Event:
-    record = _record(path, number, line)
-    try:
-        direction = check.choice("direction", record["direction"], DIRECTIONS)
-        data = bytes.fromhex(record["bytes"])
-        event = _Event(check.number("time", record["time"], "s"), direction, data)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{path}: line {number}: expected time, direction and bytes: {error}") from error
+def _event(record: dict[str, Any]) -> _Event:
+    direction = check.choice("direction", record["direction"], DIRECTIONS)
+    data = bytes.fromhex(record["bytes"])
     if not data:
-        raise ValueError(f"{path}: line {number}: expected at least one byte, got none")
-    return event
+        raise ValueError("expected at least one byte, got none")
+    return _Event(check.number("time", record["time"], "s"), direction, data)
 
 
 def _shown(data: bytes) -> str:

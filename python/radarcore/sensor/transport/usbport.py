@@ -36,6 +36,19 @@ _PACKET_SLICE = 0.2
 """Wait for the rest of a packet that a time-out has cut [s]."""
 
 
+_ERRORS: dict[int, tuple[type[SensorError], str]] = {
+    errno.ETIMEDOUT: (SensorTimeoutError, "the board did not answer in time"),
+    errno.ENODEV: (SensorDisconnectedError, "the board is gone"),
+    errno.EIO: (SensorDisconnectedError, "the board is gone (input/output error)"),
+    errno.EPIPE: (Stalled, "the board refused the transfer (stall)"),
+    errno.EOVERFLOW: (ProtocolError, "the board sent more than was asked (overflow)"),
+    errno.EBUSY: (SensorError, "the board is in use by another program; close that one first"),
+    errno.EACCES: (SensorError, "no permission to open the device"),
+    errno.EPERM: (SensorError, "no permission to open the device"),
+}
+"""Errors of libusb by their numbers, and what they mean for a board."""
+
+
 def require_pyusb() -> Any:
     """pyusb, or an ImportError that says how to install it."""
     try:
@@ -342,23 +355,9 @@ def errors_as_ours(name: str) -> Iterator[None]:
     except NotImplementedError as error:
         raise SensorError(f"{name}: this system does not do that with the device ({error}){_driver_hint()}") from error
     except OSError as error:
-        raise _translated(name, error) from error
-
-
-def _translated(name: str, error: OSError) -> SensorError:
-    if error.errno == errno.ETIMEDOUT:
-        return SensorTimeoutError(f"{name}: the board did not answer in time")
-    if error.errno in (errno.ENODEV, errno.EIO):
-        return SensorDisconnectedError(f"{name}: the board is gone ({error.strerror})")
-    if error.errno == errno.EPIPE:
-        return Stalled(f"{name}: the board refused the transfer (stall)")
-    if error.errno == errno.EOVERFLOW:
-        return ProtocolError(f"{name}: the board sent more than was asked (overflow)")
-    if error.errno == errno.EBUSY:
-        return SensorError(f"{name}: the board is in use by another program; close that one first")
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return SensorError(f"{name}: no permission to open the device{_permission_hint()}")
-    return SensorError(f"{name}: {error.strerror or error}")
+        kind, text = _ERRORS.get(error.errno or 0, (SensorError, error.strerror or str(error)))
+        hint = _permission_hint() if error.errno in (errno.EACCES, errno.EPERM) else ""
+        raise kind(f"{name}: {text}{hint}") from error
 
 
 def _permission_hint() -> str:
