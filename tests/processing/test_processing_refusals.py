@@ -38,6 +38,7 @@ RECORDING = rc.Recording(CUBE[None], [0.0], RADAR)
 UP_AND_DOWN = rc.Recording(CUBE[None], [0.0], rc.Radar(WAVEFORM.alternating()))
 DDM = rc.Radar(WAVEFORM, tx=row(2), rx=row(2), schedule=rc.Schedule.ddm())
 CODED = rc.Frame(CUBES[:2], 0.0, DDM)
+ONE_EMPTY = rc.Radar(WAVEFORM, tx=row(2), rx=row(2), schedule=rc.Schedule.ddm([0.0, 1.0 / 3.0]))
 MAPS = np.zeros((2, 32, 5), complex)
 POWER = np.ones((8, 9))
 TWO = processing.Detections([1.0, 2.0], *np.full((3, 2), np.nan), [0.0, 0.0])
@@ -54,6 +55,10 @@ def map_of(cube: Any = CUBES, radar: Any = EIGHT, **changes: Any) -> object:
 
 def pattern(**changes: Any) -> object:
     return rc.array_pattern(UNEVEN, 0.0, **changes)
+
+
+def hypotheses(frame: rc.Frame, max_velocity: float = 9.0) -> object:
+    return processing.velocity_hypotheses(frame, TWO, max_velocity=max_velocity)
 
 
 def still(**changes: Any) -> object:
@@ -83,6 +88,10 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
         (lambda function=function: function(CODED), ValueError, "radar: expected transmitters apart, .* kind 'ddm'")
         for function in (rc.detect, rc.strongest_peak, rc.doppler_velocity, lambda of: rc.remove_static(of, [0.0] * 3))
     ),
+    (lambda: rc.detect(CUBES[:2], ONE_EMPTY), ValueError, "radar: expected a multiple of 3 chirps, .* got 32"),
+    (lambda: hypotheses(CODED), ValueError, "radar: expected transmitters apart"),
+    (lambda: hypotheses(rc.Frame(CUBE, 0.0, rc.Radar(CW))), ValueError, "waveform: expected a ramp"),
+    (lambda: hypotheses(FRAME, max_velocity=0.0), ValueError, "max_velocity: expected a positive number"),
     *(
         (lambda function=function: function(UP_AND_DOWN), ValueError, ONE_WAVEFORM)
         for function in (

@@ -16,6 +16,8 @@ from radarcore.processing.detection.detect import detect as detect
 from radarcore.processing.detection.peaks import Peak as Peak
 from radarcore.processing.detection.peaks import strongest_peak as strongest_peak
 from radarcore.processing.detection.point_cloud import Detections as Detections
+from radarcore.processing.estimation.ambiguity import VelocityHypotheses as VelocityHypotheses
+from radarcore.processing.estimation.ambiguity import velocity_hypotheses as velocity_hypotheses
 from radarcore.processing.estimation.bounds import CramerRaoBound as CramerRaoBound
 from radarcore.processing.estimation.bounds import chirp_rate_bound as chirp_rate_bound
 from radarcore.processing.estimation.bounds import doppler_bound as doppler_bound

@@ -66,11 +66,17 @@ def require_one_frame(name: str, cube: object) -> None:
 def require_transmitters_apart(cube: Samples, radar: Waveform | Radar | None) -> None:
     """Refuse Doppler-division multiplex with a ValueError: what `radar`, or that of a frame, tells of it."""
     of = cube.radar if isinstance(cube, Frame | Recording) else radar
-    if isinstance(of, Radar) and of.schedule is not None and of.schedule.kind == "ddm" and len(of.tx) > 1:
+    if isinstance(of, Radar) and has_doppler_division(of):
         raise ValueError(
             "radar: expected transmitters apart, got a schedule of kind 'ddm', in which every echo appears at one "
-            "velocity per transmitter; `demultiplex` takes the maps of `range_doppler` apart"
+            "velocity per transmitter; `demultiplex` takes the maps of `range_doppler` apart, and `detect` does with "
+            "turns that leave a band empty, as Schedule.ddm(np.arange(num_tx) / (num_tx + 1))"
         )
+
+
+def has_doppler_division(radar: Radar) -> bool:
+    """True for several transmitters in Doppler-division multiplex."""
+    return radar.schedule is not None and radar.schedule.kind == "ddm" and len(radar.tx) > 1
 
 
 @overload

@@ -267,9 +267,14 @@ class Radar:
 
     @cached_property
     def max_velocity(self) -> float:
-        """Largest unambiguous velocity [m/s]: the least of the waveforms'; with DDM over the number of transmitters."""
-        is_ddm = self.schedule is not None and self.schedule.kind == "ddm"
-        return min(waveform.max_velocity for waveform in self.waveforms) / (len(self.tx) if is_ddm else 1)
+        """Largest unambiguous velocity [m/s]: the least of the waveforms'.
+
+        With DDM over the number of transmitters, unless an empty band tells which transmitter is which.
+        """
+        schedule, least = self.schedule, min(waveform.max_velocity for waveform in self.waveforms)
+        if schedule is None or schedule.kind != "ddm":
+            return least
+        return least if schedule.bands(len(self.tx), self.waveform.num_chirps) is not None else least / len(self.tx)
 
     @property
     def channel_phases(self) -> NDArray[np.float64]:

@@ -117,14 +117,14 @@ class Schedule:
 
         The phase of transmitter i advances by ``turns[i]`` from chirp to chirp. Receivers get the sum: echoes of every
         transmitter appear at velocities of their own, ``-turns[i] * 2 max_velocity`` beside the true one, and
-        `demultiplex` makes channels of them. Unambiguous velocities are fewer by the number of transmitters. Channels
-        are the receivers.
+        `demultiplex` makes channels of them. Channels are the receivers. With the default turns, unambiguous velocities
+        are fewer by the number of transmitters. With an empty band, `detect` finds which transmitter is which:
+        all velocities of the waveform are unambiguous, and all pairs of antennas give the direction.
 
         Parameters
         ----------
         turns : (tx,) array_like, optional
-            Turns per chirp; default: ``i / num_tx``. ``i / (num_tx + 1)`` leaves a band empty, by which real radars
-            tell which transmitter is which.
+            Turns per chirp; default: ``i / num_tx``. ``i / (num_tx + 1)`` leaves a band empty.
 
         See Also
         --------
@@ -195,6 +195,21 @@ class Schedule:
         if self.turns is not None:
             return self.turns
         return np.arange(num_tx) / num_tx if self.kind == "ddm" else np.zeros(num_tx)
+
+    def bands(self, num_tx: int, most: int) -> NDArray[np.bool_] | None:
+        """Bands of Doppler that DDM uses of up to `most` equal ones, (band,); None unless they tell the transmitters.
+
+        They do if no shift of the used bands by some bands gives the used bands again.
+        """
+        turns = self.tx_turns(num_tx) % 1.0
+        for number in range(num_tx + 1, most + 1) if self.kind == "ddm" and num_tx > 1 else ():
+            places = turns * number
+            if np.abs(places - np.rint(places)).max() < 1e-6:
+                used = np.zeros(number, dtype=bool)
+                used[np.rint(places).astype(int) % number] = True
+                is_own = any((np.roll(used, shift) == used).all() for shift in range(1, number))
+                return None if is_own else used
+        return None
 
     def tx_weights(self, tx: NDArray[np.float64], wavelength: float, num_chirps: int) -> NDArray[np.complex128]:
         """Factors of the fields of transmitters at positions `tx` (tx, 3) [m] in every chirp, (chirp, tx)."""

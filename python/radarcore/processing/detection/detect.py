@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarcore import _core, check
 from radarcore.processing.angles.directions import require_two_directions, waves_of
 from radarcore.processing.clutter.static import remove_mean
+from radarcore.processing.detection.bands import Bands, bands_of
 from radarcore.processing.detection.map import (
     LEAST_GAIN,
     MAIN_LOBE,
@@ -23,7 +24,7 @@ from radarcore.processing.detection.map import (
 )
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.detection.tone import fit, refit_near
-from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame, require_transmitters_apart
+from radarcore.processing.inputs import checked_samples, cube_and_radar, require_one_frame
 from radarcore.processing.spectra.noise import filtered_rows, median_of_unit_mean, rounding_noise
 from radarcore.processing.spectra.spectra import both_windows, fast_spectrum, transformed
 from radarcore.processing.spectra.windows import Window
@@ -71,6 +72,9 @@ def detect(
     channels at different places along an axis separates two of them, see `max_directions`. Velocities whose noise was
     removed, by `remove_static` or `cancel_pulses`, are excluded from training.
 
+    Transmitters in Doppler-division multiplex are separated if an empty band tells which is which (`Schedule.ddm`). Of
+    echoes whole bands apart at one range, the strongest is a detection.
+
     Each detection is then the tone that fits the cells up to 4 beside it best, in all channels (maximum likelihood),
     and the covariance its Cramer-Rao bound at the SNR found. Range and velocity hold at the middle of the frame,
     `Radar.middle` after its start: that is `Detections.time`. The range is corrected for the Doppler shift,
@@ -116,9 +120,9 @@ def detect(
     Raises
     ------
     ValueError, TypeError
-        For shapes that do not fit the radar, several frames or waveforms, transmitters in Doppler-division multiplex,
-        NaN or infinite samples, numbers out of range, and two directions from an array with fewer than four channels
-        at different places along each axis.
+        For shapes that do not fit the radar, several frames or waveforms, Doppler-division multiplex without an empty
+        band, NaN or infinite samples, numbers out of range, and two directions from an array with fewer than four
+        channels at different places along each axis.
 
     Warns
     -----
@@ -154,7 +158,7 @@ def detect(
     )
     require_one_frame("frame", frame)
     cube, radar = cube_and_radar(frame, radar)
-    require_transmitters_apart(frame, radar)
+    bands = bands_of(radar)
     wf = radar.waveform
     samples = checked_samples(
         cube,
@@ -164,19 +168,25 @@ def detect(
         num_chirps=wf.num_chirps,
         num_samples=wf.num_samples,
     )
+    if bands is not None:
+        radar = bands.radar
+        if settings.subtract_mean:
+            raise ValueError("subtract_mean: expected False with Doppler-division multiplex")
     if check.count("max_directions", max_directions) > 1:
         require_two_directions(radar, max_directions)
     search = prepared(radar, check.finite("frame", samples).dtype.kind == "c", settings)
     layout = search.layout
 
     # Local maxima of the power over velocity and range that are above the thresholds of their surroundings.
-    cells, power = _map(samples, wf, layout, settings)
+    cells, power = _map(samples, wf, layout, settings, bands)
     trained = _with_noise(power[:, search.first : search.last])
     doubles = power.astype(np.float64)
     thresholds = search.thresholds(trained)
     is_above = search.is_tested & (doubles[:, search.first : search.last] > thresholds)
     peaks = np.ascontiguousarray(np.argwhere(is_above) + np.array([0, search.first]))
     peaks = peaks[_core.local_maxima(doubles, peaks, is_cyclic=layout.is_iq)]
+    if bands is not None:
+        peaks = peaks[bands.are_true(doubles, peaks)]
     least = thresholds[peaks[:, 0], peaks[:, 1] - search.first]
     time = (frame.time if isinstance(frame, Frame) else 0.0) + radar.middle
 
@@ -193,7 +203,7 @@ def detect(
     noise = search.medians(trained, peaks) / median_of_unit_mean(layout.num_looks)
     noise = np.maximum(noise, noise_floor) / layout.num_looks
     tones = fit(cells, peaks, offset, layout.axes, is_cyclic=layout.is_iq)
-    if layout.has_range and not (layout.is_iq or subtract_mean):
+    if layout.has_range and not (layout.is_iq or subtract_mean or bands):
         windows = layout.slow, layout.fast
         tones = refit_near(cells, peaks, tones, layout.axes, windows, is_conjugate=layout.is_down)
     matched = np.square(np.abs(tones.amplitude)).sum(axis=1) * tones.energy_gain / noise
@@ -243,7 +253,7 @@ def detect(
 
 
 def _map(
-    samples: NDArray[Any], wf: Waveform, layout: Layout, settings: DetectionSettings
+    samples: NDArray[Any], wf: Waveform, layout: Layout, settings: DetectionSettings, bands: Bands | None
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Cells (look, row, column), and their power with the same noise in all of them (row, column)."""
     moving = remove_mean(samples) if settings.subtract_mean else samples
@@ -254,6 +264,8 @@ def _map(
         profiles = fast_spectrum(moving, wf, window=settings.window, num_bins=None)
         cells = profiles.reshape(-1, 1, profiles.shape[-1])
     cells = cells[..., : layout.num_columns]
+    if bands is not None:
+        cells = bands.apart(cells)
     squares = np.square(cells.view(cells.real.dtype)).sum(axis=0)  # real and imaginary parts in turn
     power = squares[:, ::2] + squares[:, 1::2]
     if settings.subtract_mean and layout.has_velocity:

@@ -1,0 +1,58 @@
+"""Bands of Doppler-division multiplex: channels of every transmitter, and the velocities that the empty bands tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarcore.processing.inputs import has_doppler_division, require_transmitters_apart, require_uniform_chirps
+from radarcore.radar.radar import Radar
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Transmitters in Doppler-division multiplex."""
+
+    radar: Radar
+    """The radar with a channel per pair of antennas."""
+    shifts: NDArray[np.intp]
+    """Rows from the true velocity down to the echo of every transmitter, (tx,)."""
+    num_bands: int
+
+    def apart(self, cells: NDArray[Any]) -> NDArray[Any]:
+        """Map of every pair of antennas (tx * num_rx + rx, row, column), with its echoes at the true velocity."""
+        return np.concatenate([np.roll(cells, shift, axis=1) for shift in self.shifts])
+
+    def are_true(self, power: NDArray[np.float64], peaks: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """True for peaks (peak, 2) with the largest power (row, column) of all that are whole bands away.
+
+        There all transmitters add up. A whole band off, at least one is missing: an empty band is in its place.
+        """
+        num_rows = len(power)
+        others = (peaks[:, :1] + num_rows // self.num_bands * np.arange(1, self.num_bands)) % num_rows
+        return np.asarray((power[others, peaks[:, 1:]] < power[*peaks.T][:, None]).all(axis=1))
+
+
+@lru_cache(maxsize=16)
+def bands_of(radar: Radar) -> Bands | None:
+    """The bands of a radar; None without Doppler division, a ValueError without empty bands."""
+    if not has_doppler_division(radar) or radar.schedule is None:
+        return None
+    require_uniform_chirps(radar.waveform)
+    num_tx, num_rows = len(radar.tx), radar.waveform.num_chirps
+    used = radar.schedule.bands(num_tx, num_rows)
+    if used is None:
+        require_transmitters_apart(np.empty(0), radar)
+        return None
+    if num_rows % len(used):
+        raise ValueError(f"radar: expected a multiple of {len(used)} chirps, the bands of its schedule, got {num_rows}")
+    values = radar.to_dict() | {"schedule": None}
+    if radar.channel_weights is not None:
+        weights = np.tile(radar.channel_weights, num_tx)
+        values["channel_weights"] = np.stack([weights.real, weights.imag], axis=-1)
+    shifts = np.rint(radar.schedule.tx_turns(num_tx) * num_rows).astype(int)
+    return Bands(Radar.from_dict(values), shifts, len(used))
