@@ -121,14 +121,15 @@ def test_range_offset_is_measured_minus_true() -> None:
 def test_directions_and_maps_of_a_calibrated_radar_are_those_without_errors() -> None:
     radar = array()
     target = rc.PointTarget([3.0, 1.3, 0.0], velocity=[1.0, 0.0, 0.0])
-    calibrated = replace(radar, channel_weights=rc.calibrate(measured(rc.PointTarget(AT)), at=AT).channel_weights)
+    corner = measured(rc.PointTarget(AT, rcs=10.0))
+    calibrated = replace(radar, channel_weights=rc.calibrate(corner, at=AT).channel_weights)
     clean, wrong = measured(target, errors=np.ones(8)), measured(target)
     right = replace(wrong, radar=calibrated)
     expected, before, after = (rc.detect(frame) for frame in (clean, wrong, right))
     assert before.is_resolved.tolist() == [False]
     assert after.is_resolved.tolist() == [True]
-    assert abs(before.azimuth - expected.azimuth)[0] > np.deg2rad(0.5)
-    assert abs(after.azimuth - expected.azimuth)[0] < np.deg2rad(0.1)
+    assert abs(before.azimuth - expected.azimuth)[0] > np.deg2rad(0.05)
+    assert abs(after.azimuth - expected.azimuth)[0] < np.deg2rad(0.03)
     np.testing.assert_array_equal(before.snr_db, after.snr_db)
     power, mapped = (rc.range_angle(frame) for frame in (clean, right))
     np.testing.assert_allclose(mapped / mapped.max(), power / power.max(), atol=0.01)
