@@ -28,6 +28,8 @@ from radarcore.processing.estimation.velocity import VelocityEstimate as Velocit
 from radarcore.processing.estimation.velocity import chirp_rate_velocity as chirp_rate_velocity
 from radarcore.processing.estimation.velocity import doppler_velocity as doppler_velocity
 from radarcore.processing.estimation.velocity import up_down_velocity as up_down_velocity
+from radarcore.processing.estimation.vital_signs import VitalSigns as VitalSigns
+from radarcore.processing.estimation.vital_signs import vital_signs as vital_signs
 from radarcore.processing.spectra.noise import noise_level as noise_level
 from radarcore.processing.spectra.spectra import Demultiplexed as Demultiplexed
 from radarcore.processing.spectra.spectra import demultiplex as demultiplex
