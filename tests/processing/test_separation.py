@@ -100,6 +100,19 @@ def test_distances_are_those_of_dense_points_of_an_arm() -> None:
         assert dense - 0.08 < one.distance <= dense + 1e-9  # hulls of links reach beyond bent links
 
 
+def test_people_in_an_outline_or_at_the_sensor_keep_all_terms() -> None:
+    [one] = separation([person((0.5, 0.0))], [HAND])  # in the middle of the hand, which moves at 0.25 m/s
+    assert one.distance == 0.0
+    assert one.deviation == pytest.approx(0.05, rel=1e-6)
+    [here] = separation([person((0.0, 0.0), nearest=0.5)], [HAND])  # no direction from the sensor
+    assert here.distance == pytest.approx(0.4 - 0.3, abs=1e-3)
+
+
+def test_links_without_a_surface_have_no_distance() -> None:
+    empty = rc.Body(rc.Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)))
+    assert separation([person()], [empty, HAND])[0].body == "hand"
+
+
 def test_covariance_along_the_line_counts_in_the_axes_of_a_turned_sensor() -> None:
     sensor = np.concatenate(
         [rc.Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2]).rotation, np.zeros((3, 1))], axis=1
@@ -113,8 +126,12 @@ def test_covariance_along_the_line_counts_in_the_axes_of_a_turned_sensor() -> No
 REFUSALS: list[tuple[Any, type[Exception], str]] = [
     (lambda: separation([person()], [HAND], reaction_time=-1.0), ValueError, "reaction_time: expected"),
     (lambda: separation([person()], [HAND], intrusion=-0.1), ValueError, "intrusion: expected"),
+    (lambda: separation([person()], [HAND], time=-0.1), ValueError, "time: expected 0 s, the time of the tracks, or"),
+    (lambda: separation([person()], [HAND], stopping_distance=""), TypeError, "stopping_distance: expected"),  # type: ignore[arg-type]
+    (lambda: separation([], []), ValueError, "robot: expected links with surfaces, got none"),
+    (lambda: separation([], HAND), TypeError, "robot: expected a sequence of Body, got Body"),  # type: ignore[arg-type]
     (lambda: separation([3], [HAND]), TypeError, "tracks: expected TrackState"),  # type: ignore[list-item]
-    (lambda: separation([person()], [rc.PointTarget([1, 0, 0])]), TypeError, "robot: expected Body"),  # type: ignore[list-item]
+    (lambda: separation([], [rc.PointTarget([1, 0, 0])]), TypeError, "robot: expected Body"),  # type: ignore[list-item]
     (
         lambda: separation([person(state=np.array([2.0, 0.0]), state_covariance=np.eye(2))], [HAND]),
         ValueError,

@@ -12,14 +12,14 @@ import numpy as np
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.motion.protocol import LinkMotion, poses_at
-from radarcore.processing.tracking.kalman import Array
+from radarcore.processing.tracking.kalman import SHORTEST_RANGE, Array
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.scene.body import Body
 
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """Distance of a person from a robot, seen from above.
+    """Distance between a person and a robot, seen from above.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class Separation:
     distance : float
         Between the nearest points of the person and of the link, in the horizontal plane [m]; 0 where they overlap.
     deviation : float
-        Standard deviation of the person's place along that line [m].
+        Standard deviation of the person's place along the line between these points [m].
     age : float
-        Time since the person was last detected [s].
+        Time since the last detection of the person [s].
     required : float
         Protective separation distance [m].
     person_point, robot_point : (2,) float64
@@ -83,33 +83,35 @@ def separation(
     coverage: float = 3.0,
     body_radius: float = 0.3,
 ) -> list[Separation]:
-    """Distances of people from a robot and the ones that are required: speed and separation monitoring.
+    """Distances between people and a robot, and the required distances: speed and separation monitoring.
 
     The protective separation distance is ``S = Sh + Sr + Ss + C + Zd + Zr`` (ISO/TS 15066:2016, 5.5.4; today ISO
-    10218-2:2025). The person walks on for as long as the robot reacts and stops (Sh); the robot goes on while it reacts
-    (Sr) and stops (Ss); C is how far a hand may reach before it is seen; Zd and Zr are the uncertainties of the places
-    of person and robot. The time since the person was last detected counts as reaction time.
+    10218-2:2025). The person walks on while the robot reacts and stops (Sh). The robot goes on while it reacts (Sr) and
+    stops (Ss). C is the reach of a hand before it is seen. Zd and Zr are the uncertainties of the places of person and
+    robot. The time since the last detection of the person counts as reaction time.
 
-    Everything is seen from above: heights are not counted, which makes distances too small rather than too large. A
-    person is a disc about the track, and the nearest echo beside it; a link is its convex hull. Use it to design and
-    to compare: it is no safety function.
+    Everything is seen from above: heights do not count, which makes distances too small rather than too large. A
+    person is a disc about the track, and the nearest echo in front of it. A link is its convex hull. Use it to design
+    and to compare: it is no safety function.
 
     Parameters
     ----------
     tracks : iterable of TrackState
-        In the world of the robot, see ``Tracker(motion=...)``; tracks that are not confirmed are left out.
+        In the world of the robot, see ``Tracker(motion=...)``; unconfirmed tracks are left out.
     robot : sequence of Body
-        Its links with their motions, such as ``arm.moving(...).bodies()``.
+        Its links with their motions, such as ``arm.moving(...).bodies()``. The first call forms their hulls, which
+        are kept.
     time : float, optional
-        For which the distance holds [s]; people go on to it at their velocities. Default: the time of the tracks.
+        Time of the distance [s], not before the tracks; people go on to it at their velocities. Default: the time of
+        the tracks.
     reaction_time : float
         From the frame to the command to stop [s].
     stopping_time : float
         From that command to standstill [s].
     stopping_distance : float, optional
-        Way of the robot meanwhile [m]; default: its speed times `stopping_time`.
+        Distance that the robot travels meanwhile [m]; default: its speed times `stopping_time`.
     human_speed : float
-        Speed of people towards the robot [m/s]; a person who is faster counts with the own speed.
+        Speed of people towards the robot [m/s]; the track of a faster person counts with its speed.
     intrusion : float
         C [m].
     robot_uncertainty : float
@@ -122,12 +124,13 @@ def separation(
     Returns
     -------
     separations : list of Separation
-        One per person, that of the smallest margin first; empty without a person.
+        One per person, the smallest margin first; empty without a person.
 
     Raises
     ------
     ValueError
-        For tracks without angles, bodies that deform, and numbers below 0.
+        For tracks without angles, a robot without links, bodies that deform, a time before the tracks, and numbers
+        below 0.
 
     See Also
     --------
@@ -146,7 +149,7 @@ def separation(
     for name, value, unit in (
         ("reaction_time", reaction_time, "s"),
         ("stopping_time", stopping_time, "s"),
-        ("stopping_distance", stopping_distance or 0.0, "m"),
+        ("stopping_distance", 0.0 if stopping_distance is None else stopping_distance, "m"),
         ("human_speed", human_speed, "m/s"),
         ("intrusion", intrusion, "m"),
         ("robot_uncertainty", robot_uncertainty, "m"),
@@ -154,6 +157,7 @@ def separation(
         ("body_radius", body_radius, "m"),
     ):
         check.non_negative(name, value, unit)
+    bodies = _checked(robot)
 
     def required(person: _Person, link: _Link, away: Array, age: float) -> tuple[float, float]:
         """Required distance, and the deviation in it [m]."""
@@ -172,19 +176,20 @@ def separation(
         if not state.is_confirmed:
             continue
         now = state.time if time is None else check.time("time", time)
-        links[now] = links.get(now) or _links(robot, now)
+        if now < state.time:
+            raise ValueError(f"time: expected {state.time:.9g} s, the time of the tracks, or later, got {now:.9g} s")
+        links[now] = links.get(now) or _links(bodies, now)
         person = _person(state, now, body_radius)
         age = max(now - state.seen, 0.0)
         each = []
         for link in links[now]:
             for point, radius in person.discs:
-                place, distance = _nearest_point(link, point)
-                away = (point - place) / (distance or 1.0)
+                distance, away = _distance(link, point)
                 limit, deviation = required(person, link, away, age)
                 gap = max(distance - radius, 0.0)
-                edge = point - min(radius, distance) * away
+                edge, place = point - min(radius, distance) * away, point - distance * away
                 each.append(Separation(state.id, link.name, gap, deviation, age, limit, edge, place))
-        found += [min(each, key=lambda one: one.margin)] if each else []
+        found.append(min(each, key=lambda one: one.margin))
     return sorted(found, key=lambda one: one.margin)
 
 
@@ -219,11 +224,28 @@ def _person(state: TrackState, time: float, radius: float) -> _Person:
     if np.isfinite(state.nearest):
         sensor = state.sensor_pose[:, 3]
         sight = place - sensor
-        discs.append(((sensor + state.nearest / np.linalg.norm(sight) * sight)[:2] + ahead, 0.0))
+        discs.append(((sensor + state.nearest / max(np.linalg.norm(sight), SHORTEST_RANGE) * sight)[:2] + ahead, 0.0))
     d = len(state.state) // 2
     rotation = state.sensor_pose[:2, :d]
     covariance = rotation @ state.state_covariance[:d, :d] @ rotation.T
     return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
+
+
+def _checked(robot: Sequence[Body]) -> list[Body]:
+    """The rigid links that have a surface, whose hulls are formed before anybody comes near."""
+    if not isinstance(robot, Iterable):
+        raise TypeError(f"robot: expected a sequence of Body, got {type(robot).__name__}")
+    bodies = []
+    for body in robot:
+        check.instance("robot", body, Body)
+        if body.deformation is not None:
+            raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
+        if len(body.mesh.triangles) > 0:
+            _corners(body.mesh)
+            bodies.append(body)
+    if not bodies:
+        raise ValueError("robot: expected links with surfaces, got none")
+    return bodies
 
 
 def _links(robot: Sequence[Body], time: float) -> list[_Link]:
@@ -231,9 +253,6 @@ def _links(robot: Sequence[Body], time: float) -> list[_Link]:
     arms: dict[int, tuple[Array, Array]] = {}
     links = []
     for body in robot:
-        check.instance("robot", body, Body)
-        if body.deformation is not None:
-            raise ValueError(f"robot: expected rigid links, got {body.name!r}, which deforms")
         motion = body.motion
         if isinstance(motion, LinkMotion):
             if id(motion.group) not in arms:
@@ -262,9 +281,11 @@ _DIRECTIONS = np.stack([np.cos(_BEARINGS), np.sin(_BEARINGS)])
 """Directions in which extents are known, (2, 128): distances are too small by up to 0.3 mm per metre."""
 
 
-def _nearest_point(link: _Link, point: Array) -> tuple[Array, float]:
-    """Nearest point of a convex outline, and its distance: the largest one by which a line separates them."""
+def _distance(link: _Link, point: Array) -> tuple[float, Array]:
+    """Distance of a point from a convex outline, 0 inside, and the direction from the nearest point to it.
+
+    It is the largest distance by which a line separates them.
+    """
     beyond = point @ _DIRECTIONS - link.extents
     best = int(beyond.argmax())
-    distance = max(float(beyond[best]), 0.0)
-    return point - distance * _DIRECTIONS[:, best], distance
+    return max(float(beyond[best]), 0.0), _DIRECTIONS[:, best]
