@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,22 @@ def test_walls_are_no_people_when_the_sensor_moves_and_a_walker_is() -> None:
     assert len(rc.track(frames, targets="people")) > 1  # as everything seems to come nearer
 
 
+def test_walls_stand_still_when_the_sensor_is_faster_than_the_velocities_that_it_tells() -> None:
+    wall = np.array([[6.0, y, z] for y in (-1.0, 0.0, 1.0) for z in (0.5, 1.5)])
+    fast = rc.Linear(rc.Pose([0.0, 0.0, 1.0]), velocity=[2.5, 0.0, 0.0])
+    frames = [replace(one, velocity=one.velocity + 4.0) for one in of_points(wall, 0.0 * wall, fast, 20)]
+    assert all((np.abs(one.velocity) < 2.0).all() for one in frames)  # modulo 4 m/s
+    assert len(rc.track(frames, motion=fast, targets="people", velocity_ambiguity=4.0)) == 0
+
+
+def test_detections_of_a_person_may_lack_the_elevation() -> None:
+    moving = rc.Linear(rc.Pose([0.0, 0.0, 1.0]), velocity=[0.5, 0.0, 0.0])
+    frames = of_points([3.0, -1.0, 1.2], [0.0, 0.8, 0.0], moving, 40)
+    frames[10:] = [replace(one, elevation=np.full(1, NAN)) for one in frames[10:]]
+    (one,) = rc.track(frames, motion=moving, targets="people")
+    assert one.is_detected.all()
+
+
 def test_places_are_stale_while_the_motion_of_the_sensor_is_not_updated() -> None:
     motion = rc.Live()
     motion.update(0.0, rc.Pose(), velocity=[0.1, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.0])
@@ -116,9 +133,25 @@ def test_places_are_stale_while_the_motion_of_the_sensor_is_not_updated() -> Non
     np.testing.assert_allclose(track.sensor_age, [0.05, 0.1, 0.2])
 
 
+class Broken:
+    """A motion of a program that fails now and then."""
+
+    def __init__(self, pose: Array, rate: Array) -> None:
+        self.poses_at = lambda times: np.array([pose])
+        self.at = lambda time: rc.Pose()
+        self.rate_at = lambda time: rate
+
+
 REFUSALS: list[tuple[Any, type[Exception], str]] = [
     (lambda: rc.Tracker("arm"), TypeError, "motion: expected Pose, Linear"),  # type: ignore[arg-type]
     (lambda: rc.track(of_points([3, 0, 0], [0, 0, 0], rc.Pose(), 2), motion=3.0), TypeError, "motion: expected Pose"),  # type: ignore[arg-type]
+    (lambda: rc.Tracker(Broken(np.eye(3, 4), np.full((3, 4), NAN))).update(PLANE), ValueError, "rate_at: expected fin"),
+    (lambda: rc.Tracker(Broken(np.eye(3, 4), np.eye(4))).update(PLANE), ValueError, r"rate_at: expected shape \(3, 4"),
+    (
+        lambda: rc.Tracker(Broken(np.eye(3, 4) * NAN, np.zeros((3, 4)))).update(PLANE),
+        ValueError,
+        "poses_at: expected f",
+    ),
     (
         lambda: rc.Tracker(TURNING).update(RANGES),
         ValueError,
@@ -136,6 +169,14 @@ REFUSALS: list[tuple[Any, type[Exception], str]] = [
 def test_refusals(call: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         call()
+
+
+def test_poses_of_the_sensor_are_read_only() -> None:
+    for motion in (None, TURNING):
+        (state,) = rc.Tracker(motion).update(seen(np.array([[3.0, 0.0, 0.0]]), np.zeros((1, 3)), rc.Pose(), 0.0))
+        for values in (state.sensor_pose, state.sensor_velocity):
+            with pytest.raises(ValueError, match="read-only"):
+                values[0] = 1.0
 
 
 def test_refused_detections_leave_a_tracker_as_it_was() -> None:

@@ -67,8 +67,9 @@ def sensor_state(motion: Motion, time: float, point: ArrayLike = (0.0, 0.0, 0.0)
     """State of a sensor by its motion at a time [s], with the velocity of one of its points."""
     newest = newest_update(motion)
     age = 0.0 if newest is None else max(time - newest, 0.0)
-    rate = np.asarray(motion.rate_at(time))
-    return SensorState(poses_at(motion, [time])[0], rate[:, :3] @ np.asarray(point) + rate[:, 3], age)
+    rate = check.array("rate_at", motion.rate_at(time), (3, 4))
+    pose = check.array("poses_at", poses_at(motion, [time])[0], (3, 4))
+    return SensorState(check.frozen(pose), check.frozen(rate[:, :3] @ np.asarray(point) + rate[:, 3]), age)
 
 
 def factors_of(motion: Motion) -> tuple[Motion, ...]:

@@ -69,7 +69,7 @@ class People:
         sensor : SensorState
         """
         number, periods = len(is_confirmed), self._periods[: values.shape[1]]
-        is_moving = _is_moving(values, covariance, sensor)
+        is_moving = self._is_moving(values, covariance, sensor)
         difference = wrapped(values - expected.value[:, None], periods)
         along, speed = difference[..., 0], difference[..., 1]
         across = np.zeros(along.shape)
@@ -97,6 +97,15 @@ class People:
             labels[is_new] = number + connected(int(is_new.sum()), pairs)
         return labels
 
+    def _is_moving(self, values: Array, covariance: Array, sensor: SensorState) -> NDArray[np.bool_]:
+        """True for detections that move over the ground, by more than errors of their angles explain."""
+        own = sensor.pose[:, :3].T @ sensor.velocity
+        limit = np.full(len(values), _STATIC_SPEED)
+        if own.any():
+            variance = covariance.diagonal(axis1=1, axis2=2)[:, 2:].max(axis=1)
+            limit += 2.0 * np.sqrt(variance) * np.linalg.norm(own)
+        return np.asarray(np.abs(wrapped(over_ground(values, own), self._periods[1])) > limit)
+
     def _is_background(self, values: Array, sensor: SensorState) -> NDArray[np.bool_]:
         """True for detections at places that had static echoes before."""
         relative = (self._places - sensor.pose[:, 3]) @ sensor.pose[:, :3]
@@ -114,13 +123,3 @@ class People:
         is_recent = self._times > time - _MEMORY
         self._times = np.concatenate([self._times[is_recent], np.full(len(places), time)])
         self._places = np.concatenate([self._places[is_recent], places])
-
-
-def _is_moving(values: Array, covariance: Array, sensor: SensorState) -> NDArray[np.bool_]:
-    """True for detections that move over the ground, by more than errors of their angles explain."""
-    own = sensor.pose[:, :3].T @ sensor.velocity
-    limit = np.full(len(values), _STATIC_SPEED)
-    if own.any():
-        variance = covariance.diagonal(axis1=1, axis2=2)[:, 2:].max(axis=1)
-        limit += 2.0 * np.sqrt(variance) * np.linalg.norm(own)
-    return np.asarray(np.abs(over_ground(values, own)) > limit)

@@ -52,7 +52,7 @@ _KNOWN_WITHIN = 1.0 / 6.0
 _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
 
-_AT_REST = SensorState(np.eye(3, 4), np.zeros(3), 0.0)
+_AT_REST = SensorState(check.frozen(np.eye(3, 4)), check.frozen(np.zeros(3)), 0.0)
 """A sensor whose axes are the world's."""
 
 _UPRIGHT = 0.98
