@@ -295,10 +295,11 @@ def _alternatives(array: Array, sines: _Reals) -> _Reals:
     if len(array.ambiguities) == 1:
         return np.zeros((len(sines), 0, 2))
     others = sines[:, None] + array.ambiguities[1:]
-    length = np.linalg.norm(others, axis=2)
-    length[~(length <= 1.0)] = np.nan
-    order = length.argsort(axis=1)[..., None]  # NaN last
-    others = np.take_along_axis(np.where(np.isnan(length)[..., None], np.nan, others), order, axis=1)
+    square = np.vecdot(others, others)
+    others[~(square <= 1.0)] = np.nan
+    if (square <= 1.0).any():
+        order = np.where(square <= 1.0, square, np.inf).argsort(axis=1)
+        others = np.take_along_axis(others, order[..., None], axis=1)
     return np.stack(_angles(array, others), axis=-1)
 
 

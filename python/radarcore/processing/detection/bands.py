@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radarcore.processing.inputs import has_doppler_division, require_transmitters_apart, require_uniform_chirps
 from radarcore.radar.radar import Radar
+from radarcore.radar.schedule import Schedule
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +38,18 @@ class Bands:
         return np.asarray((power[others, peaks[:, 1:]] < power[*peaks.T][:, None]).all(axis=1))
 
 
-@lru_cache(maxsize=16)
 def bands_of(radar: Radar) -> Bands | None:
     """The bands of a radar; None without Doppler division, a ValueError without empty bands."""
-    if not has_doppler_division(radar) or radar.schedule is None:
+    if radar.schedule is None or not has_doppler_division(radar):
         return None
+    return _bands(radar, radar.schedule)
+
+
+@lru_cache(maxsize=16)
+def _bands(radar: Radar, schedule: Schedule) -> Bands | None:
     require_uniform_chirps(radar.waveform)
     num_tx, num_rows = len(radar.tx), radar.waveform.num_chirps
-    used = radar.schedule.bands(num_tx, num_rows)
+    used = schedule.bands(num_tx, num_rows)
     if used is None:
         require_transmitters_apart(np.empty(0), radar)
         return None
@@ -54,5 +59,5 @@ def bands_of(radar: Radar) -> Bands | None:
     if radar.channel_weights is not None:
         weights = np.tile(radar.channel_weights, num_tx)
         values["channel_weights"] = np.stack([weights.real, weights.imag], axis=-1)
-    shifts = np.rint(radar.schedule.tx_turns(num_tx) * num_rows).astype(int)
+    shifts = np.rint(schedule.tx_turns(num_tx) * num_rows).astype(int)
     return Bands(Radar.from_dict(values), shifts, len(used))
