@@ -134,6 +134,7 @@ def tables(num_seeds: int) -> str:
         ("irregular, 60 s", 0.2e-3, {"irregular": 0.05}),
         ("regular, 20 s", 0.35e-3, {"duration": 20.0}),
         ("no heart, 60 s", 0.0, {}),
+        ("irregular, no heart", 0.0, {"irregular": 0.05}),
     ]
     header = ["person", "heart [mm]", "breathing: largest error [%]", "NaN", "amplitude [mm]"]
     header += ["heart: within 3/min", "wrong", "NaN", "largest error [1/min]"]

@@ -219,4 +219,4 @@ def test_real_recording_has_its_breathing_and_no_certain_heart_rate() -> None:
     assert 6e-3 <= signs.amplitude <= 9e-3
     assert 0.28 < signs.range < 0.42
     assert np.isnan(signs.heart_rate)
-    assert signs.heart_reason.startswith("channels disagree: ")
+    assert signs.heart_reason == "all lines are harmonics of breathing"

@@ -389,8 +389,9 @@ def _heart(displacement: _Reals, time: _Reals, breathing: float) -> _Line:
     cells = np.abs(frequencies[peaks] - orders * breathing) * duration
     beside = np.abs(frequencies - breathing) <= width
     irregularity = np.minimum(orders * amplitudes[beside].max() / harmonics[0], 1.0)
-    lobes = np.where(cells > 2.0, 1.0 / (np.pi * cells * np.maximum(np.square(cells) - 1.0, 1.0)), 1.0)  # Hann window
-    skirts = (irregularity * harmonics[:, None] * lobes).sum(axis=0)
+    near = np.abs(frequencies - orders * breathing) <= width
+    levels = np.maximum(harmonics, np.where(near, amplitudes, 0.0).max(axis=1))[:, None]
+    skirts = (irregularity * levels / np.maximum(0.5 * cells, 1.0)).sum(axis=0)  # of a phase that walks at random
     kept = peaks[amplitudes[peaks] > _OVER_SKIRTS * skirts]
     if len(kept) == 0:
         return _Line(np.nan, 0.0, 0.0, median)
