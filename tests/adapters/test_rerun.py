@@ -199,12 +199,13 @@ def test_map_detections_and_truth_show_the_target(tmp_path: Path) -> None:
     assert content.at(r"/range/target", "Scalars:scalars")[0][1][0] == pytest.approx(distance, abs=1e-5)
 
 
-def test_tracks_appear_once_they_are_confirmed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("motion", [None, rc.Pose.from_rpy([1.0, 2.0, 0.5], [0.1, 0.2, 0.3])])
+def test_tracks_appear_once_they_are_confirmed(tmp_path: Path, motion: rc.Pose | None) -> None:
     def detections(time: float) -> rc.Detections:
         covariance = np.diag([1e-4, 1e-2, 1e-4, 1e-4])[None]
         return rc.Detections([2.0 - time], [-1.0], [0.3], [0.0], [20.0], covariance=covariance, time=time)
 
-    tracker = rc.Tracker()
+    tracker = rc.Tracker(motion)
     confirmed = []
     with Viewer(tmp_path / "run.rrd") as viewer:
         for time in np.arange(12) / 20.0:

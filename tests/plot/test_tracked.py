@@ -30,7 +30,9 @@ def tracks(*, dimensions: int = 2) -> Tracks:
     seen[5:8] = False
     covariance = np.broadcast_to(1e-6 * np.eye(2 * dimensions), (NUMBER, 2 * dimensions, 2 * dimensions))
     state, nearest = np.concatenate([place, motion], axis=1), np.full((2, NUMBER), np.nan)
-    return Tracks(MIDDLES, (Track(3, np.arange(NUMBER), MIDDLES, state, covariance, seen, seen, *nearest),))
+    sensor = np.broadcast_to(np.eye(3, 4), (NUMBER, 3, 4)), np.zeros((NUMBER, 3)), np.zeros(NUMBER)
+    numbers = np.arange(NUMBER)
+    return Tracks(MIDDLES, (Track(3, numbers, MIDDLES, state, covariance, seen, seen, *nearest, MIDDLES, *sensor),))
 
 
 def recording(*, truth: bool = True) -> Recording:
@@ -114,6 +116,31 @@ def test_ways_from_above_are_where_the_tracks_were() -> None:
     np.testing.assert_allclose(ellipse.get_center(), [1.0 + 0.2 * MIDDLES[-1], 0.5])
     assert {text.get_text() for text in ax.texts} == {"radar", "cart", "wall", "track 3"}
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect()) == ("x [m]", "y [m]", 1.0)
+
+
+def test_tracks_of_a_moving_sensor_are_drawn_in_the_world() -> None:
+    rec = recording()
+    assert rec.truth is not None
+    (one,) = tracks()
+    poses = np.zeros((NUMBER, 3, 4))
+    poses[:, [0, 1, 2], [1, 0, 2]] = [-1.0, 1.0, 1.0]  # turned to the left
+    poses[:, 0, 3] = 0.1 * np.arange(NUMBER)
+    long = np.broadcast_to(np.diag([0.04, 0.01, 1.0, 1.0]), (NUMBER, 4, 4))  # along x of the sensor
+    moving = Tracks(MIDDLES, (replace(one, sensor_pose=poses, state_covariance=long),))
+    ax: Any = plot.tracks_from_above(moving, truth=rec.truth)
+    xy = [np.array(line.get_data()).T for line in ax.lines]
+    places = moving[0].position[:, :2]
+    np.testing.assert_allclose(places[-1], [1.9 - 0.5, 1.0 + 0.2 * MIDDLES[-1]])
+    assert any(np.array_equal(one, places) for one in xy)
+    assert any(np.array_equal(one, poses[:, :2, 3]) for one in xy)  # path of the sensor
+    beyond = np.linalg.norm(xy[0] - places, axis=1)  # the true range of the cart is farther by half a bin
+    np.testing.assert_allclose(beyond, 0.5 * RADAR.waveform.range_resolution)
+    assert ax.texts[0].get_text() == "radar"
+    (ellipse,) = ax.patches
+    assert (ellipse.width, ellipse.height) == pytest.approx((0.4, 0.8))
+    assert np.sin(np.deg2rad(ellipse.angle)) == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match="truth: expected the 20 frames of the tracks, got 19"):
+        plot.tracks_from_above(moving, truth=rec.truth[:19])
 
 
 def test_silly_input_is_refused() -> None:

@@ -197,6 +197,19 @@ def test_velocities_come_from_a_motion_at_the_middle_of_each_frame() -> None:
     np.testing.assert_array_equal(rc.remove_static(found, motion).cube, filtered.cube[0])
 
 
+def test_velocities_may_be_arrays_with_an_attribute_at() -> None:
+    class Labelled(np.ndarray):
+        """As the arrays of JAX and pandas."""
+
+        at = None
+
+    found = frame(static_points()[:2], 0.25, radar())
+    expected = rc.remove_static(found, [0.25, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        rc.remove_static(found, np.array([0.25, 0.0, 0.0]).view(Labelled)).cube, expected.cube
+    )
+
+
 def test_a_live_motion_without_a_recent_update_warns() -> None:
     found, motion = frame(static_points()[:2], 0.25, radar()), rc.Live()
     motion.update(-0.2, rc.Pose(), velocity=[0.25, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.0])

@@ -22,6 +22,7 @@ from radarcore.motion.protocol import AnyMotion, as_motion
 from radarcore.output import check_file, make_folder
 from radarcore.processing.detection.point_cloud import Detections
 from radarcore.processing.spectra.spectra import range_doppler
+from radarcore.processing.tracking.kalman import cartesian
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.recording.frame import Frame, Truth
 from radarcore.scene.body import Body
@@ -297,6 +298,8 @@ class Viewer:
     def show_tracks(self, states: Iterable[TrackState], time: float) -> None:
         """Confirmed tracks of a frame at its middle [s]: places, velocities as arrows, and ranges as curves.
 
+        Places and arrows are sent relative to the radar, so tracks in the world need its pose by `show_poses`.
+
         See Also
         --------
         Tracker.update : States of targets.
@@ -317,8 +320,8 @@ class Viewer:
         confirmed = [state for state in states if state.is_confirmed]
         self._at(time)
         placed = [state for state in confirmed if np.isfinite(state.position).all()]
-        places = np.array([state.position for state in placed]).reshape(-1, 3)
-        motions = np.array([state.motion for state in placed]).reshape(-1, 3)
+        places = np.array([cartesian(state.state)[0] for state in placed]).reshape(-1, 3)
+        motions = np.array([state.sensor_pose[:, :3].T @ state.motion for state in placed]).reshape(-1, 3)
         names = [f"track {state.id}" for state in placed]
         self._stream.log(f"{_RADAR}/tracks", rr.Points3D(places, radii=1.5 * _DOT, labels=names, colors=_TRACK))
         self._stream.log(f"{_RADAR}/tracks/velocity", rr.Arrows3D(origins=places, vectors=motions, colors=_TRACK))

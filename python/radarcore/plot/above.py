@@ -16,6 +16,7 @@ from radarcore.geometry.pose import Pose
 from radarcore.motion.protocol import AnyMotion, Motion, as_motion, poses_at
 from radarcore.plot import canvas
 from radarcore.plot.canvas import Name
+from radarcore.processing.tracking.kalman import covariance_from_above
 from radarcore.processing.tracking.tracks import Track, Tracks
 from radarcore.recording.frame import Truth
 from radarcore.scene.body import Body, PointTarget, motion_of
@@ -87,10 +88,12 @@ def scene_from_above(
 def tracks_from_above(
     tracks: Tracks, ax: Axes | None = None, *, truth: Truth | None = None, colors: Mapping[str, str] | None = None
 ) -> Axes:
-    """Ways of targets in the sensor frame: x to the right, y up [m], the sensor at the origin.
+    """Paths of targets in the world of the sensor's motion: x to the right, y up [m].
 
-    Tracks are lines in a colour each from a dot at their first detection, dotted where frames had no detection; at
-    their end is an ellipse of two standard deviations. The truth is grey.
+    Without a motion the world is the sensor frame, and the sensor is at its origin. A sensor that moves is drawn at its
+    last known place, with its path. Tracks are lines in a colour each from a dot at their first detection, dotted where
+    frames had no detection; at their end is an ellipse of two standard deviations. The truth is grey; if the sensor
+    moves, it is drawn in frames that have a track.
 
     Parameters
     ----------
@@ -99,7 +102,7 @@ def tracks_from_above(
     ax : matplotlib Axes, optional
         Default: those of a new figure.
     truth : Truth, optional
-        Arrays (frame, body).
+        Arrays (frame, body) of the frames of the tracks.
     colors : dict, optional
         Colours by name, such as ``"track 0"``; default: in turn.
 
@@ -120,15 +123,20 @@ def tracks_from_above(
     if any(np.isnan(one.position).all() for one in tracks):
         raise ValueError("tracks: expected tracks with positions, got some of ranges alone, without angles")
     ax = canvas.new_axes() if ax is None else ax
-    names = [Name(0.0, 0.0, "radar", "black")]
+    poses = _sensor_poses(tracks)
+    path = poses[:, :2, 3]
+    x, y = path[np.isfinite(path[:, 0])][-1].tolist()
+    names = [Name(x, y, "radar", "black")]
     if truth is not None:
-        names += _draw_truth(ax, check.instance("truth", truth, Truth))
+        names += _draw_truth(ax, check.instance("truth", truth, Truth), poses)
     palette = canvas.color_cycle([f"track {one.id}" for one in tracks], colors)
     for one in tracks:
         name, color = f"track {one.id}", palette[f"track {one.id}"]
         _draw_track(ax, one, color)
         names.append(Name(float(one.position[-1, 0]), float(one.position[-1, 1]), name, color))
-    ax.plot(0.0, 0.0, "o", color="black", markersize=6.0, zorder=6.0)
+    if len(path) > 1:
+        _draw_path(ax, path)
+    ax.plot(x, y, "o", color="black", markersize=6.0, zorder=6.0)
     _finish(ax)
     canvas.place_names((ax, names, "white"))
     return ax
@@ -183,7 +191,7 @@ def draw_scene(
     # The sensor on top, then the limits, and the field of view as far as they go.
     path = np.array([sensor.at(time).position[:2] for time in dense.tolist()])
     if (np.ptp(path, axis=0) > _STILL).any():
-        ax.plot(*path.T, color="black", linewidth=1.0, linestyle=(0, (4, 2)), zorder=5.0)
+        _draw_path(ax, path)
     ax.plot(*sensor_pose.position[:2], "o", color="black", markersize=6.0, zorder=6.0)
     names.append(Name(float(sensor_pose.position[0]), float(sensor_pose.position[1]), "radar", "black"))
     for name, interferer in zip(scene.interferer_names, scene.interferers, strict=True):
@@ -216,6 +224,11 @@ def _draw_body(
             linewidth=1.2,
             zorder=2.5,
         )
+
+
+def _draw_path(ax: Axes, path: NDArray[np.float64]) -> None:
+    """Draw the path of the sensor (time, 2)."""
+    ax.plot(*path.T, color="black", linewidth=1.0, linestyle=(0, (4, 2)), zorder=5.0)
 
 
 def _draw_view(ax: Axes, sensor: Pose, horizontal_deg: float) -> None:
@@ -314,6 +327,15 @@ def _dense(times: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linspace(times.min(), times.max(), _POINTS_OF_TRAIL)
 
 
+def _sensor_poses(tracks: Tracks) -> NDArray[np.float64]:
+    """Poses of the sensor in all frames, (frame, 3, 4), NaN in frames without a track; (1, 3, 4) of one at rest."""
+    poses = np.full((len(tracks.time), 3, 4), np.nan)
+    for one in tracks:
+        poses[one.frame] = one.sensor_pose
+    known = poses[np.isfinite(poses[:, 0, 0])] if len(tracks) > 0 else np.eye(3, 4)[None]
+    return known[:1] if (known == known[0]).all() else poses
+
+
 def _draw_track(ax: Axes, track: Track, color: str) -> None:
     """The way of a target, and how well its end is known."""
     from matplotlib.patches import Ellipse
@@ -323,17 +345,19 @@ def _draw_track(ax: Axes, track: Track, color: str) -> None:
     ax.plot(*places.T, color=color, linewidth=1.0, linestyle=":", zorder=3.0)
     ax.plot(*seen.T, color=color, linewidth=1.6, zorder=3.0)
     ax.plot(*places[0], ".", color=color, markersize=6.0, zorder=3.0)
-    values, vectors = np.linalg.eigh(track.state_covariance[-1, :2, :2])
+    values, vectors = np.linalg.eigh(covariance_from_above(track.state_covariance[-1], track.sensor_pose[-1]))
     width, height = (2.0 * _DEVIATIONS * np.sqrt(values)).tolist()
     angle = float(np.rad2deg(np.arctan2(vectors[1, 0], vectors[0, 0])))
     x, y = places[-1].tolist()
     ax.add_patch(Ellipse((x, y), width, height, angle=angle, color=color, alpha=0.25, zorder=2.5))
 
 
-def _draw_truth(ax: Axes, truth: Truth) -> list[Name]:
-    """True ways of all bodies, and their names."""
-    places = truth.range[..., None] * unit_vectors(truth.azimuth, np.nan_to_num(truth.elevation))
-    x, y, _ = map(np.atleast_2d, np.moveaxis(places, -1, 0))
+def _draw_truth(ax: Axes, truth: Truth, poses: NDArray[np.float64]) -> list[Name]:
+    """Draw true paths of all bodies by the poses of the sensor, (frame, 3, 4) or (1, 3, 4); returns their names."""
+    places = np.atleast_2d(truth.range)[..., None] * unit_vectors(truth.azimuth, np.nan_to_num(truth.elevation))
+    if len(poses) not in (1, len(places)):
+        raise ValueError(f"truth: expected the {len(poses)} frames of the tracks, got {len(places)}")
+    x, y, _ = np.moveaxis(places @ poses[:, :, :3].mT + poses[:, None, :, 3], -1, 0)
     names = []
     for name, *way in zip(truth.names, x.T, y.T, strict=True):
         ax.plot(*way, color=canvas.GREY, linewidth=4.0, alpha=0.35, solid_capstyle="round", zorder=2.0)

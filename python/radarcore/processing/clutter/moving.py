@@ -134,7 +134,7 @@ def remove_static(
 def _sensor_velocity(frame: Frame | Recording, motion: AnyMotion | ArrayLike) -> Array:
     """Velocity of the array's centre in the sensor's axes, (3,), or (frame, 3) of a recording [m/s]."""
     is_one = isinstance(frame, Frame)
-    if not (callable(motion) or hasattr(motion, "at")):
+    if not (callable(motion) or hasattr(motion, "rate_at")):  # arrays of JAX and pandas have `at`
         return check.array("motion", motion, (3,) if is_one or np.ndim(motion) == 1 else (len(frame.cube), 3))
     times = np.atleast_1d(frame.time) + frame.radar.middle
     states = [sensor_state(as_motion("motion", motion), time, frame.radar.array_center) for time in times.tolist()]

@@ -331,6 +331,13 @@ def to_sensor(state: Array, covariance: Array, pose: Array, velocity: Array) -> 
     return (turn.mT @ (state - shift)[..., None])[..., 0], turn.mT @ covariance @ turn
 
 
+def covariance_from_above(covariance: Array, pose: Array) -> Array:
+    """Covariance (2, 2) of x and y in the world, of a state's (2 d, 2 d) in the axes of a sensor with a pose (3, 4)."""
+    d = len(covariance) // 2
+    seen: Array = pose[:2, :d] @ covariance[:d, :d] @ pose[:2, :d].T
+    return seen
+
+
 def _axes(pose: Array, velocity: Array, num_dimensions: int) -> tuple[Array, Array]:
     """Rotation of states (..., 2 d, 2 d) and what is added to them (..., 2 d)."""
     d = num_dimensions

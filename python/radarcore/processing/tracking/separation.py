@@ -12,7 +12,7 @@ import numpy as np
 from radarcore import check
 from radarcore.geometry.mesh import Mesh
 from radarcore.motion.protocol import LinkMotion, poses_at
-from radarcore.processing.tracking.kalman import SHORTEST_RANGE, Array
+from radarcore.processing.tracking.kalman import SHORTEST_RANGE, Array, covariance_from_above
 from radarcore.processing.tracking.tracks import TrackState
 from radarcore.scene.body import Body
 
@@ -225,9 +225,7 @@ def _person(state: TrackState, time: float, radius: float) -> _Person:
         sensor = state.sensor_pose[:, 3]
         sight = place - sensor
         discs.append(((sensor + state.nearest / max(np.linalg.norm(sight), SHORTEST_RANGE) * sight)[:2] + ahead, 0.0))
-    d = len(state.state) // 2
-    rotation = state.sensor_pose[:2, :d]
-    covariance = rotation @ state.state_covariance[:d, :d] @ rotation.T
+    covariance = covariance_from_above(state.state_covariance, state.sensor_pose)
     return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
 
 
