@@ -56,7 +56,7 @@ class Moment(NamedTuple):
 
 
 def run(people: list[rc.models.Human], duration: float) -> Iterator[Moment]:
-    """The loop: what a frame tells is known, and obeyed, one frame later; an arm that was stopped stays so for 1 s."""
+    """The loop: the arm obeys a frame one frame later, and stays stopped for at least 1 s."""
     model = mujoco.MjModel.from_xml_string(WORLD)
     data = mujoco.MjData(model)
     live = LiveModel(model)
@@ -119,7 +119,7 @@ def main(num_approaches: int, num_minutes: float) -> None:
                 break
         counts[in_view].append(distance)
         print(f"{seed}: {person.speed:.2f} m/s, {'in view' if in_view else 'outside'}, {distance:.2f} m at standstill")
-    required = 0.1 + 0.01  # people and robot stand still: what is left is C and Zr
+    required = 0.1 + 0.01  # C and Zr: people and robot stand still
     for in_view, name in ((True, "within the field of view"), (False, "outside of it")):
         far = sum(distance >= required for distance in counts[in_view])
         print(f"{name}: at least {required:.2f} m at standstill in {far} of {len(counts[in_view])} approaches")

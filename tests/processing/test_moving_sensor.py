@@ -121,6 +121,13 @@ def test_detections_of_a_person_may_lack_the_elevation() -> None:
     assert one.is_detected.all()
 
 
+def test_a_first_detection_at_the_horizon_has_the_dimensions_of_the_array() -> None:
+    (first, *frames) = of_points([3.0, 0.5, 1.2], [0.0, 0.0, 0.0], TURNING, 10)
+    first = replace(first, covariance=np.diag([1e-4, 1e-4, 10.0, 10.0])[None])  # the angles may be any
+    (one,) = rc.track([first, *frames], motion=TURNING, **POINTS)
+    assert one.state.shape == (9, 6)
+
+
 def test_places_are_stale_while_the_motion_of_the_sensor_is_not_updated() -> None:
     motion = rc.Live()
     motion.update(0.0, rc.Pose(), velocity=[0.1, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.0])

@@ -57,12 +57,12 @@ def remove_static(
     field_of_view_deg: tuple[float, float] | None = None,
     suppression_db: float = 50.0,
 ) -> Kind:
-    """Take the echoes of what stands still off frames of a moving sensor.
+    """Take static echoes off frames of a moving sensor.
 
-    With a velocity of 0 the mean over the chirps is taken off, of every channel and sample. Otherwise a band of
-    velocities is, from the smallest to the largest that the field of view has, and some bins about it, the more the
-    stronger the suppression: targets in it are lost with ``method="doppler"``. What moves with the sensor, such as
-    coupling between its antennas, has the velocity 0 and stays unless 0 is in the band.
+    With a velocity of 0 the mean over the chirps is taken off every channel and sample. Otherwise a band of velocities
+    is taken off, from the smallest to the largest in the field of view, and some bins about it. A stronger suppression
+    takes more bins. Targets in the band are lost with ``method="doppler"``. Signals that move with the sensor, such as
+    coupling between its antennas, have the velocity 0 and stay unless 0 is in the band.
 
     The angular velocity does not matter: the range of no point changes when the sensor turns about the centre of its
     array, and antennas that are millimetres off that centre gain millimetres per second for each radian per second.
@@ -76,11 +76,11 @@ def remove_static(
         says when a live one is older by more than 0.1 s. Or the velocity of the array's centre over the ground there,
         along the sensor's own axes [m/s]: one for a recording, or one per frame.
     method : "doppler" or "space-time"
-        The band in every channel, whatever their phases; or, in the band, only what comes from directions that have
-        the velocity. The latter leaves slow targets in other directions, which takes an array that resolves them (with
-        three antennas and a wide beam it leaves little), with phases and positions of channels as the radar has them.
+        The band in every channel, whatever their phases; or, in the band, only echoes from directions that have the
+        velocity. The latter leaves slow targets in other directions. It needs an array that resolves them (with three
+        antennas and a wide beam it leaves little), with phases and positions of channels as the radar has them.
     field_of_view_deg : (horizontal, vertical), optional
-        Directions of what stands still, as `Simulator` has them [degrees]; default: the antennas' beam, down to 20 dB
+        Directions of static objects, as `Simulator` has them [degrees]; default: the antennas' beam, down to 20 dB
         below the largest two-way gain.
     suppression_db : float
         By how much an echo at the edge of the band falls at least [dB], if it is a far point at constant velocity.

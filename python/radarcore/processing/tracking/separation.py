@@ -224,7 +224,8 @@ def _person(state: TrackState, time: float, radius: float) -> _Person:
     if np.isfinite(state.nearest):
         sensor = state.sensor_pose[:, 3]
         sight = place - sensor
-        discs.append(((sensor + state.nearest / max(np.linalg.norm(sight), SHORTEST_RANGE) * sight)[:2] + ahead, 0.0))
+        echo = sensor + state.nearest / max(float(np.linalg.norm(sight)), SHORTEST_RANGE) * sight
+        discs.append((echo[:2] + ahead, 0.0))
     covariance = covariance_from_above(state.state_covariance, state.sensor_pose)
     return _Person(discs, float(np.linalg.norm(state.motion[:2])), covariance)
 

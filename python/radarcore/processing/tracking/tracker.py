@@ -272,9 +272,9 @@ class Tracker:
         if ((variance < 0.0) | (variance == np.inf)).any():
             raise ValueError(f"detections: expected finite variances from 0 on, got {np.unique(variance)}")
 
-        values[:, 2:][variance[:, 2:] > _LOST] = np.nan  # as at the horizon of an array
         sensor = _AT_REST if self._motion is None else sensor_state(self._motion, detections.time)
         self._choose_dimensions(values, sensor)
+        values[:, 2:][variance[:, 2:] > _LOST] = np.nan  # as at the horizon of an array
         self._predict(detections.time, sensor)
         if self.num_dimensions is None:
             return []

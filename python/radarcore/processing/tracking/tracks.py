@@ -104,7 +104,7 @@ class TrackState(_Coordinates[float]):
         Detections of the target until then.
     nearest, nearest_deviation : float
         Range of the nearest of its detections in the frame, and the standard deviation of that detection [m]; NaN if
-        it has none. `range` is that of their centroid.
+        it has none. `range` is at their centroid.
     seen : float
         Time of the newest detection of the target [s].
     sensor_pose : (3, 4) float64
@@ -117,7 +117,7 @@ class TrackState(_Coordinates[float]):
     See Also
     --------
     Tracker.update : Makes them.
-    Tracks.at : Those of a recording at one time.
+    Tracks.at : States of a recording at one time.
 
     Examples
     --------
