@@ -209,12 +209,9 @@ def test_matt_points_on_a_seam_count_once() -> None:
     np.testing.assert_allclose(powers, powers[0], rtol=1e-3)
 
 
-@pytest.mark.parametrize("sampling", ["adaptive", "footprint"])
-@pytest.mark.parametrize("options", [{}, {"max_bounces": 2}], ids=["one", "bounces"])
-def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, Any]) -> None:
-    if sampling == "footprint":
-        options = options | {"resolution": 200}
-    options = {"max_bounces": 1} | options
+@pytest.mark.parametrize("options", [{}, {"sampling": "footprint", "resolution": 200}], ids=["adaptive", "footprint"])
+@pytest.mark.parametrize("max_bounces", [1, 2])
+def test_tiles_of_all_sectors_are_taken_over(options: dict[str, Any], max_bounces: int) -> None:
     mesh = rc.shapes.sphere(0.2)
     still = [
         conductor(mesh, rc.Pose(towards(*angles, 2.0)), f"ball {number}")
@@ -223,7 +220,7 @@ def test_tiles_of_all_sectors_are_taken_over(sampling: str, options: dict[str, A
     moving = rc.Body(
         rc.shapes.dihedral(0.2), material=CONDUCTOR, motion=rc.Linear(looking_back(46.0, 20.0, 2.0), velocity=[0, 2, 0])
     )
-    sim = simulator([*still, moving], **options)
+    sim = simulator([*still, moving], max_bounces=max_bounces, **options)
     first, second = sim.frame(0.0), sim.frame(0.1)
     assert second.stats["tiles_reused"] > 0
     assert second.stats["rays_cast"] < first.stats["rays_cast"]
