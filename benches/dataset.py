@@ -23,8 +23,8 @@ from radarcore.dataset.store import attributes_of, create, layout_of, samples_in
 
 RADAR = 'radar.preset = "bgt60tr13c"\n'
 ADC = "radar.receiver = { output = 'real', noise_figure_db = 12.0, gain_db = 60.0, full_scale = 1.2, adc_bits = 12 }\n"
-LONG, SHORT = "run.stop = 0.25\n", "run.stop = 0.05\n"
-"""Ten frames of a person, and the two of a tiny run."""
+LONG, LONGEST, SHORT = (f"run.stop = {stop:g}\n" for stop in (0.25, 1.0, 0.02))
+"""Ten frames, forty, and the one of a tiny run."""
 
 PERSON = (
     LONG
@@ -54,8 +54,8 @@ velocity = [{ uniform = [-1.0, 1.0] }, 0.0, 0.0]
 SCENES = {
     "a person in a room, 10 frames": (RADAR + PERSON + ROOM, 20),
     "the same, codes of an ADC": (RADAR + ADC + PERSON + ROOM, 20),
-    "a ball, 40 frames": (RADAR + "run.stop = 1.0\n" + BALL, 60),
-    "a ball, 1 frame": (RADAR + "run.stop = 0.02\n" + BALL, 600),
+    "a ball, 40 frames": (RADAR + LONGEST + BALL, 60),
+    "a ball, 1 frame": (RADAR + SHORT + BALL, 600),
 }
 """Scene files, and samples of each."""
 
@@ -111,8 +111,8 @@ def speeds(folder: Path, tiny: bool) -> str:
     rows = []
     for name, (text, count) in SCENES.items():
         scene, out = folder / "scene.toml", folder / "out"
-        scene.write_text(text.replace(LONG, SHORT) if tiny else text)
-        number = 2 if tiny else count
+        scene.write_text(text.replace(LONG, SHORT).replace(LONGEST, SHORT) if tiny else text)
+        number = 1 if tiny else count
         # Fewer samples than cores would have more threads.
         few = 1 if tiny else num_cores()
         if not tiny:
@@ -152,7 +152,7 @@ def rate(scene: Path, count: int) -> float:
 def scaling(folder: Path, tiny: bool) -> str:
     """Table of frames per second by the clock, of one and of all cores."""
     scene, out = folder / "people.toml", folder / "people"
-    cores = min(num_cores(), 2) if tiny else num_cores()
+    cores = 1 if tiny else num_cores()
     scene.write_text(SMALL + BALL if tiny else RADAR + PERSON + ROOM)
     rows, count = [], 1 if tiny else 20
     per_sample = simulated(scene, 1)[0]
@@ -186,7 +186,7 @@ def memory(folder: Path, tiny: bool) -> str:
     scene = folder / "small.toml"
     scene.write_text(SMALL + BALL)
     per_sample, rows = 10, []
-    for num_frames in (20, 40) if tiny else (100, 1000, 10_000):
+    for num_frames in (10, 20) if tiny else (100, 1000, 10_000):
         made(scene, folder / "small", num_frames // per_sample, 1, 100)
         rows.append([f"{num_frames}", f"{resident():.0f}"])
     return table(["frames made in one process", "memory [MB]"], rows)
@@ -199,7 +199,7 @@ def writing(folder: Path, tiny: bool) -> str:
         scene = folder / "writing.toml"
         scene.write_text(RADAR + receiver + (SHORT if tiny else LONG) + BALL)
         recipe = Recipe(rc.dataset.Variation.load(scene), 1, rc.dataset.Labels(), 1)
-        number = 2 if tiny else 60
+        number = 1 if tiny else 60
         frames = recipe.first_frames(number)
         layout = layout_of(recipe.variation, recipe.body_names, recipe.labels, frames, number, number)
         attrs = attributes_of(recipe.variation, layout, 1, recipe.labels, frames[0].radar)

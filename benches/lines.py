@@ -1,6 +1,7 @@
 """Lines of the package and its tests by folder: code, docstrings, comments; one row per folder, one table per commit.
 
     python benches/lines.py [COMMIT ...]    # without a commit, the files as they are
+    python benches/lines.py --tiny          # a single folder
 
 Blank lines, comments and docstrings do not count as code. Stubs (.pyi) are left out. Rust is counted without its unit
 tests (`mod tests` at the foot of a file, and files called tests).
@@ -13,6 +14,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -23,9 +25,8 @@ def git(*arguments: str) -> str:
     return subprocess.run(["git", "-C", ROOT, *arguments], capture_output=True, text=True, check=True).stdout
 
 
-def sources(commit: str | None) -> dict[str, str]:
+def sources(commit: str | None, folders: Iterable[str]) -> dict[str, str]:
     """Text of every Python and Rust source, by its path."""
-    folders = ["python", "tests", "rust"]
     if commit is None:
         names = git("ls-files", *folders).split("\n")
         return {name: (ROOT / name).read_text() for name in names if is_source(name) and (ROOT / name).exists()}
@@ -70,9 +71,9 @@ def folder(name: str) -> str:
     return "/".join(parts[:3] if parts[0] == "python" else parts[:2])
 
 
-def table(commit: str | None) -> None:
+def table(commit: str | None, folders: Iterable[str] = ("python", "tests", "rust")) -> None:
     rows: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
-    for name, text in sources(commit).items():
+    for name, text in sources(commit, folders).items():
         if name.endswith(".rs") and (name.startswith("tests/") or name.endswith("tests.rs")):
             continue
         counts = count_python(text) if name.endswith(".py") else count_rust(text)
@@ -85,5 +86,8 @@ def table(commit: str | None) -> None:
 
 
 if __name__ == "__main__":
-    for named in [argument for argument in sys.argv[1:] if argument != "--tiny"] or [None]:
-        table(named)
+    if "--tiny" in sys.argv:
+        table(None, ["tests/fuzz"])
+    else:
+        for named in sys.argv[1:] or [None]:
+            table(named)

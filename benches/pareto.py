@@ -104,6 +104,7 @@ Phasors = NDArray[np.complex128]
 class Run:
     """Sizes of a measurement."""
 
+    bands: list[tuple[float, int]]  # bandwidth [Hz] and samples per chirp, of linear delays
     paths: int
     fewer_paths: list[int]
     samples: int
@@ -115,6 +116,7 @@ class Run:
 
 
 FULL = Run(
+    bands=[(1e9, 128), (5e9, 256)],
     paths=65_536,
     fewer_paths=[100, 1000, 8192],
     samples=200,
@@ -125,7 +127,15 @@ FULL = Run(
     calls=5000,
 )
 TINY = Run(
-    paths=64, fewer_paths=[16], samples=10, tolerances=[1e-3, 1e-10], repeats=1, round=0.0, growth=[16, 32], calls=10
+    bands=[(1e9, 16)],
+    paths=64,
+    fewer_paths=[16],
+    samples=10,
+    tolerances=[1e-3, 1e-10],
+    repeats=1,
+    round=0.0,
+    growth=[16, 32],
+    calls=10,
 )
 
 
@@ -429,7 +439,7 @@ def library(job: Job, tolerances: Iterable[float]) -> Iterator[Method]:
 
 
 def linear_results(run: Run) -> Iterator[tuple[str, list[Method]]]:
-    for bandwidth, num_samples in ((1e9, 128), (5e9, 256)):
+    for bandwidth, num_samples in run.bands:
         wf = waveform(bandwidth=bandwidth, num_samples=num_samples)
         for case in (random_order(wf, run.paths), image_order(wf, run.paths)):
             job = case.job(run.tolerances[0])

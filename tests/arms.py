@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from radarcore.models import robots
 from radarcore.models.robots.joint import JointTrajectory
 
 CHECK_POSE = np.array([0.0, -1.2, 1.6, -0.4, 1.5708, 0.0])
+
+needs_robots = pytest.mark.skipif(
+    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
+)
 
 ROUNDING = 1e-14
 """Of products of a dozen matrices of order one, in f64."""

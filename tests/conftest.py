@@ -15,6 +15,7 @@ from __future__ import annotations
 import gc
 import os
 import re
+import signal
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -100,3 +101,11 @@ def pytest_runtest_setup() -> Iterator[None]:
 def pytest_runtest_call() -> Iterator[None]:
     with skipping_without_extra():
         return (yield)
+
+
+@pytest.fixture
+def hears_interrupts() -> Iterator[None]:
+    """Python's own handler, also where the tests were started in the background, with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

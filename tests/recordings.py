@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +59,22 @@ def assert_same(given: Recording, expected: Recording, num_frames: int | None = 
         assert given.truth.names == expected.truth.names
         for name in ("range", "velocity", "azimuth", "elevation"):
             np.testing.assert_array_equal(getattr(given.truth, name), getattr(expected.truth, name)[:n])
+
+
+def real_recording() -> Path:
+    """A recording of a real sensor, before which somebody sits; skips the test where there is none."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "recordings"
+    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
+    if not path.is_dir():
+        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
+    return path
+
+
+def npy(array: Any) -> bytes:
+    """The bytes of a .npy file."""
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
 
 
 def refused(message: str, path: Path, error: type[Exception] = ValueError, **description: Any) -> None:

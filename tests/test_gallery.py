@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import runpy
 import sys
@@ -15,6 +14,7 @@ import pytest
 import infineon_folders
 import radarcore as rc
 from radarcore.recording.frame import to_codes
+from recordings import real_recording
 
 pytest.importorskip("matplotlib", reason="needs the extra `plot`: pip install radarcore[plot]")
 
@@ -146,11 +146,7 @@ def test_breaths_are_counted_in_a_folder_of_infineon(printed: Printed, tmp_path:
 
 
 def test_breaths_are_counted_in_a_recording_of_a_real_sensor(printed: Printed) -> None:
-    beside = ROOT.parent / "shared" / "recordings"
-    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
-    if not path.is_dir():
-        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    (tracked, total, nearest, farthest), (rate,) = numbers(printed("real_recording", str(path)))
+    (tracked, total, nearest, farthest), (rate,) = numbers(printed("real_recording", str(real_recording())))
     assert (tracked, total) == (256.0, 256.0)
     assert 0.30 < nearest < farthest < 0.45  # as published
     assert 8.0 < rate < 25.0  # of somebody at rest

@@ -11,11 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
-from interrupts import hears_interrupts, time_of, time_to_hear
+from interrupts import time_of, time_to_hear
 from path_scenes import sweep_waveform
 from radarcore import _core, notice
-
-__all__ = ["hears_interrupts"]
 
 pytestmark = pytest.mark.usefixtures("hears_interrupts")
 

@@ -248,11 +248,10 @@ WRITING = {"write_bytes", "savefig", "imsave", "savetxt", "tofile"}
 ALLOWED = {
     "output.py": {*DELETING, "open"},
     "sensor/emulator/pty.py": {"unlink", "symlink_to"},  # its own link; another link if asked
-    "recording/writer.py": {"unlink"},  # the files of a recording, under its lock
     "recording/infineon.py": {"unlink", "rmdir", "open", "write_bytes"},  # into new files; folders that it has made
-    "recording/native.py": {"open"},  # into a new file
+    "recording/native.py": {"open", "unlink"},  # into a new file; the files of a recording, under its lock
     "recording/npy.py": {"open", "write_bytes"},  # arrays of a recording, under its lock
-    "dataset/files.py": {"copyfile"},  # into a part
+    "dataset/sample.py": {"copyfile"},  # into a part
     "dataset/store.py": {"unlink"},  # files that zarr was writing when it was killed, under the dataset's lock
     "adapters/optitrack/csv.py": {"open"},  # into a new file
     "comparison/report.py": {"savefig"},  # into memory

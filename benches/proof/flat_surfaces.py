@@ -106,7 +106,7 @@ class FlatResult:
 
 
 def flat_results(run: Run, names: Iterable[str] = TARGETS) -> Iterator[FlatResult]:
-    for name in names:
+    for name in list(names)[: run.flat_targets]:
         rng = np.random.default_rng(0)
         placements = [TARGETS[name](rng) for _ in range(run.placements)]
         fields, distances = np.array([field for _, field, _ in placements]), np.array([d for *_, d in placements])

@@ -56,6 +56,8 @@ class Run:
     floors: list[float]
     unit: int
     turns: int
+    flat_targets: int | None
+    """Number of flat surfaces, None for all."""
     placements: int
     """Of flat surfaces."""
     repeats: int
@@ -86,6 +88,7 @@ FULL = Run(
     floors=[1e-3, 1e-5, 1e-7],
     unit=256,
     turns=6,
+    flat_targets=None,
     placements=20,
     repeats=3,
     seeds=100,
@@ -108,6 +111,7 @@ TINY = Run(
     floors=[1.0],
     unit=32,
     turns=1,
+    flat_targets=1,
     placements=1,
     repeats=1,
     seeds=2,

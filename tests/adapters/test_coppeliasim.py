@@ -150,13 +150,6 @@ def test_simulation_is_stopped_after_an_interrupt_in_the_midst_of_a_step(
     assert not stub.is_running
 
 
-@pytest.fixture
-def hears_interrupts() -> Iterator[None]:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def test_simulation_can_run_again(simulator: coppeliasim.CoppeliaSim) -> None:
     (plate,) = simulator.bodies("/plate")
     for _ in range(2):

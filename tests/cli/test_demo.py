@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 import radarcore as rc
+from arms import needs_robots
 from radarcore.cli import demo
 from radarcore.cli.main import main
-from radarcore.models import robots
-
-needs_robots = pytest.mark.skipif(
-    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
-)
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:

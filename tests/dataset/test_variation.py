@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.dataset.files import toml_text
+from radarcore.dataset.sample import toml_text
 from radarcore.dataset.variation import share_of
 from scene_files import EXAMPLES, write
 from varied_scenes import BALL, HEAD, PERSON

@@ -18,7 +18,7 @@ import numpy as np
 from fuzz.cases import Case, damaged_tree, json_bytes, read_back
 from infineon_folders import folder as infineon_folder
 from radarcore.recording.recording import Recording
-from recordings import recording, sensor_frame
+from recordings import npy, recording, sensor_frame
 
 
 def _saved(save: Callable[[Path], Any], name: str) -> Case:
@@ -67,7 +67,7 @@ def make_npz(random: Random) -> Case:
         del members[name]
     elif name == "meta.npy" and random.random() < 0.7:
         text = str(np.load(io.BytesIO(members[name])))
-        members[name] = _npy(np.array(_other_json(text.encode(), random).decode(errors="replace")))
+        members[name] = npy(np.array(_other_json(text.encode(), random).decode(errors="replace")))
     else:
         members[name] = _other_npy(members[name], random)
     file = io.BytesIO()
@@ -100,12 +100,6 @@ def _other_json(data: bytes, random: Random) -> bytes:
     return json_bytes(tree | damaged_tree({part: tree[part]}, random))
 
 
-def _npy(array: Any) -> bytes:
-    file = io.BytesIO()
-    np.save(file, array)
-    return file.getvalue()
-
-
 def _other_npy(data: bytes, random: Random) -> bytes:
     """An array of another shape or type, or a header that says so of the same samples."""
     array = np.load(io.BytesIO(data))
@@ -119,7 +113,7 @@ def _other_npy(data: bytes, random: Random) -> bytes:
             filled = values.astype(random.choice(dtypes[:10]))
             if filled.dtype.kind in "fc" and filled.size and random.random() < 0.3:
                 filled.flat[random.randrange(filled.size)] = random.choice((np.nan, np.inf, -np.inf, 1e30))
-        return _npy(np.asfortranarray(filled) if random.random() < 0.2 else filled)
+        return npy(np.asfortranarray(filled) if random.random() < 0.2 else filled)
     descr = random.choice((np.lib.format.dtype_to_descr(array.dtype), random.choice(dtypes), [("a", "<f4")], "|O", 7))
     header: Any = {"descr": descr, "fortran_order": random.choice((False, False, True, 1)), "shape": shape}
     if random.random() < 0.2:

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from arms import CHECK_POSE, ROUNDING, matrix, some_trajectory
-from radarcore.models import robots
+from arms import CHECK_POSE, ROUNDING, matrix, needs_robots, some_trajectory
 from radarcore.models.robots.arm import RADAR_AT_TOOL0, RobotArm
 from radarcore.models.robots.named import UR10, data_file
 from solids import area_vectors, is_closed
-
-needs_robots = pytest.mark.skipif(
-    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
-)
 
 MESH_TRIANGLES = {
     "base_link": 366,

@@ -14,14 +14,12 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from arms import matrix
+from arms import matrix, needs_robots
 from radarcore.models import RobotArm, robots
 from radarcore.models.robots import urdf
 from radarcore.models.robots.named import ARMS, data_file
 
-pytestmark = pytest.mark.skipif(
-    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
-)
+pytestmark = needs_robots
 needs_collada = pytest.mark.skipif(
     not importlib.util.find_spec("collada"), reason="needs the extra `robots`: pip install radarcore[robots]"
 )

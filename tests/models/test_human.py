@@ -4,18 +4,14 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from arms import matrix
-from radarcore.models import RobotArm, robots
+from arms import matrix, needs_robots
+from radarcore.models import RobotArm
 from radarcore.models.people import gait
 from radarcore.models.people.human import SEGMENTS, Human
 from radarcore.models.people.segments import HUMAN
 from radarcore.models.robots import urdf
 from radarcore.models.robots.named import data_file
 from solids import area_vectors, is_closed, volume
-
-needs_robots = pytest.mark.skipif(
-    not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]"
-)
 
 # A point of the body that the tables name: segment and place in its axes, over body height.
 POINTS = {

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ import pytest
 
 import radarcore as rc
 from radarcore import processing
+from recordings import real_recording
 
 WIDE = {"start_frequency": 58e9, "stop_frequency": 63.5e9, "num_samples": 64}
 """Sweep of the chip's settings at power-up."""
@@ -34,11 +33,7 @@ def peak_of(frame: rc.Frame, **limits: float) -> processing.Peak:
 @pytest.fixture(scope="module")
 def real() -> rc.Recording:
     """Recording of a real sensor, in front of which a person moves."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
-    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
-    if not path.exists():
-        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    return rc.Recording.load(path)
+    return rc.Recording.load(real_recording())
 
 
 @pytest.mark.parametrize("settings", [{}, WIDE], ids=["1 GHz", "5.5 GHz"])

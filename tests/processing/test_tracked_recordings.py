@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +20,7 @@ from radarcore.recording.recording import Recording
 from radarcore.scene.body import PointTarget
 from radarcore.scene.scene import Scene
 from radarcore.simulate.simulator import Simulator
+from recordings import real_recording
 
 
 def test_simulated_targets_are_tracked_to_their_truth() -> None:
@@ -67,11 +66,7 @@ def test_target_of_doppler_division_is_one_track() -> None:
 
 def test_person_of_a_real_recording_is_tracked_throughout() -> None:
     """Somebody 0.30 to 0.45 m before the sensor (as published: bins 40 to 60 of 256), hardly moving but for breath."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
-    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
-    if not path.is_dir():
-        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    rec = Recording.load(path)
+    rec = Recording.load(real_recording())
     moving = replace(rec, cube=remove_mean(rec.cube, axis=-4))
     tracks = track(moving, num_dimensions=1)
     person = max(tracks, key=len)

@@ -323,11 +323,6 @@ def test_clutter_confirms_no_more_tracks_than_predicted() -> None:
     assert len(confirmed) >= 0.1 * tracker.num_begun * chance(at_least)  # and the prediction is not idle
 
 
-def chi_square_bounds(degrees: int) -> tuple[float, float]:
-    """4.5 standard deviations about the mean of chi-square with many degrees of freedom."""
-    return degrees - 4.5 * np.sqrt(2.0 * degrees), degrees + 4.5 * np.sqrt(2.0 * degrees)
-
-
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions: int) -> None:
     """NIS and NEES of 500 targets about 3 m ahead: chi-square, with the second order of the range rate."""
@@ -345,19 +340,17 @@ def test_innovations_and_errors_of_the_extended_filter_are_consistent(dimensions
         state, covariance = predict(state, covariance, transition, disturbance)
         expected = expect(state, covariance)
         exact = expect(truth, np.zeros_like(covariance)).value
-        innovation = wrapped(
-            exact + errors * rng.standard_normal(exact.shape) - expected.value,
-            periods_of(None)[:told],
-        )
+        measured = exact + errors * rng.standard_normal(exact.shape)
+        innovation = wrapped(measured - expected.value, periods_of(None)[:told])
         total = expected.spread + noise
         squares = np.einsum("ni,nij,nj->n", innovation, np.linalg.inv(total), innovation)
         state, covariance = update(state, covariance, innovation, expected.jacobian, noise + expected.second_order)
         wrong = state - truth
         nees = np.einsum("ni,nij,nj->n", wrong, np.linalg.inv(covariance), wrong)
         for found, degrees in ((squares, told * number), (nees, 2 * dimensions * number)):
-            low, high = chi_square_bounds(degrees)
-            # Errors of angles of 0.03 rad leave 2 % to the orders beyond the second.
-            assert 0.98 * low < found.sum() < 1.02 * high, (step, found.sum() / degrees)
+            # 4.5 standard deviations; errors of angles of 0.03 rad leave 2 % to the orders beyond the second.
+            wanted = pytest.approx(degrees, rel=0.02 + 4.5 * np.sqrt(2.0 / degrees))
+            assert found.sum() == wanted, (step, found.sum() / degrees)
 
 
 def test_smoothed_track_is_the_least_squares_of_all_detections() -> None:
@@ -395,11 +388,9 @@ def test_smoothing_bridges_a_turn_that_was_not_seen() -> None:
     hidden = slice(24, 36)
     seen = values.copy()
     seen[hidden] = NAN
-    plain, smooth = (
-        track(stream(seen, noise=False), smooth=smooth, max_missed=12, **POINTS)[0] for smooth in (False, True)
-    )
-    for name in ("id", "num_hits"):
-        assert getattr(plain, name) == getattr(smooth, name)
+    frames = stream(seen, noise=False)
+    plain, smooth = (track(frames, smooth=value, max_missed=12, **POINTS)[0] for value in (False, True))
+    assert (plain.id, plain.num_hits) == (smooth.id, smooth.num_hits)
     np.testing.assert_array_equal(plain.is_detected, smooth.is_detected)
     errors = [np.abs(one.velocity - values[:, 0, 1])[hidden].max() for one in (plain, smooth)]
     assert errors[0] > 0.2  # 12 frames at 1 m/s^2

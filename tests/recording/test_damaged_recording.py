@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import tracemalloc
 import warnings
@@ -16,7 +15,7 @@ import pytest
 
 from radarcore.recording.native import RecordingWriter
 from radarcore.recording.recording import Recording
-from recordings import RADAR, assert_same, cut, frame, recording, refused, sensor_frame
+from recordings import RADAR, assert_same, cut, frame, npy, recording, refused, sensor_frame
 
 
 @pytest.mark.parametrize("name", ["cube.npy", "time.npy", "truth_range.npy"])
@@ -147,12 +146,6 @@ def header(shape: tuple[int, ...], descr: str = "<c8") -> bytes:
     """An NPY file that says so of what it does not have."""
     words = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     return b"\x93NUMPY\1\0" + len(words).to_bytes(2, "little") + words + bytes(64)
-
-
-def npy(array: Any) -> bytes:
-    file = io.BytesIO()
-    np.save(file, array)
-    return file.getvalue()
 
 
 def archive(path: Path, compression: int = zipfile.ZIP_STORED, **members: bytes) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 from dataclasses import replace
@@ -22,6 +21,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.waveform import Waveform
 from radarcore.recording.frame import Truth, to_codes, to_samples
 from radarcore.recording.recording import Recording
+from recordings import real_recording
 
 FULL_SCALE = {"cube_unit": "full scale"}
 
@@ -364,12 +364,7 @@ def test_full_disk_leaves_what_was_there(tmp_path: Path, is_there: bool) -> None
 
 @pytest.fixture(scope="module")
 def real() -> Path:
-    """A recording of a real sensor; a person moves in front of it."""
-    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
-    path = Path(os.environ.get("RADARCORE_RECORDINGS", beside)) / "bgt60tr13c-8chirp"
-    if not path.is_dir():
-        pytest.skip(f"no recording of a real sensor at {path} (see CONTRIBUTING.md: RADARCORE_RECORDINGS)")
-    return path
+    return real_recording()
 
 
 def test_real_recording_is_written_to_the_last_byte(real: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from radarcore.models import robots
+from arms import needs_robots
 from scene_files import BALL, EXAMPLES, PARTS, RADAR, load, pose_of, shaped
 
 
@@ -243,7 +243,7 @@ def test_arm_from_a_urdf_file_slides_in_metres(tmp_path: Path) -> None:
     assert pose_of(load(tmp_path, arm), "arm/hand").position.tolist() == [2.5, 0.0, 0.0]
 
 
-@pytest.mark.skipif(not robots.is_available(), reason="needs the extra `robots`: pip install radarcore[robots]")
+@needs_robots
 def test_arm_by_name_has_its_kinematics_and_meshes(tmp_path: Path) -> None:
     arm = '[[arm]]\nmodel = "ur5"\njoints = { kind = "rest", angles_deg = [0, 0, 0, 0, 0, 0] }\n'
     simulation = load(tmp_path, '[sensor]\nattached_to = "arm/tool0"\nalong_z = 0.1\n' + arm)

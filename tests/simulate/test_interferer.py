@@ -66,18 +66,14 @@ def test_cw_interferer_is_a_tone_of_friis_power_at_the_difference_of_frequencies
 
 
 def test_gains_are_those_of_the_directions_in_either_frame() -> None:
-    here, there = (
-        rc.Pose.from_rpy([0.0, 0.0, 0.5], [0.1, 0.2, 0.3]),
-        rc.Pose.from_rpy([3.0, 1.0, 0.0], [0.2, -0.1, 2.9]),
-    )
-    ours = rc.Radar(CW, pattern=HORN)
-    other = tone(0.0, pattern=HORN, motion=there)
+    here = rc.Pose.from_rpy([0.0, 0.0, 0.5], [0.1, 0.2, 0.3])
+    there = rc.Pose.from_rpy([3.0, 1.0, 0.0], [0.2, -0.1, 2.9])
     gains = 1.0
     for pose, target in ((here, there), (there, here)):
         x, y, z = pose.inverse().apply(target.position)
         gains *= float(HORN.gain(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))))
     distance = float(np.linalg.norm(here.position - there.position))
-    found = power_of([other], ours, radar_motion=here)
+    found = power_of([tone(0.0, pattern=HORN, motion=there)], rc.Radar(CW, pattern=HORN), radar_motion=here)
     assert found == pytest.approx(gains * friis(77e9, distance), rel=1e-6)
 
 
@@ -100,12 +96,10 @@ def test_every_receiver_has_the_phase_of_its_place() -> None:
 
 
 def test_body_between_the_radars_occludes_the_direct_path() -> None:
-    wall = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose.look_at([1.5, 2.0, 0.0], [0.0, 0.0, 0.0]))
-    beside = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose.look_at([1.5, -2.0, 0.0], [0.0, 0.0, 0.0]))
-    simulators = [rc.Simulator(rc.Scene([body, tone(1e5)]), rc.Radar(CW)) for body in (wall, beside)]
-    assert [sim.frame().stats["interference_power"] > 0.0 for sim in simulators] == [False, True]
-    assert simulators[0].frame().stats["chirps_hit"] == 0
-    assert simulators[1].frame().stats["chirps_hit"] == CW.num_chirps
+    for y, num_hit in ((2.0, 0), (-2.0, CW.num_chirps)):  # between them, and beside
+        wall = rc.Body(rc.shapes.plate(0.5, 0.5), motion=rc.Pose.look_at([1.5, y, 0.0], [0.0, 0.0, 0.0]))
+        stats = rc.Simulator(rc.Scene([wall, tone(1e5)]), rc.Radar(CW)).frame().stats
+        assert (stats["interference_power"] > 0.0, stats["chirps_hit"]) == (num_hit > 0, num_hit)
 
 
 def test_receding_interferer_has_a_tone_of_its_doppler_shift() -> None:
@@ -283,17 +277,15 @@ def test_scene_keeps_interferers_beside_bodies() -> None:
 
 
 def test_interferer_at_our_antenna_is_refused() -> None:
-    sim = rc.Simulator(rc.Scene([tone(0.0, motion=rc.Pose([1e-4, 0.0, 0.0]))]), rc.Radar(CW))
     with pytest.raises(ValueError, match=r"interferer: expected antennas at least 1 mm from ours, got 0\.1 mm"):
-        sim.frame()
+        cube_of([tone(0.0, motion=rc.Pose([1e-4, 0.0, 0.0]))])
 
 
 def test_interferer_inside_of_a_body_or_at_a_point_is_refused() -> None:
     box = rc.Body(rc.shapes.box([0.2, 0.2, 0.2]), motion=rc.Pose([3.0, 4.0, 0.0]), name="box")
     for part, message in ((box, "got them inside 'box'"), (rc.PointTarget([3.0, 4.0, 0.0]), "to 'point 0'")):
-        sim = rc.Simulator(rc.Scene([part, tone(0.0)]), rc.Radar(CW))
         with pytest.raises(ValueError, match=f"motion of 'interferer 0': expected .* {message}"):
-            sim.frame()
+            cube_of([part, tone(0.0)])
 
 
 def test_picture_from_above_names_interferers() -> None:

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import radarcore as rc
+from arms import matrix
 from radarcore.models import Human, JointTrajectory, RobotArm
 from radarcore.models.robots.arm import RADAR_AT_TOOL0
 from radarcore.motion.group import Motions
@@ -20,10 +21,6 @@ ROUNDING = 1e-12
 
 TIMES = np.array([1.3, -0.4, 0.0, 2.0, 5.5, 0.7, 2.0])
 """In no order, one twice; some before the first and after the last time of trajectories [s]."""
-
-
-def matrix(pose: rc.Pose) -> NDArray[np.float64]:
-    return np.column_stack([pose.rotation, pose.position])
 
 
 def swaying(time: float) -> rc.Pose:

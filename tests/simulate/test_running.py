@@ -15,10 +15,8 @@ import numpy as np
 import pytest
 
 import radarcore as rc
-from interrupts import hears_interrupts, time_to_hear
+from interrupts import time_to_hear
 from radarcore.simulate.side_by_side import in_order
-
-__all__ = ["hears_interrupts"]
 
 WAVEFORM = rc.Waveform(
     start_frequency=60e9, slope=2e13, sample_rate=2e6, num_samples=32, num_chirps=8, chirp_interval=300e-6

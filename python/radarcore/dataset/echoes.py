@@ -177,25 +177,14 @@ def share(seen: Echo, alone: Echo, in_danger: NDArray[np.bool_], is_rough: NDArr
     whole = part = 0.0
     for number, own in alone.of_each(np.arange(len(is_rough))):
         in_view = seen.of(np.array([number])) if in_danger[number] else own
-        energy, left = (_powers if is_rough[number] else _signals)(own, in_view, caster)
-        whole, part = whole + energy, part + left
+        if is_rough[number]:
+            energies = [float(np.square(np.abs(each.amplitude)).sum()) for each in (own, in_view)]
+        else:
+            signal = caster.signal(own)
+            signals = signal, signal if in_view is own else caster.signal(in_view)
+            energies = [real_inner(signal, each) / signal.shape[1] for each in signals]
+        whole, part = whole + energies[0], part + energies[1]
     return float(np.clip(part / whole, 0.0, 1.0)) if whole > 0.0 else 0.0
-
-
-def _powers(alone: Echo, in_view: Echo, _: Caster) -> tuple[float, float]:
-    """Energies of paths one by one [W]."""
-    return float(np.square(np.abs(alone.amplitude)).sum()), float(np.square(np.abs(in_view.amplitude)).sum())
-
-
-def _signals(alone: Echo, in_view: Echo, caster: Caster) -> tuple[float, float]:
-    """Energy of the signal of all paths, and the part of it of those in view, per sample [W]."""
-    signal = caster.signal(alone)
-    energy = real_inner(signal, signal) / signal.shape[1]
-    if in_view is alone:
-        return energy, energy
-    if in_view.amplitude.size == 0:
-        return energy, 0.0
-    return energy, real_inner(signal, caster.signal(in_view)) / signal.shape[1]
 
 
 def may_be_hidden(numbers: NDArray[np.intp], parts: Parts, boxes: Floats) -> NDArray[np.bool_]:

@@ -22,7 +22,6 @@ from typing import Any
 from radarcore import check, notice
 from radarcore.dataset.labels import Labels, labels_of
 from radarcore.dataset.reading import Dataset, open_dataset
-from radarcore.dataset.sample import Sample
 from radarcore.dataset.store import (
     STATUS,
     Layout,
@@ -140,11 +139,11 @@ def make(
     if before is not None and samples_per_shard is None:
         samples_per_shard = before["samples_per_shard"]
     frames = recipe.first_frames(count)
-    layout = layout_of(variation, recipe.body_names, recipe.labels, frames, count, samples_per_shard)
+    layout = layout_of(variation, variation.label_names, recipe.labels, frames, count, samples_per_shard)
     radar = frames[0].radar
     attrs = attributes_of(variation, layout, recipe.seed, recipe.labels, radar)
     if before is None:
-        create(target, layout, coordinates_of(radar, recipe.body_names, layout), attrs)
+        create(target, layout, coordinates_of(radar, variation.label_names, layout), attrs)
     with ExitStack() as stack:
         stack.enter_context(Lock(target))
         if before is not None:
@@ -175,18 +174,13 @@ class Recipe:
     labels: Labels
     threads: int
 
-    @property
-    def body_names(self) -> tuple[str, ...]:
-        """Names along the axis `body`: a person or an arm has one."""
-        return self.variation.label_names
-
     def first_frames(self, count: int) -> list[Frame]:
         """Frames of the first sample that can be simulated; the error of the first sample if none can."""
         error: Exception | None = None
         for index in range(min(count, _TRIES)):
             try:
                 with notice.gathered():
-                    return list(self._sample(index).frames(threads=self.threads))
+                    return list(self.variation.sample(index, seed=self.seed).frames(threads=self.threads))
             except Exception as failure:
                 error = error or failure
         assert error is not None  # as there is at least one sample
@@ -195,14 +189,14 @@ class Recipe:
     def fill(self, rows: Rows, layout: Layout, index: int) -> None:
         """Simulate a sample into its rows, which have fill values; leave these, and its error, if that fails."""
         try:
-            sample = self._sample(index)
+            sample = self.variation.sample(index, seed=self.seed)
             for name, value in stored_parameters(sample.values, layout).items():
                 rows[name][...] = value
             simulator, frames = sample.simulated(threads=self.threads)
             for number, frame in enumerate(frames):
                 put(rows, "cube", number, stored_samples(frame))
                 rows["time"][number] = frame.time
-                for name, label in labels_of(simulator, frame, self.body_names, self.labels).items():
+                for name, label in labels_of(simulator, frame, self.variation.label_names, self.labels).items():
                     put(rows, name, number, label.values)
             rows["status"][...] = STATUS["made"]
         except Exception as error:
@@ -211,9 +205,6 @@ class Recipe:
                     rows[name][...] = variable.fill
             rows["status"][...] = STATUS["failed"]
             rows["error"][...] = f"{type(error).__name__}: {error}"
-
-    def _sample(self, index: int) -> Sample:
-        return self.variation.sample(index, seed=self.seed)
 
 
 @dataclass(frozen=True)

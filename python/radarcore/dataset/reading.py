@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarcore import _core, check, notice
-from radarcore.dataset.files import digests_of, with_copies
 from radarcore.dataset.labels import Labels
-from radarcore.dataset.sample import Sample
+from radarcore.dataset.sample import Sample, digests_of, with_copies
 from radarcore.dataset.store import STATUS, Shards, file_of, opened, stored_samples
-from radarcore.dataset.training import Frames, Item, Output, checked_output, output_of
+from radarcore.dataset.training import Frames, Output, output_of
 from radarcore.dataset.variation import Variation
 from radarcore.radar.radar import Radar
-from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Truth, adc_codes, frame_of, to_samples
+from radarcore.recording.frame import NUM_CODES, TRUTH_FIELDS, Frame, Truth, adc_codes, frame_of, to_samples
 
 
 @dataclass(frozen=True)
@@ -159,8 +158,25 @@ class Dataset:
         (3, 64, 128) 1 0 [2.33]
         (3, 64, 128) 1 1 [2.33]
         """
-        source = StoredFrames(self, checked_output(output))
-        return Frames(source, tuple(self.made.tolist()), int(self.sizes["frame"]), self.path.name)
+        samples, num_frames = tuple(self.made.tolist()), int(self.sizes["frame"])
+        return Frames(self._frames_of, samples, num_frames, output_of(output), self.path.name)
+
+    def _frames_of(self, sample: int, numbers: Sequence[int]) -> Iterator[tuple[Frame, dict[str, Any]]]:
+        """Frames of a sample that have some numbers, with their labels."""
+        arrays = self[sample]
+        paths = {name: path for name in self.names if (path := self.attributes(name).get("path")) is not None}
+        drawn = {path: arrays[name].item() for name, path in paths.items()}
+        others = {"cube", "time", "status", "error", *paths}
+        has_truth = all(f"true_{name}" in arrays for name in TRUTH_FIELDS)
+        radar = self.radar_of(sample)
+        for number in numbers:
+            truth = None
+            if has_truth:
+                truth = Truth(self.body_names, *(arrays[f"true_{name}"][number] for name in TRUTH_FIELDS))
+            cube, time = arrays["cube"][number], float(arrays["time"][number])
+            labels = {"sample": sample, "frame": number, "time": time, **drawn}
+            labels |= {name: values[number] for name, values in arrays.items() if name not in others}
+            yield frame_of(cube, time, radar, truth, raw=adc_codes(cube, radar)), labels
 
     def cube(self, index: int) -> NDArray[Any]:
         """Samples of the frames of a sample, (frame, channel, chirp, fast_time), to the bit as they were simulated."""
@@ -267,33 +283,6 @@ class Dataset:
         if is_there.all():
             return to_samples(stored)
         return np.where(is_there, to_samples(np.where(is_there, stored, 0)), np.float32(np.nan))
-
-
-@dataclass(frozen=True)
-class StoredFrames:
-    """Frames of the samples of a dataset, with their truth if it is among the labels."""
-
-    dataset: Dataset
-    output: str | Output
-
-    def items(self, sample: int, numbers: Sequence[int]) -> Iterator[Item]:
-        """Items of a sample that was made."""
-        arrays = self.dataset[sample]
-        paths = {name: self.dataset.attributes(name).get("path") for name in self.dataset.names}
-        drawn = {path: arrays[name].item() for name, path in paths.items() if path is not None}
-        others = {"cube", "time", "status", "error", *(name for name, path in paths.items() if path is not None)}
-        has_truth = all(f"true_{name}" in arrays for name in TRUTH_FIELDS)
-        radar = self.dataset.radar_of(sample)
-        for number in numbers:
-            truth = None
-            if has_truth:
-                rows = (arrays[f"true_{name}"][number] for name in TRUTH_FIELDS)
-                truth = Truth(self.dataset.body_names, *rows)
-            cube, time = arrays["cube"][number], float(arrays["time"][number])
-            frame = frame_of(cube, time, radar, truth, raw=adc_codes(cube, radar))
-            labels = {"sample": sample, "frame": number, "time": time, **drawn}
-            labels |= {name: values[number] for name, values in arrays.items() if name not in others}
-            yield output_of(self.output)(frame), labels
 
 
 def open_dataset(path: str | PathLike[str]) -> Dataset:

@@ -21,8 +21,8 @@ import scipy
 from numpy.typing import NDArray
 
 from radarcore import _core, check
-from radarcore.dataset.files import digests_of, keep
 from radarcore.dataset.labels import JOINTS, Labels, dims_of
+from radarcore.dataset.sample import digests_of, keep
 from radarcore.dataset.variation import Variation
 from radarcore.output import PartFolder, already_exists, check_folder_name, is_empty, naming
 from radarcore.radar.radar import Radar

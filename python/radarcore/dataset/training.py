@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import count as counted
+from operator import attrgetter
 from os import PathLike
-from typing import Any, Protocol
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -22,19 +24,14 @@ Item = tuple[NDArray[Any], dict[str, Any]]
 Output = Callable[[Frame], NDArray[Any]]
 """Function that makes the input of a network of a frame."""
 
-_OUTPUTS: dict[str, Output] = {"cube": lambda frame: frame.cube, "range_doppler": range_doppler}
+Source = Callable[[int, Sequence[int]], Iterator[tuple[Frame, dict[str, Any]]]]
+"""Frames of a sample that have some numbers, with their labels."""
+
+_OUTPUTS: dict[str, Output] = {"cube": attrgetter("cube"), "range_doppler": range_doppler}
 
 
 class _ImpossibleError(ValueError):
     """A sample that cannot be simulated."""
-
-
-class Source(Protocol):
-    """Samples that frames come from."""
-
-    def items(self, sample: int, numbers: Sequence[int]) -> Iterator[Item]:
-        """Items of a sample for its frames of these numbers."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,6 +74,7 @@ class Frames:
     source: Source
     samples: Sequence[int] | Iterable[int]
     num_frames: int
+    _output: Output
     _name: str
 
     def __len__(self) -> int:
@@ -87,7 +85,7 @@ class Frames:
     def __getitem__(self, index: int) -> Item:
         number, frame = divmod(check.index("index", index, len(self)), self.num_frames)
         assert isinstance(self.samples, Sequence)  # or it would have no length
-        return next(self.source.items(self.samples[number], [frame]))
+        return next(self._items(self.samples[number], [frame]))
 
     def __iter__(self) -> Iterator[Item]:
         new = notice.NewKinds()
@@ -96,47 +94,42 @@ class Frames:
             impossible: list[str] = []
             with notice.gathered() as messages:
                 try:
-                    items = list(self.source.items(sample, range(self.num_frames)))
+                    items = list(self._items(sample, range(self.num_frames)))
                 except _ImpossibleError as error:
                     impossible = [f"{error}; such samples are left out"]
             new.warn(impossible or [f"sample {sample}: {message}" for message in messages])
             yield from items
+
+    def _items(self, sample: int, numbers: Sequence[int]) -> Iterator[Item]:
+        return ((self._output(frame), labels) for frame, labels in self.source(sample, numbers))
 
     def __repr__(self) -> str:
         number = f"{len(self.samples)} samples" if isinstance(self.samples, Sequence) else "samples without end"
         return f"<Frames of {number} x {self.num_frames} frames of {self._name}>"
 
 
-@dataclass(frozen=True)
-class SimulatedFrames:
-    """Frames of a varied scene, simulated anew each time."""
-
-    variation: Variation
-    seed: int
-    labels: Labels | None
-    output: str | Output
-
-    def items(self, sample: int, numbers: Sequence[int]) -> Iterator[Item]:
-        """Items of a sample; an error says what is impossible about the sample."""
-        drawn = self.variation.sample(sample, seed=self.seed)
-        values = {each.path: drawn.values.get(each.path, _missing(each)) for each in self.variation.parameters}
+def _simulated(
+    variation: Variation, seed: int, settings: Labels | None, sample: int, numbers: Sequence[int]
+) -> Iterator[tuple[Frame, dict[str, Any]]]:
+    """Frames of a sample, simulated anew each time; an error says what is impossible about the sample."""
+    drawn = variation.sample(sample, seed=seed)
+    values = {each.path: drawn.values.get(each.path, _missing(each)) for each in variation.parameters}
+    try:
+        found = drawn.simulation()
+    except ValueError as error:
+        raise _ImpossibleError(str(error)) from error
+    simulator = found.simulator(threads=1)
+    times = found.run.times
+    for number in numbers:
         try:
-            found = drawn.simulation()
+            frame = simulator.frame(times[number])
         except ValueError as error:
-            raise _ImpossibleError(str(error)) from error
-        simulator = found.simulator(threads=1)
-        times = found.run.times
-        for number in numbers:
-            try:
-                frame = simulator.frame(times[number])
-            except ValueError as error:
-                where = f"sample {sample} of seed {self.seed}, at {times[number]:g} s"
-                raise _ImpossibleError(f"{where}: {error}") from error
-            labels: dict[str, Any] = {"sample": sample, "frame": number, "time": frame.time, **values}
-            if self.labels is not None:
-                found_labels = labels_of(simulator, frame, self.variation.label_names, self.labels)
-                labels |= {name: label.values for name, label in found_labels.items()}
-            yield output_of(self.output)(frame), labels
+            raise _ImpossibleError(f"sample {sample} of seed {seed}, at {times[number]:g} s: {error}") from error
+        labels: dict[str, Any] = {"sample": sample, "frame": number, "time": frame.time, **values}
+        if settings is not None:
+            found_labels = labels_of(simulator, frame, variation.label_names, settings)
+            labels |= {name: label.values for name, label in found_labels.items()}
+        yield frame, labels
 
 
 def stream(
@@ -188,18 +181,13 @@ def stream(
     """
     variation = scene if isinstance(scene, Variation) else Variation.load(scene)
     samples = counted() if count is None else range(check.count("count", count))
-    source = SimulatedFrames(variation, check.count("seed", seed, 0), labels, checked_output(output))
-    return Frames(source, samples, len(variation.run.times), variation.path.name)
-
-
-def checked_output(output: str | Output) -> str | Output:
-    """A function, or the name of one that is known."""
-    return output if callable(output) else check.choice("output", output, tuple(_OUTPUTS))
+    source = partial(_simulated, variation, check.count("seed", seed, 0), labels)
+    return Frames(source, samples, len(variation.run.times), output_of(output), variation.path.name)
 
 
 def output_of(output: str | Output) -> Output:
-    """The function itself, which other processes would not find by its name."""
-    return _OUTPUTS[output] if isinstance(output, str) else output
+    """Function that makes the input of a network, by its name or as it is given."""
+    return output if callable(output) else _OUTPUTS[check.choice("output", output, tuple(_OUTPUTS))]
 
 
 def _missing(parameter: Parameter) -> float | str:

@@ -25,7 +25,7 @@ from radarcore.radar.radar import Radar
 from radarcore.radar.receiver import Receiver
 from radarcore.recording import infineon, matlab
 from radarcore.recording.frame import COUNTS, CUBE_TYPES, FULL_SCALE, frame_shape, to_samples
-from radarcore.recording.native import Stored, is_native, parsed_json, radar_from_json
+from radarcore.recording.native import Stored, is_native, parsed_json
 from radarcore.recording.npy import Converted, npz_shapes, read_npz, readable
 from radarcore.recording.ti import capture, commands, studio
 from radarcore.recording.ti.configuration import radar_and_capture
@@ -343,4 +343,5 @@ def configuration(path: Path) -> Configuration:
         return Configuration(*radar_and_capture(studio.settings(path, studio.device_beside(path)), str(path)))
     if infineon.is_config(values):
         return Configuration(infineon.radar_of(data.decode("utf-8-sig", "replace"), str(path)), has_codes=True)
-    return Configuration(radar_from_json(data, str(path)))
+    with check.located(path):
+        return Configuration(Radar.from_dict(values.get("radar", values)))

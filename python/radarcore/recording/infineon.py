@@ -110,8 +110,9 @@ def opened(path: Path) -> Stored:
     folder = _sensor_folder(path)
     if not (folder / "config.json").is_file():
         raise ValueError(f"{folder}: expected a recording, got one without config.json")
-    if (file := folder / "format.version").is_file():
-        _check_version(_text(file), str(file))
+    file = folder / "format.version"
+    if file.is_file() and (version := _text(file).strip()).split(".")[0] != "1":
+        raise ValueError(f"{file}: expected version 1, got {version[:20]!r}")  # of what may be no text at all
     sensor = _values(folder / "meta.json")
     description = _check_sensor(sensor, str(folder / "meta.json"))
     where = str(folder / "config.json")
@@ -208,12 +209,6 @@ def _values(file: Path) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise ValueError(f"{file}: expected an object, got {type(values).__name__}")
     return values
-
-
-def _check_version(text: str, where: str) -> None:
-    version = text.strip()
-    if version.split(".")[0] != "1":
-        raise ValueError(f"{where}: expected version 1, got {version[:20]!r}")  # of what may be no text at all
 
 
 def _check_sensor(meta: dict[str, Any], where: str) -> str:

@@ -207,13 +207,6 @@ class Meta:
             )
 
 
-def radar_from_json(data: bytes, where: str) -> Radar:
-    """The radar of a meta.json, or of the dict of a radar alone."""
-    values = parsed_json(data, where)
-    with check.located(where):
-        return Radar.from_dict(values.get("radar", values))
-
-
 def meta_text(radar: Radar, source: dict[str, Any], num_frames: int | None, kind: Kind | None) -> str:
     """Text of meta.json."""
     values = {

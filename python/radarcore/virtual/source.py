@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from dataclasses import asdict, fields, replace
 from functools import lru_cache, partial
+from importlib import import_module
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
@@ -79,6 +80,7 @@ class Simulated:
     def __init__(self, simulator: Simulator, *, start: float = 0.0, receiver: str = "measured") -> None:
         self.start: float = check.number("start", start, "s")
         check.choice("receiver", receiver, RECEIVERS)
+        import_module("scipy.fft")  # for noise and filters; loading it within the first frame could exceed a timeout
         self._simulator = simulator
         own = simulator.radar.receiver
         own = None if own is None or is_plain(own) else own

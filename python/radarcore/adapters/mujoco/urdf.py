@@ -84,10 +84,14 @@ def spec_from_urdf(
         for kind in GEOMETRIES:
             for shape in link.findall(kind):
                 mesh = shape.find("geometry/mesh")
-                if kind != geometry or (mesh is not None and not _is_readable(mesh, left_out)):
+                name = "" if mesh is None else mesh.get("filename", "")
+                if kind != geometry:
                     link.remove(shape)
+                elif mesh is not None and not name.lower().endswith(_READABLE):
+                    link.remove(shape)
+                    left_out.append(name)
                 elif mesh is not None:
-                    mesh.set("filename", str(_located(mesh.get("filename", ""), file, folders)))
+                    mesh.set("filename", str(_located(name, file, folders)))
     if left_out:
         notice.warn(f"{file}: MuJoCo reads STL, OBJ and MSH; {len(left_out)} meshes are left out, as {left_out[0]}")
     return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
@@ -102,14 +106,6 @@ def _rpy(quaternion: str, file: Path) -> str:
     except ValueError as error:
         raise ValueError(f"{file}: quat_xyzw: expected a quaternion, got {quaternion!r}") from error
     return " ".join(map(repr, rotation.as_euler("xyz", suppress_warnings=True).tolist()))
-
-
-def _is_readable(mesh: ET.Element, left_out: list[str]) -> bool:
-    name = mesh.get("filename", "")
-    if name.lower().endswith(_READABLE):
-        return True
-    left_out.append(name)
-    return False
 
 
 def _located(name: str, file: Path, folders: Mapping[str, Path]) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -278,7 +278,7 @@ class BagMotions:
         self.bag = bag
         self.start_ns: int = first_stamp_ns(bag) if start_ns is None else int(start_ns)
         self._trees: dict[str, TransformTree] = {}
-        self._series: dict[tuple[str, str | None], PoseSeries] = {}
+        self._series: dict[str, Mapping[Any, PoseSeries]] = {}
         self._spans: list[tuple[float, float]] = []
         self._warned: set[str] = set()
 
@@ -395,22 +395,16 @@ class BagMotions:
         return self._trees[topic]
 
     def _poses(self, topic: str, kind: str, frame: str | None) -> PoseSeries:
-        key = (topic, frame)
-        if key not in self._series:
+        if kind in POSES and frame is not None:
+            raise ValueError(f"frame: expected none for {kind}, got {frame!r}")
+        if topic not in self._series:
             messages = self.bag.messages(topic)
-            if kind in POSES:
-                if frame is not None:
-                    raise ValueError(f"frame: expected none for {kind}, got {frame!r}")
-                self._series[key] = pose_series(messages)
-            else:
-                bodies = rigid_body_series(messages)
-                if frame not in bodies:
-                    got = "none" if frame is None else repr(frame)
-                    raise ValueError(
-                        f"frame: expected a body of {topic!r}, got {got}; {near_names(frame or '', bodies)}"
-                    )
-                self._series[key] = bodies[frame]
-        return self._series[key]
+            self._series[topic] = {None: pose_series(messages)} if kind in POSES else rigid_body_series(messages)
+        bodies = self._series[topic]
+        if frame not in bodies:
+            got = "none" if frame is None else repr(frame)
+            raise ValueError(f"frame: expected a body of {topic!r}, got {got}; {near_names(frame or '', bodies)}")
+        return bodies[frame]
 
     def _note(self, times: NDArray[np.float64], name: str, max_gap: float | None) -> None:
         """Take the times of what moves into `span`; warn of the longest gap in them, once, if splines go through it."""
