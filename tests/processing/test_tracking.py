@@ -518,3 +518,10 @@ def test_detections_without_covariance_have_the_usual_errors() -> None:
 
 def test_keywords_of_the_tracker_are_the_fields_of_its_settings() -> None:
     assert list(TrackerKeywords.__annotations__) == [field.name for field in fields(TrackerSettings)]
+
+
+@pytest.mark.parametrize(("deviation", "number"), [(0.4, 1), (0.6, 0)])
+def test_directions_that_are_hardly_known_begin_no_track(deviation: float, number: int) -> None:
+    values = np.tile([3.0, 0.0, 0.1], (6, 1, 1))
+    errors = np.array([0.02, 0.1, deviation])
+    assert len(track([detections(rows, k / RATE, errors) for k, rows in enumerate(values)], **POINTS)) == number

@@ -136,7 +136,7 @@ def cluster(
     is_resolved = np.ones(len(found.counts), dtype=bool)
     is_resolved[labels[(labels >= 0) & ~detections.is_resolved]] = False
     means: dict[str, Any] = dict(zip(COORDINATES, found.values.T, strict=True))
-    means |= {"snr_db": found.snr_db, "covariance": found.covariance, "is_resolved": is_resolved}
+    means |= {"snr_db": found.snr_db, "covariance": found.covariance, "is_resolved": is_resolved, "alternatives": None}
     centroids = replace(detections, **means)
     extent = np.sqrt(np.diagonal(found.spread, axis1=1, axis2=2))
     return Clusters(labels, centroids, np.where(np.isnan(found.values), np.nan, extent), found.counts)

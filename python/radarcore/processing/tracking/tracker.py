@@ -52,6 +52,9 @@ _KNOWN_WITHIN = 1.0 / 6.0
 _LOST = np.pi**2 / 3.0
 """Variance of an angle that may be any [rad^2]."""
 
+_VAGUE = 0.5**2
+"""Variance of an angle with which no track begins [rad^2]: a place would be anywhere on an arc."""
+
 _AT_REST = SensorState(check.frozen(np.eye(3, 4)), check.frozen(np.zeros(3)), 0.0)
 """A sensor whose axes are the world's."""
 
@@ -238,7 +241,8 @@ class Tracker:
         ----------
         detections : Detections
             At a later time than those before. Values that are NaN are left out, and angles of a variance above
-            pi^2 / 3, which may be any; those that lack one of the coordinates but the velocity begin no track.
+            pi^2 / 3, which may be any. Those that lack one of the coordinates but the velocity, or have an angle with a
+            standard deviation above 0.5 rad, begin no track.
 
         Returns
         -------
@@ -308,6 +312,7 @@ class Tracker:
         self._keep([not life.is_over(self.settings) for life in self._lives])
         is_new = np.ones(len(measured), dtype=bool)
         is_new[chosen] = False
+        is_new &= ~(found.covariance.diagonal(axis1=1, axis2=2)[:, 2:] > _VAGUE).any(axis=1)
         self._begin(measured[is_new], noise[is_new], nearest[is_new])
         return self._states()
 
