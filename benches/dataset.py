@@ -201,7 +201,7 @@ def writing(folder: Path, tiny: bool) -> str:
         recipe = Recipe(rc.dataset.Variation.load(scene), 1, rc.dataset.Labels(), 1)
         number = 1 if tiny else 60
         frames = recipe.first_frames(number)
-        layout = layout_of(recipe.variation, recipe.body_names, recipe.labels, frames, number, number)
+        layout = layout_of(recipe.variation, recipe.variation.label_names, recipe.labels, frames, number, number)
         attrs = attributes_of(recipe.variation, layout, 1, recipe.labels, frames[0].radar)
         create(folder / name, layout, {}, attrs)
         rows_of_all = layout.empty_rows(0)
